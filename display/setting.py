@@ -57,7 +57,7 @@ class DisplaySetting:
         return replace(self, batch=batch)
 
     @property
-    def kept(self) -> tuple[Effect, ...]:
+    def acting_effects(self) -> tuple[Effect, ...]:
         """Every effect that acts in this setting."""
         effects = [
             planes_effect(self.panel, self.observer, fine, coarse)
@@ -71,7 +71,7 @@ class DisplaySetting:
         return tuple(effects)
 
     def without(self, names: Collection[str]) -> DisplaySetting:
-        """The setting with these effects left out, named as in `kept`; other names are
+        """The setting with these effects left out, named as in `acting_effects`; other names are
         ignored. Spans grow as far as every shorter one is left out as well."""
         batch = self.batch
         for span in SPANS:

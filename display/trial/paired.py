@@ -172,7 +172,7 @@ def partial_displays(
     Names of other effects are ignored. Coarser spans are compared with the next finer ones.
     """
     partial: dict[str, tuple[str, DisplaySetting]] = {}
-    own = [effect.name for effect in display.full.kept if effect.name in names]
+    own = [effect.name for effect in display.full.acting_effects if effect.name in names]
     spans: list[str] = []
     for name in own:
         if name.startswith(SPAN):

@@ -234,7 +234,7 @@ def survey_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> 
     )  # fmt: skip
     changes = camera_changes(camera, scene)
     lost = 0.0 if camera.pattern is None else camera.pattern.hot + camera.pattern.dead
-    sizes = [_link_effect(effect, changes, lost) for effect in camera.kept]
+    sizes = [_link_effect(effect, changes, lost) for effect in camera.acting_effects]
     return LinkSurvey(
         camera, scene, tuple(_known(e, scene) for e in air_effects(scene_of, camera)),
         tuple(_known(e, scene) for e in sizes), _fast_error(camera, scene),

@@ -113,7 +113,7 @@ def effect_names(setting: ContinuousSetting, camera: CameraSetting) -> list[str]
     names = ["shot noise"] * setting.noise + ["monitor's time constant", "change threshold"]
     names += ["measuring time"] * bool(setting.measure) + ["dead time"] * bool(setting.dead_time)
     names += ["converter", "report clock"]
-    return names + [e.name for e in camera.kept if e.name not in EFFECTS]
+    return names + [e.name for e in camera.acting_effects if e.name not in EFFECTS]
 
 
 def notes_of(setting: ContinuousSetting, white: float) -> list[str]:

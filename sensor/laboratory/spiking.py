@@ -44,7 +44,7 @@ class SpikeCounter:
 
     @cached_property
     def effects(self) -> dict[str, Effect]:
-        return {effect.name: effect for effect in self.setting.kept}
+        return {effect.name: effect for effect in self.setting.acting_effects}
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -111,12 +111,12 @@ class CameraSetting:
         return electrons
 
     @property
-    def kept(self) -> tuple[Effect, ...]:
+    def acting_effects(self) -> tuple[Effect, ...]:
         """The effects that act in this setting."""
         return tuple(effect.planned(self) for effect in acting(self))
 
     def without(self, names: Iterable[str]) -> CameraSetting:
-        """The setting without these effects, which are named as in `kept`."""
+        """The setting without these effects, which are named as in `acting_effects`."""
         names = frozenset(names)
         left = replace(self, effects=tuple(e for e in self.effects if e.name not in names))
         for effect in named(names):

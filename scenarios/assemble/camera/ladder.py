@@ -120,7 +120,7 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     golden = 0.0
     if display is not None and scenario.display is not None:
         golden = golden_ns(display, words)
-        spent = _least_of_alike(rungs, spent, {effect.name for effect in display.kept})
+        spent = _least_of_alike(rungs, spent, {effect.name for effect in display.acting_effects})
         settings = dict.fromkeys(r.plan.display for r in rungs if r.plan.display is not None)
         costs = {s: display_ns(scenario.display.renderer, s, words) for s in settings}
         spent = [
@@ -143,9 +143,9 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     ns = paired.ns("reference") + golden
     plane = paired.plane
     own = reference_error(setting, plane.numbers[:DRAWS])
-    everything = [effect.name for effect in setting.kept]
+    everything = [effect.name for effect in setting.acting_effects]
     if display is not None:
-        everything += [effect.name for effect in display.kept]
+        everything += [effect.name for effect in display.acting_effects]
     seconds = ns * 1e-9 * pixels * cycles
     best = Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
     n = float(np.mean(truth)) * scenario.image.window * plane.numbers.size / len(plane.tiles)

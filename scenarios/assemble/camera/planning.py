@@ -153,11 +153,11 @@ def plan_run(
             tier = "fast" if fast <= SHARE * tolerance / 2 else "exact"
     if tier == "fast":
         own += fast_bound(setting, scene)
-    effects = setting.kept
+    effects = setting.acting_effects
     if tier != "fast":  # the exact tier runs all tiles alike
         effects = tuple(replace(effect, scope="plane") for effect in effects)
     if display is not None:
-        effects += display.kept
+        effects += display.acting_effects
     plan = make_plan(
         effects, scene, tolerance, certain=survey.certain, tier_error=own, forced=forced,
         base_ns=QUIET + (0.0 if display is None else SHOWN),

@@ -42,7 +42,7 @@ def excesses(seeds: range) -> list[tuple[int, str, str, float, float]]:
         floor = stream.summary.floor / setting.panel.white_rate
         base = np.maximum(truth.mean(axis=1), floor)
         eights = images(stream, setting.without(["planes within 8"]))
-        for effect in setting.kept:
+        for effect in setting.acting_effects:
             left, before = setting.without([effect.name]), truth
             if effect.name == "planes within 64":  # goes with the finer only
                 left, before = setting.without(["planes within 8", effect.name]), eights

@@ -97,7 +97,7 @@ def test_what_an_unequal_emitter_makes_of_its_own_is_the_bound_s_second_part():
     renderer.step(pack_planes(at), PLANES, None)
     gain = renderer.light.sum() / at.sum() - 1
     assert gain == pytest.approx(decay / pulse, rel=1e-3)  # it decays from 1 / pulse
-    effect = DisplaySetting(panel, EYE).kept[-1]
+    effect = DisplaySetting(panel, EYE).acting_effects[-1]
     assert effect.name == "emission rise and decay"
     rate = np.array([1000.0 / 40])
     scene = Summary(rate, rate, 1000.0, 41, PLANES, 1e-3, 0.0, np.zeros(1))
@@ -109,28 +109,28 @@ def test_what_an_unequal_emitter_makes_of_its_own_is_the_bound_s_second_part():
 def test_settings_leave_out_what_they_are_told():
     names = ["planes within 8", "planes within 64", "row timing", "emission rise and decay"]
     full = DisplaySetting(replace(PANEL, rise=1e-6), EYE)
-    assert [e.name for e in full.kept] == names
+    assert [e.name for e in full.acting_effects] == names
     assert full.without([]) == full
     assert full.without(["planes within 64"]) == full  # not before the finer
     eight = full.without(["planes within 8"])
-    assert eight.batch == 8 and [e.name for e in eight.kept] == names[1:]
+    assert eight.batch == 8 and [e.name for e in eight.acting_effects] == names[1:]
     assert full.without(names[:2]) == eight.without(["planes within 64"])
     none = full.without(names)
-    assert none.kept == () and (none.batch, none.row_timing) == (64, False)
+    assert none.acting_effects == () and (none.batch, none.row_timing) == (64, False)
     assert (
         none.panel.rise == 0
         and none.simulated_panel.row_scan == 0
         and full.simulated_panel == full.panel
     )
     plain = DisplaySetting(replace(PANEL, row_scan=0.0), EYE)
-    assert [e.name for e in plain.kept] == names[:2]
+    assert [e.name for e in plain.acting_effects] == names[:2]
 
 
 def test_the_coarser_spans_cost_less_to_keep_and_all_effects_have_a_source():
     full = DisplaySetting(replace(PANEL, rise=1e-6), EYE)
-    costs = {e.name: e.cost(None) for e in full.kept}
+    costs = {e.name: e.cost(None) for e in full.acting_effects}
     assert costs["planes within 8"] > 10 * costs["planes within 64"] > 0
     assert all(
         e.source and e.scope == "plane" and c > 0
-        for e, c in zip(full.kept, costs.values(), strict=True)
+        for e, c in zip(full.acting_effects, costs.values(), strict=True)
     )

@@ -140,7 +140,7 @@ def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkSurvey)
     assert made["dark current and DSNU"].size == pytest.approx(1.0 / scene.on)
     assert made["PRNU"].size == 0.01
     assert scene.cycles / made["PRNU"].duration == pytest.approx(250 * 400)
-    assert {e.name for e in camera.kept} - {"random initial charge"} <= set(made)
+    assert {e.name for e in camera.acting_effects} - {"random initial charge"} <= set(made)
 
 
 def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(

@@ -175,7 +175,7 @@ def test_the_silicon_preset_fills_in_what_is_absent() -> None:
     setting = camera_setting(scenario)
     assert setting.threshold_noise == pytest.approx(0.0058 * setting.threshold)
     assert setting.pattern is not None and setting.pattern.prnu == 0
-    kept = {effect.name for effect in setting.kept}
+    kept = {effect.name for effect in setting.acting_effects}
     assert kept >= {
         "row-by-row sampling", "comparator delay", "optical cross-talk", "threshold noise",
         "reset dead time", "threshold FPN", "dark current and DSNU", "hot and dead pixels",

@@ -78,7 +78,7 @@ def test_the_bound_is_met_by_a_dark_pixel_among_bright_ones() -> None:
     setting = CameraSetting(
         CHIPS["spikeone"], Clock(40_000), 100.0, 1, effects=(), crosstalk=crosstalk
     )
-    (effect,) = setting.kept
+    (effect,) = setting.acting_effects
     bound = effect.bound(Summary(dark, bright, 100.0, 41, 100))
     # The light's own share; that the latch may clip a spike near a threshold a cycle comes on top,
     # and noise, which makes an estimate of it.

@@ -35,7 +35,9 @@ def test_a_count_is_the_number_of_electrons_over_the_threshold() -> None:
     """Of an ideal pixel: mean N/Q, variance N/Q^2 and 1/6 of both ends of the exposure."""
     setting = replace(silicon_setting("spikeone", SHAPE, THRESHOLD), pattern=None)
     ideal = ("residual carried", "random initial charge", "shot noise")
-    setting = setting.without([effect.name for effect in setting.kept if effect.name not in ideal])
+    setting = setting.without(
+        [effect.name for effect in setting.acting_effects if effect.name not in ideal]
+    )
     pixels = SpikeCounter(setting, SECONDS)
     assert pixels.bits == 9
     counts = expose(pixels, 20_050.0, 24)

@@ -24,7 +24,12 @@ from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
 from scenarios.assemble.camera.pages.display_figures import latency_figure, wave_figure
 from scenarios.assemble.camera.pages.display_tables import band_tables, display_table, light_table
-from scenarios.assemble.camera.pages.plan import error_card, full_physics_card, kept, left_out_card
+from scenarios.assemble.camera.pages.plan import (
+    error_card,
+    full_physics_card,
+    left_out_card,
+    plan_section,
+)
 
 __all__ = ["display_page"]
 
@@ -227,7 +232,7 @@ def display_page(run: LatchedRun) -> Page:
             _bands(outcome),
             _waves(run, outcome),
             _delays(run, outcome),
-            kept(run),
+            plan_section(run),
             machine(run),
         ]
         body = [_table(outcome), _clip(outcome, coding.result()), *body]

@@ -12,7 +12,7 @@ from cosim.report.figures import INK, LINE, MARK, pyplot
 from cosim.report.parts import plot, table
 from scenarios.assemble.camera.judged import LatchedRun
 
-__all__ = ["error_card", "full_physics_card", "kept", "left_out_card"]
+__all__ = ["error_card", "full_physics_card", "left_out_card", "plan_section"]
 
 _COLOURS: Final = (
     "#d0d9e8", "#74a7dd", "#2f6db5", "#b7ddb0", "#5fa55a", "#f2d38b", "#c9a2d8", "#8a8f9c",
@@ -51,7 +51,7 @@ def left_out_card(run: LatchedRun) -> tuple[str, str]:
 
 def _rows(run: LatchedRun) -> list[list[str]]:
     shown = run.plan.full_display
-    effects = [*run.setting.kept, *(shown.kept if shown is not None else ())]
+    effects = [*run.setting.acting_effects, *(shown.acting_effects if shown is not None else ())]
     sources = {effect.name: effect.source for effect in effects}
     measured = {row["effect"]: row["measured"] for row in run.result.left_out}
     back = {finding.effect for finding in run.put_back}
@@ -73,7 +73,7 @@ def _rows(run: LatchedRun) -> list[list[str]]:
     return rows
 
 
-def _told(run: LatchedRun) -> str:
+def _summary(run: LatchedRun) -> str:
     """Tolerance, tier, what was promised, what the tiles are."""
     plan, survey = run.plan.plan, run.plan.survey
     promised = float(plan.total.max()) + run.plan.own
@@ -158,7 +158,7 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     return legend
 
 
-def kept(run: LatchedRun) -> str:
+def plan_section(run: LatchedRun) -> str:
     """The section; writes figures/plan.png, but where a board made the spikes."""
     if run.scenario.sensor.source is not None:
         return (
@@ -173,7 +173,7 @@ def kept(run: LatchedRun) -> str:
         "source",
     ]  # fmt: skip
     return (
-        f"<h2>What was kept and what was left out</h2><p>{html.escape(_told(run))}</p>"
+        f"<h2>What was kept and what was left out</h2><p>{html.escape(_summary(run))}</p>"
         + table(head, _rows(run))
         + "<p>Changes are relative to a tile's spike rate over the image window, RMS over its "
         "pixels, at most over the tiles that leave the effect out, or over all where none does; an "

@@ -17,7 +17,12 @@ from cosim.report.png import Levels, for_display, to_linear_bytes, write_png
 from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
-from scenarios.assemble.camera.pages.plan import error_card, full_physics_card, kept, left_out_card
+from scenarios.assemble.camera.pages.plan import (
+    error_card,
+    full_physics_card,
+    left_out_card,
+    plan_section,
+)
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
@@ -242,7 +247,7 @@ def stream_page(run: LatchedRun) -> Page:
         _long_and_instant(middle, long),
         _intervals(run, middle, long),
         _size(run),
-        kept(run),
+        plan_section(run),
         machine(run),
     ]
     shot = run.shots[len(run.shots) // 2]

@@ -154,8 +154,8 @@ def test_a_false_bound_of_the_display_is_found_at_the_end(glass, monkeypatch):
         none = Bound(np.float64(1e-12), "proof")
         return tuple(replace(e, bound=lambda scene: none) if e.name in SPANS else e for e in true)
 
-    kept = DisplaySetting.kept.fget
-    monkeypatch.setattr(DisplaySetting, "kept", property(lie))
+    kept = DisplaySetting.acting_effects.fget
+    monkeypatch.setattr(DisplaySetting, "acting_effects", property(lie))
     plan = made.plan(1e-3)
     assert plan.display.batch == 64
     with pytest.raises(BrokenPromise) as caught:

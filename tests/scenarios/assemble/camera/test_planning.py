@@ -141,5 +141,5 @@ def test_a_forced_effect_stays(device):
     seen = setup.survey
     forced = plan_run(seen, setting, 0.02, instants, device, forced=["threshold noise"])
     assert forced.plan.kept["threshold noise"].all()
-    assert "threshold noise" in {effect.name for effect in forced.setting.kept}
+    assert "threshold noise" in {effect.name for effect in forced.setting.acting_effects}
     assert replace(forced.setting, threshold_noise=0.0) != forced.setting

@@ -33,7 +33,7 @@ def excesses(seeds: range) -> list[tuple[int, str, str, float, float]]:
         scene = random_scene(seed)
         full = rates(scene, scene.setting)
         base = max(float(full.mean()), scene.summary.floor)
-        for effect in scene.setting.kept:
+        for effect in scene.setting.acting_effects:
             if effect.name in RULES:
                 continue
             bound = effect.bound(scene.summary)

@@ -135,7 +135,7 @@ def test_the_bound_holds_where_the_light_changes_most() -> None:
     dark, bright, window = 10.0, 400.0, 10
     for key, size in (("row_skew", 0.5), ("comparator_delay", 0.5 * 25e-6)):
         setting = CameraSetting(CHIPS["spikeone"], CLOCK, 1000.0, 1, effects=(), **{key: size})
-        (effect,) = setting.kept
+        (effect,) = setting.acting_effects
         bound = effect.bound(Summary(dark, bright, 1000.0, window, 100))
         gained = (bright - dark) * 0.5 / (dark * window)
         assert gained <= bound.value <= gained * (1 + 1e-12) and bound.kind == "proof"
