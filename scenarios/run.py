@@ -1,7 +1,7 @@
-"""One run of any kind: assemble, trial, record, verify, judge, report.
+"""Runs a scenario of any kind: assemble, trial, record, verify, judge, report.
 
-A bound of the plan that a measurement exceeds reinstates its effect, and the recording is made
-again. `result.json` comes last, so that a folder that holds one is complete.
+If a measurement exceeds a bound of the plan, the effect is reinstated and the recording is
+repeated. `result.json` is written last: a folder that contains it is complete.
 """
 
 from __future__ import annotations
@@ -38,7 +38,13 @@ REPORT: Report = write_report
 
 @dataclass(frozen=True)
 class Done:
-    """A finished run: its result and folder, and what its machine says on a terminal."""
+    """A completed run.
+
+    Attributes:
+        result: content of `result.json`.
+        folder: folder of the run.
+        outcome: evaluation by the machine, with its lines for the terminal.
+    """
 
     result: Result
     folder: Path
@@ -60,18 +66,20 @@ def run_scenario(
     Args:
         name: short name of the scenario.
         scenario: checked scenario.
-        out: folder to make; runs/<name>-<n> if None.
-        options: of the command line.
+        out: folder to create; runs/<name>-<n> if None.
+        options: options of the command line.
         progress: receives progress and notes.
-        began: time.perf_counter() at the command's start.
+        began: time.perf_counter() at the start of the command.
         report: writes figures and report.html and returns their names; REPORT by default.
 
-    Raises InputError for input that cannot be used (nothing has been written then), Interrupted.
+    Raises:
+        InputError: the input cannot be used; nothing has been written.
+        Interrupted: the user interrupted the run.
     """
     place = output_folder(name, out, options.resume)
     with ExitStack() as stack:
         machine = assemble(name, scenario, options, progress)
-        stack.callback(lambda: machine.close())  # of the machine as it is then
+        stack.callback(lambda: machine.close())  # the last machine: `_record` may replace it
         check_room(place, machine.bits)
         folder = stack.enter_context(claim_folder(name, out, options.resume))
         machine, recording, reinstated = _record(machine, folder, options, progress)
@@ -83,8 +91,8 @@ def run_scenario(
             progress.advance(1)
             for note in outcome.notes:
                 progress.note(note)
-            found = [finding.message for finding in reinstated]
-            notes = [*machine.notes, *found, *outcome.notes]
+            messages = [finding.message for finding in reinstated]
+            notes = [*machine.notes, *messages, *outcome.notes]
             run = Run(folder, result, recording, outcome, notes, reinstated, began)
             result.files += (report or REPORT)(machine, run)
             result.files.append("result.json")
@@ -99,7 +107,7 @@ def run_scenario(
                 machine.length, machine.length, how_to_resume(folder), machine.unit
             ) from None
         finally:
-            if not finished:  # whatever the reason, the recording is not lost
+            if not finished:  # after any error, the run can be resumed from its recording
                 with suppress(OSError):  # a full disk
                     recording.chain.save()
     return Done(result, folder, outcome)
@@ -108,10 +116,13 @@ def run_scenario(
 def _record(
     machine: Machine, folder: Path, options: Options, progress: Progress
 ) -> tuple[Machine, Recording, list[Finding]]:
-    """Records until every bound of the plan holds; the machine as it is then, its recording, and
-    the findings that led to another one."""
+    """Records until every bound of the plan holds.
+
+    Returns:
+        The machine with its last plan, the recording, and the findings that changed the plan.
+    """
     record = folder / REINSTATED
-    resume = options.resume and machine.chain(folder).checkpoint.exists()  # else it starts afresh
+    resume = options.resume and machine.chain(folder).checkpoint.exists()  # else it starts anew
     findings = _reinstated_before(record) if resume else []
     if findings:
         machine = machine.keep([finding.effect for finding in findings])
@@ -121,7 +132,7 @@ def _record(
         if not new:
             chain = machine.chain(folder)
             if resume:
-                chain.load()  # refused before anything is overwritten
+                chain.load()  # raises InputError before a file is overwritten
             begin_folder(folder, machine.toml)
             if not announced:
                 for note in machine.notes:
@@ -144,15 +155,15 @@ def _record(
 
 
 def _reinstated_before(path: Path) -> list[Finding]:
-    """The findings of a run that is resumed, up to its interruption."""
+    """The findings of a resumed run before its interruption."""
     if not path.exists():
         return []
     try:
-        return [Finding(**found) for found in json.loads(path.read_text(encoding="utf-8"))]
+        return [Finding(**row) for row in json.loads(path.read_text(encoding="utf-8"))]
     except (OSError, ValueError, TypeError) as exc:
         raise InputError(
-            REINSTATED, "the one that this run wrote", "a damaged file",
-            f"remove {path.parent} and run it afresh",
+            REINSTATED, "the file that this run wrote", "a damaged file",
+            f"remove {path.parent} and start the run again",
         ) from exc  # fmt: skip
 
 

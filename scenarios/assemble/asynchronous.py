@@ -1,4 +1,4 @@
-"""The asynchronous camera that a scenario asks for, with its scene and lens."""
+"""Assembles the asynchronous camera of a scenario, with its scene and lens."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
     scenario = with_defaults(scenario)
     setting = _setting(scenario)
     model = event_model(scenario.sensor, setting)
-    channel_model(scenario.sensor)  # refuses what it cannot be
+    channel_model(scenario.sensor)  # raises InputError for a channel that cannot be built
     stop = seconds_to_ps(scenario.duration)
     if stop < model.tick:
         raise InputError(
-            "duration", f"at least a period of the timing clock, {model.tick} ps", f"{stop} ps",
+            "duration", f"at least one period of the timing clock, {model.tick} ps", f"{stop} ps",
             "lengthen it",
         )  # fmt: skip
     cycles = setting.clock.cycle_at(stop - 1) + 1
@@ -67,13 +67,13 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
         source=source,
         duration=scenario.duration,
         instants=[] if targets else choose_instants(scenario, cycles),
-        # Nothing saturates: only the choice of the f-number is worth a note.
+        # These pixels do not saturate: of the lens's notes only the chosen f-number applies.
         notes=choice.notes[:1] if chosen else [],
     )
 
 
 def _setting(scenario: Scenario) -> CameraSetting:
-    """Chip, light and device as for any camera; the array in the size of the scenario."""
+    """Chip, light and device as for any camera; the array has the size that the scenario sets."""
     sensor = scenario.sensor
     section = sensor.asynchronous or AsynchronousSection()
     refuse_keys(
@@ -84,6 +84,6 @@ def _setting(scenario: Scenario) -> CameraSetting:
             ("capacitance", sensor.capacitance, None),
             ("row_skew", sensor.row_skew, 0),
         ),
-        "leave it out: these pixels fire at their threshold and start from nothing",
+        "leave it out: these pixels fire at their threshold and restart from zero charge",
     )
     return camera_setting(scenario, section.height, section.width)

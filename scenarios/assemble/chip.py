@@ -1,4 +1,4 @@
-"""The chip that a scenario asks for, as it is run."""
+"""The chip of a scenario and its operating point."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ def camera_setting(
     """The chip of a scenario with every effect.
 
     Args:
-        scenario: any with a section [sensor].
-        height, width: of the array in pixels, the chip's own where None.
+        scenario: a scenario with a section [sensor].
+        height, width: size of the array, pixels; None for the size of the chip.
 
     Raises:
-        InputError: a threshold level below one electron, or parameters that no pixel can have.
+        InputError: the threshold is below one electron, or parameters are not physical.
     """
     section, device = scenario.sensor, scenario.sensor.pattern
     chip, clock = _resized(CHIPS[section.chip], height, width), Clock.from_hz(section.clock)
-    # The levels are taken to be those of a linear reference; what they are is not published.
+    # The threshold levels are assumed to be linear; they are not published.
     threshold = section.threshold * section.threshold_level / chip.threshold_levels
     if threshold < 1:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The continuous camera that a scenario asks for, with its scene and lens."""
+"""Assembles the continuous camera of a scenario, with its scene and lens."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
     cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
     if not cycles:
         raise InputError(
-            "duration", f"at least a cycle, {float(clock.period):g} s", f"{scenario.duration:g} s",
-            "lengthen it",
+            "duration", f"at least one cycle, {float(clock.period):g} s",
+            f"{scenario.duration:g} s", "lengthen it",
         )  # fmt: skip
     instants = choose_instants(scenario, cycles)
     lens = choose_lens(scenario, camera).lens
@@ -65,8 +65,8 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
 
 
 def _camera(scenario: Scenario, section: ContinuousSection) -> CameraSetting:
-    """Chip, light and device as for any camera; the array in the size of the scenario. Raises
-    InputError for keys that have a meaning only for a pixel that spikes."""
+    """Chip, light and device as for any camera; the array has the size that the scenario sets.
+    Raises InputError for keys that only spiking pixels have."""
     sensor = scenario.sensor
     refuse_keys(
         "continuous",
@@ -78,6 +78,6 @@ def _camera(scenario: Scenario, section: ContinuousSection) -> CameraSetting:
             ("comparator_delay", sensor.comparator_delay, 0),
             ("row_skew", sensor.row_skew, 0),
         ),
-        "leave it out: these pixels do not spike (sensor.continuous has keys of their own)",
+        "leave it out: these pixels do not spike (their keys are in sensor.continuous)",
     )
     return camera_setting(scenario, section.height, section.width)

@@ -1,4 +1,4 @@
-"""The machine of a scenario with an [imager]."""
+"""Assembles the machine of a scenario with an [imager]."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def assemble_imager(name: str, scenario: ImagerScenario, options: Options) -> Im
 
 
 def assemble_imager_study(name: str, scenario: ImagerScenario, device: str | None) -> ImagerStudy:
-    """What `viform plan` and `viform accuracy` measure. Raises InputError."""
+    """The study of an imager for `viform plan` and `viform accuracy`. Raises InputError."""
     _refuse_device(device)
     return ImagerStudy(plan_imager(name, scenario))
 
 
 def plan_imager(name: str, scenario: ImagerScenario) -> PlannedRun:
-    """The run of a scenario as its tolerance asks. Raises InputError."""
+    """The run of a scenario, planned for its tolerance. Raises InputError."""
     kind = IMAGERS[scenario.imager.kind]
     model = kind.model(scenario.imager, scenario.duration)
     spec = RunSpec(
@@ -49,6 +49,6 @@ def plan_imager(name: str, scenario: ImagerScenario) -> PlannedRun:
 def _refuse_device(device: str | None) -> None:
     if device not in (None, "numba"):
         raise InputError(
-            "--device", "numba, or absent, for an imager that is no spike camera", repr(device),
-            "leave it out: these run on this processor",
+            "--device", "numba, or absent, for an imager other than a spike camera", repr(device),
+            "leave it out: these imagers run on this processor",
         )  # fmt: skip

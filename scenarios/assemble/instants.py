@@ -1,4 +1,4 @@
-"""The cycles of a run whose images are reconstructed."""
+"""Selects the cycles whose images are reconstructed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ __all__ = ["choose_instants", "choose_windows"]
 
 
 def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
-    """Cycles of sensor.clock whose images are reconstructed: `image.at`, else five evenly spaced.
+    """Cycles of sensor.clock whose images are reconstructed: `image.at`, or five evenly spaced
+    cycles by default.
 
     Raises:
-        InputError: a cycle of `image.at` beyond the end.
+        InputError: a cycle of `image.at` is beyond the end of the run.
     """
     at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
     beyond = [n for n in at if n >= cycles]
@@ -24,10 +25,10 @@ def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
 
 
 def choose_windows(scenario: Scenario, cycles: int) -> list[int]:
-    """The same for a latched stream, where each is the middle of a window of `image.window` cycles.
+    """The same for a latched stream. Each cycle is the centre of a window of `image.window` cycles.
 
     Raises:
-        InputError: an even window, one longer than the run, or a cycle beyond the end.
+        InputError: the window is even or longer than the run, or a cycle is beyond the end.
     """
     window = scenario.image.window
     if window % 2 == 0:

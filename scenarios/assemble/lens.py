@@ -1,4 +1,5 @@
-"""The lens that a scenario asks for: of its f-number, or the one that exposes white as it says."""
+"""The lens of a scenario: with the f-number of the scenario, or one chosen for the spike rate of
+white that the scenario sets."""
 
 from __future__ import annotations
 
@@ -15,17 +16,17 @@ from sensor.latched.setting import CameraSetting
 __all__ = ["LensChoice", "choose_lens", "make_relay"]
 
 SLOWEST_F_NUMBER = 1000.0
-"""The largest that a scenario may give; a pinhole."""
+"""The largest f-number of a scenario; a pinhole."""
 
 
 @dataclass(frozen=True)
 class LensChoice:
-    """How the scene's light reaches the chip.
+    """A lens and the exposure that it gives.
 
     Attributes:
-        lens: with its f-number, chosen or given.
-        white_rate: spikes a cycle of the scene's white.
-        notes: what the user must know of it.
+        lens: the lens, with its f-number.
+        white_rate: spike rate of the scene's white, spikes a cycle.
+        notes: notes for the user.
     """
 
     lens: Lens
@@ -34,11 +35,11 @@ class LensChoice:
 
 
 def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
-    """The lens of a scenario before this chip; without an f-number the one through which white
-    fires at `sensor.lens.white_rate`.
+    """The lens of a scenario for this chip. Without an f-number in the scenario, white fires at
+    `sensor.lens.white_rate` through the chosen lens.
 
     Raises:
-        InputError: no lens from FASTEST_F_NUMBER to SLOWEST_F_NUMBER exposes white so.
+        InputError: the f-number would be outside FASTEST_F_NUMBER to SLOWEST_F_NUMBER.
     """
     section, lux = scenario.sensor.lens, scenario.scene.illuminance
 
@@ -53,7 +54,7 @@ def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
         chosen = lens(section.f_number)
         white_rate = setting.rate(lux * chosen.gain)
     else:
-        # The rounding of a chosen f-number must not show in the white that was asked for.
+        # The rate of the scenario itself: the f-number's rounding must not change it.
         white_rate = section.white_rate
         widest = setting.rate(lux * lens(FASTEST_F_NUMBER).gain)
         number = FASTEST_F_NUMBER * math.sqrt(widest / white_rate)
@@ -62,12 +63,12 @@ def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
         chosen = lens(number)
         notes.append(f"f/{number:.3g} chosen so that white fires at {white_rate:.3g} a cycle")
     if white_rate > 1:
-        notes.append(f"what reflects more than {1 / white_rate:.2g} of the light saturates")
+        notes.append(f"surfaces that reflect more than {1 / white_rate:.2g} of the light saturate")
     return LensChoice(chosen, white_rate, notes)
 
 
 def _out_of_range(number: float, lux: float, white_rate: float) -> InputError:
-    """number: the f-number that would expose white at `white_rate` under `lux`."""
+    """The error for `number`, the f-number at which white fires at `white_rate` under `lux`."""
     dark = number < FASTEST_F_NUMBER
     end = FASTEST_F_NUMBER if dark else SLOWEST_F_NUMBER
     need = lux * (end / number) ** 2 if number else math.inf
@@ -83,7 +84,8 @@ def _out_of_range(number: float, lux: float, white_rate: float) -> InputError:
 
 
 def make_relay(lens: Lens, setting: CameraSetting) -> Callable[[Light], Light]:
-    """From the scene's light to what each pixel gathers: the lens, and cross-talk."""
+    """The map from the light of the scene to the light that each pixel collects, by the lens and by
+    cross-talk."""
     through = lens.relay(setting.chip.pitch)
     if not setting.crosstalk:
         return through

@@ -1,4 +1,4 @@
-"""The machine of a link, with the board that its panel's planes go through."""
+"""Assembles the machine of a link, with the board that loops back the panel's planes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["assemble_link", "link_camera"]
 
 
 def link_camera(scenario: LinkScenario) -> CameraSetting:
-    """The camera that receives a link. Raises InputError for one that cannot."""
+    """The camera at the receiver. Raises InputError for a camera that cannot receive a link."""
     check_receiver(scenario.sensor)
     return camera_setting(scenario)
 
@@ -25,7 +25,8 @@ def link_camera(scenario: LinkScenario) -> CameraSetting:
 def assemble_link(
     name: str, scenario: LinkScenario, device: str | None, progress: Progress
 ) -> LinkMachine:
-    """Raises InputError for what cannot be simulated, and for a board that does not answer."""
+    """The machine of a link. Raises InputError for a link that cannot be simulated, and for a board
+    that does not answer."""
     with ExitStack() as stack:
         loop = open_loop(scenario)
         if loop is not None:

@@ -1,4 +1,4 @@
-"""A link's planes through a board's display and back: every bit that the panel is to show."""
+"""Sends the planes of a link through the display of a board and compares every bit that returns."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["Loop", "open_loop"]
 
 
 class Loop:
-    """An open board of the panel's size; see `PanelLoop`.
+    """An open board of the panel's size; implements `PanelLoop`.
 
     Attributes:
-        name: of the board.
-        planes: that have gone through it.
-        wrong_bits: that came back wrong.
+        name: name of the board, for messages.
+        planes: number of planes sent so far.
+        wrong_bits: number of bits that returned with a different value.
     """
 
     def __init__(self, board: BoardDisplay, name: str, opened: ExitStack) -> None:
@@ -36,10 +36,10 @@ class Loop:
         for first in range(0, sent.planes, WORD):
             count = min(WORD, sent.planes - first)
             planes = unpack_planes(sent.words(first, count), 0, count).astype(bool)
-            shown = self._board.show(planes)
+            burst = self._board.show(planes)
             self.planes += count
-            self.wrong_bits += shown.wrong_bits
-            self._wrong_crc |= shown.wrong_crc
+            self.wrong_bits += burst.wrong_bits
+            self._wrong_crc |= burst.wrong_crc
             progress.advance(first + count)
 
     def metrics(self) -> dict[str, Metric]:
@@ -50,11 +50,11 @@ class Loop:
 
     @property
     def fault(self) -> str | None:
-        """Why the run has failed; None if all bits came back as they were sent."""
+        """The reason for a failed run; None if all bits returned unchanged."""
         if self.wrong_bits:
-            return f"{self.wrong_bits} bits came back otherwise from {self.name}"
+            return f"{self.name} returned {self.wrong_bits} bits with a different value"
         if self._wrong_crc:
-            return f"what {self.name} showed is not what it was sent: CRC-32"
+            return f"the planes that {self.name} displayed differ from those sent: CRC-32"
         return None
 
     def close(self) -> None:
@@ -62,13 +62,13 @@ class Loop:
 
 
 def open_loop(scenario: LinkScenario) -> Loop | None:
-    """The board of link.loop, None without one. Raises InputError if it does not answer, or is not
-    of the panel's size."""
+    """Opens the board of `link.loop`; None without one. Raises InputError if it does not answer, or
+    if its size differs from the panel's."""
     place, panel = scenario.link.loop, scenario.link.panel
     if place is None:
         return None
     plane = panel.width // 32 * panel.height  # widths are multiples of 32
-    room = 1 << (WORD * (plane + 3 * panel.height)).bit_length()  # of a virtual board
+    room = 1 << (WORD * (plane + 3 * panel.height)).bit_length()  # buffer of a virtual board, words
     virtual = Geometry(panel.height, panel.width, capture_words=room, sink_words=room)
     with ExitStack() as stack:
         board = stack.enter_context(open_board(place, "link.loop", virtual))
@@ -76,6 +76,6 @@ def open_loop(scenario: LinkScenario) -> Loop | None:
             raise InputError(
                 "link.panel", f"of {board.info.columns} x {board.info.rows} pixels, which "
                 f"{board.name} has", f"of {panel.width} x {panel.height}",
-                "loop through a board built for it, or leave link.loop out",
+                "choose a board of that size, or leave link.loop out",
             )  # fmt: skip
         return Loop(BoardDisplay(board, back=True), board.name, stack.pop_all())

@@ -1,7 +1,7 @@
-"""Which machine a scenario asks for: the one place that asks of what kind a scenario is.
+"""Assembles the machine of a scenario. Only this file distinguishes the kinds of scenarios.
 
-What one kind of machine needs is imported for that kind alone: compiled pixels, OpenCL and the
-Verilog tools take seconds to load.
+The modules of a machine are imported in the function that assembles it: compiled pixels, OpenCL and
+the Verilog tools take seconds to load.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["assemble", "assemble_study", "check_options"]
 
 
 def check_options(scenario: AnyScenario, options: Options) -> None:
-    """Raises InputError for options and sections that a scenario of this kind has no use for."""
+    """Raises InputError for options and sections that a scenario of this kind does not use."""
     if isinstance(scenario, Scenario):
         refuse_leftovers(scenario)
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
@@ -64,8 +64,17 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
-    """What `viform plan` and `viform accuracy` measure. Raises InputError for a scenario that
-    `command` has nothing to say of."""
+    """The study for `viform plan` and `viform accuracy`.
+
+    Args:
+        command: name of the command, for messages.
+        name: short name of the scenario.
+        scenario: the checked scenario.
+        device: part of an OpenCL device's name, "numba", or None for the default device.
+
+    Raises:
+        InputError: `command` does not support this kind of scenario, or the scenario is invalid.
+    """
     if isinstance(scenario, LinkScenario):
         from link.trial.study import LinkStudy
         from scenarios.assemble.link import link_camera
@@ -79,8 +88,8 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
     refuse_leftovers(camera)
     if camera.sensor.readout == "continuous":
         why = {
-            "plan": "the continuous readout keeps everything",
-            "accuracy": "the continuous readout has one tier, with nothing to leave out",
+            "plan": "the continuous readout keeps every effect",
+            "accuracy": "the continuous readout has one tier and leaves no effect out",
         }
         raise InputError(
             "sensor.readout", "synchronous or asynchronous", "continuous",

@@ -1,4 +1,4 @@
-"""Keys of [sensor] and options that belong to one readout only."""
+"""Rejects keys of [sensor] and options that the selected readout does not have."""
 
 from __future__ import annotations
 
@@ -16,43 +16,48 @@ _SECTIONS = {
     "continuous": "continuous",
     "circuit": "synchronous",
 }
-"""Sections of [sensor] that belong to one readout, and which."""
+"""Sections of [sensor] that exist for one readout only, with that readout."""
 
 
 def refuse_leftovers(scenario: Scenario) -> None:
-    """Raises InputError where a chip is given what only one of another readout has."""
-    has = scenario.sensor.readout
-    if scenario.sensor.source is not None and has != "synchronous":
+    """Raises InputError for sections and keys that only another readout has."""
+    current = scenario.sensor.readout
+    if scenario.sensor.source is not None and current != "synchronous":
         raise InputError(
-            "sensor.source", "absent unless sensor.readout = synchronous", f"given with {has}",
+            "sensor.source", "absent unless sensor.readout = synchronous", f"given with {current}",
             "leave it out: the board latches its spikes by a clock",
         )  # fmt: skip
-    if scenario.display is not None and has != "synchronous":
+    if scenario.display is not None and current != "synchronous":
         raise InputError(
-            "display", "absent unless sensor.readout = synchronous", f"given with {has}",
+            "display", "absent unless sensor.readout = synchronous", f"given with {current}",
             "leave it out, or set sensor.readout=synchronous",
         )  # fmt: skip
     for name, readout in _SECTIONS.items():
-        if getattr(scenario.sensor, name) is not None and has != readout:
+        if getattr(scenario.sensor, name) is not None and current != readout:
             raise InputError(
-                f"sensor.{name}", f"given with sensor.readout = {readout}", f"with {has}",
+                f"sensor.{name}", f"given with sensor.readout = {readout}", f"with {current}",
                 f"set sensor.readout={readout} or leave it out",
             )  # fmt: skip
 
 
 def refuse_keys(readout: str, keys: Iterable[tuple[str, Any, Any]], remedy: str) -> None:
-    """Raises InputError where a key of [sensor] (name, value, plain) is not what pixels without
-    its meaning have."""
-    for name, value, plain in keys:
-        if value != plain:
-            must = "absent" if plain is None else plain
+    """Raises InputError for keys that have no meaning for the pixels of a readout.
+
+    Args:
+        readout: the readout, for the message.
+        keys: (name, value, default) of keys of [sensor]; each value must equal its default.
+        remedy: last part of the message.
+    """
+    for name, value, default in keys:
+        if value != default:
+            must = "absent" if default is None else default
             raise InputError(
                 f"sensor.{name}", f"{must} with readout = {readout}", str(value), remedy
             )
 
 
 def refuse_device(readout: str, device: str | None) -> None:
-    """Raises InputError for a device, which only the synchronous camera chooses."""
+    """Raises InputError for an OpenCL device, which only the synchronous camera supports."""
     if device is not None and device.lower() != "numba":
         raise InputError(
             "--device", f"numba with readout = {readout}", device, "leave it out: these pixels "
@@ -61,7 +66,7 @@ def refuse_device(readout: str, device: str | None) -> None:
 
 
 def with_section(scenario: Scenario, name: str, default: Any) -> Scenario:
-    """The scenario with [sensor.name] written out."""
+    """The scenario with the section [sensor.`name`], by default `default`, written out."""
     if getattr(scenario.sensor, name) is not None:
         return scenario
     sensor = scenario.sensor.model_copy(update={name: default})

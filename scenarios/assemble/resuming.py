@@ -1,4 +1,4 @@
-"""What --resume finds in a folder: the same run, complete or not, or another run."""
+"""Decides for --resume whether a folder holds the same run, complete or not, or another run."""
 
 from __future__ import annotations
 
@@ -14,43 +14,53 @@ from scenarios.assemble.schema.scenario import AnyScenario, BoardScenario, Scena
 
 __all__ = ["done_before", "verdict_before"]
 
-_TOLD = 3
-"""Keys that differ which a refusal names."""
+_LISTED = 3
+"""Maximum number of differing keys in an error message."""
 
 
 def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
-    """The result that the folder holds of this very scenario; None where the run is still to be
-    done or to be gone on with. A board's is always: it may have changed since.
+    """The result of this scenario in the folder `out`; None if the run has not ended.
 
-    Nothing is written. The title decides nothing of a result and may differ. Raises InputError
-    where the folder holds another scenario, the same one with other values, one that is done of a
-    file whose content has changed since, or the result of another version that cannot be read.
+    A run with a board is always repeated, because the board may have changed. Nothing is written.
+    The title does not affect a result and may differ.
+
+    Args:
+        name: short name of the scenario, for messages.
+        scenario: the scenario that shall be run.
+        out: folder of the run.
+
+    Raises:
+        InputError: the folder holds another scenario, the same scenario with other values, a
+            completed run of an input file that has changed since, or a result of another version
+            that cannot be read.
     """
-    held_in = out / "scenario.toml"
+    stored_in = out / "scenario.toml"
     try:
-        if not held_in.is_file():
+        if not stored_in.is_file():
             return None
-    except OSError:  # a name too long, which making the folder will say
+    except OSError:  # the name is too long: creating the folder raises the error for the user
         return None
     try:
-        _, held = load(str(held_in))
+        _, stored = load(str(stored_in))
     except InputError as exc:
         raise InputError(
             "--resume", "given with a run's folder", f"{out}, whose scenario cannot be read: {exc}",
             "give another --out",
         ) from exc  # fmt: skip
     result = read_result(out)
-    differ = _differences(_values(held), _values(scenario))
+    differ = _differences(_values(stored), _values(scenario))
     if differ:
-        there, here = (_told(differ, n) if type(held) is type(scenario) else "" for n in (0, 1))
-        held_name = repr(held.title) if result is None else result.scenario
+        there, here = (
+            _listing(differ, n) if type(stored) is type(scenario) else "" for n in (0, 1)
+        )
+        stored_name = repr(stored.title) if result is None else result.scenario
         raise InputError(
-            "--resume", f"given for the run that {out} holds ({held_name}{there})",
+            "--resume", f"given for the run that {out} holds ({stored_name}{there})",
             f"for {name}{here}", "give another --out",
         )  # fmt: skip
     if result is None or isinstance(scenario, BoardScenario):
         return None
-    for key, path in changed_files(held_in.read_text(encoding="utf-8")):
+    for key, path in changed_files(stored_in.read_text(encoding="utf-8")):
         raise InputError(
             "--resume", f"given for the {key} that {out} was made of",
             f"for {path}, which has changed since", "give another --out",
@@ -58,14 +68,14 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
     return result
 
 
-def _told(differ: list[tuple[str, tuple[Any, Any]]], n: int) -> str:
-    """The first keys that differ with one side's values."""
-    values = ((key, pair[n]) for key, pair in differ[:_TOLD])
+def _listing(differ: list[tuple[str, tuple[Any, Any]]], n: int) -> str:
+    """The first differing keys with the values of side `n`, as text."""
+    values = ((key, pair[n]) for key, pair in differ[:_LISTED])
     return ": " + ", ".join(f"{k} {'absent' if v is None else repr(v)}" for k, v in values)
 
 
 def verdict_before(folder: Path) -> list[str]:
-    """The verdict of a link's completed run; nothing for another kind of run."""
+    """The verdict of the completed run of a link; [] for another kind of run."""
     try:
         verdict = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))
         return [f"{verdict['said']}: {verdict['told']}"]
@@ -74,7 +84,7 @@ def verdict_before(folder: Path) -> list[str]:
 
 
 def _values(scenario: AnyScenario) -> dict[str, Any]:
-    """Every key with its value; sections that a run writes out are there."""
+    """Every key with its value, with the sections that a run writes out."""
     if isinstance(scenario, Scenario):
         from scenarios.assemble import asynchronous, continuous
 
@@ -95,7 +105,7 @@ def _flat(node: dict[str, Any], prefix: str) -> dict[str, Any]:
 
 
 def _differences(there: dict[str, Any], here: dict[str, Any]) -> list[tuple[str, tuple[Any, Any]]]:
-    """Keys whose values differ, with both (None where absent), the kind of scene first."""
+    """Keys whose values differ, with both values (None if absent); the kind of scene is first."""
     keys = sorted({*there, *here}, key=lambda key: (not key.endswith(".kind"), key))
     both = [(key, (there.get(key), here.get(key))) for key in keys]
     return [row for row in both if row[1][0] != row[1][1]]

@@ -1,4 +1,4 @@
-"""The light of a scenario's scene on an imager's plane."""
+"""The illuminance that the scene of a scenario causes on the pixels of an imager."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from sensor.imagers import LightScenery, Scenery, Still
 __all__ = ["LIGHT_CLOCK", "make_view"]
 
 LIGHT_CLOCK = Clock(1000)
-"""On whose edges a scene that moves is drawn: a pixel's edge that moves faster than a pixel in a
-millisecond is drawn coarser than that, and the run says so."""
+"""The default clock on whose edges a moving scene is drawn. An edge in the scene that moves faster
+than one pixel a millisecond is drawn more coarsely; a note of the run states this."""
 Values = npt.NDArray[np.float64]
 
 
 def _gain(scenario: ImagerScenario) -> tuple[float, str]:
     lens = scenario.lens
     if lens is None:
-        return 1.0, "no lens: the scene's light falls on the pixels as it is"
+        return 1.0, "no lens: the illuminance of the scene falls on the pixels unchanged"
     gain = Lens(lens.f_number, lens.transmission, lens.magnification).gain
     return gain, (
         f"lens f/{lens.f_number:g}, transmission {lens.transmission:g}: {gain:.3g} lux on the "
-        "pixels for one of exitance, E T / (4 N^2 (1 + m)^2)"
+        "pixels for 1 lux of exitance, E T / (4 N^2 (1 + m)^2)"
     )
 
 
 def _factors(scene: TargetScene, stop: int) -> tuple[float, float]:
-    """Least and largest factor of the course within the run."""
+    """Least and largest brightness factor within the run, which ends at `stop`, ps."""
     course = target_course(scene)
     factors = [course.at(0), course.at(stop)]
     factors += [factor for time, factor in course.knots if 0 <= time <= stop]
@@ -45,8 +45,16 @@ def _factors(scene: TargetScene, stop: int) -> tuple[float, float]:
 
 
 def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = LIGHT_CLOCK) -> View:
-    """The scene on an imager's plane of so many rows and columns. clock: on whose edges a scene
-    that moves is drawn. Raises InputError."""
+    """The scene on the pixels of an imager.
+
+    Args:
+        scenario: the scenario of the imager.
+        shape: (rows, columns) of the imager.
+        clock: clock on whose edges a moving scene is drawn.
+
+    Raises:
+        InputError: the scene cannot be drawn.
+    """
     gain, lens_note = _gain(scenario)
     scene, stop = scenario.scene, seconds_to_ps(scenario.duration)
     if isinstance(scene, TargetScene):
@@ -69,7 +77,9 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = L
     scenery = _Lensed(LightScenery(shape, light), gain)
     steady = bool(limits.steady.all())
     still = np.asarray(source.truth(0), np.float64) if steady else None
-    drawing = f"light is drawn on edges of a clock of {clock.hz:g} Hz and linear between"
+    drawing = (
+        f"light is drawn on the edges of a clock of {clock.hz:g} Hz, with linear interpolation"
+    )
     notes = [lens_note, *source.notes, drawing]
     return View(
         scenery, gain, least, most, bool(limits.certain.all()), still, notes, source.degraded
@@ -78,7 +88,12 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = L
 
 @dataclass(frozen=True, eq=False)
 class _Lensed:
-    """Scenery behind a lens that focuses points to points: all of it by one factor."""
+    """Scenery behind an ideal lens: the illuminance is scaled by one factor.
+
+    Attributes:
+        scenery: illuminance in front of the lens, lux.
+        gain: illuminance on the pixels over that of the scene.
+    """
 
     scenery: Scenery
     gain: float
@@ -90,5 +105,5 @@ class _Lensed:
     def lux_seconds(
         self, first: int, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]
     ) -> Values:
-        """See `Scenery`."""
+        """Implements `Scenery.lux_seconds`."""
         return np.asarray(self.scenery.lux_seconds(first, begin, end) * self.gain)

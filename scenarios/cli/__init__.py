@@ -1,7 +1,7 @@
-"""The command line: `viform COMMAND`, one file a command.
+"""The command line `viform COMMAND`, one file for each command.
 
-A command imports what it needs when it runs, in its own function: the libraries of a run take
-seconds to load, and `viform --help` must not wait for them.
+A command imports its libraries in its function: they take seconds to load, and `viform --help` does
+not need them.
 """
 
 from scenarios.cli.entry import main

@@ -1,4 +1,4 @@
-"""`viform accuracy`: error against run time, tier by tier."""
+"""`viform accuracy`: error against run time, for each tier."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ __all__ = ["accuracy"]
 def accuracy(
     scenario: ScenarioName,
     options: ScenarioOptions,
-    figure: Annotated[Path | None, typer.Option(help="a PNG to draw error against time to")] = None,
+    figure: Annotated[Path | None, typer.Option(help="PNG to draw, error against run time")] = None,
     json: Json = False,
 ) -> None:
-    """Measure error against run time: every tier at a ladder of tolerances."""
+    """Measure error against run time, for every tier at a ladder of tolerances."""
     from cosim import InputError
     from scenarios.assemble.machine import assemble_study
 
-    name, given = options.load(scenario)
-    study = assemble_study("accuracy", name, given, options.device)
+    name, loaded = options.load(scenario)
+    study = assemble_study("accuracy", name, loaded, options.device)
     if figure is not None and not figure.absolute().parent.is_dir():
-        raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
+        raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
     progress = make_progress()
     try:
         document = study.ladder(progress)
@@ -58,7 +58,7 @@ def _error(row: dict[str, Any]) -> str:
 
 
 def _text(name: str, document: dict[str, Any]) -> str:
-    """The document for a reader."""
+    """The document as text."""
     reference = document["reference"]
     best = reference["ns_per_pixel_cycle"]
     cycle = "pixel-frame" if "frames" in reference else "pixel-cycle"
@@ -72,14 +72,14 @@ def _text(name: str, document: dict[str, Any]) -> str:
         )
     if "frames" in reference:
         where = (
-            f"of a pixel value's mean or noise, the worst of {reference['patches']} patches of "
-            f"{reference['frames']} frames"
+            f"of the mean or noise of a pixel value, in the worst of {reference['patches']} "
+            f"patches of {reference['frames']} frames"
         )
     lines = [
         f"{name}: error against full physics, {where}, with its 99.9 % interval",
         "",
         f"{'tier':<10}{'tolerance':>10}  {'error':<30}{'time':>10}{f'ns a {cycle}':>18}"
-        f"{'times faster':>14}  left out",
+        f"{'speed-up':>14}  left out",
     ]
     for row in document["rows"]:
         if row.get("failed"):
@@ -101,22 +101,23 @@ def _text(name: str, document: dict[str, Any]) -> str:
     lines += [
         "",
         f"order: error ~ tolerance^{order:.2f}, fitted" if order is not None
-        else "order: too few rows leave something to the tolerance to fit one",
-        f"the reference's own error: {_number(floor['reference'])}",
+        else "order: unknown, too few rows depend on the tolerance",
+        f"error of the reference: {_number(floor['reference'])}",
     ]  # fmt: skip
     if reference.get("decisions") == "not compared":
         lines.append(
-            "of values at the same exposures; whether what is left out changes what the controller "
-            "decides, and the exposures that follow, is not compared here: `viform run` checks it"
+            "errors are at equal exposures; the influence of effects left out on the decisions of "
+            "the exposure controller is not compared here: `viform run` checks it"
         )
     if "bits" in reference:
         lines.append(
-            f"the rate of these bits alone is known to {_number(floor['monte_carlo'])}; the rows "
-            "share the reference's random numbers"
+            f"standard error of the rate of these bits: {_number(floor['monte_carlo'])}; the rows "
+            "share the random numbers of the reference"
         )
     elif floor["monte_carlo"] is not None:
         lines.append(
-            f"chance makes {_number(floor['monte_carlo'])} of one window of one tile's mean; the "
-            "rows share the reference's random numbers, so errors far below it are resolved"
+            f"statistical error of the mean of one tile in one window: "
+            f"{_number(floor['monte_carlo'])}; the rows share the random numbers of the reference, "
+            "so smaller errors are resolved"
         )
     return "\n".join(lines)

@@ -1,5 +1,5 @@
-"""The commands, one file each. They import what they need when they run, so that each starts as
-fast as it can."""
+"""The commands, one file each. A command imports its libraries when it runs, so that the command
+line starts fast."""
 
 import typer as _typer
 
@@ -25,7 +25,7 @@ __all__ = ["app"]
 
 app = _typer.Typer(
     name="viform",
-    help="Film a clip at 40 kHz with a megapixel spike camera that exists only as equations.",
+    help="Simulate a 40 kHz megapixel spike camera, its display and an optical link.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -47,6 +47,6 @@ app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)
 app.command("doctor")(_doctor)
-# Everything after `test` goes to pytest as it is.
+# All arguments after `test` are passed to pytest.
 _PASS_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command("test", context_settings=_PASS_ON)(_test)

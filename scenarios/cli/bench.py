@@ -13,11 +13,11 @@ from scenarios.cli.output import Json, print_document
 __all__ = ["bench"]
 
 Study = tuple[dict[str, Any], str, Callable[[Path], object]]
-"""A study's document, its tables, and what draws its figure."""
+"""The document of a study, its tables as text, and the function that draws its figure."""
 
 
 def _code(device: str | None) -> Study:
-    """Sizes of streams."""
+    """The study of stream sizes."""
     from cosim.compute.opencl import choose_device
     from scenarios.studies.codes import bench_code, draw, markdown
 
@@ -26,7 +26,7 @@ def _code(device: str | None) -> Study:
 
 
 def _continuous(device: str | None) -> Study:
-    """Continuous photographing beside spikes."""
+    """The study of continuous photographing against spikes."""
     from dataclasses import asdict
 
     from cosim.compute.opencl import choose_device
@@ -45,7 +45,7 @@ def _print_study(name: str, device: str | None, figure: Path | None, json: bool)
     if figure is not None and figure.suffix.lower() != ".png":
         from cosim import InputError
 
-        raise InputError("--figure", "a name ending in .png", str(figure), "give it one")
+        raise InputError("--figure", "a name ending in .png", str(figure), "add .png")
     document, tables, draw = STUDIES[name](device)
     if figure is not None:
         with whole(figure) as part:
@@ -60,20 +60,22 @@ def bench(
     part: Annotated[
         str | None,
         typer.Argument(
-            help="one part alone, such as sensor; code: sizes of streams; continuous: absolute "
-            "intensities beside spikes"
+            help="one part only, such as sensor; code: sizes of streams; continuous: absolute "
+            "intensities against spikes"
         ),
     ] = None,
     device: Annotated[
         str | None, typer.Option(help="part of an OpenCL device's name, or numba")
     ] = None,
-    figure: Annotated[Path | None, typer.Option(help="of code or continuous: PNG to draw")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="PNG to draw, for code and continuous")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Measure throughput against real time, a measured ceiling and the plain way.
+    """Measure throughput against real time, a measured ceiling and a plain implementation.
 
-    `bench code` and `bench continuous` measure no time but how small streams become, and what
-    continuous photographing makes of the same light; the first takes minutes.
+    `bench code` measures the compressed sizes of streams and takes minutes; `bench continuous`
+    compares continuous photographing with spikes for the same light.
     """
     from cosim import InputError
     from cosim.compute.opencl import choose_device

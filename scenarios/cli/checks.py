@@ -1,4 +1,4 @@
-"""Checks of `viform doctor`: what a run needs of this computer."""
+"""Checks of `viform doctor`: the requirements of a run on this computer."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ __all__ = ["CHECKS", "Check", "run_checks"]
 
 _GIB = 2**30
 _MEMORY_GIB = 4
-"""Of a megapixel run, with its report."""
+"""Memory of a megapixel run with its report, GiB."""
 _DISK_GIB = 1
-"""Of several runs."""
+"""Disk space of several runs, GiB."""
 _RENAMED = {
     "opencv-python-headless": "cv2",
     "pyserial": "serial",
@@ -33,18 +33,18 @@ _RENAMED = {
     "scikit-image": "skimage",
     "tomli-w": "tomli_w",
 }
-"""Modules of the packages that are imported by another name."""
+"""Modules of packages whose module has another name."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One check.
+    """The result of one check. The attributes are keys of the JSON document.
 
     Attributes:
-        name: of what is checked.
-        ok: whether it is as a run needs it.
-        found: what this computer has.
-        mend: an instruction, for a check that is not ok.
+        name: name of the check.
+        ok: whether the requirement is met.
+        found: description of this computer's state.
+        mend: instruction for a requirement that is not met.
         needed: whether `viform run film` depends on it.
     """
 
@@ -65,7 +65,7 @@ def _python() -> Check:
 
 
 def _packages() -> Check:
-    """Whether every package that the project needs is installed and can be imported."""
+    """Checks that every required package is installed and can be imported."""
     missing, there = [], 0
     for requirement in requires("viform") or []:
         if "extra ==" in requirement:
@@ -91,21 +91,22 @@ def _opencl() -> Check:
 
 
 def _gl() -> Check:
-    there, said = probe_gl()
+    works, description = probe_gl()
     mend = f"{GL_INSTALL} (or --set display.renderer=numpy, slower)"
-    return Check("gl", there, said, mend, needed=False)
+    return Check("gl", works, description, mend, needed=False)
 
 
 def _kernel() -> Check:
-    """Whether the chip's kernel can be built and agrees with its compiled form, in a child."""
+    """Checks in a child process that the OpenCL kernel of the pixels can be built and agrees with
+    its compiled form."""
     command = [sys.executable, "-m", "scenarios.cli.kernel"]
     child = subprocess.run(command, capture_output=True, text=True)
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with the compiled form on every bit")
-    last = (child.stderr.strip().splitlines() or ["died without a word"])[-1]
+    last = (child.stderr.strip().splitlines() or ["ended without a message"])[-1]
     last = re.sub(r"^cosim\.errors\.\w+: ", "", last)
     return Check(
-        "kernel", False, child.stdout.strip() or last, "mend opencl first, else report this"
+        "kernel", False, child.stdout.strip() or last, "repair opencl first, else report this"
     )
 
 
@@ -122,13 +123,13 @@ def _memory() -> Check:
     memory = psutil.virtual_memory()
     free, total = memory.available / _GIB, memory.total / _GIB
     found = f"{free:.1f} of {total:.1f} GiB free, {os.cpu_count()} cores"
-    mend = f"free some memory: a megapixel run wants {_MEMORY_GIB} GiB"
+    mend = f"free some memory: a megapixel run needs {_MEMORY_GIB} GiB"
     return Check("memory", memory.available >= _MEMORY_GIB * _GIB, found, mend, needed=False)
 
 
 def _disk() -> Check:
     free = shutil.disk_usage(".").free
-    mend = f"free some disk: 64 ms of light take about 0.2 GiB, {_DISK_GIB} GiB is comfortable"
+    mend = f"free some disk space: 64 ms of light take about 0.2 GiB, several runs {_DISK_GIB} GiB"
     return Check(
         "disk", free >= _DISK_GIB * _GIB, f"{free / _GIB:.1f} GiB free here", mend, needed=False
     )
@@ -156,6 +157,6 @@ CHECKS: tuple[Callable[[], Check], ...] = (
 
 
 def run_checks() -> list[Check]:
-    """Runs all checks, whatever the outcome of one; most of them wait for a child process."""
+    """Runs all checks in parallel; most of them wait for a child process."""
     with ThreadPoolExecutor() as pool:
         return list(pool.map(lambda check: check(), CHECKS))

@@ -1,4 +1,4 @@
-"""`viform compare`: one scene by all cameras."""
+"""`viform compare`: one scene, recorded by all cameras."""
 
 from __future__ import annotations
 
@@ -21,24 +21,26 @@ def compare(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="override a key of scene, lens, spike or an imager such as ebaps, or duration",
+            help="override duration or a key of scene, lens, spike, or an imager such as ebaps",
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None,
-    out: Annotated[Path | None, typer.Option(help="folder to make [runs/compare-SCENE-N]")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of all temporal noise")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder to create [runs/compare-SCENE-N]")
+    ] = None,
     device: Annotated[
         str | None, typer.Option(help="part of an OpenCL device's name, or numba")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Film one scene with the spike camera and every other imager; measure them side by side."""
+    """Record one scene with the spike camera and every other imager, and compare the results."""
     from scenarios.cli.start import BEGAN
     from scenarios.studies.compare import load_comparison, run_compare
 
-    what = load_comparison(scene, assignments or (), seed)
+    comparison = load_comparison(scene, assignments or (), seed)
     progress = make_progress()
     try:
-        document, folder = run_compare(what, out, device, progress, BEGAN)
+        document, folder = run_compare(comparison, out, device, progress, BEGAN)
     finally:
         progress.close()
     if json:
@@ -48,7 +50,7 @@ def compare(
 
 
 def _text(document: dict[str, Any], folder: Path) -> str:
-    """The table for a reader."""
+    """The table as text."""
     from scenarios.studies.compare.report import HEADS, figure_text
     from scenarios.studies.compare.row import FIGURES, Figure
 

@@ -1,4 +1,4 @@
-"""`viform convert`: a stream from one format to another, or to a clip to look at."""
+"""`viform convert`: converts a stream to another format or to a video clip."""
 
 from __future__ import annotations
 
@@ -19,32 +19,34 @@ FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz, .fsc"
 
 @dataclass(frozen=True)
 class ClipOptions:
-    """Options of a clip to write."""
+    """Options for writing a clip; the help texts describe them."""
 
     window: Annotated[
-        int | None, typer.Option(help="of a clip: cycles of each tfp image, odd [41]")
+        int | None, typer.Option(help="clip: window of a tfp image, odd number of cycles [41]")
     ] = None
-    every: Annotated[
-        int | None, typer.Option(help="of a clip: cycles from image to image [20]")
-    ] = None
-    scale: Annotated[float | None, typer.Option(help="of a clip: rate that becomes white [1]")] = (
-        None
-    )
-    rate: Annotated[float | None, typer.Option(help="of a clip: images a second [25]")] = None
+    every: Annotated[int | None, typer.Option(help="clip: cycles between images [20]")] = None
+    scale: Annotated[float | None, typer.Option(help="clip: rate that becomes white [1]")] = None
+    rate: Annotated[float | None, typer.Option(help="clip: images per second [25]")] = None
 
 
 @dataclass(frozen=True)
 class CodeOptions:
-    """Options of a first-spike file to write."""
+    """Options for writing a first-spike file; the help texts describe them."""
 
     code: Annotated[
-        str | None, typer.Option(help="of a .fsc: line or repeat (lossless), or statistical")
+        str | None, typer.Option(help=".fsc: line or repeat (lossless), or statistical")
     ] = None
-    k: Annotated[float | None, typer.Option("--k", help="of statistical: RSDs of a change")] = None
-    threshold: Annotated[str | None, typer.Option(help="of statistical, such as '1000 e'")] = None
-    threshold_noise: Annotated[str | None, typer.Option(help="of statistical: '5 e'")] = None
+    k: Annotated[
+        float | None, typer.Option("--k", help="statistical: limit of a change, in RSDs")
+    ] = None
+    threshold: Annotated[
+        str | None, typer.Option(help="statistical: threshold, such as '1000 e'")
+    ] = None
+    threshold_noise: Annotated[
+        str | None, typer.Option(help="statistical: threshold noise, such as '5 e'")
+    ] = None
     refine: Annotated[
-        int | None, typer.Option(help="of statistical: widths in the mean after a change")
+        int | None, typer.Option(help="statistical: intervals in the mean after a change")
     ] = None
 
 
@@ -53,7 +55,8 @@ def convert(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="IN", help=f"{FORMATS_HELP}, a run's folder, or a config.yaml or its folder"
+            metavar="IN",
+            help=f"{FORMATS_HELP}, the folder of a run, or a config.yaml or its folder",
         ),
     ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help=f"{FORMATS_HELP}, or a clip (.mp4)")],
@@ -61,16 +64,16 @@ def convert(
     coding: CodeOptions,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     head: Annotated[
-        bool, typer.Option("--head", help="of a .dat: write 400x250 as 416x250, with head")
+        bool, typer.Option("--head", help=".dat: write 400x250 as 416x250, with head")
     ] = False,
     config: Annotated[
-        bool, typer.Option("--config", help="of a .dat: write a config.yaml beside it")
+        bool, typer.Option("--config", help=".dat: also write a config.yaml in its folder")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Convert a stream between formats, or render it as a clip in slow motion.
+    """Convert a stream to another format, or render it as a clip in slow motion.
 
-    What the new format has no place for is said on standard error.
+    Notes on standard error name the data that the new format cannot hold.
     """
     from cosim import InputError
     from cosim.files import FORMATS, ending_of, locate_stream, notes_of, write_stream
@@ -110,7 +113,7 @@ def convert(
         elif coded is not None:
             write_coded(opened, out, coded)
             if not coded.lossless:
-                lost = [f"{out} holds changes beyond {coded.k:g} standard deviations alone"]
+                lost = [f"{out} holds only changes beyond {coded.k:g} standard deviations"]
         else:
             lost = write_stream(opened, out, head=head, config=config)
     finally:

@@ -1,4 +1,4 @@
-"""`viform doctor`: what this machine has, what is missing, and the line that mends it."""
+"""`viform doctor`: checks this machine, and prints an instruction for each problem."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ __all__ = ["doctor"]
 
 
 def doctor(json: Json = False) -> None:
-    """Check this machine; exit 0 when `viform run film` would work."""
+    """Check this machine; exit 0 if `viform run film` can work."""
     from scenarios.cli.checks import run_checks
 
     checks = run_checks()
-    well = all(check.ok for check in checks if check.needed)
+    ready = all(check.ok for check in checks if check.needed)
     if json:
-        print_document({"ok": well, "checks": [check.row() for check in checks]})
+        print_document({"ok": ready, "checks": [check.row() for check in checks]})
     else:
         for check in checks:
             mark = "ok" if check.ok else ("MISSING" if check.needed else "note")
             print(f"{mark:<8} {check.name:<12} {check.found}")
             if not check.ok:
-                print(f"{'':<8} {'':<12} mend: {check.mend}")
-        print("`viform run film` would work" if well else "`viform run film` would not work yet")
-    if not well:
+                print(f"{'':<8} {'':<12} remedy: {check.mend}")
+        print("`viform run film` can work" if ready else "`viform run film` cannot work yet")
+    if not ready:
         raise typer.Exit(1)

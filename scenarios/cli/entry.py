@@ -1,4 +1,5 @@
-"""The command line: `viform COMMAND`. One line on standard error and exit 2 for bad input."""
+"""Entry point of the command line `viform COMMAND`. Invalid input gives one line on standard error
+and exit code 2."""
 
 from __future__ import annotations
 
@@ -11,43 +12,43 @@ import scenarios.cli.start  # noqa: F401  # first: its clock is the start of run
 from scenarios.cli.packages import install_and_restart, read_launcher
 
 _PIPE = 141
-"""Exit code where who reads standard output has gone: 128 + SIGPIPE, as a shell has it."""
+"""Exit code after the reader of standard output has closed it: 128 + SIGPIPE, as in a shell."""
 
 
 def main() -> None:
-    """Entry point; ends the process with 0 done, 1 a check failed, 2 bad input, 130 interrupted,
-    141 where nobody reads standard output any more."""
-    # A request to end is met as Ctrl-C is: with what is done kept and one line of how to go on.
-    # Not by SIGINT's own handler: a script's `viform ... &` has that ignored.
+    """Runs the command and ends the process with exit code 0 (success), 1 (a check failed), 2
+    (invalid input), 130 (interrupted), or 141 (standard output was closed)."""
+    # SIGTERM has the effect of Ctrl-C: the state is saved, and a line explains how to resume.
+    # SIGINT's current handler is not used: a shell script ignores SIGINT for `viform ... &`.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     read_launcher()
     try:
         code = _main(sys.argv[1:] or ["--help"])
-        sys.stdout.flush()  # what its buffer holds may yet meet a pipe that nobody reads
+        sys.stdout.flush()  # this may raise BrokenPipeError
     except BrokenPipeError:
         code = _PIPE
         _drop_output()
-    except OSError as exc:  # a file's own writer says more; this is for what has none
+    except OSError as exc:  # most writers of files raise InputError; this is for the others
         from cosim.files.whole import NO_ROOM
 
         if exc.errno not in NO_ROOM:
             raise
-        where = exc.filename or "standard output, or where it writes"
+        where = exc.filename or "standard output or an output file"
         print(
-            f"viform: the command must have room for what it writes, not meet {exc.strerror!r} at "
-            f"{where}; make room, then give it again",
+            f"viform: the disk must have room for the output, not fail with {exc.strerror!r} at "
+            f"{where}; make room and repeat the command",
             file=sys.stderr,
         )
         code = 2
         _drop_output()
-    except KeyboardInterrupt:  # before a command has begun
+    except KeyboardInterrupt:  # before the start of a command
         print("viform: interrupted", file=sys.stderr)
         code = 130
     sys.exit(code)
 
 
 def _drop_output() -> None:
-    """What is left in standard output's buffer has no place to go to."""
+    """Discards the buffer of standard output, which cannot be written."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -61,7 +62,7 @@ def _main(arguments: list[str]) -> int:
     from cosim.errors import MissingPackages, ViformError
     from scenarios.cli.app import app
 
-    with suppress(OSError):  # what needs no cache works without
+    with suppress(OSError):  # most commands work without a cache
         prepare_caches()
     try:
         code = get_command(app).main(arguments, prog_name="viform", standalone_mode=False)
@@ -82,10 +83,10 @@ def _main(arguments: list[str]) -> int:
     except (Abort, KeyboardInterrupt):
         print("viform: interrupted", file=sys.stderr)
         return 130
-    except SystemExit as exc:  # what typer makes of a pipe that nobody reads
+    except SystemExit as exc:  # typer raises this after a BrokenPipeError
         if isinstance(exc.__context__, BrokenPipeError):
             return _PIPE
         raise
-    if code == 130:  # what typer makes of Ctrl-C, without a word
+    if code == 130:  # typer returns this after Ctrl-C, without a message
         print("viform: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0

@@ -15,14 +15,14 @@ __all__ = ["image"]
 def image(
     stream: Annotated[
         Path,
-        typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, or a run's folder"),
+        typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, or the folder of a run"),
     ],
     out: Annotated[Path, typer.Option(help="PNG to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],
     method: Annotated[
         str, typer.Option(help="tfp, tfi, or tau (255 - tau, without scale)")
     ] = "tfp",
-    window: Annotated[int, typer.Option(help="cycles of a tfp, odd")] = 41,
+    window: Annotated[int, typer.Option(help="window of tfp, an odd number of cycles")] = 41,
     scale: Annotated[float, typer.Option(help="rate that becomes white")] = 1.0,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     json: Json = False,
@@ -40,7 +40,7 @@ def image(
         raise InputError("--method", f"one of {', '.join(METHODS)}", repr(method), "choose one")
     if not (math.isfinite(scale) and scale > 0):
         raise InputError(
-            "--scale", "a number above 0", f"{scale:g}", "white of a run is its white_rate"
+            "--scale", "a number above 0", f"{scale:g}", "write the white_rate of the run"
         )
     opened, notes = open_any(stream, size_option(size))
     if method == "tau":

@@ -1,5 +1,5 @@
-"""Whether the chip's OpenCL kernel agrees with its compiled form on every bit: run as a child of
-`viform doctor`, since a driver may abort the process."""
+"""Compares every bit of the pixels' OpenCL kernel with its compiled form. `viform doctor` runs this
+file in a child process, because a driver may abort the process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ _PIXELS = _CYCLES = 64
 
 
 def kernel_agrees() -> bool:
-    """Compares all effects at 100 e on 64 pixels and cycles. Raises InputError without a device."""
+    """Whether the two agree for all effects at 100 e on 64 pixels and 64 cycles. Raises InputError
+    without a device."""
     model = ExactModel(100.0, 1, tuple(EFFECTS.values()))
     numbers = np.arange(_PIXELS, dtype=np.uint32)
     spans = [Span(0, _CYCLES, np.arange(_PIXELS) * 2**40)]

@@ -1,7 +1,4 @@
-"""`viform laboratory`: a camera measured in the manner of EMVA 1288.
-
-Imports stand in functions so that the command line starts without them.
-"""
+"""`viform laboratory`: measures a modelled camera by EMVA 1288."""
 
 from __future__ import annotations
 
@@ -21,13 +18,13 @@ def laboratory(
     camera: Annotated[
         str, typer.Argument(help="spiketwo, spikeone, adaptive-exposure, ebaps or emccd")
     ],
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of all temporal noise")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of all temporal noise")] = 1,
     figure: Annotated[
-        Path | None, typer.Option(help="draw the photon transfer, .png or .svg")
+        Path | None, typer.Option(help="figure of the photon transfer to draw, .png or .svg")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Measure a modelled camera as a laboratory would: photon transfer by EMVA 1288."""
+    """Measure the photon transfer of a modelled camera by EMVA 1288, as in a laboratory."""
     from cosim import InputError
     from cosim.files.whole import whole
     from sensor.laboratory.cameras import CAMERAS
@@ -36,9 +33,9 @@ def laboratory(
     if camera not in CAMERAS:
         raise InputError("CAMERA", f"one of {', '.join(CAMERAS)}", repr(camera), "choose one")
     if figure is not None and figure.suffix.lower() not in (".png", ".svg"):
-        raise InputError("--figure", "a .png or .svg", str(figure), "name one")
+        raise InputError("--figure", "a .png or .svg", str(figure), "choose such a name")
     if figure is not None and not figure.absolute().parent.is_dir():
-        raise InputError("--figure", "in a folder that exists", str(figure), "make the folder")
+        raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
     chosen = CAMERAS[camera]
     report = measure_camera(chosen.bench(seed))
     if figure is not None:
@@ -64,7 +61,7 @@ def laboratory(
 
 
 def _text(document: dict[str, Any]) -> str:
-    """The document for a reader."""
+    """The document as text."""
     lines = [
         f"{document['title']}, measured by {document['standard']}; limits of "
         f"{document['confidence']:.0%} confidence",

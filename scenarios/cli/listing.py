@@ -1,4 +1,4 @@
-"""`viform list`: the scenarios that ship, and the schema of any scenario."""
+"""`viform list`: the scenarios of the package, and the schema of scenarios."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ __all__ = ["list_scenarios"]
 
 def list_scenarios(
     schema: Annotated[
-        bool, typer.Option("--schema", help="the JSON Schema of a scenario instead")
+        bool, typer.Option("--schema", help="print the JSON Schema of scenarios instead")
     ] = False,
     json: Json = False,
 ) -> None:
-    """List the scenarios that ship."""
+    """List the scenarios of the package."""
     from scenarios.assemble.schema.loading import shipped
     from scenarios.assemble.schema.scenario import export
 

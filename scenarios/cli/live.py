@@ -1,4 +1,4 @@
-"""`viform live`: a scenario's display in a window, as it is simulated."""
+"""`viform live`: the display of a scenario in a window, during the simulation."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ def live(
     scenario: ScenarioName = "film",
     json: Json = False,
 ) -> None:
-    """Show a scenario's display in a window while it is filmed (needs the extra view)."""
+    """Show the display of a scenario in a window during the simulation (needs the extra view)."""
     from display import open_window
     from scenarios.assemble.readout import refuse_leftovers
     from scenarios.assemble.schema.loading import filmed
     from scenarios.cli.window import show_live
 
-    name, given = options.load(scenario)
-    loaded = filmed(given, "live")
+    name, any_kind = options.load(scenario)
+    loaded = filmed(any_kind, "live")
     refuse_leftovers(loaded)
     progress = make_progress()
     try:
-        shown = show_live(loaded, options.device, progress, open_window)
+        pictures = show_live(loaded, options.device, progress, open_window)
     finally:
         progress.close()
     if json:
-        print_document({"scenario": name, "pictures": shown})
+        print_document({"scenario": name, "pictures": pictures})
     else:
-        print(f"{shown} pictures of {name} were shown")
+        print(f"{pictures} pictures of {name} were displayed")

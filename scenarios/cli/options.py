@@ -1,4 +1,4 @@
-"""Records of options that several commands share."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ __all__ = ["ScenarioName", "ScenarioOptions", "Tolerance", "expand_options"]
 ScenarioName = Annotated[
     str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
 ]
-Tolerance = Annotated[float | None, typer.Option(help="error allowed, relative")]
+Tolerance = Annotated[float | None, typer.Option(help="allowed relative error")]
 
 
 @dataclass(frozen=True)
 class ScenarioOptions:
-    """What the command line overrides of a scenario, and the device that simulates it."""
+    """Keys of a scenario that the command line overrides, and the device of the simulation."""
 
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
     ] = None
-    seed: Annotated[int | None, typer.Option(help="of all temporal noise")] = None
+    seed: Annotated[int | None, typer.Option(help="seed of all temporal noise")] = None
     device: Annotated[
         str | None, typer.Option(help="part of an OpenCL device's name, or numba")
     ] = None
 
     def load(self, scenario: str, tolerance: float | None = None) -> tuple[str, AnyScenario]:
         """Short name and checked scenario. Raises InputError."""
-        # The schema takes half a second to import, which `--help` does not wait for.
+        # Importing the schema takes half a second; `--help` does not need it.
         from scenarios.assemble.schema.loading import load
 
         return load(scenario, self.assignments, tolerance=tolerance, seed=self.seed)
 
 
 def expand_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Decorator of a command some of whose parameters are dataclasses.
+    """Decorator for a command with dataclasses as parameters.
 
-    Each field of such a dataclass becomes an option of the command line, annotated as the field is,
-    in place of the parameter.
+    Each field of such a dataclass becomes an option of the command line, with the annotation of the
+    field.
     """
     records: dict[str, Any] = {}
     parameters: list[inspect.Parameter] = []

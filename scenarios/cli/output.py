@@ -1,4 +1,4 @@
-"""What commands print: documents on standard output, progress and notes on standard error."""
+"""Output of commands: documents on standard output, progress and notes on standard error."""
 
 from __future__ import annotations
 
@@ -23,28 +23,30 @@ Json = Annotated[bool, typer.Option("--json", help="one JSON document on standar
 
 
 def print_document(document: Any) -> None:
-    """One JSON document and nothing else."""
+    """Writes one JSON document to standard output."""
     from cosim.run.result import dumps
 
     sys.stdout.write(dumps(document) + "\n")
 
 
 def size_option(text: str | None) -> tuple[int, int] | None:
-    """WIDTHxHEIGHT as two numbers."""
+    """(width, height) of a text WIDTHxHEIGHT; None for None. Raises InputError."""
     from cosim import InputError
 
     if text is None:
         return None
     width, x, height = text.lower().partition("x")
     if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        raise InputError("--size", "WIDTHxHEIGHT such as 400x250", repr(text), "write it like that")
+        raise InputError(
+            "--size", "WIDTHxHEIGHT such as 400x250", repr(text), "write it in this form"
+        )
     if int(width) * int(height) > 10**9:
         raise InputError("--size", "at most 1e9 pixels", text, "check it")
     return int(width), int(height)
 
 
 class SilentProgress:
-    """Notes only."""
+    """A progress that prints notes only."""
 
     def start(self, what: str, total: int) -> None: ...
 
@@ -57,12 +59,11 @@ class SilentProgress:
 
 
 EVERY_S = 10.0
-"""Least seconds between two lines of progress in a log."""
+"""Minimum time between two lines of progress in a log, s."""
 
 
 class LineProgress(SilentProgress):
-    """Now and then a line on standard error that is no terminal, so that a log shows life. A short
-    run says nothing."""
+    """A progress that prints a line every EVERY_S seconds, for logs. A shorter run prints none."""
 
     def __init__(self) -> None:
         self._last_line_at = time.monotonic()
@@ -74,7 +75,7 @@ class LineProgress(SilentProgress):
 
     def advance(self, done: int) -> None:
         now = time.monotonic()
-        if self._first is None:  # a run that is gone on with does not begin at 0
+        if self._first is None:  # a resumed run does not begin at 0
             self._first = done, now
         if now - self._last_line_at < EVERY_S or not self._total:
             return
@@ -87,16 +88,16 @@ class LineProgress(SilentProgress):
 
 
 def _duration(seconds: float) -> str:
-    """A time as a person says it: 12 s, 3 min, 5.5 h."""
+    """Text of a time: 12 s, 3 min, 5.5 h."""
     for least, unit, name in ((7200, 3600, "h"), (120, 60, "min")):
         if seconds >= least:
-            many = seconds / unit
-            return f"{many:.0f} {name}" if many >= 10 else f"{many:.2g} {name}"
+            value = seconds / unit
+            return f"{value:.0f} {name}" if value >= 10 else f"{value:.2g} {name}"
     return f"{max(seconds, 1):.0f} s"
 
 
 class TerminalProgress(SilentProgress):
-    """A bar on standard error while it is a terminal."""
+    """A progress bar on a terminal."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -132,5 +133,5 @@ class TerminalProgress(SilentProgress):
 
 
 def make_progress() -> SilentProgress:
-    """A bar on a terminal, a line now and then elsewhere."""
+    """A bar if standard error is a terminal, else lines."""
     return TerminalProgress() if sys.stderr.isatty() else LineProgress()

@@ -1,8 +1,8 @@
-"""System packages that a command lacks: the launcher installs them and runs the command again.
+"""Missing system packages: the launcher installs them and runs the command again.
 
-A command without its OpenCL, its OpenGL or its tools for Verilog raises `MissingPackages`. If the
-launcher `viform` has started it, the launcher takes the place of this process, with the names of
-the packages in VIFORM_INSTALL, and runs the same command line once they are installed.
+A command raises `MissingPackages` if OpenCL, OpenGL or the tools for Verilog are missing. If the
+launcher `viform` has started the command, the launcher replaces this process, with the names of the
+packages in VIFORM_INSTALL. It installs them and runs the same command line again.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ __all__ = ["has_launcher", "install_and_restart", "read_launcher"]
 
 _VARIABLES = ("VIFORM_LAUNCHER", "VIFORM_ASKED")
 _launcher = dict.fromkeys(_VARIABLES, "")
-"""Path of the launcher, "" without one, and the packages that it was asked for before."""
+"""Path of the launcher, "" without one, and the packages that were requested before."""
 
 
 def read_launcher() -> None:
-    """Takes what the launcher says out of the environment, so that no child process finds it."""
+    """Moves the variables of the launcher out of the environment, so that child processes do not
+    inherit them."""
     for name in _VARIABLES:
         _launcher[name] = os.environ.pop(name, "")
 
@@ -31,13 +32,13 @@ def has_launcher() -> bool:
 
 
 def install_and_restart(packages: Sequence[str]) -> None:
-    """Starts the launcher in place of this process, to install packages and to run the command line
-    again. Returns where there is no launcher, or it was asked for all of these packages before."""
-    path, asked = (_launcher[name] for name in _VARIABLES)
-    if not path or set(packages) <= set(asked.split()):
+    """Replaces this process by the launcher, which installs the packages and runs the command line
+    again. Returns if there is no launcher, or if all these packages were requested before."""
+    path, requested = (_launcher[name] for name in _VARIABLES)
+    if not path or set(packages) <= set(requested.split()):
         return
-    environment = {**os.environ, "VIFORM_ASKED": asked, "VIFORM_INSTALL": " ".join(packages)}
+    environment = {**os.environ, "VIFORM_ASKED": requested, "VIFORM_INSTALL": " ".join(packages)}
     sys.stdout.flush()
     sys.stderr.flush()
-    with suppress(OSError):  # a launcher that was moved
+    with suppress(OSError):  # the launcher was moved
         os.execve(path, [path, *sys.argv[1:]], environment)

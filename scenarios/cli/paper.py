@@ -1,4 +1,4 @@
-"""`viform paper`: every number that the source documents print, beside ours."""
+"""`viform paper`: compares every number in the source documents with the simulation."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _WORDS = {"=": "", "<": "below", "<=": "at most", ">": "above", ">=": "at least"
 def paper(
     documents: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[DOCUMENT ...]", help="000 to 004; all unless given"),
+        typer.Argument(metavar="[DOCUMENT ...]", help="000 to 004; all by default"),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Print every number of the source documents beside the simulation's; exit 0 when all hold."""
+    """Compare every number in the source documents with the simulation; exit 0 if all agree."""
     from dataclasses import asdict
 
     from cosim import InputError
     from scenarios.studies.paper import DOCUMENTS, paper_rows
 
-    for given in documents or []:
-        if given not in DOCUMENTS:
+    for name in documents or []:
+        if name not in DOCUMENTS:
             raise InputError(
-                "a document", f"one of {', '.join(DOCUMENTS)}", repr(given),
+                "a document", f"one of {', '.join(DOCUMENTS)}", repr(name),
                 "leave the numbers out for all",
             )  # fmt: skip
     chosen = tuple(dict.fromkeys(documents or DOCUMENTS))
@@ -41,8 +41,8 @@ def paper(
         print_document({"rows": [asdict(row) for row in rows]})
     else:
         for name in chosen:
-            own = [row for row in rows if row.source.startswith(name)]
-            print(_table(f"{name}: {DOCUMENTS[name].title}", own))
+            selected = [row for row in rows if row.source.startswith(name)]
+            print(_table(f"{name}: {DOCUMENTS[name].title}", selected))
         print(f"{sum(row.holds for row in rows)} of {len(rows)} rows hold")
     if not all(row.holds for row in rows):
         raise typer.Exit(1)
@@ -57,7 +57,8 @@ def _text(value: Any) -> str:
 
 
 def _table(title: str, rows: list[Row]) -> str:
-    """One document for a reader: place, number, print, ours, and why they differ."""
+    """The rows of one document as text: place, quantity, printed value, simulated value, and the
+    reason for a difference."""
     cells = [
         (
             row.source[4:],
@@ -69,7 +70,7 @@ def _table(title: str, rows: list[Row]) -> str:
         )
         for row in rows
     ]
-    heads = ("place", "what", "printed", "ours", "")
+    heads = ("place", "quantity", "printed", "simulated", "")
     widths = [max(len(c[n]) for c in (heads, *cells)) for n in range(4)]
     lines = [title, "  " + "  ".join(h.ljust(w) for h, w in zip(heads, widths, strict=False))]
     for *columns, mark, note in cells:

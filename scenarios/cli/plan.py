@@ -1,4 +1,4 @@
-"""`viform plan`: what a run would keep and leave out, before it runs."""
+"""`viform plan`: the effects that a run would keep and leave out, before it runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def plan(
     tolerance: Tolerance = None,
     json: Json = False,
 ) -> None:
-    """Say what a run would keep, what it would leave out, with bounds and predicted cost."""
+    """Print the effects that a run would keep and leave out, with bounds and predicted cost."""
     from scenarios.assemble.machine import assemble_study
 
     name, loaded = options.load(scenario, tolerance)
@@ -37,11 +37,12 @@ def _number(value: float | None, unit: str = "") -> str:
     return "unknown" if value is None else f"{value:.3g}{unit}"
 
 
-def _what(document: dict[str, Any]) -> str:
+def _quantity(document: dict[str, Any]) -> str:
+    """The quantity to which the error is relative."""
     if "mode" in document:
-        return "the bit error rate's interval (half-widths)"
+        return "the interval of the bit error rate (half-widths)"
     if "imager" in document:
-        return "a pixel value's mean or noise"
+        return "the mean or noise of a pixel value"
     return "the radiance" if document.get("display") else "the rate"
 
 
@@ -53,34 +54,34 @@ def _mode(mode: dict[str, Any]) -> str:
 
 
 def _spans(planes: int) -> str:
-    return "each by itself" if planes == 1 else f"spans of {planes}"
+    return "single planes" if planes == 1 else f"spans of {planes}"
 
 
-def _promise(document: dict[str, Any]) -> str:
-    """What all that is left out and the tier's own arithmetic change together: "at most" only where
-    every part of the sum is proven."""
-    size = f"{_number(document['promised'])} of {_what(document)}"
+def _total_bound(document: dict[str, Any]) -> str:
+    """The sum of the bounds of all effects left out and of the tier's arithmetic: "at most" only if
+    every bound is proven."""
+    size = f"{_number(document['promised'])} of {_quantity(document)}"
     where = "" if "mode" in document or "imager" in document else " in the worst tile"
     if document["promised_kind"] == "proof":
-        return f"error promised: at most {size}{where}, a sum of proven bounds"
-    return f"error foreseen: {size}{where}, a sum with estimates in it, each at twice its size"
+        return f"error bound: at most {size}{where}, a sum of proven bounds"
+    return f"predicted error: {size}{where}, a sum of bounds and doubled estimates"
 
 
 def _imager(document: dict[str, Any]) -> list[str]:
-    seen, predicted = document["expected"], document["predicted"]
-    (low, high), (dark, bright) = seen["exposure_s"], seen["photoelectrons"]
+    expected, predicted = document["expected"], document["predicted"]
+    (low, high), (dark, bright) = expected["exposure_s"], expected["photoelectrons"]
     return [
-        f"about {seen['frames']} frames, exposures of {_number(low)} to {_number(high)} s, "
-        f"{_number(dark)} to {_number(bright)} photoelectrons a pixel and frame",
+        f"about {expected['frames']} frames, exposures of {_number(low)} to {_number(high)} s, "
+        f"{_number(dark)} to {_number(bright)} photoelectrons per pixel and frame",
         f"pixels: {_number(predicted['sensor_s'])} s predicted "
-        f"({_number(predicted['ns_per_pixel_cycle'])} ns a pixel and frame), with everything kept "
-        f"{_number(predicted['everything_s'])} s",
-        "a bound with ~ is an estimate, at twice its size; costs are a pixel-frame's",
+        f"({_number(predicted['ns_per_pixel_cycle'])} ns per pixel and frame), "
+        f"{_number(predicted['everything_s'])} s with every effect",
+        "a bound with ~ is a doubled estimate; costs are per pixel and frame",
     ]
 
 
 def _text(document: dict[str, Any]) -> str:
-    """The document for a reader."""
+    """The document as text."""
     tiles = document["tiles"]
     counts = ", ".join(f"{count} {kind}" for kind, count in tiles.items() if count)
     lines = [
@@ -99,17 +100,17 @@ def _text(document: dict[str, Any]) -> str:
     if document["promised"] == 0 and not document.get("left_out"):
         lines.append("nothing is left out")
     elif document["promised"] is not None:
-        lines.append(_promise(document))
+        lines.append(_total_bound(document))
     if document["promised"] and document["promised"] > document["tolerance"] > 0:
         lines.append(
-            "that is more than the tolerance: what is left out is not the cause, but the circuit's "
-            "lumped form or this tier's arithmetic; the run measures it"
+            "this exceeds the tolerance: the cause is the lumped form of the circuit or the "
+            "arithmetic of this tier, not an effect left out; the run measures it"
         )
     if document.get("display"):
-        shown = document["display"]
+        display = document["display"]
         lines.append(
-            f"display: {shown['drive']} drive, seen by {shown['observer']}; only the planes an "
-            f"observer can resolve are rendered: {_spans(shown['planes_to_a_span'])}"
+            f"display: {display['drive']} drive, observer {display['observer']}; planes are "
+            f"rendered at the resolution of the observer: {_spans(display['planes_to_a_span'])}"
         )
     if "imager" in document:
         return "\n".join([*lines, *_imager(document)])
@@ -119,10 +120,10 @@ def _text(document: dict[str, Any]) -> str:
     else:
         lines.append(
             f"sensor: {_number(predicted['sensor_s'])} s predicted "
-            f"({_number(predicted['ns_per_pixel_cycle'])} ns a pixel-cycle), with everything kept "
-            f"{_number(predicted['everything_s'])} s; full physics would take "
-            f"{_number(predicted['full_physics_s'])} s; the scene takes "
-            f"{_number(predicted['scene_s'])} s to make"
+            f"({_number(predicted['ns_per_pixel_cycle'])} ns per pixel and cycle), "
+            f"{_number(predicted['everything_s'])} s with every effect; full physics would take "
+            f"{_number(predicted['full_physics_s'])} s; drawing the scene takes "
+            f"{_number(predicted['scene_s'])} s"
         )
-    lines.append("a bound with ~ is an estimate, at twice its size; costs are a pixel-cycle's")
+    lines.append("a bound with ~ is a doubled estimate; costs are per pixel and cycle")
     return "\n".join(lines)

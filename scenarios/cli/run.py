@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["print_result", "run"]
 
-_BESIDE = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
+_FURTHER = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
 """Metrics that are printed below the table of a run with a display."""
 
 
@@ -25,26 +25,27 @@ def run(
     options: ScenarioOptions,
     scenario: ScenarioName = "glass",
     tolerance: Tolerance = None,
-    out: Annotated[Path | None, typer.Option(help="folder to make [runs/SCENARIO-N]")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="go on in --out")] = False,
+    out: Annotated[Path | None, typer.Option(help="folder to create [runs/SCENARIO-N]")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="continue the interrupted run in --out")
+    ] = False,
     trace: Annotated[
         Path | None,
         typer.Option(
-            help="waveforms of a virtual board's or an imager's first frames, .fst or .vcd"
+            help="waveforms of a virtual board, or of the first frames of an imager, .fst or .vcd"
         ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Run a scenario: film it, show it where it has a display, make images and a report; or bring
-    a test board up."""
+    """Run a scenario, and write its stream, images and report."""
     from cosim.run.machine import Options
     from scenarios.assemble.machine import check_options
     from scenarios.cli.start import BEGAN
     from scenarios.run import run_scenario
 
     name, loaded = options.load(scenario, tolerance)
-    asked = Options(options.device, resume, trace)
-    check_options(loaded, asked)
+    run_options = Options(options.device, resume, trace)
+    check_options(loaded, run_options)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
 
@@ -54,7 +55,7 @@ def run(
             return
     progress = make_progress()
     try:
-        done = run_scenario(name, loaded, out, options=asked, progress=progress, began=BEGAN)
+        done = run_scenario(name, loaded, out, options=run_options, progress=progress, began=BEGAN)
     finally:
         progress.close()
     print_result(done.result, done.folder, done.outcome.table, done.outcome.verdict, json)
@@ -62,20 +63,20 @@ def run(
 
 
 def _end(result: Result) -> None:
-    if result.outcome == "failed":  # a verdict, with its document
+    if result.outcome == "failed":  # a valid run with a negative result
         raise typer.Exit(1)
 
 
 def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) -> None:
-    """Says that a run is done already, and prints what it found."""
+    """Notes that the run is complete already, and prints its result."""
     from cosim import InputError
     from cosim.run.result import viform_version
     from scenarios.assemble.resuming import verdict_before
 
     if trace is not None:
         raise InputError(
-            "--trace", "given with a run that is not done yet", f"with {folder}, which is",
-            "give another --out",
+            "--trace", "given with a run that is not complete", f"given with {folder}, which is "
+            "complete", "give another --out",
         )  # fmt: skip
     by = "" if result.version == viform_version() else f", by version {result.version}"
     SilentProgress().note(
@@ -91,11 +92,14 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
 def print_result(
     result: Result, folder: Path, table: list[str], verdict: list[str], json: bool
 ) -> None:
-    """The document, or its figures for a reader.
+    """Prints the document of a result, or its figures as text.
 
     Args:
-        table: lines of a display's, in their place.
-        verdict: of a link, which comes first; what it leaves unknown is named in one line.
+        result: result of the run.
+        folder: folder of the run.
+        table: lines of a display, which replace most metrics.
+        verdict: lines of a link, printed first; its unknown metrics share one line.
+        json: whether the document is printed.
     """
     from cosim.config.amounts import amount
 
@@ -105,7 +109,7 @@ def print_result(
     for line in table:
         print(line)
     metrics = {
-        name: metric for name, metric in result.metrics.items() if not table or name in _BESIDE
+        name: metric for name, metric in result.metrics.items() if not table or name in _FURTHER
     }
     wide = max([12, *(len(key) for key in metrics)])
     if verdict:
@@ -133,7 +137,8 @@ def print_result(
 
 
 def _checked(result: Result) -> list[tuple[str, str]]:
-    """Error, what full physics would have taken, what was left out: a line each."""
+    """Labels and texts of the lines on the error, on the run time of full physics, and on the
+    effects left out."""
     error, lines = result.error, []
     if error.value is None:
         lines.append(("error", "unknown"))
@@ -150,7 +155,6 @@ def _checked(result: Result) -> list[tuple[str, str]]:
         promised, measured = (
             "unknown" if row[key] is None else f"{row[key]:.2g}" for key in ("bound", "measured")
         )
-        how = "about" if row["kind"] == "estimate" else "at most"
-        text = f"{row['effect']}: {how} {promised} promised ({row['kind']}), {measured} measured"
+        text = f"{row['effect']}: bound {promised} ({row['kind']}), {measured} measured"
         lines.append(("" if n else "left out", text))
     return lines if result.left_out else [*lines, ("left out", "nothing")]

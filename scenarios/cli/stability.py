@@ -1,4 +1,4 @@
-"""`viform stability`: the stiff and extreme cases."""
+"""`viform stability`: stiff and extreme cases, compared with references."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["stability"]
 def stability(
     cases: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[CASE ...]", help="numbers of cases; all unless given"),
+        typer.Argument(metavar="[CASE ...]", help="numbers of the cases; all by default"),
     ] = None,
     device: Annotated[
         str | None, typer.Option(help="part of an OpenCL device's name, or numba")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Compare the extreme cases with references of their own; exit 0 when all hold."""
+    """Compare extreme cases with independent references; exit 0 if all agree."""
     from dataclasses import asdict
 
     from cosim import InputError

@@ -1,8 +1,8 @@
-"""The command's start, for `run_time_s`: read before anything heavy is imported."""
+"""The start time of the command, for `run_time_s`: read before other modules are imported."""
 
 import time
 
 __all__ = ["BEGAN"]
 
 BEGAN = time.perf_counter()
-"""time.perf_counter() at the command's start."""
+"""time.perf_counter() at the start of the command."""

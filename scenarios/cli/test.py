@@ -20,14 +20,14 @@ from scenarios.cli.packages import has_launcher, install_and_restart
 
 __all__ = ["test"]
 
-# Files stay whole, so that what a file's tests share is made once, and keep the order that
-# tests/conftest.py gives them.
+# The tests of a file run in one worker, because they share fixtures, and in the order that
+# tests/conftest.py sets.
 _SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "loadfile", "--no-loadscope-reorder"]
 _STATIC = {"ruff": ["ruff", "check", "."], "mypy": ["mypy"]}
 
 
 def _counts(junit: Path) -> dict[str, int]:
-    """Tests passed, failed and skipped, from pytest's own record."""
+    """Numbers of tests passed, failed and skipped, from the JUnit file of pytest."""
     if not junit.exists():
         return {"passed": 0, "failed": 0, "skipped": 0}
     suites = list(ElementTree.parse(junit).getroot().iter("testsuite"))
@@ -42,39 +42,40 @@ def _counts(junit: Path) -> dict[str, int]:
 def _begin(
     root: Path, folder: Path, running: ExitStack
 ) -> dict[str, tuple[subprocess.Popen[bytes], Path]]:
-    """Starts the checks of the source: each one's process, ended with `running`, and where it
-    writes."""
-    begun = {}
+    """Starts the static checks; returns the process and the output file of each. `running` ends the
+    processes."""
+    started = {}
     for name, words in _STATIC.items():
-        said = folder / name
-        with said.open("wb") as sink:
+        output = folder / name
+        with output.open("wb") as sink:
             process = subprocess.Popen(
                 [sys.executable, "-m", *words], cwd=root, stdout=sink, stderr=subprocess.STDOUT
             )
         running.callback(process.wait)
         running.callback(process.kill)
-        begun[name] = process, said
-    return begun
+        started[name] = process, output
+    return started
 
 
 def _missing_packages() -> list[str]:
-    """System packages that tests need and this machine lacks. Tests that need them are skipped."""
+    """System packages that tests need and that are not installed. Tests that need them are
+    skipped."""
     from cosim.compute.opencl import opencl_packages, probe
     from display import probe_gl
     from display.render.context import gl_packages
     from rtl_model.verilated.build import PACKAGES
 
-    found = [] if probe() else [*opencl_packages()]
-    found += [] if probe_gl()[0] else gl_packages()
+    missing = [] if probe() else [*opencl_packages()]
+    missing += [] if probe_gl()[0] else gl_packages()
     programs = {**PACKAGES, "iverilog": "iverilog", "yosys": "yosys"}
-    found += [package for name, package in programs.items() if shutil.which(name) is None]
-    return [*found, "zlib1g-dev"] if "verilator" in found else found
+    missing += [package for name, package in programs.items() if shutil.which(name) is None]
+    return [*missing, "zlib1g-dev"] if "verilator" in missing else missing
 
 
 def test(context: typer.Context, json: Json = False) -> None:
-    """Run the tests; arguments after `test` go to pytest, and then it alone is run.
+    """Run ruff, mypy and pytest; with arguments after `test`, run only pytest with them.
 
-    `viform test -m slow` runs the long proofs.
+    `viform test -m slow` runs the slow tests.
     """
     from cosim import InputError
 
@@ -92,19 +93,19 @@ def test(context: typer.Context, json: Json = False) -> None:
     checks: dict[str, bool] = {}
     with tempfile.TemporaryDirectory() as folder, ExitStack() as running:
         junit = Path(folder) / "junit.xml"
-        # Beside pytest: each of these keeps one core busy, and what it says is shown at the end.
+        # The static checks run in parallel with pytest, and their output is printed at the end.
         static = {} if extra else _begin(root, Path(folder), running)
         words = [sys.executable, "-m", "pytest", f"--junitxml={junit}", *(extra or _SPREAD)]
         print(f"viform: {', '.join([*static, 'pytest'])}", file=sys.stderr, flush=True)
         checks["pytest"] = subprocess.run(words, cwd=root, stdout=sink).returncode == 0
-        for name, (process, said) in static.items():
+        for name, (process, output) in static.items():
             checks[name] = process.wait() == 0
-            text = said.read_text(errors="replace").rstrip()
+            text = output.read_text(errors="replace").rstrip()
             print(f"viform: {name}\n{text}", file=sys.stderr if json else sys.stdout, flush=True)
         counts = _counts(junit)
     if json:
         print_document({**counts, "checks": checks, "seconds": time.perf_counter() - began})
-    broken = [name for name, fine in checks.items() if not fine]
-    if broken:
-        print(f"viform: failed: {', '.join(broken)}", file=sys.stderr)
+    failed = [name for name, passed in checks.items() if not passed]
+    if failed:
+        print(f"viform: failed: {', '.join(failed)}", file=sys.stderr)
         raise typer.Exit(1)

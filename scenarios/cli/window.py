@@ -1,4 +1,5 @@
-"""A scenario's display, shown while the scene is filmed: scene, lens, camera, renderer, window."""
+"""Shows the display of a scenario in a window during the simulation: scene, lens, camera, renderer,
+window."""
 
 from __future__ import annotations
 
@@ -18,19 +19,28 @@ from sensor import SpikeCamera
 __all__ = ["FRAME", "show_live"]
 
 FRAME = 256
-"""Cycles whose mean light is one picture in the window."""
+"""Number of cycles whose mean light is one picture in the window."""
 BATCH = 64
-"""Planes to a span."""
+"""Number of planes in a span."""
 
 
 def show_live(
     scenario: Scenario, device: str | None, progress: Progress,
-    opened: Callable[[str, tuple[int, int]], Window],
+    open_window: Callable[[str, tuple[int, int]], Window],
 ) -> int:  # fmt: skip
-    """Shows the whole run; the number of pictures shown until its end, or until the window was
-    closed. opened: makes the window, of a title and (height, width).
+    """Shows the whole run. Every effect of the scenario is simulated, for any tolerance.
 
-    Everything of the scenario is simulated, nothing is left out for a tolerance.
+    Args:
+        scenario: a scenario with a synchronous readout.
+        device: part of an OpenCL device's name, "numba", or None for the default device.
+        progress: receives progress.
+        open_window: creates the window from a title and (height, width).
+
+    Returns:
+        The number of pictures shown until the end of the run, or until the user closes the window.
+
+    Raises:
+        InputError: another readout, a board, or an invalid camera or device.
     """
     if scenario.sensor.readout != "synchronous":
         raise InputError(
@@ -47,7 +57,7 @@ def show_live(
     scene, lens = setup.stages(setup.source()).values()
     camera = SpikeCamera(setup.setting, setup.device)
     fit = fit_words(section.fit, setup.shape, panel.shape)
-    window, pictures = opened(scenario.title, panel.shape), 0
+    window, pictures = open_window(scenario.title, panel.shape), 0
     renderer = None
     try:
         renderer = make_renderer(section.renderer, panel, BATCH, 1, window.context)

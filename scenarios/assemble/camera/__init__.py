@@ -1,1 +1,1 @@
-"""A latched camera and the display that its stream drives: set up, planned, checked, judged."""
+"""The latched camera and the display that its stream drives: setup, plan, check, evaluation."""

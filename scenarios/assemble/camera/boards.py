@@ -40,11 +40,11 @@ _SIMULATED: Final = (
 
 
 def refuse_boards(scenario: Scenario) -> None:
-    """Raises InputError for a scenario with a board, in commands that only simulate."""
+    """Raises InputError for a scenario with a board, for commands that only simulate."""
     sink = None if scenario.display is None else scenario.display.sink
     for key, value in (("sensor.source", scenario.sensor.source), ("display.sink", sink)):
         if value is not None:
-            raise InputError(key, "absent but for viform run", value, "leave it out")
+            raise InputError(key, "absent except for viform run", value, "leave it out")
 
 
 class BoardCamera:
@@ -52,10 +52,10 @@ class BoardCamera:
 
     Attributes:
         shape: (rows, columns) of the board.
-        name: for messages.
-        worst: largest error of a pixel's rate by rounding to electrons so far, spikes a cycle.
-        level: of the board's threshold.
-        sensor: the board.
+        name: name of the board, for messages.
+        worst: largest error of a pixel's rate so far by rounding to electrons, spikes a cycle.
+        level: threshold level of the board.
+        sensor: the board's sensor.
     """
 
     def __init__(self, place: OpenBoard, setting: CameraSetting, rate: float, cycles: int) -> None:
@@ -69,7 +69,7 @@ class BoardCamera:
         self.sensor = BoardSensor(place, self.level, setting.reset, cycles)
 
     def step(self, light: Light, block: Block) -> Viform:
-        """The latched flags of one block; ticks with equal electrons are one burst."""
+        """The latched flags of one block. Consecutive ticks with equal electrons are one burst."""
         steps = self._steps(light, block)
         changes = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=(1, 2))) + 1
         edges = [0, *changes.tolist(), len(steps)]
@@ -78,7 +78,7 @@ class BoardCamera:
         return Viform(stream.words, block.cycles, self._setting.clock, block.start)
 
     def _steps(self, light: Light, block: Block) -> npt.NDArray[np.uint8]:
-        """The board's electrons in each cycle, (cycles, rows, columns) uint8."""
+        """Electrons that each pixel of the board receives, (cycles, rows, columns) uint8."""
         from rtl_model.stand_in import quantise
 
         steps = np.empty((block.cycles, *self.shape), np.uint8)
@@ -98,12 +98,12 @@ class BoardCamera:
 
 
 class BoardPanel:
-    """A board as the display stage of the chain; it returns the planes that it has shown.
+    """A board as the display stage of the chain. The stage passes the stream on unchanged.
 
     Attributes:
-        name: for messages.
-        planes: shown so far.
-        wrong: bursts whose CRC-32 differed.
+        name: name of the board, for messages.
+        planes: number of planes displayed so far.
+        wrong: number of bursts with a wrong CRC-32.
     """
 
     def __init__(self, board: BoardDisplay, name: str, fit: str, shape: tuple[int, int]) -> None:
@@ -113,17 +113,17 @@ class BoardPanel:
         except ValueError as exc:
             raise InputError(
                 "the stream for display.sink", f"of {board.shape[1]} x {board.shape[0]} pixels, "
-                f"which {name} has", f"of {shape[1]} x {shape[0]}",
+                f"the size of {name}", f"of {shape[1]} x {shape[0]}",
                 "set display.fit=nearest or centre, or sensor.source to a board of that size",
             ) from exc  # fmt: skip
         self.planes = self.wrong = 0
 
     def step(self, data: Viform, block: Block) -> Viform:
-        """Shows one block."""
+        """Displays the planes of one block."""
         words = self._fit(data.words)
-        shown = self._board.show(unpack_planes(words, 0, block.cycles).astype(bool))
-        self.planes += shown.planes
-        self.wrong += shown.wrong_crc
+        burst = self._board.show(unpack_planes(words, 0, block.cycles).astype(bool))
+        self.planes += burst.planes
+        self.wrong += burst.wrong_crc
         return data
 
 
@@ -133,10 +133,10 @@ class Boards:
 
     Attributes:
         simulated: the scenario without the parts that boards replace.
-        source: that replaces the sensor, None if there is none.
-        sink: that replaces the display, None if there is none.
+        source: board that replaces the sensor, None for none.
+        sink: board that replaces the display, None for none.
         fit: `display.fit` of the scenario.
-        panel: the sink's stage, None until the size of the stream is known.
+        panel: stage of the sink, None until the size of the stream is known.
     """
 
     simulated: Scenario
@@ -151,7 +151,13 @@ class Boards:
         return None if self.source is None else (self.source.info.rows, self.source.info.columns)
 
     def camera(self, setting: CameraSetting, scene: Summary, cycles: int) -> BoardCamera | None:
-        """The camera stage of the source, None without one; also sets up the sink's stage."""
+        """The camera stage of the source, None without one; also creates the stage of the sink.
+
+        Args:
+            setting: the camera of the scenario, in the size of the board.
+            scene: survey of the scene, for the brightest light.
+            cycles: length of the run.
+        """
         if self.sink is not None and self.panel is None:
             from rtl_model.stand_in import BoardDisplay
 
@@ -169,12 +175,12 @@ class Boards:
             height, width = camera.shape
             q = quantum(camera.level)
             notes.append(
-                f"{camera.name} makes the spikes: {width} x {height} pixels, threshold {q} of its "
-                f"electrons, so a rate is off by at most {0.5 / q:.2g} spikes a cycle; it has no "
-                "shot noise, and is stepped, so its own ticks are not the clock's"
+                f"{camera.name} generates the spikes: {width} x {height} pixels, threshold {q} of "
+                f"its electrons; the error of a rate is at most {0.5 / q:.2g} spikes a cycle; the "
+                "board has no shot noise, and it is stepped: its ticks are not those of the clock"
             )
         if self.panel is not None:
-            notes.append(f"{self.panel.name} shows the planes; no light is rendered")
+            notes.append(f"{self.panel.name} displays the planes; no light is rendered")
         return notes
 
     def metrics(self, camera: Any) -> dict[str, Metric]:
@@ -194,10 +200,12 @@ class Boards:
         faults = []
         if isinstance(camera, BoardCamera) and camera.sensor.wrong_bits:
             faults.append(
-                f"{camera.sensor.wrong_bits} bits of {camera.name} are not those of the cycle model"
+                f"{camera.sensor.wrong_bits} bits of {camera.name} differ from the cycle model"
             )
         if self.panel is not None and self.panel.wrong:
-            faults.append(f"what {self.panel.name} showed is not what it was sent: CRC-32")
+            faults.append(
+                f"the planes that {self.panel.name} displayed differ from those sent: CRC-32"
+            )
         return faults
 
 
@@ -205,7 +213,8 @@ class Boards:
 def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
     """Opens the boards of a scenario, and closes them at the end of the context.
 
-    Raises InputError if one does not answer, or cannot replace the sensor.
+    Raises InputError if a board does not answer or cannot replace the sensor, and if `resume` is
+    set: the charge of a board's pixels cannot be restored.
     """
     section, panel = scenario.sensor, scenario.display
     sink = None if panel is None else panel.sink
@@ -214,8 +223,8 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
         return
     if resume:
         raise InputError(
-            "--resume", "given for a run without a board, whose charge cannot be put back", "one "
-            "with a board", "run it afresh with another --out",
+            "--resume", "given for a run without a board, whose charge cannot be restored",
+            "given for one with a board", "start it again with another --out",
         )  # fmt: skip
     from rtl_model.stand_in import open_board
 

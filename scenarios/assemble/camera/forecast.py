@@ -1,4 +1,4 @@
-"""What `viform plan` says of a latched camera: its plan, and what it would take on this device."""
+"""The forecast of `viform plan` for a latched camera: its plan and its predicted run time."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from sensor.latched.patches import PatchCamera
 __all__ = ["forecast"]
 
 BLOCKS = 2
-"""Blocks of the scene's beginning that are run; the first warms up, the second is timed."""
+"""Number of blocks that are run, from the start of the scene; the last one is timed."""
 REFERENCE_TILES = 12
-"""Tiles on which full physics is timed."""
+"""Number of tiles on which the reference is timed."""
 
 
 def _measure(setup: CameraSetup, plan: RunPlan, everything: RunPlan) -> Speeds:
@@ -54,7 +54,7 @@ def _measure(setup: CameraSetup, plan: RunPlan, everything: RunPlan) -> Speeds:
 
 
 def _display(setup: CameraSetup, plan: RunPlan) -> dict[str, Any] | None:
-    """The display as planned, in words; None without one."""
+    """Description of the planned display; None without one."""
     if plan.display is None or setup.scenario.display is None:
         return None
     return {
@@ -68,7 +68,7 @@ def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
     plan = setup.plan(setup.scenario.tolerance)
     everything = setup.plan(0.0, tier=plan.tier)
     return forecast_document(
-        name, plan.plan, tier=plan.tier, device=setup.device_name, tier_error=plan.own,
+        name, plan.plan, tier=plan.tier, device=setup.device_name, tier_error=plan.tier_error,
         speeds=_measure(setup, plan, everything),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
         tiles=setup.survey.classes, display=_display(setup, plan),

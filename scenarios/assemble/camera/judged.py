@@ -1,4 +1,4 @@
-"""A judged run of a latched camera, as its pages read it."""
+"""The data of a latched camera's run for the pages of the report."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ __all__ = ["LatchedRun"]
 
 @dataclass(frozen=True, eq=False)
 class LatchedRun:
-    """What the pages of a latched camera and of a display show.
+    """An evaluated run of a latched camera.
 
     Attributes:
         run: result, wall times and notes.
-        scenario: as the user gave it.
+        scenario: scenario of the user.
         setting, lens, white_rate, instants, source: camera and scene; see `CameraSetup`.
-        plan: what was kept where.
-        stream: the recording.
+        plan: effects of the simulated camera, tile by tile.
+        stream: recorded stream.
         shots: images at the instants; empty with a display.
         sizes: sizes of the stream in several codes, None with a display.
         display: outcome of the display, None without one.
@@ -63,10 +63,10 @@ class LatchedRun:
 
     @property
     def began(self) -> float:
-        """time.perf_counter() at the command's start."""
+        """time.perf_counter() at the start of the command."""
         return self.run.began
 
     @property
-    def put_back(self) -> list[Finding]:
+    def reinstated(self) -> list[Finding]:
         """Findings that led to another recording."""
         return self.run.reinstated

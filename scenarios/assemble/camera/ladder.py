@@ -1,13 +1,14 @@
 """Error against run time of a latched camera: every tier at a ladder of tolerances.
 
-The error of a row is that of its plan against the reference on patches, over the scenario's image
-windows, with the same random counters. Its time is the camera's alone: the least of consecutive
-blocks of the whole chip, in the middle of the run, after a block that is thrown away. All rows see
-the same light, which is computed once; evaluating errors is not timed.
+The error of a row is the error of its plan against the reference on patches, over the image windows
+of the scenario, with common random numbers. The run time of a row is that of the camera alone: the
+minimum over consecutive blocks of the whole chip, in the middle of the run, after one block for
+warm-up. All rows share the same light, which is computed once. The evaluation of errors is not
+timed.
 
-If the scenario has a display, an error is of radiance as its observer integrates it, against the
-reference camera on the golden display, and a row's time is that of the camera and of the renderer
-on the same blocks; the reference's display is the golden model.
+If the scenario has a display, the error is that of the radiance that its observer integrates,
+against the reference camera on the golden display; the run time of a row is that of the camera and
+of the renderer on the same blocks. The display of the reference is the golden model.
 """
 
 from __future__ import annotations
@@ -38,14 +39,20 @@ from sensor.latched.tiers import Tier
 __all__ = ["accuracy"]
 
 TIMED = 3
-"""Blocks of the whole chip that are timed, after one that is not."""
+"""Number of blocks of the whole chip that are timed, after one block for warm-up."""
 TILES = 24
-"""Patches at most."""
+"""Maximum number of patches."""
 
 
 @dataclass(frozen=True)
 class _Rung:
-    """A plan of the ladder, and the tolerances that give it."""
+    """A plan of the ladder.
+
+    Attributes:
+        tier: tier of the camera.
+        tolerances: tolerances that lead to this plan.
+        plan: the plan.
+    """
 
     tier: Tier
     tolerances: list[float]
@@ -72,8 +79,9 @@ def _ladder(setup: CameraSetup) -> list[_Rung]:
     ]
 
 
-def _least_of_alike(rungs: Sequence[_Rung], spent: list[float], others: set[str]) -> list[float]:
-    """Cameras that differ only in these other effects take the same time: the least of them."""
+def _least_of_equals(rungs: Sequence[_Rung], spent: list[float], others: set[str]) -> list[float]:
+    """The least time of all rungs with the same camera, for each rung: plans that differ only in
+    the effects `others` have the same camera."""
     keys = [
         (rung.tier, *(k.tobytes() for name, k in rung.plan.plan.kept.items() if name not in others))
         for rung in rungs
@@ -82,16 +90,16 @@ def _least_of_alike(rungs: Sequence[_Rung], spent: list[float], others: set[str]
 
 
 def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
-    """Patches that any of the plans would check, at most TILES."""
+    """Numbers of the tiles that any of the plans would check, at most TILES."""
     order: dict[int, None] = {}
-    each = [plan.patches(seed) for plan in plans]
-    for n in range(max(len(e) for e in each)):
-        order |= dict.fromkeys(e[n] for e in each if n < len(e))
+    lists = [plan.patches(seed) for plan in plans]
+    for n in range(max(len(tiles) for tiles in lists)):
+        order |= dict.fromkeys(tiles[n] for tiles in lists if n < len(tiles))
     return sorted(list(order)[:TILES])
 
 
 def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayTrial:
-    """The reference and every rung on the same patches."""
+    """The trial of the reference and of every rung on the same patches."""
     survey, setting, display = setup.survey, setup.setting, setup.display
     plane = PatchPlane(survey.grid, _tiles([r.plan for r in rungs], setup.scenario.seed))
     cameras = {"reference": PatchCamera(setting, plane, "reference")}
@@ -120,7 +128,7 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     golden = 0.0
     if display is not None and scenario.display is not None:
         golden = golden_ns(display, words)
-        spent = _least_of_alike(rungs, spent, {effect.name for effect in display.acting_effects})
+        spent = _least_of_equals(rungs, spent, {effect.name for effect in display.acting_effects})
         settings = dict.fromkeys(r.plan.display for r in rungs if r.plan.display is not None)
         costs = {s: display_ns(scenario.display.renderer, s, words) for s in settings}
         spent = [
@@ -142,25 +150,26 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
             ))  # fmt: skip
     ns = paired.ns("reference") + golden
     plane = paired.plane
-    own = reference_error(setting, plane.numbers[:DRAWS])
+    floor_error = reference_error(setting, plane.numbers[:DRAWS])
     everything = [effect.name for effect in setting.acting_effects]
     if display is not None:
         everything += [effect.name for effect in display.acting_effects]
     seconds = ns * 1e-9 * pixels * cycles
-    best = Row("reference", None, own, (0.0, own), seconds, ns, everything, [])
+    best = Row("reference", None, floor_error, (0.0, floor_error), seconds, ns, everything, [])
     n = float(np.mean(truth)) * scenario.image.window * plane.numbers.size / len(plane.tiles)
     return {
         "scenario": scenario.title,
         "error_of": "rate" if display is None else "radiance",
         "device": setup.device_name,
         "reference": {
-            "tier": "reference", "error": own, "ns_per_pixel_cycle": ns,
+            "tier": "reference", "error": floor_error, "ns_per_pixel_cycle": ns,
             "run_time_s": best.run_time_s, "effects": everything,
             "patches": len(plane.tiles), "pixels": int(plane.numbers.size),
         },
         "order": fit_rows(rows),
         "floor": {
-            "reference": own, "monte_carlo": setting.spread / math.sqrt(n) if n > 0 else None,
+            "reference": floor_error,
+            "monte_carlo": setting.spread / math.sqrt(n) if n > 0 else None,
         },
         "rows": [row.document() for row in [*rows, best]],
     }  # fmt: skip
@@ -169,7 +178,11 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
 def _film(
     setup: CameraSetup, paired: Paired, rungs: Sequence[_Rung], progress: Progress
 ) -> tuple[list[float], list[tuple[Block, Words]]]:
-    """Runs the scene once; ns a pixel-cycle of every rung, and the words of the timed blocks."""
+    """Runs the scene once.
+
+    Returns:
+        The time of every rung, ns a pixel-cycle, and the timed blocks with their words.
+    """
     scene, lens = setup.stages(setup.source()).values()
     cycles = setup.cycles
     blocks = -(-cycles // BLOCK)

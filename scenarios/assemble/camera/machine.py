@@ -48,7 +48,16 @@ __all__ = ["LatchedMachine", "assemble_latched"]
 
 @dataclass(frozen=True, eq=False)
 class _Images:
-    """What is made of a stream once it is complete."""
+    """Images and figures that are computed from a complete stream.
+
+    Attributes:
+        shots: images at the instants; empty with a display.
+        sizes: sizes of the stream in several codes, None with a display.
+        display: outcome of the display, None without one.
+        metrics: measured figures by name.
+        latency: latencies in the simulated machine.
+        files: names of the written files.
+    """
 
     shots: list[Shot]
     sizes: Sizes | None
@@ -64,16 +73,17 @@ class LatchedMachine:
 
     Attributes:
         name: short name of the scenario.
-        scenario: as the user gave it, boards included.
+        scenario: scenario of the user, with its boards.
         setup: the camera and its scene.
-        source: the scene that is run through.
-        plan: what is kept where.
-        camera: simulated, or a board in its place.
-        verifier: checks the plan beside the recording; None if a board makes the spikes.
+        source: the scene for the recording.
+        plan: effects that are kept, tile by tile.
+        camera: the simulated camera, or a board in its place.
+        verifier: stage that checks the plan during the recording; None if a board generates the
+            spikes.
         display: the display, None without one.
-        advice: what the user must know before the run, its scene aside.
+        advice: notes for the user before the run, without those of the scene.
         boards: open boards of the run.
-        opened: closes them.
+        opened: stack that closes the boards and the display.
     """
 
     name: str
@@ -117,7 +127,7 @@ class LatchedMachine:
         return self.setup.cycles * self.pixels
 
     def trial(self, progress: Progress) -> list[Finding]:
-        """None: the plan is checked beside the recording."""
+        """Returns []: the plan is checked during the recording."""
         return []
 
     def keep(self, effects: Sequence[str]) -> LatchedMachine:
@@ -164,8 +174,8 @@ class LatchedMachine:
         )  # fmt: skip
 
     def _identity(self) -> str:
-        """Text that depends on the scenario, what is left out of it, the program's version, what
-        draws the display, and the clip's content."""
+        """A digest of the scenario, its plan, the version of the program, the renderer, and the
+        content of the clip."""
         text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
         text += self.plan.tier + ("" if self.display is None else self.display.identity())
         for name, tiles in self.plan.plan.kept.items():
@@ -224,7 +234,7 @@ class LatchedMachine:
         ]  # fmt: skip
 
     def _images(self, recording: Recording) -> _Images:
-        """Images of the stream and its size, for a run without a display."""
+        """Images and size of the stream, for a run without a display."""
         begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
         stream = ZarrStream(recording.folder / STREAM)
         window = self.scenario.image.window
@@ -238,11 +248,11 @@ class LatchedMachine:
         return _Images(shots, sizes, None, metrics, interval_latency(stream.clock, shots), files)
 
     def _views(self, recording: Recording) -> _Images:
-        """What the observers of the display see."""
+        """Images of the display's observers and measurements of its probes."""
         display, seconds = self.display, recording.seconds
         assert display is not None
         begin = time.perf_counter()
-        with ThreadPoolExecutor(1) as pool:  # each of the two leaves much of two cores idle
+        with ThreadPoolExecutor(1) as pool:  # neither of the two loads two cores
             probing = pool.submit(
                 display.probes, SpikeProbeCamera(self.setup.setting, self.setup.device)
             )
@@ -258,7 +268,7 @@ class LatchedMachine:
         return _Images([], None, outcome, metrics, outcome.latency(), files)
 
     def judged(self, run: Run) -> LatchedRun:
-        """The run as its pages read it."""
+        """The data of the run for its pages."""
         images, setup = run.outcome.views, self.setup
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
@@ -305,7 +315,7 @@ def assemble_latched(
 def _planned(
     plan: RunPlan, setup: CameraSetup, boards: Boards
 ) -> tuple[SpikeCamera | BoardCamera, Verifier | None]:
-    """The camera as planned and the stage that checks it."""
+    """The planned camera and the stage that checks it."""
     board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
     if board is not None:
         return board, None

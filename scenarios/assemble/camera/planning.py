@@ -1,4 +1,4 @@
-"""The plan of a synchronous run: tier, effects tile by tile, the patches that check it."""
+"""The plan of a synchronous run: tier, effects tile by tile, and the patches that check it."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ from sensor.latched.tiers import Tier
 __all__ = ["RunPlan", "plan_run"]
 
 RANDOM = 4
-"""Patches that are chosen by chance, from the run's seed."""
+"""Number of patches that are chosen at random, from the seed of the run."""
 FAULT = 2
-"""Patches where each left-out effect has promised most."""
+"""Number of patches, for each effect left out, where its bound is largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunPlan:
-    """How a camera, and the display that its stream drives, will be simulated.
+    """The plan of a camera and of the display that its stream drives.
 
     Attributes:
         plan: effects that are kept, by tile.
-        survey: what the plan was made from.
-        tier: of the camera.
-        setting: the camera as it is run, with the effects that some tile keeps.
-        flags: of the fast tier's work-items, (height, groups) uint8; None in the exact tier.
-        own: bound of the tier's own error, relative.
+        survey: survey of the scene for which the plan is made.
+        tier: tier of the camera.
+        setting: the simulated camera, with the effects that at least one tile keeps.
+        flags: flags of the fast tier's work-items, (height, groups) uint8; None in the exact tier.
+        tier_error: bound of the error of the tier itself, relative.
         spans: windows of cycles that are checked.
-        display: the display as it is run, None without one.
-        full_display: the display with every effect.
+        display: the simulated display, None without one.
+        full_display: the display with every effect, None without one.
     """
 
     plan: Plan
@@ -52,15 +52,15 @@ class RunPlan:
     tier: Tier
     setting: CameraSetting
     flags: npt.NDArray[np.uint8] | None
-    own: float
+    tier_error: float
     spans: list[tuple[int, int]]
     display: DisplaySetting | None = None
     full_display: DisplaySetting | None = None
 
     def patches(self, seed: int) -> list[int]:
-        """Tiles to check, the most informative first: the brightest, the darkest, the steepest,
-        those with the largest bound of each effect left out, some by chance, and one of every set
-        of effects that has none yet."""
+        """Numbers of the tiles to check, the most informative first: the brightest, the darkest,
+        and the one with the largest contrast over time; those with the largest bound of each effect
+        left out; some at random; and one for every further set of effects."""
         scene, grid = self.survey.scene, self.survey.grid
         whole = np.flatnonzero(grid.whole)
         low, high = (np.asarray(x)[whole] for x in (scene.darkest, scene.brightest))
@@ -77,7 +77,7 @@ class RunPlan:
     def _uncovered(
         self, chosen: npt.NDArray[np.intp], whole: npt.NDArray[np.intp], seed: int
     ) -> list[int]:
-        """A tile by chance of each set of effects that none of `chosen` has."""
+        """A random tile for each set of effects that no tile of `chosen` has."""
         kept = np.stack(
             [np.broadcast_to(k, len(self.survey.grid)) for k in self.plan.kept.values()]
         )
@@ -88,7 +88,7 @@ class RunPlan:
         return [int(rng.choice(whole[which[whole] == one])) for one in missing]
 
     def on_patches(self, plane: PatchPlane, device: Device | None) -> PatchCamera:
-        """The camera as planned, on patches that are tiles of the survey's grid."""
+        """The planned camera on patches that are tiles of the survey's grid."""
         flags = None
         if self.flags is not None:
             rows = plane.row.reshape(len(plane.tiles), -1)
@@ -100,7 +100,8 @@ class RunPlan:
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
-    """Bit 0: thresholds are drawn; bit 1: dead time."""
+    """Flags of the fast tier, (height, groups) uint8. Bit 0: random thresholds; bit 1: dead
+    time."""
     none = np.zeros(len(grid), bool)
     noise = plan.kept.get("shot noise", none) | plan.kept.get("threshold noise", none)
     dead = plan.kept.get("reset dead time", none)
@@ -108,8 +109,8 @@ def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
 
 
 def _through_observer(scene: Summary, display: DisplaySetting) -> Summary:
-    """The scene with the window that a display's observer takes a rate over: as many planes as
-    count alike in its images, if those are fewer."""
+    """The survey with the window over which the observer of a display averages: the effective
+    number of planes in its images, if that is smaller than the window of the survey."""
     planes = effective_planes(display.observer, display.panel, scene.cycles)
     return replace(scene, window=max(1, min(scene.window, round(planes))))
 
@@ -125,45 +126,48 @@ def plan_run(
     tier: Tier | None = None,
     display: DisplaySetting | None = None,
 ) -> RunPlan:
-    """Plans a run of this camera over this scene.
+    """Plans the run of a camera over a scene.
 
-    The bounds of a display and of the camera share the tolerance and add up. The camera's are
-    relative changes of a pixel's rate over a window (the observer's own if that is shorter); an
-    image of the panel is a weighted mean of its light, which follows the rate. This takes whole
-    spikes to be as good as fractions: packets need many spikes in a window, hold and causal need
-    intervals that are short beside it. The check measures what one spike more or less at the ends
-    of the weights changes, and 1 / tau over a longer interval.
+    The bounds of the display and of the camera add up and share the tolerance. A bound of the
+    camera is a relative change of a pixel's rate over a window (the window of the observer if that
+    is shorter). An image of the panel is a weighted mean of its light, which follows the rate. This
+    argument neglects that spikes are integers: the impulse drive needs many spikes in a window;
+    hold and causal drives need intervals that are short compared with it. The check measures the
+    effect of one spike more or less at the ends of the weights, and of 1 / tau over a longer
+    interval.
 
     Args:
-        survey: of the scene.
+        survey: survey of the scene.
         setting: the camera with every effect.
-        tolerance: relative error allowed; 0 keeps everything.
+        tolerance: allowed relative error; 0 keeps every effect.
         instants: cycles of the images.
         device: OpenCL device, None without one.
-        forced: effects to keep whatever their bound.
-        tier: chosen by the tolerance if None.
+        forced: names of effects that are kept for any bound.
+        tier: tier of the camera; None to choose it by the tolerance.
         display: the display with every effect, None without one.
     """
     scene = survey.scene if display is None else _through_observer(survey.scene, display)
-    own = setting.lumped_error
+    tier_error = setting.lumped_error
     if tier is None:
         tier = "exact"
         if device is not None and tolerance > 0:
             fast = fast_bound(setting, scene)
             tier = "fast" if fast <= SHARE * tolerance / 2 else "exact"
     if tier == "fast":
-        own += fast_bound(setting, scene)
+        tier_error += fast_bound(setting, scene)
     effects = setting.acting_effects
-    if tier != "fast":  # the exact tier runs all tiles alike
+    if tier != "fast":  # the exact tier simulates all tiles with the same effects
         effects = tuple(replace(effect, scope="plane") for effect in effects)
     if display is not None:
         effects += display.acting_effects
     plan = make_plan(
-        effects, scene, tolerance, certain=survey.certain, tier_error=own, forced=forced,
+        effects, scene, tolerance, certain=survey.certain, tier_error=tier_error, forced=forced,
         base_ns=QUIET + (0.0 if display is None else SHOWN),
     )  # fmt: skip
     flags = _flags(plan, survey.grid) if tier == "fast" else None
-    gone = [name for name, tiles in plan.kept.items() if not tiles.any()]
+    absent = [name for name, tiles in plan.kept.items() if not tiles.any()]
     spans = windows(instants, survey.scene.window, scene.cycles)
-    planned = None if display is None else display.without(gone)
-    return RunPlan(plan, survey, tier, setting.without(gone), flags, own, spans, planned, display)
+    return RunPlan(
+        plan, survey, tier, setting.without(absent), flags, tier_error, spans,
+        None if display is None else display.without(absent), display,
+    )  # fmt: skip

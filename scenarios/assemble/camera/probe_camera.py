@@ -1,4 +1,4 @@
-"""A spike camera as the probes of a display film with it."""
+"""The spike camera that the probes of a display use."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ __all__ = ["SpikeProbeCamera"]
 
 @dataclass(frozen=True)
 class SpikeProbeCamera:
-    """Small pieces of a scenario's chip; implements `display.probes.camera.ProbeCamera`.
+    """Small arrays of the scenario's pixels; implements `display.probes.camera.ProbeCamera`.
 
-    The exact tier films, so that bits do not depend on the device. The pixel's circuit is taken in
-    its lumped form, as in every tier but the reference.
+    It uses the exact tier, so that the bits do not depend on the device. The circuit of the pixel
+    has its lumped form, as in every tier except the reference.
 
     Attributes:
         setting: the scenario's camera.

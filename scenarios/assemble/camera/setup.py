@@ -1,4 +1,4 @@
-"""A latched camera before its scene, as a scenario asks for it: checked, not yet planned."""
+"""Sets up the latched camera of a scenario, with its lens and scene: checked, not yet planned."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class CameraSetup:
     """A latched camera, its lens and its scene.
 
     Attributes:
-        scenario: what is simulated of the user's scenario.
+        scenario: the simulated part of the user's scenario, without boards.
         setting: the camera with every effect.
-        choice: its lens.
-        cycles: of the run.
-        instants: cycles whose images are reconstructed and judged.
+        choice: the lens and its exposure.
+        cycles: length of the run, cycles of the latch clock.
+        instants: cycles whose images are reconstructed and evaluated.
         device: OpenCL device, None for the compiled form on the processor.
     """
 
@@ -51,7 +51,7 @@ class CameraSetup:
 
     @property
     def white_rate(self) -> float:
-        """Spikes a cycle of the scene's white."""
+        """Spike rate of the scene's white, spikes a cycle."""
         return self.choice.white_rate
 
     @property
@@ -69,7 +69,7 @@ class CameraSetup:
         return self.setting.clock.edge(self.cycles)
 
     def source(self) -> Source:
-        """The scene on the chip's pixels. A source may be run through once only."""
+        """The scene on the pixels of the chip. A source can be used for one pass only."""
         scene, aligned = self.scenario.scene, self.setting.reach == (0, 0)
         return scene.source(SceneGrid(self.shape, self.setting.clock, self.cycles, aligned))
 
@@ -82,14 +82,14 @@ class CameraSetup:
 
     @cached_property
     def survey(self) -> SceneSurvey:
-        """What the plan reads of the scene."""
+        """Survey of the scene for the plan."""
         relay, image = self.lens.relay(self.setting.chip.pitch), self.scenario.image
         floor = 1 / image.window if image.floor is None else image.floor  # a spike in the window
         return survey_scene(self.setting, self.source(), relay, self.cycles, image.window, floor)
 
     @cached_property
     def pursuit(self) -> Pursuit:
-        """What the pursuing eye of a display follows."""
+        """Motion that the pursuing eye of the display follows."""
         section = self.scenario.display
         if section is None:
             return Pursuit(0.0, "")
@@ -107,7 +107,7 @@ class CameraSetup:
         return section.setting(panel, self.instants, self.cycles, self.pursuit.velocity)
 
     def plan(self, tolerance: float, **choice: Any) -> RunPlan:
-        """Plans the run. choice: `forced` and `tier` of `plan_run`."""
+        """Plans the run. `choice` holds the arguments `forced` and `tier` of `plan_run`."""
         return plan_run(
             self.survey, self.setting, tolerance, self.instants, self.device, display=self.display,
             **choice,
@@ -120,12 +120,12 @@ def set_up_camera(
     """Checks the camera of a scenario and chooses its lens.
 
     Args:
-        scenario: without boards.
-        device: part of an OpenCL device's name, "numba", or None for the default one.
-        size: rows and columns of a board that stands in for the chip.
+        scenario: scenario without boards.
+        device: part of an OpenCL device's name, "numba", or None for the default device.
+        size: (rows, columns) of the board that replaces the chip, None without one.
 
     Raises:
-        InputError: a camera, lens, duration or device that cannot be simulated.
+        InputError: the camera, lens, duration or device cannot be simulated.
     """
     setting = camera_setting(scenario, *(size or ()))
     choice = choose_lens(scenario, setting)

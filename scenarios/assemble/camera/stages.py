@@ -1,4 +1,4 @@
-"""The first stages of a camera's chain: its scene and its lens."""
+"""The first stages in the chain of a camera: scene and lens."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ __all__ = ["LensStage", "SceneStage"]
 
 
 class SceneStage:
-    """A scene that gives the light of a few more cycles than the block has: a camera whose rows are
-    sampled before or after the clock's edge needs the light around it.
+    """A scene that returns the light of the block and of a few cycles around it. A camera whose
+    rows are sampled before or after the clock edge needs that light.
 
     Args:
         source: the scene.
-        reach: cycles before and after the block.
+        reach: number of cycles before and after the block.
     """
 
     def __init__(self, source: Source, reach: tuple[int, int]) -> None:
@@ -28,7 +28,7 @@ class SceneStage:
 
 
 class LensStage:
-    """A lens in front of pixels of the given pitch, in micrometres."""
+    """A lens in front of pixels of the pitch `pitch_um`, µm."""
 
     def __init__(self, lens: Lens, pitch_um: float) -> None:
         self._relay = lens.relay(pitch_um)

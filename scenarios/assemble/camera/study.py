@@ -1,4 +1,4 @@
-"""A latched camera that is planned and measured without a run of its own."""
+"""A latched camera that is planned and measured without a run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["LatchedStudy"]
 
 
 class LatchedStudy:
-    """See `Study`. Raises InputError for a camera that cannot be simulated."""
+    """Implements `Study`. Raises InputError for a camera that cannot be simulated."""
 
     def __init__(self, name: str, scenario: Scenario, device: str | None) -> None:
         refuse_boards(scenario)

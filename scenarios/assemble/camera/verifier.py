@@ -1,7 +1,7 @@
-"""The verifier: the bounds of a plan, measured on a few patches with the same random counters.
+"""The verifier measures the bounds of a plan on a few patches, with common random numbers.
 
 It is a stage between lens and chip. It exposes the patches with several cameras at once: the
-reference with every effect, the camera as planned, and in the exact tier one camera with every
+reference with every effect, the planned camera, and, in the exact tier, one camera with every
 effect and one without each effect that is left out.
 """
 
@@ -35,18 +35,19 @@ __all__ = ["ARITHMETIC", "Verifier"]
 
 
 ARITHMETIC: Final = "32-bit arithmetic"
-"""The arithmetic of the fast tier, as an effect that may be reinstated: by the exact tier."""
+"""Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
 
 
 def _finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:
-    """tile: None if the whole error exceeds the tolerance, which is `promised` then."""
+    """The finding of an exceeded bound. If `tile` is None, the total error exceeds the tolerance
+    `promised`."""
     remedy = "the exact tier" if effect == ARITHMETIC else f"{effect} kept"
     message = (
-        f"the whole error was up to {measured:.2g} where {promised:.2g} was asked for: the run is "
-        f"done again with {remedy}"
+        f"the total error is up to {measured:.2g} where the tolerance is {promised:.2g}: the run "
+        f"is repeated with {remedy}"
         if tile is None
-        else f"the run is done again with {remedy}: leaving it out changed up to {measured:.2g} on "
-        f"tile {tile}, where {promised:.2g} was promised"
+        else f"the run is repeated with {remedy}: its absence changes up to {measured:.2g} on tile "
+        f"{tile}, where the bound is {promised:.2g}"
     )
     return Finding(effect, message, promised, measured, tile)
 
@@ -57,9 +58,10 @@ class Verifier(DisplayTrial):
     Args:
         run: the plan that is checked.
         full: the camera with every effect.
-        tiles: whose pixels are the patches, of one size.
+        tiles: numbers of the tiles that are the patches, all of one size.
         device: OpenCL device of the fast tier, None without one.
-        stop_early: whether `step` raises BrokenPromise at the end of a window that shows one.
+        stop_early: whether `step` raises BrokenPromise at the end of the window in which a bound is
+            exceeded.
     """
 
     def __init__(
@@ -71,16 +73,16 @@ class Verifier(DisplayTrial):
             display = TrialDisplay(run.full_display, run.display, run.survey.scene.cycles)
         self._plan, self._floor, self._stop_early = plan, run.survey.scene.floor, stop_early
         plane = PatchPlane(run.survey.grid, sorted(tiles))
-        left = [name for name in plan.left_out if not plan.kept[name][plane.tiles].all()]
-        self._partial = {} if display is None else partial_displays(display, left)
-        self._left = [name for name in left if name not in self._partial]
+        absent = [name for name in plan.left_out if not plan.kept[name][plane.tiles].all()]
+        self._partial = {} if display is None else partial_displays(display, absent)
+        self._left_out = [name for name in absent if name not in self._partial]
         cameras = {
             "reference": PatchCamera(full, plane, "reference"),
             "run": run.on_patches(plane, device),
         }
-        if self._left:
+        if self._left_out:
             cameras["all"] = PatchCamera(full, plane, "exact")
-        for name in self._left:
+        for name in self._left_out:
             cameras[f"without {name}"] = PatchCamera(full.without([name]), plane, "exact")
         self._display, patches = display, None
         if display is not None:
@@ -93,7 +95,7 @@ class Verifier(DisplayTrial):
     def step(self, light: Light, block: Block) -> Light:
         out = super().step(light, block)
         if self._display is not None and block.stop == self._display.cycles and self._stop_early:
-            findings = self._broken_by_display()  # its images are complete
+            findings = self._broken_by_display()  # the display's images are complete
             if findings:
                 raise BrokenPromise(findings)
         return out
@@ -105,17 +107,17 @@ class Verifier(DisplayTrial):
             raise BrokenPromise(findings)
 
     def _changed(self, name: str, spans: Sequence[Span]) -> Values:
-        """Upper limit of what leaving this out changed, (windows, patches)."""
+        """Upper limit of the change without the effect, relative, (windows, patches)."""
         truth = self.rates("all", spans)
         return compare(self.rates(f"without {name}", spans), truth, self._floor)[2]
 
     def _broken(self, spans: Sequence[Span]) -> list[Finding]:
         findings = []
         tiles = np.array(self.plane.tiles)
-        for name in self._left:
+        for name in self._left_out:
             high = self._changed(name, spans)
-            promised, gone = self._plan.promise[name][tiles], ~self._plan.kept[name][tiles]
-            over = np.where(gone & (high > promised), high / np.maximum(promised, 1e-300), 0)
+            promised, absent = self._plan.promise[name][tiles], ~self._plan.kept[name][tiles]
+            over = np.where(absent & (high > promised), high / np.maximum(promised, 1e-300), 0)
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
                 tile = int(at[1])
@@ -125,7 +127,7 @@ class Verifier(DisplayTrial):
         return findings
 
     def _broken_by_display(self) -> list[Finding]:
-        """Broken bounds of effects that the display left out, from complete images."""
+        """Exceeded bounds of effects that the display leaves out, from complete images."""
         findings = []
         tiles = np.array(self.plane.tiles)
         for name, high in self._display_changes().items():
@@ -139,7 +141,8 @@ class Verifier(DisplayTrial):
         return findings
 
     def _display_changes(self) -> dict[str, Values]:
-        """Upper limit of what each effect that the display left out changed, (images, patches)."""
+        """Upper limit of the change without each effect that the display leaves out, relative,
+        (images, patches)."""
         if self.displays is None:
             return {}
         return {
@@ -148,40 +151,41 @@ class Verifier(DisplayTrial):
         }
 
     def broken(self) -> list[Finding]:
-        """Promises that were not kept, over the whole run."""
+        """Exceeded bounds over the whole run."""
         return self._broken(self.spans) + self._broken_by_display()
 
     def error(self) -> Measured:
-        """The run against the reference: of radiance as the display's observer integrates it where
-        there is a display, else of rates."""
+        """The error of the run against the reference: of the radiance that the observer of the
+        display integrates, or of rates without a display."""
         if self.displays is not None:
             return self.displays.error("run")
         return worst(self.rates("run"), self.rates("reference"), self._floor)
 
     def result_error(self) -> Error:
-        """The error as `result.json` has it."""
-        findings, patches = self.error(), len(self.plane.tiles)
+        """The error for `result.json`."""
+        error, patches = self.error(), len(self.plane.tiles)
         kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
         if self._display is not None:
             kind = f"radiance as {self._display.observer_name} integrates it, {kind}"
-        return Error(findings.value, kind, (findings.low, findings.high))
+        return Error(error.value, kind, (error.low, error.high))
 
     def measured(self) -> dict[str, float]:
-        """Upper limit of what each left-out effect changed, where it was left out."""
+        """Upper limit of the change without each effect that is left out, over the patches that
+        leave it out."""
         tiles = np.array(self.plane.tiles)
         return {
             name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
-            for name in self._left
+            for name in self._left_out
         } | {name: float(high.max()) for name, high in self._display_changes().items()}
 
     def shortfall(self, tier: Tier) -> list[Finding]:
-        """What to reinstate because the whole error exceeds the tolerance: the effect whose absence
-        changed most, or the fast tier itself."""
+        """Findings if the total error exceeds the tolerance: the effect whose absence changes the
+        rate most, or the arithmetic of the fast tier."""
         error, tolerance = self.error(), self._plan.tolerance
         if tolerance == 0 or error.high <= tolerance:
             return []
         measured = self.measured()
-        # An effect that no patch left out has not been measured; it is reinstated all the same.
+        # Effects that no patch leaves out are not measured; all of them are reinstated then.
         names = (
             [max(measured, key=lambda n: measured[n])] if measured else list(self._plan.left_out)
         )
@@ -190,23 +194,24 @@ class Verifier(DisplayTrial):
         return [_finding(name, tolerance, error.high, None) for name in names]
 
     def beyond(self) -> list[str]:
-        """A note if the tolerance is exceeded with everything kept."""
+        """A note if the error exceeds the tolerance with every effect kept."""
         error, tolerance = self.error(), self._plan.tolerance
         if tolerance == 0 or error.high <= tolerance:
             return []
         return [
-            f"the error is {error.value:.2g} (up to {error.high:.2g}) where {tolerance:g} was "
-            "asked for, with every effect kept: the exact tier comes no nearer"
+            f"the error is {error.value:.2g} (up to {error.high:.2g}) where the tolerance is "
+            f"{tolerance:g}, with every effect kept: it is the limit of the exact tier"
         ]
 
     def full_physics_s(self, pixels: int, cycles: int) -> float | None:
-        """Seconds that the reference would take for so many pixels and cycles, from what it took
-        for the patches."""
+        """Predicted run time of the reference for `pixels` and `cycles`, s, from its time on the
+        patches; None if that is unknown."""
         seconds = self.ns("reference") * 1e-9 * pixels * cycles
         return seconds if math.isfinite(seconds) else None
 
     def left_out(self) -> list[dict[str, Any]]:
-        """Rows of `result.json`: effects that some tile left out, with bound and measurement."""
+        """Rows of `result.json`: effects that at least one tile leaves out, with bound and
+        measurement."""
         measured = self.measured()
         return [
             {

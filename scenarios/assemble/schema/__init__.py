@@ -1,1 +1,1 @@
-"""A scenario: its schema, its messages, and how it is loaded."""
+"""The schema of scenarios, its error messages, and the loading of scenarios."""

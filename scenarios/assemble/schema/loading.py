@@ -1,4 +1,4 @@
-"""From a scenario's name or file and the user's --set to a checked scenario."""
+"""Loads a scenario by its name or file, applies --set, and checks it."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from scenarios.scenes.catalogue import scene_keys
 __all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
 
 FRONT = "glass"
-"""The scenario that runs when none is named."""
+"""The scenario that runs by default."""
 
 
 _PARTS = 20
-"""Parts of a dotted key, at most; the schema's longest has four."""
+"""Maximum number of parts of a dotted key; the longest one of the schema has four."""
 _DEEP = re.compile(rf"""(?:^|[\[{{,])\s*(?:[\w"'-]+\s*\.\s*){{{_PARTS}}}""", re.MULTILINE)
 
 
 def shipped() -> dict[str, str]:
-    """Text of every scenario that ships, by name; the one that `viform run` alone runs is first."""
+    """The text of every scenario of the package, by name; the default scenario is first."""
     folder = files("scenarios") / "files"
     return {
         entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8")
@@ -40,7 +40,8 @@ def shipped() -> dict[str, str]:
 
 
 def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
-    """Short name, data, and the folder that paths in it are relative to (None: where we are)."""
+    """Short name, data, and the folder to which its paths are relative (None for the working
+    directory)."""
     known = shipped()
     if name in known:
         return name, tomllib.loads(known[name]), None
@@ -48,10 +49,10 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
     try:
         if path.is_dir() and (path / "scenario.toml").is_file():
             path = path / "scenario.toml"
-        found = path.is_file()
-    except OSError:  # a name too long
-        found = False
-    if not found:
+        exists = path.is_file()
+    except OSError:  # the name is too long
+        exists = False
+    if not exists:
         raise InputError(
             "the scenario",
             f"one of {', '.join(known)} or a TOML file",
@@ -66,7 +67,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
     except (OSError, ValueError, RecursionError) as exc:  # numbers too long are plain ValueErrors
         if isinstance(exc, UnicodeDecodeError) and path.suffix.lower() != ".toml":
             raise InputError(
-                "the scenario", "a TOML file", f"{path}, which is no text",
+                "the scenario", "a TOML file", f"{path}, which is not text",
                 f"film a clip with `viform run film --set scene.path={shlex.quote(name)}`",
             ) from exc  # fmt: skip
         raise InputError(
@@ -77,7 +78,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
 
 
 def _value(text: str) -> Any:
-    """A --set value: JSON where it is a list, else the text itself; the schema does the rest."""
+    """The value of --set: a list is read as JSON; other text is converted by the schema."""
     if text.startswith("["):
         try:
             return json.loads(text)
@@ -87,7 +88,8 @@ def _value(text: str) -> Any:
 
 
 def assign(data: dict[str, Any], assignment: str) -> None:
-    """Applies one a.b=c; sections that are absent are created."""
+    """Applies one assignment a.b=c to `data`; creates absent sections. Raises InputError for text
+    of another form."""
     key, equals, text = assignment.partition("=")
     names = key.strip().split(".")
     if not equals or not all(names):
@@ -110,29 +112,27 @@ def assign(data: dict[str, Any], assignment: str) -> None:
 
 
 _EITHER = (("imager.gain", "imager.gain_step"), ("imager.pulses", "imager.pulse_rate"))
-"""Keys of which a scenario may have one."""
+"""Pairs of keys that exclude each other."""
 
 
-def _make_way(data: dict[str, Any], assignments: list[str]) -> None:
-    """Takes out of a scenario's own keys what --set speaks against: the other one of two, and,
-    where it names another kind of scene, keys that only the former kind has."""
-    given = {text.partition("=")[0].strip(): text.partition("=")[2] for text in assignments}
+def _remove_conflicts(data: dict[str, Any], assignments: list[str]) -> None:
+    """Removes keys of the scenario's file that conflict with --set: the other key of an exclusive
+    pair, and, if --set selects another kind of scene, the keys that this kind does not have."""
+    values = {text.partition("=")[0].strip(): text.partition("=")[2] for text in assignments}
     for pair in _EITHER:
         for key, other in (pair, pair[::-1]):
             section, _, name = other.partition(".")
             inner = data.get(section)
-            if key in given and other not in given and isinstance(inner, dict):
+            if key in values and other not in values and isinstance(inner, dict):
                 inner.pop(name, None)
-    scene, kind = data.get("scene"), given.get("scene.kind")
+    scene, kind = data.get("scene"), values.get("scene.kind")
     keys = scene_keys(kind) if kind is not None else None
     if isinstance(scene, dict) and keys is not None and scene.get("kind") != kind:
         data["scene"] = {key: value for key, value in scene.items() if key in keys}
 
 
-def _absolute(
-    scenario: AnyScenario,
-) -> AnyScenario:
-    """The scenario with its file's place written out."""
+def _absolute(scenario: AnyScenario) -> AnyScenario:
+    """The scenario with absolute paths of its input files."""
     for section, key in PATHS:
         inner = getattr(scenario, section, None)
         path = getattr(inner, key, None)
@@ -141,9 +141,9 @@ def _absolute(
         try:
             place = str(Path(path).resolve())
             place.encode()  # it is written into the run's scenario.toml
-        except (OSError, ValueError) as exc:  # a NUL in it, links in a circle, bytes not UTF-8
+        except (OSError, ValueError) as exc:  # a NUL, circular links, bytes other than UTF-8
             raise InputError(
-                f"{section}.{key}", "a file's name", f"{path!r} ({exc})", "check it"
+                f"{section}.{key}", "the name of a file", f"{path!r} ({exc})", "check it"
             ) from exc
         scenario = scenario.model_copy(update={section: inner.model_copy(update={key: place})})
     return scenario
@@ -156,14 +156,28 @@ def load(
     tolerance: float | None = None,
     seed: int | None = None,
 ) -> tuple[str, AnyScenario]:
-    """Short name and checked scenario. Paths are relative to the working directory in `--set`, to
-    the file in TOML; the scenario returned holds absolute ones."""
+    """Loads and checks a scenario.
+
+    Relative paths in `--set` are relative to the working directory; those of a TOML file, to the
+    file. The returned scenario holds absolute paths.
+
+    Args:
+        name: name of a scenario of the package, a TOML file, or the folder of a run.
+        assignments: values of --set, such as "sensor.clock=20 kHz".
+        tolerance, seed: replace the keys of the same name; None keeps them.
+
+    Returns:
+        The short name and the scenario.
+
+    Raises:
+        InputError: the scenario does not exist, cannot be read, or has an invalid key.
+    """
     short, data, folder = _read(name)
     for section, key in PATHS if folder is not None else ():
         inner = data.get(section)
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = str(folder / inner[key])
-    _make_way(data, assignments or [])
+    _remove_conflicts(data, assignments or [])
     for assignment in assignments or []:
         assign(data, assignment)
     if tolerance is not None:
@@ -174,8 +188,8 @@ def load(
 
 
 def filmed(scenario: AnyScenario, command: str) -> Scenario:
-    """The scenario of a command that films a scene with a spike camera; raises InputError for any
-    other."""
+    """The scenario, for a command that needs a spike camera and a scene. Raises InputError for
+    another kind of scenario."""
     if not isinstance(scenario, Scenario):
         raise InputError(
             "the scenario", f"one with a [scene] for `viform {command}`"
@@ -195,7 +209,8 @@ def _kind(scenario: AnyScenario) -> str:
 
 
 def linked(scenario: AnyScenario, command: str) -> LinkScenario:
-    """The scenario of a command of a link; raises InputError for one with a scene."""
+    """The scenario, for a command that needs a link. Raises InputError for another kind of
+    scenario."""
     if not isinstance(scenario, LinkScenario):
         scene = isinstance(scenario, Scenario)
         other = "one with a [scene]" if scene else f"one of {_kind(scenario)}"

@@ -1,4 +1,4 @@
-"""One line about the first thing that is wrong with a scenario."""
+"""Reports the first error of a scenario in one line."""
 
 from __future__ import annotations
 
@@ -25,27 +25,28 @@ __all__ = ["first_fault", "validate"]
 
 @dataclass(frozen=True)
 class _Place:
-    """A key of the schema: its dotted name and the section it belongs to."""
+    """A key of the schema: its dotted name, and all keys of its section."""
 
     name: str
     keys: tuple[str, ...]
 
 
 def _sections(annotation: Any) -> tuple[type[BaseModel], ...]:
-    """The sections that a field may hold: one, one or none, or one of several kinds."""
+    """The sections that a field may hold; several for a union."""
     if isinstance(annotation, type):
         return (annotation,) if issubclass(annotation, BaseModel) else ()
     return tuple(s for inner in get_args(annotation) for s in _sections(inner))
 
 
 def _kind(section: type[BaseModel]) -> str | None:
-    """The tag of one kind of a section that comes in several."""
+    """The tag of a section that is a member of a union; None for another section."""
     field = section.model_fields.get("kind")
     return None if field is None else str(get_args(field.annotation)[0])
 
 
 def _place(loc: tuple[int | str, ...], whole: type[BaseModel]) -> _Place:
-    """Dotted name of an error's location (without a union's tag) and its section's keys."""
+    """The dotted name of an error's location, without the tag of a union, and the keys of its
+    section."""
     sections: tuple[type[BaseModel], ...] = (whole,)
     names: list[str] = []
     keys = tuple(whole.model_fields)
@@ -63,39 +64,39 @@ def _place(loc: tuple[int | str, ...], whole: type[BaseModel]) -> _Place:
     return _Place(".".join(names), keys)
 
 
-def _found(name: str) -> Any:
-    """What may be written for a key, None where the schema does not show it."""
+def _example(name: str) -> Any:
+    """An example of a key's value, None if the schema has none."""
     node: dict[str, Any] = export()
     for part in name.split("."):
         node = _resolve(node).get("properties", {}).get(part, {})
-    found = _resolve(node)
-    return (found.get("examples") or found.get("enum") or [found.get("const")])[0]
+    field = _resolve(node)
+    return (field.get("examples") or field.get("enum") or [field.get("const")])[0]
 
 
-def _example(name: str) -> str:
-    """An instruction that shows what to write for a key."""
-    found = _found(name)
-    return "see `viform list --schema`" if found is None else f"write --set {name}={found!r}"
+def _remedy(name: str) -> str:
+    """An instruction that shows a valid value of a key."""
+    example = _example(name)
+    return "see `viform list --schema`" if example is None else f"write --set {name}={example!r}"
 
 
-def _own_example(must: str, name: str) -> str:
-    """What a quantity must be, with the key's own example in the place of its kind's: a distance in
-    metres is of the same kind as a pixel's micrometres."""
-    found = _found(name)
-    if not isinstance(found, str):
+def _with_example(must: str, name: str) -> str:
+    """`must`, with the example of the key in place of that of its quantity: a distance in metres
+    and the micrometres of a pixel are the same quantity."""
+    example = _example(name)
+    if not isinstance(example, str):
         return must
-    return re.sub(r"(such as )'[^']*'", lambda match: f"{match[1]}{found!r}", must, count=1)
+    return re.sub(r"(such as )'[^']*'", lambda match: f"{match[1]}{example!r}", must, count=1)
 
 
 def _resolve(node: dict[str, Any]) -> dict[str, Any]:
-    """Follows references and the first alternative; all scenes' properties at a union."""
+    """Follows references; at a union, merges the properties of all members."""
     definitions = export()["$defs"]
     if "$ref" in node:
         return _resolve(definitions[node["$ref"].rsplit("/", 1)[1]])
     alternatives = node.get("oneOf") or node.get("anyOf")
     if alternatives:
         merged: dict[str, Any] = {"properties": {}}
-        if "examples" in node:  # the field's own go before its type's
+        if "examples" in node:  # the examples of the field precede those of its type
             merged["examples"] = node["examples"]
         for inner in map(_resolve, alternatives):
             merged["properties"] = inner.get("properties", {}) | merged["properties"]
@@ -127,16 +128,16 @@ _MUST = {
     "too_long": "a list of at most {max_length}",
     "literal_error": "{expected}",
 }
-"""What a key must be, by pydantic's type of error; the braces are filled from its context."""
+"""The requirement of a key, by pydantic's type of error; its context fills the braces."""
 
 KEYS: Final = 200
-"""Characters of a list of keys that a message names, at most."""
+"""Maximum length of a list of keys in a message, characters."""
 
 
 def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
-    """The first error of a validation as what must be, what was given, how to correct it."""
+    """An error of pydantic for the schema `whole`, with requirement, value and remedy."""
     place = _place(error["loc"], whole)
-    given, kind = quote(error["input"]), error["type"]
+    value, kind = quote(error["input"]), error["type"]
     if kind == "extra_forbidden":
         key = place.name.rsplit(".", 1)[-1]
         near = difflib.get_close_matches(key, place.keys, 1)
@@ -144,45 +145,47 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
         remedy = (
             f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
         )
-        # A section's keys are listed only where none of them looks like what was meant.
+        # The keys of the section are listed only if none of them resembles the unknown key.
         must = "a key that is known" if near else shorten(f"one of {', '.join(place.keys)}", KEYS)
         return InputError(shorten(place.name), must, "an unknown key", remedy)
     if kind in ("missing", "union_tag_not_found"):
         name = f"{place.name}.kind" if kind == "union_tag_not_found" else place.name
-        return InputError(name, "given", "absent", _example(name))
+        return InputError(name, "given", "absent", _remedy(name))
     text = error["msg"].removeprefix("Value error, ").strip()
     if text.startswith("must be "):
-        must = _own_example(text.removeprefix("must be "), place.name)
-        return InputError(place.name, must, given, _example(place.name))
+        must = _with_example(text.removeprefix("must be "), place.name)
+        return InputError(place.name, must, value, _remedy(place.name))
     if kind == "union_tag_invalid":
         wanted, tag = error["ctx"]["expected_tags"], quote(error["ctx"]["tag"])
         return InputError(f"{place.name}.kind", f"one of {wanted}", tag, "choose one")
     must = _MUST[kind].format(**error.get("ctx", {})) if kind in _MUST else text.lower()
     if kind == "tuple_type" and place.name == "display.beside":
         must = 'a list such as ["60 Hz", "120 Hz"]'
-    return InputError(place.name, must, given, _example(place.name))
+    return InputError(place.name, must, value, _remedy(place.name))
 
 
 def validate(data: dict[str, Any]) -> AnyScenario:
-    """A checked scenario: with [board] one of a board, with [imager] one of an imager, with [link]
-    one of a link, else one of a spike camera. Raises InputError with one line about the first thing
-    that is wrong."""
+    """Checks the data of a scenario.
+
+    The section [board], [imager] or [link] selects the kind of scenario; without one of them, it is
+    the scenario of a spike camera. Raises InputError with the first error in one line.
+    """
     if "link" in data and "scene" in data:
         raise InputError(
-            "link", "absent in a scenario with a [scene]", "beside one",
-            "take one of them out: a stream does not cross a link yet",
+            "link", "absent in a scenario with a [scene]", "given with one",
+            "remove one of them: a link does not transmit a stream of spikes yet",
         )  # fmt: skip
     for other in ("sensor", "display", "image", "link"):
         if "imager" in data and other in data:
             raise InputError(
-                "imager", f"absent in a scenario with [{other}]", "beside it",
-                "take one of them out: an [imager] stands alone before its [scene]",
+                "imager", f"absent in a scenario with [{other}]", "given with it",
+                "remove one of them: an [imager] has only a [scene] and a [lens]",
             )  # fmt: skip
     for other in ("scene", "link", "sensor", "imager"):
         if "board" in data and other in data:
             raise InputError(
-                "board", f"absent in a scenario with a [{other}]", "beside one",
-                "take one of them out: bring-up.toml has a [board] alone",
+                "board", f"absent in a scenario with a [{other}]", "given with one",
+                "remove one of them: bring-up.toml has only a [board]",
             )  # fmt: skip
     whole: type[AnyScenario] = Scenario
     if "board" in data:
@@ -198,10 +201,14 @@ def validate(data: dict[str, Any]) -> AnyScenario:
 
 
 def first_fault(exc: ValidationError, whole: type[BaseModel], remedy: str) -> InputError:
-    """The first error of a document that is no scenario, as one line. remedy: what to do, where the
-    key alone does not tell."""
+    """The first error of a document other than a scenario, in one line.
+
+    Args:
+        exc: the error of pydantic.
+        whole: the schema of the document.
+        remedy: the remedy for errors other than an unknown key.
+    """
     error = exc.errors()[0]
-    # The examples of `_one_line` are those of scenarios.
-    found = _one_line(error, whole)
-    known = error["type"] == "extra_forbidden"
-    return InputError(found.what, found.must, found.actual, found.remedy if known else remedy)
+    fault = _one_line(error, whole)  # its examples are those of scenarios
+    unknown_key = error["type"] == "extra_forbidden"
+    return InputError(fault.what, fault.must, fault.actual, fault.remedy if unknown_key else remedy)

@@ -1,4 +1,4 @@
-"""A whole scenario, and its JSON Schema."""
+"""The schemas of the four kinds of scenarios, and their JSON Schema."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ __all__ = [
 
 
 class ImageSection(Section):
-    """Which images a run makes, and from how many cycles."""
+    """The instants and the window of the images that a run reconstructs."""
 
-    # An instant's images take 40 MB of memory and 1 MB of the report; with a display, 100 MB.
+    # The images of an instant take 40 MB of memory and 1 MB of the report; with a display, 100 MB.
     at: tuple[Annotated[int, Field(ge=0)], ...] = Field(
         default=(),
         max_length=25,
-        description="cycles of the instants; five evenly spaced ones when empty",
+        description="cycles of the instants; an empty list selects five evenly spaced cycles",
     )
     window: Annotated[int, Field(ge=1)] = 41
     floor: Annotated[float, Field(ge=0, le=1)] | None = Field(
         default=None,
-        description="spikes a cycle below which an error counts as if the rate were this; one in "
-        "the window when absent",
+        description="lower limit of the rate, spikes a cycle, to which errors are relative; by "
+        "default one spike in the window",
     )
 
 
 class Scenario(Section):
-    """Everything that decides a run's result."""
+    """A spike camera before a scene, and the display that its stream drives."""
 
     title: str = Field(examples=["A clip at 40 kHz"])
     duration: Duration
@@ -56,13 +56,13 @@ class Scenario(Section):
     scene: SceneSection
     sensor: SensorSection
     display: DisplaySection | None = Field(
-        default=None, description="what shows the stream; none when absent"
+        default=None, description="the display that shows the stream; none by default"
     )
     image: ImageSection = ImageSection()
 
 
 class ImagerScenario(Section):
-    """A scene before an imager that is no spike camera."""
+    """A scene before an imager other than a spike camera."""
 
     title: str = Field(examples=["An EMCCD in a dark room"])
     duration: Duration
@@ -71,16 +71,17 @@ class ImagerScenario(Section):
     scene: SceneSection
     imager: ImagerSection
     lens: ImagerLens | None = Field(
-        default=None, description="none when absent: the scene's light falls on the pixels as it is"
+        default=None,
+        description="without a lens, the illuminance of the scene falls on the pixels unchanged",
     )
 
 
 class BoardScenario(Section):
-    """A board is brought up: no scene, no sensor but the board's."""
+    """The bring-up of a board, without a scene; the board contains the sensor."""
 
     title: str = Field(examples=["A board is brought up"])
     seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(
-        default=1, description="of the image that is captured"
+        default=1, description="seed of the captured image"
     )
     board: BoardSection = BoardSection()
 
@@ -89,8 +90,8 @@ AnyScenario = Scenario | LinkScenario | BoardScenario | ImagerScenario
 
 
 def imager_scenario() -> type[ImagerScenario]:
-    """The class that a scenario with an [imager] is checked with: its section is that of one of the
-    imagers in the catalogue, by `kind`."""
+    """The schema of a scenario with an [imager]: its section is one of those in the catalogue of
+    imagers, selected by `kind`."""
     return _with_sections(tuple(kind.section for kind in IMAGERS.values()))
 
 
@@ -103,7 +104,7 @@ def _with_sections(sections: tuple[type[ImagerSection], ...]) -> type[ImagerScen
 
 
 def export() -> dict[str, Any]:
-    """JSON Schema of any scenario: one with a scene, of a link, of a board, or of an imager."""
+    """The JSON Schema of all kinds of scenarios."""
     return _export(imager_scenario())
 
 

@@ -1,1 +1,1 @@
-"""`viform design`: the best of a hardware budget."""
+"""`viform design`: choice of hardware within a budget."""

@@ -1,4 +1,4 @@
-"""`viform design dynamic-range`: sweep a hardware budget, name the best choice."""
+"""`viform design dynamic-range`: ranks the choices of a hardware budget by dynamic range."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["design_dynamic_range"]
 
 def design_dynamic_range(
     budget: Annotated[
-        str | None, typer.Argument(help="a TOML file of a budget; the built-in one when none")
+        str | None, typer.Argument(help="a TOML file of a budget; the built-in one by default")
     ] = None,
     assignments: Annotated[
         list[str] | None,
@@ -22,22 +22,22 @@ def design_dynamic_range(
     ] = None,
     top: Annotated[int, typer.Option(min=1, max=20_000, help="rows of the table")] = 12,
     measure: Annotated[
-        bool, typer.Option("--measure", help="also draw the best choice's values and measure it")
+        bool, typer.Option("--measure", help="also simulate the best choice and measure it")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of --measure")] = 1,
-    out: Annotated[Path | None, typer.Option(help="a picture, .png or .svg")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of --measure")] = 1,
+    out: Annotated[Path | None, typer.Option(help="figure to draw, .png or .svg")] = None,
     json: Json = False,
 ) -> None:
-    """Judge every choice of sensor, temperature, circuit, converter and gains; best first.
+    """Rank every choice of sensor, temperature, circuit, converter and gains by dynamic range.
 
-    Exit 1 when no choice is within the budget's limits.
+    Exit 1 if no choice is within the limits of the budget.
     """
     from cosim import InputError
     from cosim.files.whole import whole
     from scenarios.studies.design import budget_document, load_budget, to_budget
 
     if out is not None and out.suffix.lower() not in (".png", ".svg"):
-        raise InputError("--out", "a .png or .svg", str(out), "name one")
+        raise InputError("--out", "a .png or .svg", str(out), "choose such a name")
     file = load_budget(budget, assignments or ())
     document = budget_document(file.title, to_budget(file), measure=measure, seed=seed)
     if out is not None:
@@ -50,7 +50,7 @@ def design_dynamic_range(
     else:
         print(_text(document, top))
         if out is not None:
-            print(f"picture: {out}")
+            print(f"figure: {out}")
     if document["best"] is None:
         raise typer.Exit(1)
 
@@ -60,11 +60,11 @@ def _watts(row: dict[str, Any]) -> str:
 
 
 def _text(document: dict[str, Any], top: int) -> str:
-    """The document for a reader."""
+    """The document as text."""
     rows, best, limits = document["rows"], document["best"], document["constraints"]
     lines = [f"{document['title']}: {len(rows)} choices, {limits['allowed']} within the limits"]
     if best is None:
-        lines.append("no choice is within the limits; what would be best without them:")
+        lines.append("no choice is within the limits; the ranking without limits:")
     else:
         rule = best["adc_rule"]
         lines += [
@@ -73,8 +73,8 @@ def _text(document: dict[str, Any], top: int) -> str:
             f"{best['circuit_noise'] * 1e3:g} mV, analog gain {best['analog_gain']:g}, digital "
             f"gain {best['digital_gain']:g}",
             f"  dynamic range {best['dr_db']:.2f} dB: {best['saturation']:.4g} e "
-            f"({best['limited_by']}) over {best['least_signal']:.4g} e (SNR 1); the document's "
-            f"formula says {best['dr_document_db']:.2f} dB",
+            f"({best['limited_by']}) over {best['least_signal']:.4g} e (SNR 1); by the formula of "
+            f"the document {best['dr_document_db']:.2f} dB",
             "  noise, e RMS: "
             + ", ".join(f"{name} {value:.3g}" for name, value in best["noise"].items()),
             f"  converter {rule['adc_db']:.1f} dB; twice the sensor's "
@@ -82,7 +82,7 @@ def _text(document: dict[str, Any], top: int) -> str:
             f"({'holds' if rule['ratio_holds'] else 'does not hold'}), "
             f"{rule['decibels_db']:.1f} dB in decibels "
             f"({'holds' if rule['decibels_holds'] else 'does not hold'}); used: {rule['used']}",
-            f"  an output of {limits['output_bits']} bits with gamma {limits['gamma']:g} keeps "
+            f"  an output of {limits['output_bits']} bits with gamma {limits['gamma']:g} has "
             f"{best['dr_output_db']:.2f} dB",
         ]
         if "measured" in best:

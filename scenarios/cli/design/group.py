@@ -1,4 +1,4 @@
-"""`viform design`: the best of a hardware budget."""
+"""The group of commands `viform design`."""
 
 import typer
 
@@ -8,7 +8,7 @@ __all__ = ["design"]
 
 design = typer.Typer(
     name="design",
-    help="Choose hardware: dynamic range over a budget.",
+    help="Choose hardware: dynamic range within a budget.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -18,7 +18,7 @@ design = typer.Typer(
 
 @design.callback()
 def _group() -> None:
-    """A group even while it has one command."""
+    """Without a callback, typer would replace a group of one command by this command."""
 
 
 design.command("dynamic-range")(design_dynamic_range)

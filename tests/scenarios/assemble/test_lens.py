@@ -67,7 +67,7 @@ def test_a_given_f_number_is_kept_and_what_saturates_is_said(film, tmp_path):
     )
     assert result.metrics["white_rate"].value == pytest.approx(rate)
     assert result.metrics["f_number"].value == 0.7
-    assert notes.said[0] == f"what reflects more than {1 / rate:.2g} of the light saturates"
+    assert notes.said[0] == f"surfaces that reflect more than {1 / rate:.2g} of the light saturate"
     assert not any("chosen" in note for note in notes.said)
 
 

@@ -66,8 +66,8 @@ def test_waveforms_of_a_run_that_is_done_are_refused(refused, tmp_path):
     (tmp_path / "run" / "result.json").write_text(_result(name))
     command = ("run", "emccd-window", "--out", tmp_path / "run", "--resume")
     assert refused(*command, "--trace", tmp_path / "a.vcd") == (
-        "--trace must be given with a run that is not done yet, not with "
-        f"{tmp_path / 'run'}, which is; give another --out"
+        "--trace must be given with a run that is not complete, not given with "
+        f"{tmp_path / 'run'}, which is complete; give another --out"
     )
 
 

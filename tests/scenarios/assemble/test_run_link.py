@@ -230,8 +230,8 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
     assert [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()] == [
         "outcome failed", "verdict the panel is out of view: aim", "raw_bps 5 bit/s",
         "unknown ber, fer", "error unknown",
-        "left out a: at most 0.5 promised (proof), 0.25 measured",
-        "b: about 0.5 promised (estimate), unknown measured",
+        "left out a: bound 0.5 (proof), 0.25 measured",
+        "b: bound 0.5 (estimate), unknown measured",
         "run time 2 s for 500 ms of light", f"report {Path('runs') / 'report.html'}",
     ]  # fmt: skip
     print_result(result, Path("runs"), [], [], False)

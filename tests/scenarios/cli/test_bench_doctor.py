@@ -89,7 +89,7 @@ def test_doctor_names_what_is_missing_and_the_mend(
     monkeypatch.setattr(scenarios.cli.checks, "CHECKS", (lambda: missing,))
     assert _main(["doctor"]) == code
     out = capsys.readouterr().out
-    assert "no device" in out and "mend: apt-get install something" in out
+    assert "no device" in out and "remedy: apt-get install something" in out
     assert ("would not work yet" in out) == needed
 
 

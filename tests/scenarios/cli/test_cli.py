@@ -143,7 +143,7 @@ def test_output_that_has_no_place_to_go_to_ends_without_a_traceback():
 def test_a_clip_in_the_place_of_a_scenario_or_stream_is_pointed_to_film(refused, clip, tmp_path):
     line = refused("run", clip)
     assert line == (
-        f"the scenario must be a TOML file, not {clip}, which is no text; film a clip with "
+        f"the scenario must be a TOML file, not {clip}, which is not text; film a clip with "
         f"`viform run film --set scene.path={clip}`"
     )
     line = refused("image", clip, "--at", 1, "--out", tmp_path / "a.png")

@@ -88,4 +88,4 @@ def test_a_clip_whose_name_is_not_utf8_is_one_line(
     name = os.fsdecode(os.fsencode(tmp_path) + b"/clip\xff.mp4")
     assert _main(["run", "film", "--set", f"scene.path={name}", "--out", str(tmp_path / "d")]) == 2
     text = capsys.readouterr().err
-    assert text.count("\n") == 1 and "scene.path must be a file's name" in text
+    assert text.count("\n") == 1 and "scene.path must be the name of a file" in text

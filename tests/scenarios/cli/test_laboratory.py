@@ -46,7 +46,7 @@ def test_the_table_is_for_a_reader(viform):
          "not 'pinhole'; choose one"),
         (("emccd", "--figure", "a.jpg"), "--figure must be a .png or .svg, not a.jpg; name one"),
         (("emccd", "--figure", "/nowhere/a.png"), "--figure must be in a folder that exists, not "
-         "/nowhere/a.png; make the folder"),
+         "/nowhere/a.png; create the folder"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_one_line(refused, words, says):

@@ -1,1 +1,1 @@
-"""The pages of a latched camera and of a display."""
+"""The report pages of a latched camera and of a display."""

@@ -1,4 +1,4 @@
-"""The machine that a run simulated: its numbers and where they are from."""
+"""The section of a report with the parameters of the simulated machine and their sources."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["machine"]
 
 
 def machine(run: LatchedRun) -> str:
-    """A table of the chip's numbers."""
+    """HTML of the section: a table of the camera's parameters."""
     setting, scenario = run.setting, run.scenario
     chip = setting.chip
     provenance = chip.provenance()
@@ -29,7 +29,7 @@ def machine(run: LatchedRun) -> str:
     ]  # fmt: skip
     if scenario.sensor.threshold_level < chip.threshold_levels:
         level = f"{scenario.sensor.threshold_level} of {chip.threshold_levels}"
-        numbers.insert(3, ["threshold level", f"{level}, taken to be linear", "scenario"])
+        numbers.insert(3, ["threshold level", f"{level}, assumed linear", "scenario"])
     numbers += fault_rows(scenario.sensor)
     if scenario.sensor.pattern is not None and setting.pattern is not None:
         celsius = scenario.sensor.pattern.temperature

@@ -1,4 +1,4 @@
-"""The page of a run with a display: what eyes see on it and on others, before all else."""
+"""The page of a run with a display: images and figures of it and of the reference displays."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SEES = {
     "camera": "What a camera sees",
 }
 _OVERVIEW = 7
-"""Displays side by side in the overview, at most."""
+"""Maximum number of displays in the overview."""
 
 
 def _middle(images: Images) -> Images:
@@ -48,7 +48,7 @@ def _middle(images: Images) -> Images:
 
 
 def _worst_box(outcome: DisplayOutcome, observer: str) -> Box:
-    """The square in which the displays differ most from the light itself."""
+    """The square in which the displays differ most from the true light."""
     truth = _middle(outcome.images[TRUTH][observer])
     away = np.zeros_like(truth)
     for display in outcome.displays:
@@ -68,27 +68,27 @@ def _cards(run: LatchedRun, outcome: DisplayOutcome) -> str:
     spent, drive = time.perf_counter() - run.began, outcome.probes.drive
     suffix = "" if drive == "impulse" else f"_{drive}"
     frames = [name for name in outcome.displays if name.endswith(" Hz")]
-    beside = "120 Hz" if "120 Hz" in frames else next(iter(frames), None)
-    against = (
+    rival = "120 Hz" if "120 Hz" in frames else next(iter(frames), None)
+    blur = (
         ""
-        if beside is None
-        else (f"; {beside}: " + figure_of(f"ebet_ms_{metric_key(beside)}", ".2f", " ms"))
+        if rival is None
+        else (f"; {rival}: " + figure_of(f"ebet_ms_{metric_key(rival)}", ".2f", " ms"))
     )
     fidelity = (
         ""
-        if beside is None
-        else (f"; {beside}: " + figure_of(f"psnr_{metric_key(beside)}", ".1f", " dB"))
+        if rival is None
+        else (f"; {rival}: " + figure_of(f"psnr_{metric_key(rival)}", ".1f", " dB"))
     )
     rows = [
         ("first", figure_of("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET"
-         + against),
+         + blur),
         ("first", figure_of(f"latency_grey_us{suffix}", ".0f", " µs"),
-         f"from photon to photon, {drive}, mid grey; over full, impulse: "
+         f"photon-to-photon latency, {drive}, mid grey; above full scale, impulse: "
          + figure_of("latency_bright_us", ".0f", " µs")),
         ("first", figure_of("flicker_svm_spike", ".2g"),
          "SVM of the spike display; 1 is just visible"),
         ("first", figure_of("psnr_spike", ".1f", " dB"),
-         "the still eye's image against the light's"
+         "image of the still eye against that of the true light"
          + fidelity),
         ("", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
         ("", *error_card(run)),
@@ -99,8 +99,8 @@ def _cards(run: LatchedRun, outcome: DisplayOutcome) -> str:
 
 
 def _views(run: LatchedRun, outcome: DisplayOutcome, observer: str) -> str:
-    """The middle instant on every display: where they differ most, and the whole."""
-    views = {name: _middle(seen[observer]) for name, seen in outcome.images.items()}
+    """The middle instant on every display: the square in which they differ most, and the whole."""
+    views = {name: _middle(images[observer]) for name, images in outcome.images.items()}
     box = _worst_box(outcome, observer)
     parts = "".join(
         figure(enlarge(crop(for_display(image), box)), outcome.title(name), exact=True)
@@ -112,19 +112,20 @@ def _views(run: LatchedRun, outcome: DisplayOutcome, observer: str) -> str:
     )  # fmt: skip
     instant = run.setting.clock.middle(run.instants[len(run.instants) // 2]) / 1e9
     moving = (
-        f" It follows {outcome.chain.pursuit.velocity:.4g} pixels/s: what moves so is sharp where "
-        "the display keeps up, and what keeps still smears." if observer == "pursuit" else ""
+        f" The eye moves at {outcome.chain.pursuit.velocity:.4g} pixels/s: objects at that speed "
+        "are sharp if the display is fast enough, and static objects are blurred."
+        if observer == "pursuit" else ""
     )  # fmt: skip
     return (
-        f"<h2>{_SEES[observer]}</h2><p>Around {instant:.2f} ms, white of the panel as white, rows "
-        f"{box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in which the "
-        f"displays differ most.{moving} Linear pictures are in <code>images/</code>.</p>"
+        f"<h2>{_SEES[observer]}</h2><p>The images at {instant:.2f} ms; white is the white of the "
+        f"panel. Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in "
+        f"which the displays differ most.{moving} Linear images are in <code>images/</code>.</p>"
         f'<div class="grid by4">{parts}</div><div class="grid by3">{wholes}</div>'
     )
 
 
 def _overview(run: LatchedRun, outcome: DisplayOutcome) -> None:
-    """figures/overview.png: a row an eye, a column a display."""
+    """Writes figures/overview.png: one row for each eye, one column for each display."""
     names = [TRUTH, *chosen_tiles(outcome.displays, _OVERVIEW - 1)]
     rows = []
     for observer in ("eye", "pursuit"):
@@ -147,8 +148,8 @@ def _clip(outcome: DisplayOutcome, path: Path) -> str:
     motion = outcome.chain.motion
     slower = 1e12 / motion.exposure / RATE
     return (
-        f"<h2>Slow motion</h2><p>What a camera sees of each display, {slower:.0f} times slower "
-        f"than life, {motion.exposure / 1e9:.3g} ms exposed a frame (<code>glass.mp4</code>).</p>"
+        f"<h2>Slow motion</h2><p>Camera frames of each display, {slower:.0f} times slower than "
+        f"real time, {motion.exposure / 1e9:.3g} ms exposure a frame (<code>glass.mp4</code>).</p>"
         '<figure><video controls loop muted autoplay playsinline style="max-width:1000px" '
         f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
     )
@@ -158,14 +159,14 @@ def _table(outcome: DisplayOutcome) -> str:
     luminance, degree = outcome.chain.panel.luminance, outcome.chain.section.distance
     return (
         "<h2>The displays</h2>" + display_table(outcome) +
-        "<p>Blur: the time in which an edge at 4 000 pixels/s from dark to mid grey (0.18 spikes a "
-        "cycle) goes from 10 to 90 % on a pursuing eye's retina, over 0.8. Flicker: of a patch of "
-        "16 x 16 pixels of that grey; SVM and visibility (by elaTCSF, at "
-        f"{luminance:g} cd/m² white and {degree:g} pixels a degree) are seen above 1. PSNR: the "
-        "eye's image of the scene against the same eye's of the light itself, white = 1; of the "
-        "drive that this run showed. Delay: median from a step of light, dark to mid grey, to half "
-        "of it on the display. Frame displays and the projector are fed the true light, without a "
-        "camera.</p>"
+        "<p>Blur (EBET): an edge from dark to mid grey (0.18 spikes a cycle) moves at 4 000 "
+        "pixels/s; its rise time from 10 to 90 % on the retina of a pursuing eye, divided by 0.8. "
+        "Flicker: of a patch of 16 x 16 pixels of that grey; SVM and visibility (by elaTCSF, at "
+        f"{luminance:g} cd/m² white and {degree:g} pixels a degree) above 1 are visible. PSNR: the "
+        "image in the eye against the image of the true light in the same eye, white = 1; only for "
+        "the drive of this run. Delay: median time from a step of the light, from dark to mid "
+        "grey, until the display reaches half of it. Frame displays and the projector receive the "
+        "true light, without a camera.</p>"
     )  # fmt: skip
 
 
@@ -173,28 +174,30 @@ def _bands(outcome: DisplayOutcome) -> str:
     pst = ""
     if outcome.probes.pst_lm is not None:
         pst = (
-            f" PstLM of a patch of mid grey, over a minute: {outcome.probes.pst_lm:.2g} "
-            "(1 is what the EU allows lamps)."
+            f" PstLM of a patch of mid grey, over one minute: {outcome.probes.pst_lm:.2g} "
+            "(the EU limit for lamps is 1)."
         )
     return (
-        "<h2>By luminance and drive</h2><p>Dim pixels fire seldom: as pulses they flicker, held "
-        "they wait for a second spike. Steady patches of 16 x 16 pixels, the median of single "
-        "ones, and edges at each light; <i>never</i>: light that does not come to half while it is "
-        "watched. Frame displays are the same at every light, as in the table above."
+        "<h2>By luminance and drive</h2><p>Dim pixels fire rarely: with the impulse drive they "
+        "flicker; with the hold drive they wait for a second spike. The table has steady patches "
+        "of 16 x 16 pixels, the median of single pixels, and edges at each light; <i>never</i>: "
+        "the light does not reach half of the step within the observed time. The figures of frame "
+        "displays do not depend on the light; the table above has them."
         + pst
         + "</p>"
         + light_table(outcome)
-        + "<h3>What the still eye sees, by luminance</h3><p>Where the truth that the still eye sees"
-        " is so bright (white = 1), mean over the instants: PSNR (peak 1) and SSIM, then the "
-        "error's mean and RMS relative to the light there.</p>" + "<br>".join(band_tables(outcome))
+        + "<h3>What the still eye sees, by luminance</h3><p>Pixels are grouped by the true "
+        "luminance in the still eye (white = 1); mean over the instants: PSNR (peak 1) and SSIM, "
+        "then mean and RMS of the error relative to that luminance.</p>"
+        + "<br>".join(band_tables(outcome))
     )
 
 
 def _waves(run: LatchedRun, outcome: DisplayOutcome) -> str:
     path = run.folder / "figures" / "waves.png"
-    said = wave_figure(run, outcome, path)
+    caption = wave_figure(run, outcome, path)
     return (
-        f"<h2>Light of single pixels</h2><p>{html.escape(said)}</p>"
+        f"<h2>Light of single pixels</h2><p>{html.escape(caption)}</p>"
         + plot(path, "light of single pixels on every display")
     )  # fmt: skip
 
@@ -203,12 +206,12 @@ def _delays(run: LatchedRun, outcome: DisplayOutcome) -> str:
     path = run.folder / "figures" / "latency.png"
     latency_figure(outcome, path)
     return (
-        "<h2>From photon to photon</h2><p>How long after a step of light a display's light passes "
-        "half of it, over all phases of the clock and all rows: mean of each part (bars), median "
-        "and 5 to 95 % of the whole (lines); what runs out of the frame has its median beside it. "
-        "Interval: until the pixel fires, or for a frame until the next one. Readout: until its "
-        "row is driven. Hold: until the light passes half; a panel that holds intervals waits for "
-        "a second spike.</p>" + plot(path, "latency by stage")
+        "<h2>From photon to photon</h2><p>The time from a step of the light until the light of the "
+        "display crosses half of the step, over all phases of the clock and all rows: mean of each "
+        "part (bars), median and 5 to 95 % of the total (lines); a median outside the frame is "
+        "written as a number. Interval: until the pixel fires, or, for a frame display, until the "
+        "next frame. Readout: until the row is driven. Hold: until the light crosses half; a panel "
+        "that holds intervals waits for a second spike.</p>" + plot(path, "latency by stage")
     )
 
 
@@ -224,7 +227,7 @@ def _subtitle(run: LatchedRun, outcome: DisplayOutcome) -> str:
 def display_page(run: LatchedRun) -> Page:
     """The page of a run with a display; writes its figures and glass.mp4."""
     outcome: Any = run.display
-    with ThreadPoolExecutor(1) as pool:  # figures are drawn while the clip is coded
+    with ThreadPoolExecutor(1) as pool:  # the clip is encoded while figures are drawn
         coding = pool.submit(_write_clip, run, outcome)
         _overview(run, outcome)
         body = [

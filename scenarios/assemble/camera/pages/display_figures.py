@@ -1,4 +1,4 @@
-"""Figures of a display's page."""
+"""The figures on the page of a display."""
 
 from __future__ import annotations
 
@@ -17,13 +17,19 @@ __all__ = ["latency_figure", "wave_figure"]
 
 _COLOURS = ("#2f6db5", "#74a7dd", "#c8ccd4", "#f2b36b")
 WINDOW = 25 * 10**9
-"""Picoseconds shown, at most."""
+"""Maximum length of the plotted window, ps."""
 SAMPLES = 2000
+"""Number of samples in the plotted window."""
 
 
 def _places(levels: Any, waves: Any) -> list[int]:
-    """Of the pixels whose light was kept: the one that changes most on all displays together, and
-    the dimmest that is lit and still. levels: the light itself. waves: of each display."""
+    """Two of the recorded pixels: the one whose light changes most on all displays together, and
+    the dimmest one with constant light above zero.
+
+    Args:
+        levels: true light, white = 1, (samples, pixels).
+        waves: light of each display, of the same shape.
+    """
     change = np.ptp(levels, axis=0)
     waving = sum(np.minimum(np.ptp(wave, axis=0), 1.0) for wave in waves)
     moving = int(np.argmax(np.where(change > 1e-3, waving, 0.0)))
@@ -32,8 +38,8 @@ def _places(levels: Any, waves: Any) -> list[int]:
 
 
 def wave_figure(run: Any, outcome: DisplayOutcome, path: Path) -> str:
-    """Writes the light of two pixels over time on every display, beside the light itself; what to
-    say of it."""
+    """Writes the light of two pixels over time on every display, with the true light; returns the
+    caption."""
     chain, clock = outcome.chain, run.setting.clock
     end = clock.edge(run.stream.cycles)
     first = max(end // 2 - WINDOW // 2, 0)
@@ -77,13 +83,14 @@ def wave_figure(run: Any, outcome: DisplayOutcome, path: Path) -> str:
     figure.savefig(path, dpi=110)
     plt.close(figure)
     return (
-        "What each display emits at two pixels of the picture (blue), and the light itself there "
-        "(line), white = 1. What is taller than the frame is cut."
+        "Light that each display emits at two pixels of the image (blue) and the true light there "
+        "(line), white = 1. Values above the frame are cut off."
     )
 
 
 def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
-    """Writes delays by stage: a panel a light, a bar a display, out of the dark."""
+    """Writes the latencies by stage, for a step out of the dark: one plot for each light, one bar
+    for each display."""
     rows_on = [row for row in outcome.probes.latency if row.way == "rise"]
     rates = list(dict.fromkeys(row.rate for row in rows_on))
     plt = pyplot()

@@ -1,4 +1,4 @@
-"""Tables of a display's page."""
+"""The tables on the page of a display."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ __all__ = [
     "percent",
 ]
 
-_LIGHTS = {"sparse": "0.15 % density", "grey": "mid grey", "bright": "over full"}
+_LIGHTS = {"sparse": "0.15 % density", "grey": "mid grey", "bright": "above full scale"}
 
 
 def number(value: float | None, digits: str = ".3g", unit: str = "", none: str = "") -> str:
-    """A figure as a table has it; `none` where there is none."""
+    """Text of a figure; `none` for None and NaN."""
     if value is None or math.isnan(value):
         return none
     return "exact" if math.isinf(value) else f"{value:{digits}}{unit}"
 
 
 def percent(value: float, sign: str = "") -> str:
-    """A share as a reader has it; nothing for NaN."""
+    """Text of a percentage; "" for NaN."""
     if math.isnan(value):
         return ""
     digits = ".0f" if abs(value) >= 9.5 else ".1f" if abs(value) >= 0.05 else ".0f"
@@ -40,11 +40,12 @@ def percent(value: float, sign: str = "") -> str:
 
 
 def _kinds(outcome: DisplayOutcome) -> list[tuple[str, str, str]]:
-    """(display, drive, title) of every row: the spike display in each drive, its own first."""
+    """(display, drive, title) of every row: the spike display with each drive, first that of the
+    run, then the other displays."""
     probes = outcome.probes
     drives = [row.drive for row in probes.flicker if row.display == SPIKE]
-    own = sorted(dict.fromkeys(drives), key=lambda drive: drive != probes.drive)
-    kinds = [(SPIKE, drive, f"spikes, {drive}") for drive in own]
+    ordered = sorted(dict.fromkeys(drives), key=lambda drive: drive != probes.drive)
+    kinds = [(SPIKE, drive, f"spikes, {drive}") for drive in ordered]
     return kinds + [(n, "", outcome.title(n)) for n in outcome.displays if n != SPIKE]
 
 
@@ -75,15 +76,15 @@ def _latency(outcome: DisplayOutcome, display: str, drive: str, rate: float, way
 
 
 def _time(us: float) -> str:
-    """Microseconds as a reader has them."""
+    """Text of a time, in µs or ms; "never" for NaN."""
     if math.isnan(us):
         return "never"
     return f"{us / 1e3:.3g} ms" if us >= 1000 else f"{us:.3g} µs"
 
 
 def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
-    """A row for each display: its name, EBET, SVM, percent flicker, visibility, PSNR of the still
-    and the pursuing eye, median delay of mid grey. PSNR is of what the run showed."""
+    """A row for each display: name, EBET, SVM, percent flicker, visibility, PSNR of the still and
+    of the pursuing eye, median delay of mid grey. PSNR exists only for the drive of the run."""
     rows = []
     for display, drive, title in _kinds(outcome):
         views = ["", ""]
@@ -103,7 +104,7 @@ def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
 
 
 def display_table(outcome: DisplayOutcome) -> str:
-    """The table at the top."""
+    """HTML of the table of all displays."""
     head = [
         "display", "blur (EBET)", "flicker (SVM)", "percent flicker", "visibility",
         "PSNR, still eye", "PSNR, pursuing eye", "delay",
@@ -112,7 +113,7 @@ def display_table(outcome: DisplayOutcome) -> str:
 
 
 def display_lines(outcome: DisplayOutcome) -> list[str]:
-    """The same for a terminal: blur, flicker, PSNR of both eyes, delay."""
+    """The same table for a terminal: blur, flicker, PSNR of both eyes, delay."""
     head = ["display", "EBET", "SVM", "PSNR still", "pursuing", "delay"]
     rows = [[row[k] or "-" for k in (0, 1, 2, 5, 6, 7)] for row in display_rows(outcome)]
     wide = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
@@ -124,7 +125,7 @@ def display_lines(outcome: DisplayOutcome) -> list[str]:
 
 
 def light_table(outcome: DisplayOutcome) -> str:
-    """By luminance and drive: what pulses, holds and decays cost where light is scarce."""
+    """HTML of the table of flicker, blur and delay by luminance and drive."""
     head = [
         "light, spikes a cycle", "display", "flicker (SVM)", "percent flicker", "visibility",
         "IEEE 1789", "single pixel (SVM)", "its IEEE 1789", "blur out of the dark", "delay on",
@@ -153,19 +154,19 @@ def light_table(outcome: DisplayOutcome) -> str:
 
 
 def band_tables(outcome: DisplayOutcome) -> tuple[str, str]:
-    """Fidelity by luminance, a row for each band and a column for each display: PSNR and SSIM; the
-    error's mean and RMS."""
+    """HTML of two tables of fidelity by luminance, with a row for each band and a column for each
+    display: PSNR and SSIM; mean and RMS of the error."""
     fidelity = {name: outcome.fidelity_of(name, "eye") for name in outcome.displays}
     some = next(iter(fidelity.values()))
     head = ["luminance", "of all pixels", *(outcome.title(name) for name in fidelity)]
-    alike, away = [], []
+    similarity, errors = [], []
     for n, band in enumerate(some.bands):
         row = [f"{band.low:g} to {band.high:g}", f"{band.share:.1%}"]
         bands = [one.bands[n] for one in fidelity.values()]
-        alike.append([
+        similarity.append([
             *row, *(f"{number(b.psnr, '.1f', ' dB')}, {number(b.ssim, '.3f')}" for b in bands)
         ])  # fmt: skip
-        away.append([
+        errors.append([
             *row, *(f"{percent(100 * b.bias, '+')}, {percent(100 * b.spread)}" for b in bands)
         ])  # fmt: skip
-    return table(head, alike), table(head, away)
+    return table(head, similarity), table(head, errors)

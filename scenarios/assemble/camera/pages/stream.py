@@ -1,4 +1,4 @@
-"""The page: what the run made, how good it is, how long it took, what it left out."""
+"""The page of a run without a display: images, their fidelity, run time, and the plan."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["stream_page"]
 _WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
 _CLIP_FRAMES = 75
 _LONG = 800
-"""Cycles of a long exposure, as Huang 2022, figures 3 and 4 accumulate."""
+"""Length of a long exposure, cycles, as in figures 3 and 4 of Huang 2022."""
 
 
 def _cards(run: LatchedRun) -> str:
@@ -58,7 +58,7 @@ def _cards(run: LatchedRun) -> str:
         ("first", *left_out_card(run)),
         fidelity("tfp"),
         fidelity("tfi"),
-        ("", metric("spike_rate", ".3f"), "spikes a pixel and cycle, mean"),
+        ("", metric("spike_rate", ".3f"), "spikes per pixel and cycle, mean"),
     ]
     return cards(rows)
 
@@ -67,9 +67,9 @@ def _instants(run: LatchedRun) -> str:
     window, ms = run.scenario.image.window, 1e3 / run.stream.clock.hz
     parts = [
         "<h2>Images at chosen instants</h2>",
-        f"<p>True light of the instant, TFP (mean of {window} cycles) and TFI (1/ISI of the "
-        "interval that holds the instant). White is white of the scene; shown through the sRGB "
-        "curve. The linear pictures are in <code>images/</code>.</p>",
+        f"<p>True light at the instant, TFP (mean of {window} cycles) and TFI (1/ISI of the "
+        "interval that contains the instant). White is the white of the scene; the images have "
+        "the sRGB curve. Linear images are in <code>images/</code>.</p>",
     ]
     for shot in run.shots:
         parts.append(
@@ -93,15 +93,21 @@ def _accumulation(run: LatchedRun) -> str:
         for w in fitting
     )
     return (
-        "<h2>Accumulation</h2><p>The first cycles of the stream, more and more of them: single "
-        "spikes become a picture, and what moves blurs (after figure 3 of Huang 2022).</p>"
+        "<h2>Accumulation</h2><p>Sums of the first cycles of the stream over growing windows: "
+        "single spikes become an image, and moving objects blur (after figure 3 of Huang 2022).</p>"
         f'<div class="grid by3">{pictures}</div>'
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Long:
-    """A long exposure: its first cycle, its cycles, and its picture, (H, W) uint8."""
+    """A long exposure.
+
+    Attributes:
+        first: first cycle.
+        cycles: number of cycles.
+        image: accumulated image, (H, W) uint8.
+    """
 
     first: int
     cycles: int
@@ -113,7 +119,7 @@ class _Long:
 
 
 def _expose_long(run: LatchedRun, shot: Shot) -> _Long:
-    """A long exposure with the instant in its middle."""
+    """A long exposure centred at the instant, within the run."""
     cycles = min(_LONG, run.stream.cycles)
     first = min(max(shot.cycle - cycles // 2, 0), run.stream.cycles - cycles)
     return _Long(first, cycles, accumulation(run.stream, cycles, run.white_rate, first))
@@ -125,12 +131,12 @@ def _long_and_instant(shot: Shot, long: _Long) -> str:
     spread = (tau - np.float32(low)) / np.float32(max(high - low, 1))
     pictures = (
         figure(long.image, long.name)
-        + figure(tau, f"255 − τ at cycle {shot.cycle}, as the paper shows it")
-        + figure(to_linear_bytes(spread), f"the same, {low} to {high} spread from black to white")
+        + figure(tau, f"255 − τ at cycle {shot.cycle}, as in the paper")
+        + figure(to_linear_bytes(spread), f"the same, {low} to {high} mapped to black to white")
     )
     return (
-        "<h2>Long exposure and one instant</h2><p>The same stream as a conventional exposure sees "
-        "it, and at one instant by interval length, 255 − τ (after figure 4 of Huang 2022).</p>"
+        "<h2>Long exposure and one instant</h2><p>The same stream accumulated as in a conventional "
+        "exposure, and one instant by interval length, 255 − τ (after figure 4 of Huang 2022).</p>"
         f'<div class="grid by3">{pictures}</div>'
     )
 
@@ -140,7 +146,7 @@ def _moving_part(run: LatchedRun, shot: Shot, long: _Long) -> str:
     truths = np.stack([each.truth for each in run.shots])
     change = truths.max(axis=0) - truths.min(axis=0)
     if float(change.max()) < 0.02:
-        return f"{title}<p>Nothing moves from image to image of this run.</p>"
+        return f"{title}<p>The images of this run show no motion.</p>"
     box = busiest_box(change, max(64, min(run.stream.shape) // 4))
 
     def part(plane: Levels) -> Any:
@@ -156,7 +162,7 @@ def _moving_part(run: LatchedRun, shot: Shot, long: _Long) -> str:
     )
     return (
         f"{title}<p>Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in "
-        "which the truth changes most from image to image.</p>"
+        "which the true light changes most between the images.</p>"
         f'<div class="grid by4">{pictures}</div>'
     )
 
@@ -171,7 +177,7 @@ def _playback(run: LatchedRun) -> str:
     slower = 25.0 * every / run.stream.clock.hz
     return (
         f"<h2>Playback</h2><p>TFP every {f'{every} cycles' if every > 1 else 'cycle'}, "
-        f"{1 / slower:.0f} times slower than life (<code>playback.mp4</code>).</p>"
+        f"{1 / slower:.0f} times slower than real time (<code>playback.mp4</code>).</p>"
         f'<figure><video controls loop muted autoplay playsinline style="max-width:720px" '
         f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
     )
@@ -180,7 +186,7 @@ def _playback(run: LatchedRun) -> str:
 def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     points = run.source.points()
     clock, knots = run.stream.clock, 120
-    # More cycles than the figure has dots for would draw patterns that are not there.
+    # More cycles than the figure has dots would cause aliasing.
     span = (long.first, long.first + long.cycles)
     start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
     columns = [run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)]
@@ -193,8 +199,9 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     write_png(figures / "pixels.png", marks)
     marked = figure(marks, f"the pixels, on TFP at cycle {shot.cycle}")
     return (
-        "<h2>Intervals of single pixels</h2><p>Each bar is one interval: as wide as it lasted, as "
-        "high as the light it tells, its area one threshold (after figure 5 of Huang 2022).</p>"
+        "<h2>Intervals of single pixels</h2><p>Each bar is one interval: its width is its "
+        "duration, its height the estimated light, its area one threshold (after figure 5 of "
+        "Huang 2022).</p>"
         + plot(figures / "intervals.png", "interval plots")
         + f'<div class="grid by2" style="margin-top:10px">{marked}</div>'
     )
@@ -203,26 +210,26 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
 def _size(run: LatchedRun) -> str:
     if run.sizes is None:
         return ""
-    head = ["form", "bits a pixel and cycle", "times smaller than raw"]
+    head = ["form", "bits per pixel and cycle", "compression ratio against raw"]
     rows = table(head, size_rows(run.sizes))
     return f"<h2>Size of the stream</h2><p>{html.escape(size_text(run.sizes))}</p>{rows}"
 
 
 def _overview(run: LatchedRun, shot: Shot, long: _Long) -> None:
-    """figures/overview.png: the truth, both estimates and a long accumulation."""
+    """Writes figures/overview.png: the true light, both estimates and a long exposure."""
     ms = 1e3 / run.stream.clock.hz
     panels = [
         (f"true light at {(shot.cycle + 0.5) * ms:.2f} ms", for_display(shot.truth)),
         (f"TFP, {run.scenario.image.window} cycles", for_display(shot.tfp)),
         ("TFI, one interval", for_display(shot.tfi)),
-        (f"{long.cycles * ms:.3g} ms around it accumulated", long.image),
+        (f"accumulated over {long.cycles * ms:.3g} ms", long.image),
     ]
     overview_figure(panels, run.folder / "figures" / "overview.png")
 
 
 def _sheet(run: LatchedRun) -> None:
-    """figures/instants.png: the truth and both estimates at every instant, side by side (after
-    figure 6 of Huang 2022); at most eight of them."""
+    """Writes figures/instants.png: the true light and both estimates at up to eight instants (after
+    figure 6 of Huang 2022)."""
     step = -(-len(run.shots) // 8)
     shots, ms = run.shots[::step], 1e3 / run.stream.clock.hz
     rows = [
@@ -270,7 +277,7 @@ def stream_page(run: LatchedRun) -> Page:
         f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles"
     )
     does = (
-        "<p>The first line makes one of the linear images from the stream, the second the whole "
-        f"run: the same bits {where}.</p>"
+        "<p>The first line reproduces one of the linear images from the stream, the second the "
+        f"whole run, with the same bits {where}.</p>"
     )
     return Page(run.scenario.title, subtitle, _cards(run), pictures, [image], does, files)

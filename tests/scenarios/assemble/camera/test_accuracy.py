@@ -74,7 +74,7 @@ def test_the_command_prints_one_document(viform, monkeypatch, document):
 def test_a_reader_gets_a_table(viform, monkeypatch, document):
     monkeypatch.setattr("scenarios.assemble.camera.study.accuracy", lambda *_: document)
     code, out, _ = viform("accuracy", "star")
-    assert code == 0 and "times faster" in out and "shot noise" in out
+    assert code == 0 and "speed-up" in out and "shot noise" in out
 
 
 def test_the_continuous_readout_is_refused_in_one_line(refused):

@@ -101,13 +101,13 @@ def test_a_stream_that_the_sink_does_not_hold_is_refused(refused, tmp_path) -> N
         "run", "step", "--set", "sensor.chip=spikeone", "--set", "display.sink=serial:virtual",
         "--out", tmp_path / "run",
     )  # fmt: skip
-    assert "of 32 x 32 pixels, which the virtual board has, not of 400 x 250" in said
+    assert "of 32 x 32 pixels, the size of the virtual board, not of 400 x 250" in said
 
 
 @pytest.mark.parametrize("command", ["plan", "accuracy"])
 def test_only_a_run_has_a_board(refused, command) -> None:
     said = refused(command, "step", "--set", "sensor.source=serial:virtual")
-    assert "sensor.source must be absent but for viform run" in said
+    assert "sensor.source must be absent except for viform run" in said
 
 
 def test_a_link_has_no_board_for_its_sensor(refused) -> None:

@@ -113,7 +113,7 @@ def test_camera_and_display_share_one_tolerance(glass):
     for tolerance in (1e-3, 3e-2, 0.3):
         plan = made.plan(tolerance)
         total = sum(plan.plan.promise[n] for n in plan.plan.left_out)
-        assert np.all(total + plan.own <= tolerance / 2)
+        assert np.all(total + plan.tier_error <= tolerance / 2)
     alone = plan_run(made.seen, made.setting, 0.0, made.instants, None)
     both = made.plan(0.0)
     assert alone.display is None and alone.full_display is None
@@ -179,7 +179,7 @@ def test_a_plan_says_which_planes_are_rendered(viform, glass):
     sets = ("--device", "numba", "--set", "duration=5 ms", "--set", "image.at=[100]")
     code, out, _ = viform("plan", str(glass), *sets)
     assert code == 0
-    assert "only the planes an observer can resolve are rendered: spans of 8" in out
+    assert "planes are rendered at the resolution of the observer: spans of 8" in out
     assert "planes within 8" in out and "of the radiance in the worst tile" in out
 
 

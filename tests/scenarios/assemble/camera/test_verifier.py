@@ -56,11 +56,11 @@ def test_a_false_bound_is_caught_named_and_put_back(film, tmp_path, monkeypatch,
     )  # fmt: skip
     assert name in result.document()["plan"]["kept"]
     assert name not in {row["effect"] for row in result.left_out}
-    start = f"the run is done again with {name} kept: leaving it out changed up to "
+    start = f"the run is repeated with {name} kept: its absence changes up to "
     assert sum(note.startswith(start) for note in told.notes) == 1
     assert result.error.ci[1] <= result.tolerance and result.outcome == "ok"
     page = (folder / "report.html").read_text()
-    assert start in page and "<h3>Put back</h3>" in page and "put back</td>" in page
+    assert start in page and "<h3>Reinstated effects</h3>" in page and "reinstated</td>" in page
     assert not (folder / "put_back.json").exists()
 
 
