@@ -33,7 +33,7 @@ def laboratory(
     if camera not in CAMERAS:
         raise InputError("CAMERA", f"one of {', '.join(CAMERAS)}", repr(camera), "choose one")
     if figure is not None and figure.suffix.lower() not in (".png", ".svg"):
-        raise InputError("--figure", "a .png or .svg", str(figure), "choose such a name")
+        raise InputError("--figure", "a .png or .svg", str(figure), "choose one")
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
     chosen = CAMERAS[camera]

@@ -1,4 +1,4 @@
-"""The report of a run: one HTML file, no network, pictures first."""
+"""The report of a run: one HTML file without references to the network."""
 
 from scenarios.report.frame import write_report
 

@@ -1,4 +1,4 @@
-"""The frame of every report page: what stands above and below a machine's own sections."""
+"""The frame of every report: the parts before and after the sections of a machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["write_report"]
 
 
 def write_report(machine: Machine, run: Run) -> list[str]:
-    """Writes figures and report.html into the run's folder; their names."""
+    """Writes figures and report.html into the folder of the run; returns their names."""
     begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)
     page = machine.page(run)

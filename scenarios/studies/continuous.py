@@ -1,7 +1,7 @@
-"""`viform bench continuous`: continuous photographing beside spikes, on small scenes.
+"""`viform bench continuous`: compares continuous photographing with spikes on small scenes.
 
-The table and the figure of docs/continuous.md. Both sensors see the same light, with shot noise,
-on the same pixels; white makes 0.6 spikes a cycle.
+It generates the table and the figure of docs/continuous.md. Both sensors have the same pixels and
+the same light, with shot noise; white gives 0.6 spikes a cycle.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ THRESHOLD, WHITE_RATE, WINDOW = 1000.0, 0.6, 41
 CYCLES, WARM = 2560, 512
 BLOCK = 64
 DRAWN = 8
-"""Cycles between two points of the figure's curves."""
+"""Number of cycles between two points of the curves in the figure."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One sensor before one scene.
+    """The figures of one sensor for one scene.
 
     Attributes:
-        scene, sensor: names.
-        reports: spikes or reports per pixel and second.
-        bits: per pixel and second.
-        psnr: dB, mean over five instants, white = 1.
+        scene, sensor: names of the scene and of the sensor.
+        reports: rate of spikes or reports per pixel, 1/s.
+        bits: data rate per pixel, bit/s.
+        psnr: mean PSNR over five instants, white = 1, dB.
     """
 
     scene: str
@@ -69,7 +69,7 @@ def _camera(shape: tuple[int, int], seed: int = 1) -> CameraSetting:
 
 
 def _white(camera: CameraSetting) -> float:
-    """Lux on the pixel at which white fires as it should."""
+    """Illuminance on the pixel at which white fires at WHITE_RATE, lux."""
     return WHITE_RATE / camera.rate(1.0)
 
 
@@ -82,15 +82,15 @@ def _sources(shape: tuple[int, int], lux: float) -> dict[str, Source]:
 
 
 def _run(sensor: Any, source: Source) -> list[Any]:
-    """What a sensor makes of each block."""
-    made = []
+    """The output of a sensor for each block."""
+    outputs = []
     for start in range(0, CYCLES, BLOCK):
         light = source.step(None, Block(start, BLOCK))
         if isinstance(sensor, SpikeCamera):
-            made.append(sensor.step(light, Block(start, BLOCK)))
+            outputs.append(sensor.step(light, Block(start, BLOCK)))
         else:
-            made.append(sensor.step(light, CLOCK.edge(start), CLOCK.edge(start + BLOCK)))
-    return made
+            outputs.append(sensor.step(light, CLOCK.edge(start), CLOCK.edge(start + BLOCK)))
+    return outputs
 
 
 def _instants() -> list[int]:
@@ -98,7 +98,7 @@ def _instants() -> list[int]:
 
 
 def _fidelity(source: Source, image: Any) -> float:
-    """Mean PSNR of image(cycle), white = 1, over the instants."""
+    """Mean PSNR of `image(cycle)` over the instants, white = 1, dB."""
     return float(np.mean([psnr(image(n), source.truth(CLOCK.middle(n))) for n in _instants()]))
 
 
@@ -107,9 +107,14 @@ def compare(
     scenes: tuple[str, ...] = ("step", "wave"),
     device: Device | None = None,
 ) -> list[Row]:
-    """Both sensors on each scene: spikes read as TFP and TFI, and continuous photographing with
-    its defaults and with one key changed at a time. device: of the spike camera, None for numba;
-    the rows are the same."""
+    """Compares both sensors on each scene: spikes, reconstructed by TFP and TFI, and continuous
+    photographing with its defaults and with one key changed at a time.
+
+    Args:
+        shape: (height, width) of the array, pixels.
+        scenes: names of the scenes.
+        device: OpenCL device of the spike camera, None for numba. It does not change the rows.
+    """
     camera = _camera(shape)
     white = WHITE_RATE * THRESHOLD * CLOCK.hz  # electrons a second
     sections = {
@@ -135,21 +140,22 @@ def compare(
             quality = _fidelity(source, lambda n, i=image: to_white(i(n), WHITE_RATE))
             rows.append(Row(name, method, spikes, CLOCK.hz, quality))
         for title, section in sections.items():
-            made = continuous_setting(section, camera)
-            reports = join_intensities(_run(ContinuousCamera(made), source))
+            setting = continuous_setting(section, camera)
+            reports = join_intensities(_run(ContinuousCamera(setting), source))
             rate = len(reports) / pixels / seconds
             quality = _fidelity(
                 source, lambda n, r=reports: np.clip(intensity_image(r, n) / white, 0, 1)
             )
-            rows.append(Row(name, title, rate, rate * made.report_bits, quality))
+            rows.append(Row(name, title, rate, rate * setting.report_bits, quality))
     return rows
 
 
 def _course(tick: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-    """The figure's light at ticks, white = 1: steady, a jump, a swell, a fall into the dark."""
+    """The light of the figure at ticks, white = 1: constant, a step up, a sine, a step into the
+    dark."""
     t = tick / CLOCK.hz * 1e3
-    swell = 0.5 + 0.35 * np.sin(2 * np.pi * (t - 20) / 12)
-    light = np.where(t < 8, 0.2, np.where(t < 20, 0.5, np.where(t < 44, swell, 0.06)))
+    sine = 0.5 + 0.35 * np.sin(2 * np.pi * (t - 20) / 12)
+    light = np.where(t < 8, 0.2, np.where(t < 20, 0.5, np.where(t < 44, sine, 0.06)))
     return np.asarray(light, np.float64)
 
 
@@ -161,8 +167,8 @@ PANELS: tuple[tuple[str, dict[str, Any]], ...] = (
 
 
 def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
-    """One pixel's photocurrent, the current that its monitor sees and what it reports, for each of
-    `PANELS`; their reports."""
+    """Draws the photocurrent of a pixel, the current at its monitor, and its reports, for each of
+    `PANELS`; returns the reports."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -177,20 +183,20 @@ def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
         for plane in [np.full((1, 1), _course(np.array(n)) * _white(camera), np.float32)]
     ]
     figure, axes = plt.subplots(len(PANELS), 1, figsize=(9, 7.6), sharex=True, sharey=True)
-    ms, found = 1e3 / CLOCK.hz, []
+    ms, all_reports = 1e3 / CLOCK.hz, []
     for axis, (title, keys) in zip(axes, PANELS, strict=True):
         sensor = ContinuousCamera(
             continuous_setting(ContinuousSection.model_validate(keys), camera)
         )
-        parts, seen = [], []
+        parts, currents = [], []
         for light in lights:
             parts.append(sensor.step(light, light.pieces[0].start, light.pieces[0].stop))
-            seen.append(sensor.state()["current"][0])
+            currents.append(sensor.state()["current"][0])
         reports = join_intensities(parts)
-        found.append(reports)
+        all_reports.append(reports)
         axis.plot(
-            (ticks + DRAWN) * ms, np.array(seen) / white, color="#9db4d8", linewidth=3,
-            label="monitor's current",
+            (ticks + DRAWN) * ms, np.array(currents) / white, color="#9db4d8", linewidth=3,
+            label="current at the monitor",
         )  # fmt: skip
         axis.step(
             ticks * ms, _course(ticks), where="post", color="#1d2433", linewidth=1,
@@ -210,13 +216,13 @@ def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
     figure.tight_layout()
     figure.savefig(path, dpi=110, format="png")
     plt.close(figure)
-    return found
+    return all_reports
 
 
 def markdown(rows: list[Row]) -> str:
-    """The rows as a table."""
+    """The rows as a Markdown table."""
     lines = [
-        "| scene | sensor | reports/s a pixel | bits/s a pixel | PSNR, dB |",
+        "| scene | sensor | reports/s per pixel | bits/s per pixel | PSNR, dB |",
         "|---|---|---|---|---|",
     ]
     lines += [

@@ -37,7 +37,7 @@ def design_dynamic_range(
     from scenarios.studies.design import budget_document, load_budget, to_budget
 
     if out is not None and out.suffix.lower() not in (".png", ".svg"):
-        raise InputError("--out", "a .png or .svg", str(out), "choose such a name")
+        raise InputError("--out", "a .png or .svg", str(out), "choose one")
     file = load_budget(budget, assignments or ())
     document = budget_document(file.title, to_budget(file), measure=measure, seed=seed)
     if out is not None:

@@ -1,4 +1,4 @@
-"""One scene before all imagers, the spike camera among them, measured side by side."""
+"""Comparison of all imagers, including the spike camera, for one scene."""
 
 from scenarios.studies.compare.run import run_compare
 from scenarios.studies.compare.setting import load_comparison

@@ -1,4 +1,4 @@
-"""A frame imager of a comparison: filmed, and its figures taken from its frames."""
+"""A frame imager in a comparison: its simulation, and the figures measured on its frames."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ __all__ = ["film_frames"]
 def film_frames(
     scenario: ImagerScenario, comparison: Comparison, view: View, motion: Motion, white: float
 ) -> Camera:
-    """Films the scene with one imager and measures its frames.
+    """Simulates one imager before the scene and measures its frames.
 
     Args:
-        scenario: of the imager.
-        comparison: how its frames are read.
-        view: the scene on `SHAPE`.
+        scenario: scenario of the imager.
+        comparison: properties of the imager for the comparison.
+        view: the scene on the pixels of `SHAPE`.
         motion: the scene around the instant.
-        white: illuminance of reflectance 1 on the plane, lux.
+        white: illuminance of reflectance 1 on the pixels, lux.
     """
     begin = time.perf_counter()
     truth, instant = motion.truth, motion.instant
@@ -49,12 +49,12 @@ def film_frames(
     if model.shape != SHAPE:
         corner = ((model.shape[0] - SHAPE[0]) // 2, (model.shape[1] - SHAPE[1]) // 2)
         placed = Placed(light, model.shape, corner)
-    kept = frozenset(imager.pixels.effects)
-    footage = film_at(imager, placed, light, instant, scenario.seed, kept)
+    effects = frozenset(imager.pixels.effects)
+    footage = film_at(imager, placed, light, instant, scenario.seed, effects)
     frames = _Frames(scenario, comparison, model.make().pixels, footage, corner, white)
     image = frames.estimate(footage.frame)
     corrected = frames.without_smear(footage.frame, imager)
-    # The still frames are of the scene's first instant.
+    # The still frames have the first instant of the scene.
     first, now = truth(0), truth(instant)
     quiet = np.ones(SHAPE, bool)
     still = motion.moving() is None
@@ -89,8 +89,8 @@ def film_frames(
         "saturated": Figure(clipped, "1"),
         "off": Figure((middle(footage.frame) - footage.offset - instant) * 1e-9, "ms"),
     }
-    notes = [] if footage.rested else ["its exposure hunts and never rests"]
-    notes += ["nothing moves: blur of what stands still"] if still else []
+    notes = [] if footage.settled else ["its exposure oscillates and does not settle"]
+    notes += ["no motion: blur of the static scene"] if still else []
     notes += [comparison.note]
     return Camera(
         kind, comparison.title, frames.setting(), "; ".join(n for n in notes if n),
@@ -99,14 +99,14 @@ def film_frames(
 
 
 class _Frames:
-    """Reads an imager's frames.
+    """Reads the frames of an imager.
 
     Args:
         scenario, comparison: see `film_frames`.
-        pixels: of the imager as it is switched on.
-        footage: what it has filmed.
-        corner: row and column of the scene on its plane.
-        white: illuminance of reflectance 1 on the plane, lux.
+        pixels: pixels of the imager in its state at power-on.
+        footage: recorded frames.
+        corner: (row, column) of the scene's first pixel on the imager.
+        white: illuminance of reflectance 1 on the pixels, lux.
     """
 
     def __init__(
@@ -125,10 +125,10 @@ class _Frames:
         black = self._dark(scenario.seed)
         pedestal = comparison.pedestal(self._section)
         self._black = black if pedestal is None else pedestal
-        self._taken = 0.0 if pedestal is None else black
+        self._subtracted = 0.0 if pedestal is None else black
 
     def _dark(self, seed: int) -> float:
-        """Mean of a frame of this exposure without light: what a user would take off."""
+        """Mean of a frame of this exposure without light, DN: the offset that a user subtracts."""
         high, wide = self.pixels.shape
         none = Exposed(
             np.zeros((high, wide)), np.full(high, self.seconds), np.zeros(high), 0, 2**20
@@ -142,26 +142,26 @@ class _Frames:
         return slice(start, start + SHAPE[0])
 
     def values(self, frame: Frame) -> npt.NDArray[np.float64]:
-        """DN of the scene's part of a frame."""
+        """The part of a frame that has the scene, DN."""
         part = frame.values[self._rows(frame), self._left : self._left + SHAPE[1]]
         return part.astype(np.float64)
 
     def ceiling(self, full: int) -> float:
-        """DN from which a value counts as saturated: what the darks took is missing."""
-        return full - self._taken - 0.02 * full
+        """Lowest saturated value, DN: `full` less the subtracted dark frame, less 2 %."""
+        return full - self._subtracted - 0.02 * full
 
     def estimate(self, frame: Frame) -> npt.NDArray[np.float64]:
-        """Reflectance by the pixels' closed form, not clipped."""
+        """Reflectance by the closed form of the pixels, not clipped."""
         return (self.values(frame) - self._black) / self._white_step(frame)
 
     def _white_step(self, frame: Frame) -> float:
-        """DN of white above black."""
+        """Difference between white and black, DN."""
         seconds = frame.exposure / PS
         return black_and_slope(self.pixels, seconds)[1] * self._white * seconds
 
     def without_smear(self, frame: Frame, imager: Any) -> npt.NDArray[np.float64] | None:
-        """Reflectance in [0, 1] with the smear of frame transfer taken off by columns, over all
-        rows that the frame has (around the scene it is dark); None of an imager that has none."""
+        """Reflectance in [0, 1] after correction of the frame-transfer smear, column by column over
+        all rows of the frame; None for an imager without smear."""
         signal = frame.values.astype(np.float64) - self._black
         whole = self._comparison.without_smear(signal, imager, frame.exposure / PS)
         if whole is None:
@@ -170,11 +170,11 @@ class _Frames:
         return np.clip(part / self._white_step(frame), 0, 1)
 
     def sent(self) -> tuple[float, float]:
-        """Bits of a frame that leave the imager, and its pixels."""
+        """Number of bits and of pixels that the imager transmits for a frame."""
         pixels = self._comparison.sent(self._section)
         return pixels * self.pixels.bits, pixels
 
     def setting(self) -> str:
-        """In words."""
+        """Description of the imager's setting."""
         text = f"{self._rate:.3g} frames/s, exposure {self.seconds * 1e3:.4g} ms"
         return f"{text}, {self._comparison.setting(self._section, self.pixels)}"

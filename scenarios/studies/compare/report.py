@@ -1,4 +1,4 @@
-"""The page and the picture of a comparison."""
+"""The report and the picture of a comparison."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ PICTURE: Final = "side-by-side.png"
 HEADS: Final = {
     "dynamic_range": "dynamic range, one image", "dynamic_range_controls": "with all controls",
     "blur": "edge 10-90 %", "noise": "noise at mid-grey", "data_rate": "data rate",
-    "data_rate_pixel": "of a pixel", "latency": "latency", "psnr": "PSNR",
-    "psnr_smear_corrected": "PSNR, smear taken off",
+    "data_rate_pixel": "per pixel", "latency": "latency", "psnr": "PSNR",
+    "psnr_smear_corrected": "PSNR, smear corrected",
     "skew": "first to last row", "exposure": "exposure", "saturated": "saturated",
-    "off": "off the instant",
+    "off": "offset from the instant",
 }  # fmt: skip
 _STEPS: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 
 def figure_text(name: str, figure: Figure) -> str:
-    """A figure for a reader."""
+    """Text of a figure."""
     value = figure.value
     if value is None:
         return "-"
@@ -47,13 +47,13 @@ def figure_text(name: str, figure: Figure) -> str:
 
 
 def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]) -> None:
-    """The same instant by every camera, and the truth."""
+    """Draws the image of every camera at the instant, and the true reflectance, (H, W)."""
     plt = pyplot()
     height, width = truth.shape
     panels = [("truth", "", truth)]
     panels += [(c.title, c.setting, c.image) for c in cameras]
     panels += [
-        (c.title, "smear of frame transfer taken off by columns", c.corrected)
+        (c.title, "frame-transfer smear corrected column by column", c.corrected)
         for c in cameras if c.corrected is not None
     ]  # fmt: skip
     columns = 3
@@ -64,8 +64,8 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
     for ax in axes.flat:
         ax.axis("off")
     for (title, setting, image), ax in zip(panels, axes.flat, strict=False):
-        shown = for_display(np.clip(image, 0, 1))
-        ax.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+        grey = for_display(np.clip(image, 0, 1))
+        ax.imshow(grey, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
         ax.set_title(f"{title}\n", fontsize=11, color=INK)
         ax.text(0.5, 1.02, setting, transform=ax.transAxes, ha="center", fontsize=7.5, color=INK)
     figure.tight_layout(pad=0.4, w_pad=0.6)
@@ -75,40 +75,41 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
 
 
 def write_compare_report(
-    folder: Path, what: SceneComparison, document: dict[str, Any], cameras: list[Camera]
+    folder: Path, comparison: SceneComparison, document: dict[str, Any], cameras: list[Camera]
 ) -> None:
-    """report.html: one file."""
+    """Writes report.html into the folder."""
     head = ["camera", *(HEADS[name] for name in FIGURES)]
     rows = [[c.title, *(figure_text(n, c.figures[n]) for n in FIGURES)] for c in cameras]
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in document["notes"])
-    own = table(
-        ["camera", "setting", "note", "filmed in"],
+    settings = table(
+        ["camera", "setting", "note", "run time"],
         [[c.title, c.setting, c.note, f"{c.seconds:.1f} s" if c.seconds else ""] for c in cameras],
     )
-    title = f"{what.name}: the same instant by every camera"
+    title = f"{comparison.name}: the same instant by every camera"
     write_page(folder, title, "".join([
         f"<h1>{html.escape(title)}</h1>",
         f'<p class="soft">{document["duration_s"] * 1e3:g} ms of the scene, the instant '
         f'{document["instant_ms"]:.1f} ms, seed {document["seed"]}, viform '
         f'{document["version"]}.</p><ul>{notes}</ul>',
         plot(folder / PICTURE, "the same instant by every camera"),
-        "<h2>Side by side</h2>", table(head, rows), _EXPLAINED, "<h2>Cameras</h2>", own,
-        f"<h2>The spike camera's scenario</h2><pre>{html.escape(to_toml(what.spike))}</pre>",
+        "<h2>Side by side</h2>", table(head, rows), _EXPLAINED, "<h2>Cameras</h2>", settings,
+        "<h2>The spike camera's scenario</h2>"
+        f"<pre>{html.escape(to_toml(comparison.spike))}</pre>",
     ]))  # fmt: skip
 
 
 _EXPLAINED: Final = (
-    "<p><b>Dynamic range</b>: light at which a pixel's values end over light whose signal is as "
-    "large as the noise in the dark, 20 lg; of one image at its setting, and over everything that "
-    "exposure, gain and high voltage (of the spike camera: widths up to what dark current fills) "
-    "reach. <b>Edge</b>: 10 to 90 % width of an edge that moves as fast as the mean: 0.8 of its "
-    "way in the span of the scene whose mean the image is, found by least squares, each row at its "
-    "own instant; where nothing moves, under the Gaussian that makes of the truth what was filmed. "
-    "<b>Noise</b>: spread from image to image where nothing moves, over the signal, at a "
-    "reflectance of 0.3 to 0.7. <b>Data rate</b>: what leaves the imager, all of its pixels. "
+    "<p><b>Dynamic range</b>: light at saturation over the light whose signal equals the noise in "
+    "the dark, 20 lg; of one image at its setting, and over all settings of exposure, gain and "
+    "high voltage (for the spike camera: intervals up to the one that dark current fills). "
+    "<b>Edge</b>: 10 to 90 % width of an edge at the mean speed: 0.8 of its path during the span "
+    "of the scene whose mean fits the image best by least squares, with the instant of each row; "
+    "without motion, the width of the Gaussian blur of the true scene that fits the image best. "
+    "<b>Noise</b>: standard deviation between images where nothing moves, over the signal, at a "
+    "reflectance of 0.3 to 0.7. <b>Data rate</b>: output of the imager, for all its pixels. "
     "<b>Latency</b>: from the middle of a pixel's exposure until the image has been read. "
-    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant; of the EMCCD a "
-    "second one, after the standard correction of frame transfer: what every other row of a column "
-    "adds on the way, row shift over exposure of its signal, is taken off. A dash: not to be "
-    "measured in this scene.</p>"
+    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant; for the EMCCD "
+    "also after the standard correction of frame-transfer smear: the contribution of every other "
+    "row of a column, its signal times row shift time over exposure, is subtracted. A dash: not "
+    "measurable in this scene.</p>"
 )

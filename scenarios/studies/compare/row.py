@@ -1,4 +1,4 @@
-"""What is measured of one camera."""
+"""The figures of one camera in a comparison."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FIGURES = (
     "dynamic_range", "dynamic_range_controls", "blur", "noise", "data_rate", "data_rate_pixel",
     "latency", "psnr", "psnr_smear_corrected", "skew", "exposure", "saturated", "off",
 )  # fmt: skip
-"""Every figure of a row, in the order of the table."""
+"""Names of all figures of a row, in the order of the table."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Figure:
     """A measured figure.
 
     Attributes:
-        value: None if it cannot be measured.
-        unit: "1" for a plain number.
+        value: the value, None if it cannot be measured.
+        unit: unit, "1" for a dimensionless figure.
     """
 
     value: float | None
@@ -35,14 +35,14 @@ class Camera:
     """One camera of a comparison.
 
     Attributes:
-        name: short.
-        title: as a heading.
-        setting: in words.
-        note: what the picture does not show.
+        name: short name.
+        title: name for headings.
+        setting: description of the setting.
+        note: remark for the table.
         image: estimate of reflectance at the instant, (H, W) in [0, 1].
-        figures: by the names of `FIGURES`.
-        seconds: that filming and measuring took.
-        corrected: the image without the smear of frame transfer; None for a camera that has none.
+        figures: figures by the names of `FIGURES`.
+        seconds: run time of simulation and measurement, s.
+        corrected: image after correction of the frame-transfer smear; None without smear.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Camera:
     corrected: npt.NDArray[np.float64] | None = None
 
     def row(self) -> dict[str, Any]:
-        """For the document."""
+        """The row of the document."""
         figures = {n: {"value": f.value, "unit": f.unit} for n, f in self.figures.items()}
         return {
             "imager": self.name, "title": self.title, "setting": self.setting, **figures,

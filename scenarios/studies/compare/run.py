@@ -1,4 +1,4 @@
-"""A comparison: every camera films, one after another; folder, picture, page, document."""
+"""Runs a comparison: simulates the cameras one after another; writes picture, report, document."""
 
 from __future__ import annotations
 
@@ -24,65 +24,87 @@ from scenarios.studies.compare.spike import film_spikes
 __all__ = ["run_compare"]
 
 AT: Final = 0.6
-"""Share of the duration at which the instant lies: long exposures then begin after the scene."""
+"""The instant as a share of the duration: long exposures then begin after the start of the
+scene."""
 REACH: Final = 42 * PS // 1000
-"""Around the instant, ps: half of the longest exposure and the rows' own delays."""
+"""Extent of means around the instant, ps: half of the longest exposure plus the row delays."""
 LIGHT: Final = Clock(8000)
-"""On whose edges the imagers' scene is drawn: finer than in a run, as edges are measured here (at
-1 kHz the star's spokes, 144 a second, had a seventh of their way between two planes)."""
+"""Clock on whose edges the scene is drawn for imagers. It is faster than in a run, because edges
+are measured: at 1 kHz the star's spokes, 144 a second, moved a seventh of a period between
+planes."""
 STEP: Final = PS // 4000
-"""Between the planes that edges are measured against, ps."""
+"""Time between the planes against which edges are measured, ps."""
 LONGEST: Final = 2.0
-"""Seconds of scene at most."""
+"""Maximum duration of the scene, s."""
 
 
 def run_compare(
-    what: SceneComparison, out: Path | None, device: str | None, progress: Progress, began: float
+    comparison: SceneComparison,
+    out: Path | None,
+    device: str | None,
+    progress: Progress,
+    began: float,
 ) -> tuple[dict[str, Any], Path]:
-    """The document, and the folder with `compare.json`, which is written last. Raises InputError
-    before anything is written where something cannot be filmed."""
-    seconds = what.spike.duration
+    """Runs a comparison.
+
+    Args:
+        comparison: the scene and the settings of the cameras.
+        out: folder to create; runs/compare-<name>-<n> if None.
+        device: part of an OpenCL device's name, "numba", or None for the default device.
+        progress: receives progress and notes.
+        began: time.perf_counter() at the start of the command.
+
+    Returns:
+        The document, and the folder with `compare.json`, which is written last.
+
+    Raises:
+        InputError: the duration or a camera is invalid; nothing has been written.
+    """
+    seconds = comparison.spike.duration
     if not 0.01 <= seconds <= LONGEST:
         raise InputError(
             "duration", f"10 ms to {LONGEST:g} s in a comparison", f"{seconds:g} s", "change it"
         )
     instant = round(AT * seconds_to_ps(seconds))
-    place = output_folder(f"compare-{what.name}", out, False)
-    check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * what.spike.sensor.clock))
-    with claim_folder(f"compare-{what.name}", out, False, goes_on=False) as folder:
-        cameras, lens, truth = film_spikes(what.spike, folder / "spike", instant, device, progress)
-        white = what.spike.scene.illuminance * lens.gain
+    place = output_folder(f"compare-{comparison.name}", out, False)
+    check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * comparison.spike.sensor.clock))
+    with claim_folder(f"compare-{comparison.name}", out, False, goes_on=False) as folder:
+        cameras, lens, truth = film_spikes(
+            comparison.spike, folder / "spike", instant, device, progress
+        )
+        white = comparison.spike.scene.illuminance * lens.gain
         mean = white * float(np.mean(truth(0)))
         notes = [
-            f"the scene falls on {SHAPE[1]} x {SHAPE[0]} pixels of every camera, pixel by pixel "
-            f"the same light: white is {white:.3g} lux on the pixels, f/{lens.f_number:.3g}",
-            *what.notes,
-            "each imager sees the first instant until its controls rest, then the scene; the "
-            "middle of one exposure falls on the instant. Nothing is left out of any camera",
+            f"the scene covers {SHAPE[1]} x {SHAPE[0]} pixels of every camera, with the same light "
+            f"on each pixel: white is {white:.3g} lux on the pixels, f/{lens.f_number:.3g}",
+            *comparison.notes,
+            "each imager records the first instant until its controls settle, then the scene; the "
+            "middle of one exposure is at the instant. Every camera has every effect",
         ]
         motion = Motion(truth, instant, REACH, STEP, seconds_to_ps(seconds))
-        for kind, comparison in compared_imagers().items():
+        for kind, side in compared_imagers().items():
             progress.start(kind, 1)
-            given = what.imagers[kind]
-            section = comparison.adjust(given.imager, white, mean, what.given[kind])
-            scenario = given.model_copy(update={"imager": section})
+            scenario = comparison.imagers[kind]
+            section = side.adjust(scenario.imager, white, mean, comparison.given[kind])
+            scenario = scenario.model_copy(update={"imager": section})
             view = make_view(scenario, SHAPE, LIGHT)
-            cameras.append(film_frames(scenario, comparison, view, motion, white))
+            cameras.append(film_frames(scenario, side, view, motion, white))
             notes += [note for note in view.notes[1:] if note not in notes]
             progress.advance(1)
-        return _finish(what, folder, cameras, truth(instant), instant, notes, began), folder
+        return _finish(comparison, folder, cameras, truth(instant), instant, notes, began), folder
 
 
 def _finish(
-    what: SceneComparison, folder: Path, cameras: list[Camera], truth: Any, instant: int,
+    comparison: SceneComparison, folder: Path, cameras: list[Camera], truth: Any, instant: int,
     notes: list[str], began: float,
 ) -> dict[str, Any]:  # fmt: skip
+    """Writes picture, report and document into the folder; returns the document."""
     write_picture(folder / PICTURE, cameras, truth)
     document = {
-        "scene": what.name,
+        "scene": comparison.name,
         "version": viform_version(),
-        "seed": what.spike.seed,
-        "duration_s": what.spike.duration,
+        "seed": comparison.spike.seed,
+        "duration_s": comparison.spike.duration,
         "instant_ms": instant * 1e-9,
         "rows": [camera.row() for camera in cameras],
         "notes": notes,
@@ -90,7 +112,7 @@ def _finish(
                   "compare.json"],
         "run_time_s": time.perf_counter() - began,
     }  # fmt: skip
-    write_compare_report(folder, what, document, cameras)
+    write_compare_report(folder, comparison, document, cameras)
     with whole(folder / "compare.json") as part:
         part.write_text(dumps(document) + "\n", encoding="utf-8")
     return document

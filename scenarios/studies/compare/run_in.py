@@ -1,5 +1,5 @@
-"""A run-in: an imager films the scene's first instant until its controls rest. Then the scene
-begins, so that the middle of one exposure falls on the instant that is compared."""
+"""The run-in of an imager: it records the first instant of the scene until its controls settle. The
+scene then starts such that the middle of an exposure is at the compared instant."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from sensor.imagers import Scenery
 __all__ = ["Footage", "Placed", "RunIn", "film_at", "middle"]
 
 STILL = 8
-"""Frames of one exposure, in a row, after which the controls are taken to rest."""
+"""Number of consecutive frames with one exposure after which the controls count as settled."""
 MOST = 40
-"""Frames after which the scene begins although they do not."""
+"""Number of frames after which the scene starts although the controls have not settled."""
 _FOREVER = 1000 * PS
 _MOMENT = PS // 1_000_000
-"""Over which the light of the first instant is taken, ps."""
+"""Interval over which the light of the first instant is averaged, ps."""
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
 
 
 @dataclass(eq=False)
 class RunIn:
-    """Scenery that stands still until it is started.
+    """Scenery that holds its first instant until it is started.
 
     Attributes:
         scenery: the scene from its time 0 on.
-        offset: time of the imager when the scene's time is 0, ps; None while the scene stands.
+        offset: time of the imager at the scene's time 0, ps; None before the start.
     """
 
     scenery: Scenery
@@ -51,7 +51,7 @@ class RunIn:
         return self.scenery.shape
 
     def lux_seconds(self, first: int, begin: Instants, end: Instants) -> Values:
-        """See `Scenery`."""
+        """Implements `Scenery.lux_seconds`."""
         offset = _FOREVER if self.offset is None else self.offset
         begin, end = begin - offset, end - offset
         still = (np.minimum(end, 0) - np.minimum(begin, 0)) / PS
@@ -64,12 +64,12 @@ class RunIn:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Scenery on a part of a larger plane that is dark elsewhere.
+    """Scenery on a part of a larger plane; the rest is dark.
 
     Attributes:
-        scenery: on the part.
-        size: rows and columns of the plane.
-        corner: row and column of the part's first pixel.
+        scenery: scenery of the part.
+        size: (rows, columns) of the plane.
+        corner: (row, column) of the part's first pixel.
     """
 
     scenery: Any
@@ -81,7 +81,7 @@ class Placed:
         return self.size
 
     def lux_seconds(self, first: int, begin: Instants, end: Instants) -> Values:
-        """See `Scenery`."""
+        """Implements `Scenery.lux_seconds`."""
         total = np.zeros((begin.size, self.size[1]))
         (height, width), (row, column) = self.scenery.shape, self.corner
         low, high = max(first, row), min(first + begin.size, row + height)
@@ -94,31 +94,31 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Footage:
-    """What an imager has filmed.
+    """The recorded frames of an imager.
 
     Attributes:
         still: frames of the first instant with equal exposures, in order.
-        frame: the frame at the instant that is compared.
-        offset: see `RunIn`.
-        period: from frame to frame, ps.
-        rested: whether the controls came to rest.
+        frame: the frame at the compared instant.
+        offset: time of the imager at the scene's time 0, ps.
+        period: time between frames, ps.
+        settled: whether the controls settled before the start of the scene.
     """
 
     still: list[Frame]
     frame: Frame
     offset: int
     period: int
-    rested: bool
+    settled: bool
 
 
 def middle(frame: Frame) -> int:
-    """Middle of the middle row's exposure, ps."""
+    """Middle of the exposure of the middle row, ps."""
     row = len(frame.begin) // 2
     return int(frame.begin[row] + frame.end[row]) // 2
 
 
 def _tail(frames: list[Frame]) -> list[Frame]:
-    """The last frames of one exposure."""
+    """The last frames that have the same exposure, at most STILL."""
     last, tail = frames[-1].exposure, list[Frame]()
     for frame in reversed(frames):
         if frame.exposure != last:
@@ -128,29 +128,35 @@ def _tail(frames: list[Frame]) -> list[Frame]:
 
 
 def film_at(
-    imager: Any, placed: Any, light: RunIn, instant: int, seed: int, kept: frozenset[str]
+    imager: Any, placed: Any, light: RunIn, instant: int, seed: int, effects: frozenset[str]
 ) -> Footage:
-    """Films until the frame whose middle is nearest to the scene's `instant`, ps.
+    """Records up to the frame whose middle is nearest to the compared instant.
 
-    placed: the light as it falls on the imager's plane; `light` itself or around it.
+    Args:
+        imager: imager of the catalogue.
+        placed: light on the pixels of the imager: `light`, or a `Placed` of it.
+        light: the scene, which this function starts.
+        instant: compared instant in the time of the scene, ps.
+        seed: seed of the temporal noise.
+        effects: names of the simulated effects.
     """
-    film: Iterator[Frame] = imager.film(placed, _FOREVER // 2, seed=seed, kept=kept)
-    shown = (frame for frame in film if not frame.state.get("key"))
+    film: Iterator[Frame] = imager.film(placed, _FOREVER // 2, seed=seed, kept=effects)
+    pictures = (frame for frame in film if not frame.state.get("key"))
     frames: list[Frame] = []
-    for frame in shown:
+    for frame in pictures:
         frames.append(frame)
         if len(_tail(frames)) == STILL or len(frames) == MOST:
             break
-    still, rested = _tail(frames), len(_tail(frames)) == STILL
+    still, settled = _tail(frames), len(_tail(frames)) == STILL
     period = middle(frames[-1]) - middle(frames[-2])
     now = middle(frames[-1])
     ahead = math.ceil((frames[-1].ready - now + instant) / period) + 1
     light.offset = now + ahead * period - instant
     best = None
-    for frame in shown:
-        away = abs(middle(frame) - light.offset - instant)
-        if best is not None and away > abs(middle(best) - light.offset - instant):
+    for frame in pictures:
+        distance = abs(middle(frame) - light.offset - instant)
+        if best is not None and distance > abs(middle(best) - light.offset - instant):
             break
         best = frame
     assert best is not None
-    return Footage(still, best, light.offset, period, rested)
+    return Footage(still, best, light.offset, period, settled)

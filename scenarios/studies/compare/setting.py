@@ -1,5 +1,5 @@
-"""What a comparison films: from a scenario's name, its file or a kind of scene, and the user's
---set, to one scene, one lens and a section for each camera."""
+"""The setting of a comparison: one scene, one lens, and a section for each camera. They come from
+the name or file of a scenario, or a kind of scene, and from --set."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ __all__ = ["CHIP", "SHAPE", "SceneComparison", "compared_imagers", "load_compari
 
 CHIP: Final = "spikeone"
 SHAPE: Final = (CHIPS[CHIP].height, CHIPS[CHIP].width)
-"""Pixels of the scene in every camera: all of a SpikeOne, whose 40 kHz two cores film in seconds.
-Others show it on as many of theirs, pixel by pixel the same light."""
+"""Size of the scene on every camera, (rows, columns): the whole array of SpikeOne, which two cores
+simulate at 40 kHz in seconds. Other imagers use as many of their pixels, with the same light."""
 DURATION: Final = "64 ms"
 ILLUMINANCE: Final = "700 lux"
-"""On a scene that is named by its kind alone."""
+"""Illuminance of a scene that is selected by its kind."""
 _NIGHT: Final = 1.4
-"""f-number where the spike camera finds none for its white: of the EBAPS document, assumed."""
+"""f-number if no lens exposes white as the spike camera requires: that of the EBAPS document,
+assumed."""
 _KINDS: Final = tuple(
     get_args(part.model_fields["kind"].annotation)[0]
     for part in get_args(get_args(SceneSection)[0])
@@ -41,11 +42,11 @@ class SceneComparison:
     """One scene and its cameras.
 
     Attributes:
-        name: of the scene.
-        spike: scenario of the spike camera, whose lens all cameras share.
-        imagers: scenario of each imager as the user has set it.
+        name: name of the scene.
+        spike: scenario of the spike camera; all cameras share its lens.
+        imagers: scenario of each imager with the keys of the user.
         given: keys that the user has set, by section.
-        notes: what the user must know of the choices made.
+        notes: notes for the user on the choice of the lens.
     """
 
     name: str
@@ -56,13 +57,13 @@ class SceneComparison:
 
 
 def compared_imagers() -> dict[str, Comparison]:
-    """The imagers of the catalogue that are compared."""
+    """The imagers of the catalogue that take part in comparisons, by name."""
     sides = {name: kind.comparison() for name, kind in IMAGERS.items()}
     return {name: side for name, side in sides.items() if side is not None}
 
 
 def _scene(name: str) -> tuple[str, dict[str, Any]]:
-    """Short name and raw data that hold [scene], and [lens] where one is given."""
+    """Short name, and data with the sections [scene] and [lens] of the scenario."""
     if name not in shipped() and name in _KINDS:
         return name, {"scene": {"kind": name, "illuminance": ILLUMINANCE}}
     try:
@@ -80,18 +81,26 @@ def _scene(name: str) -> tuple[str, dict[str, Any]]:
             "the scene", "that of a scenario with a [scene]",
             "a link" if "link" in data else "a board", "see `viform list`",
         )  # fmt: skip
-    kept = {"scene": data["scene"]}
     lens = data.get("lens") or data.get("sensor", {}).get("lens") or {}
-    kept["lens"] = {
-        k: v for k, v in lens.items() if k in ("f_number", "transmission", "magnification")
-    }
-    return short, kept
+    shared = ("f_number", "transmission", "magnification")
+    return short, {
+        "scene": data["scene"], "lens": {k: v for k, v in lens.items() if k in shared},
+    }  # fmt: skip
 
 
 def load_comparison(
     name: str, assignments: Sequence[str] = (), seed: int | None = None
 ) -> SceneComparison:
-    """Raises InputError for a scene that is none, keys that do not exist, values out of range."""
+    """Loads and checks the setting of a comparison.
+
+    Args:
+        name: name of a scenario, a TOML file, or a kind of scene.
+        assignments: values of --set.
+        seed: seed of all temporal noise, None to keep that of the setting.
+
+    Raises:
+        InputError: the scene or a key does not exist, or a value is out of range.
+    """
     short, data = _scene(name)
     defaults: dict[str, Any] = {"duration": DURATION, "seed": 1, "lens": {}, "spike": {}}
     data = defaults | data
@@ -106,7 +115,9 @@ def load_comparison(
         if key not in known:
             raise InputError("--set", f"a key of {', '.join(known)}", key, "check its name")
         if key not in ("duration", "seed") and not isinstance(value, dict):
-            raise InputError(f"--set {key}", "a section's key", "the section itself", "name a key")
+            raise InputError(
+                f"--set {key}", "a key of the section", "the section itself", "write a key"
+            )
     lens: dict[str, Any] = dict(data["lens"])
     notes: list[str] = []
     common = {"title": f"{short}: all imagers", **{k: data[k] for k in ("duration", "seed")}}
@@ -117,7 +128,7 @@ def load_comparison(
         )
     spike = _spike(common, data["scene"], sensor, lens)
     if "f_number" not in lens:
-        lens["f_number"] = _chosen(spike, notes)
+        lens["f_number"] = _f_number(spike, notes)
         spike = _spike(common, data["scene"], sensor, lens)
     imagers = {}
     for kind, side in sides.items():
@@ -137,15 +148,15 @@ def _spike(
     return cast(Scenario, validate(whole))
 
 
-def _chosen(spike: Scenario, notes: list[str]) -> float:
-    """The f-number of the spike camera's own choice, or one for the night."""
+def _f_number(spike: Scenario, notes: list[str]) -> float:
+    """The f-number that the spike camera selects, or _NIGHT; appends a note."""
     try:
         number = choose_lens(spike, camera_setting(spike)).lens.f_number
     except InputError:
-        notes.append(f"too dark or bright for the spike camera's own choice of a lens: f/{_NIGHT}")
+        notes.append(f"no lens exposes white as the spike camera requires: f/{_NIGHT} is used")
         return _NIGHT
     notes.append(
-        f"f/{number:.3g}, at which white fires the spike camera at "
-        f"{spike.sensor.lens.white_rate:g} a cycle"
+        f"f/{number:.3g}: white fires at {spike.sensor.lens.white_rate:g} spikes a cycle in the "
+        "spike camera"
     )
     return number

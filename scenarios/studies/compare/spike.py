@@ -1,4 +1,4 @@
-"""The spike camera of a comparison: everything kept, its stream on disk, two reconstructions."""
+"""The spike camera in a comparison: simulated with every effect, with two reconstructions."""
 
 from __future__ import annotations
 
@@ -30,18 +30,31 @@ from sensor.reconstruct.fidelity import psnr, to_white
 __all__ = ["film_spikes"]
 
 STILLS: Final = 16
-"""Instants at which the noise of pixels without motion is measured."""
+"""Number of instants at which the noise of pixels without motion is measured."""
 REACH: Final = 2 * PS // 1000
-"""Around the instant, in which the motion of the scene is measured, ps."""
+"""Extent before and after the instant in which the motion of the scene is measured, ps."""
 PLANES: Final = 33
+"""Number of planes of the run in which pixels without motion are detected."""
 QUIET: Final = 0.01
-"""Of reflectance: what changes less over so many planes of the film stands still."""
+"""Largest change of reflectance of a pixel without motion."""
 
 
 def film_spikes(
     scenario: Scenario, folder: Path, instant: int, device: str | None, progress: Progress
 ) -> tuple[list[Camera], Lens, Callable[[int], Image]]:
-    """TFI and TFP at the cycle that holds `instant`, ps; the lens, and the scene's truth."""
+    """Simulates the spike camera and reconstructs the images at an instant.
+
+    Args:
+        scenario: scenario of the spike camera.
+        folder: folder for the stream.
+        instant: instant of the images, ps.
+        device: part of an OpenCL device's name, "numba", or None for the default device.
+        progress: receives progress and notes.
+
+    Returns:
+        The rows for TFI and TFP, the lens, and the function from a time, ps, to the true
+        reflectance, (H, W).
+    """
     begin = time.perf_counter()
     refuse_boards(scenario)
     setup = set_up_camera(scenario, device)
@@ -57,9 +70,9 @@ def film_spikes(
     chain = BlockChain("spike camera", stages, cycles, toml, folder)
     chain.run(progress)
     chain.checkpoint.unlink(missing_ok=True)
-    kept = ZarrStream(folder / STREAM)
-    words = kept.read_words(0, -(-kept.cycles // WORD))
-    stream = Viform(words, kept.cycles, kept.clock)
+    recorded = ZarrStream(folder / STREAM)
+    words = recorded.read_words(0, -(-recorded.cycles // WORD))
+    stream = Viform(words, recorded.cycles, recorded.clock)
 
     def truth(ps: int) -> Image:
         return np.asarray(source.truth(ps), np.float64)
@@ -96,7 +109,7 @@ def _cameras(
         "tfi": (
             lambda at: to_white(interval_rate(isi(stream, at)), white_rate),
             spike_dynamic_range(longest, period), spike_dynamic_range(dark, period), median,
-            "1 over the interval at the instant",
+            "inverse of the interval at the instant",
         ),
         "tfp": (
             lambda at: to_white(tfp(stream, at, window), white_rate),
@@ -116,7 +129,7 @@ def _cameras(
             "noise": Figure(noise([estimate(int(at)) for at in steps], now, quiet), "1"),
             "data_rate": Figure(rate, "bit/s"),
             "data_rate_pixel": Figure(clock.hz, "bit/s/pixel"),
-            # Half of the light's own span, then the plane is read in the next cycle.
+            # Half of the integration time, then the plane is read in the next cycle.
             "latency": Figure((width / 2 + 1) * period * 1e3 if width == width else None, "ms"),
             "psnr": Figure(psnr(image, now.astype(np.float32)), "dB"),
             "psnr_smear_corrected": Figure(None, "dB"),
@@ -128,8 +141,8 @@ def _cameras(
         cameras.append(Camera(
             f"spike-{name}", f"spike camera, {name.upper()}",
             f"{clock.hz / 1e3:g} kHz, threshold {setting.threshold:g} e, {text}",
-            "the whole chip; " + ("nothing moves: blur of what stands still; " if still else "")
-            + "range of one image: of widths within this film"
+            "the whole chip; " + ("no motion: blur of the static scene; " if still else "")
+            + "range of one image: intervals within this run"
             if name == "tfi" else "the same stream",
             image, figures, spent if name == "tfi" else 0.0,
         ))  # fmt: skip

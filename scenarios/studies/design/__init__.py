@@ -1,4 +1,4 @@
-"""Choosing hardware: a budget is read, every choice judged, the best named."""
+"""Choice of hardware: reads a budget, evaluates every choice, and ranks the choices."""
 
 from scenarios.studies.design.budget import load_budget, to_budget
 from scenarios.studies.design.document import budget_document

@@ -1,4 +1,4 @@
-"""A hardware budget as a TOML file and --set: what may be chosen and what limits the choice."""
+"""The schema of a hardware budget (a TOML file and --set): the choices and their limits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from sensor.dynamic_range import (
 __all__ = ["MOST_ROWS", "AdcSection", "BudgetFile", "SensorSection", "load_budget", "to_budget"]
 
 MOST_ROWS = 20_000
-"""Choices that one budget may leave open."""
+"""Maximum number of choices of a budget."""
 
 Well = Annotated[float, Quantity("charge", least=1, most=1e9)]
 Electrons = Annotated[float, Quantity("charge", least=0, most=1e6)]
@@ -55,7 +55,8 @@ Many = Annotated[
 
 
 class SensorSection(Section):
-    """A sensor of the user's own, as `SensorPart`. Noises are those at the two references."""
+    """A sensor of the budget file; `part` converts it to a `SensorPart`. Noises apply at
+    `noise_temperature` and `noise_clock`."""
 
     name: Name
     full_well: Well
@@ -86,11 +87,11 @@ class SensorSection(Section):
 
 
 class AdcSection(Section):
-    """A converter of the user's own, as `ConverterPart`.
+    """A converter of the budget file; `part` converts it to a `ConverterPart`.
 
     Attributes:
-        noise: RMS at the input, without quantisation.
-        rate: most samples a second.
+        noise: RMS noise at the input without quantisation, V.
+        rate: maximum sampling rate, Hz.
     """
 
     name: Name
@@ -107,15 +108,15 @@ class AdcSection(Section):
 
 
 class BudgetFile(Section):
-    """A whole budget.
+    """A hardware budget.
 
     Attributes:
-        sensors, adcs: names of those to choose among; all of the file's own where none are named,
-            and all that are known where it has none.
-        power, price: most for sensor, converter and cooler together.
-        least_signal: most that the signal of SNR 1 may have.
-        cooler: watts for each kelvin that the sensor is below `ambient`.
-        gamma, output_bits: of an output.
+        sensors, adcs: names of the parts to choose from; by default all parts of the file, or all
+            known parts if the file has none.
+        power, price: limits of the total for sensor, converter and cooler, W and any currency.
+        least_signal: upper limit of the signal with SNR 1, e.
+        cooler: power of the cooler for each kelvin of the sensor below `ambient`, W/K.
+        gamma, output_bits: transfer curve and resolution of the output.
     """
 
     title: Annotated[str, Field(max_length=200)] = "A hardware budget"
@@ -141,12 +142,12 @@ class BudgetFile(Section):
     @field_validator("temperature", "clock", "circuit_noise", "analog_gain", "digital_gain")
     @classmethod
     def _once(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        """Values in order, each once."""
+        """Sorts the values and removes duplicates."""
         return tuple(sorted(set(values)))
 
 
 def load_budget(path: str | None, assignments: Sequence[str] = ()) -> BudgetFile:
-    """A checked budget; without a file the one that is built in."""
+    """Loads and checks a budget; None for the built-in one. Raises InputError."""
     data: dict[str, Any] = {}
     if path is not None:
         try:
@@ -168,32 +169,30 @@ def load_budget(path: str | None, assignments: Sequence[str] = ()) -> BudgetFile
 Part = TypeVar("Part", bound=SensorPart | ConverterPart)
 
 
-def _chosen(
-    key: str, names: tuple[str, ...] | None, own: list[Part], known: tuple[Part, ...]
+def _select(
+    key: str, names: tuple[str, ...] | None, custom: list[Part], known: tuple[Part, ...]
 ) -> tuple[Part, ...]:
-    """The parts named; those of the file's own take the place of known ones of the same name."""
-    seen: set[str] = set()
-    for part in own:
-        if part.name in seen:
-            raise InputError(
-                f"{key}.name", "different for each", f"{part.name!r} twice", "rename one"
-            )
-        seen.add(part.name)
+    """The parts of these names. Parts of the file replace known ones of the same name."""
+    used: set[str] = set()
+    for part in custom:
+        if part.name in used:
+            raise InputError(f"{key}.name", "unique", f"{part.name!r} twice", "rename one")
+        used.add(part.name)
     if names is None:
-        return tuple(own) or known
-    every = {part.name: part for part in (*known, *own)}
+        return tuple(custom) or known
+    every = {part.name: part for part in (*known, *custom)}
     for name in names:
         if name not in every:
             must = f"of {', '.join(every)}"
-            raise InputError(f"{key}s", must, repr(name[:40]), f"name one, or add a [[{key}]]")
+            raise InputError(f"{key}s", must, repr(name[:40]), f"choose one, or add a [[{key}]]")
     return tuple(every[name] for name in dict.fromkeys(names))
 
 
 def to_budget(file: BudgetFile) -> Budget:
-    """What is swept; raises InputError where it is too much."""
+    """The budget for the sweep. Raises InputError for more than MOST_ROWS choices."""
     budget = Budget(
-        _chosen("sensor", file.sensors, [s.part() for s in file.sensor], SENSORS),
-        _chosen("adc", file.adcs, [a.part() for a in file.adc], CONVERTERS),
+        _select("sensor", file.sensors, [s.part() for s in file.sensor], SENSORS),
+        _select("adc", file.adcs, [a.part() for a in file.adc], CONVERTERS),
         file.temperature, file.clock, file.circuit_noise, file.analog_gain, file.digital_gain,
         file.exposure, file.adc_rule, file.power, file.price, file.least_signal, file.ambient,
         file.cooler, Mapping(file.gamma, file.output_bits),

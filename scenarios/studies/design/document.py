@@ -1,4 +1,4 @@
-"""A swept budget as the document that `viform design dynamic-range --json` prints."""
+"""The document of `viform design dynamic-range --json`: the ranked choices of a budget."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ UNITS = {
     "dr_output_db": "dB", "sensor_db": "dB", "saturation": "e", "least_signal": "e", "noise": "e",
     "power": "W",
 }  # fmt: skip
-"""Of a row's figures."""
+"""Units of the figures in a row."""
 
 
 def _row(one: Judged, used: str) -> dict[str, Any]:
     choice, chain = one.choice, one.chain
     notes = list(one.faults)
     if not chain.dithered:
-        notes.append("rounding hides the noise: a size only")
+        notes.append("the converter step exceeds the noise: the range is nominal")
     return {
         "sensor": choice.sensor.name, "adc": choice.converter.name,
         "temperature": choice.celsius, "clock": choice.hertz, "circuit_noise": choice.circuit,
@@ -43,7 +43,7 @@ def _row(one: Judged, used: str) -> dict[str, Any]:
 def _ruled_out(
     rows: list[dict[str, Any]], judged: list[Judged], best: dict[str, Any] | None
 ) -> dict[str, Any] | None:
-    """See `budget_document`."""
+    """The row `best_without_rule` of `budget_document`."""
     only = [
         row for row, one in zip(rows, judged, strict=True)
         if len(one.faults) == 1 and one.faults[0].startswith("converter rule")
@@ -57,11 +57,22 @@ def _ruled_out(
 def budget_document(
     title: str, budget: Budget, *, measure: bool = False, seed: int = 1
 ) -> dict[str, Any]:
-    """{title, rows, best, best_without_rule, constraints, swept, parts, units}. rows: every choice,
-    the best first; best: the first that is within all limits, or null. best_without_rule: the best
-    of those that the converter rule alone rules out, where it is better, else null: the derived
-    range has the converter's noise in it and needs no rule. measure: draw the best one's values,
-    which gives it `measured` {db, ci}, limits of 99 %."""
+    """Evaluates every choice of a budget.
+
+    Args:
+        title: title of the budget.
+        budget: choices and limits.
+        measure: whether the best choice is simulated; its row then has `measured` {db, ci} with
+            limits of 99 % confidence.
+        seed: seed of the simulation.
+
+    Returns:
+        {title, rows, best, best_without_rule, constraints, swept, parts, units}. `rows` holds every
+        choice, the best first. `best` is the first row within all limits, or None.
+        `best_without_rule` is the best row that only the converter rule excludes, if it is better
+        than `best`, else None: the derived range includes the noise of the converter and needs no
+        such rule.
+    """
     judged = sweep(budget)
     rows = [_row(one, budget.rule) for one in judged]
     best = dict(rows[0]) if rows and rows[0]["allowed"] else None
@@ -72,8 +83,8 @@ def budget_document(
             "decibels": bits_for(judged[0].rule.as_decibels),
         }  # fmt: skip
         if measure:
-            found = measure_chain(judged[0].chain, seed=seed)
-            best["measured"] = {"db": found.db, "ci": [found.low, found.high]}
+            measured = measure_chain(judged[0].chain, seed=seed)
+            best["measured"] = {"db": measured.db, "ci": [measured.low, measured.high]}
     return {
         "title": title, "rows": rows, "best": best,
         "best_without_rule": _ruled_out(rows, judged, best),

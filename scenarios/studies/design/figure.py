@@ -1,4 +1,4 @@
-"""Dynamic range against each quantity of a budget that has more than one value."""
+"""Draws dynamic range against each quantity of a budget with more than one value."""
 
 from __future__ import annotations
 
@@ -19,21 +19,26 @@ _BLUE: Final = "#2f5fa8"
 
 
 def _varied(document: dict[str, Any], key: str) -> list[tuple[Any, float, float, float | None]]:
-    """Each value with, all else as in the shown choice, derived and document's range; and the
-    best derived range of all choices with it that are within the limits."""
+    """The points of one plot.
+
+    Returns:
+        For each value of `key`: the value; the derived range and that of the document's formula,
+        dB, with all other quantities as in the best choice; and the largest derived range of all
+        choices with this value within the limits, dB, or None.
+    """
     base = document["best"] or document["rows"][0]
     others = [k for k in document["swept"] if k != key]
-    found = []
+    points = []
     for value in document["swept"][key]:
         rows = [row for row in document["rows"] if row[key] == value]
-        mine = next(row for row in rows if all(row[k] == base[k] for k in others))
+        alike = next(row for row in rows if all(row[k] == base[k] for k in others))
         allowed = [row["dr_db"] for row in rows if row["allowed"]]
-        found.append((value, mine["dr_db"], mine["dr_document_db"], max(allowed, default=None)))
-    return found
+        points.append((value, alike["dr_db"], alike["dr_document_db"], max(allowed, default=None)))
+    return points
 
 
 def draw_budget(document: dict[str, Any], path: Path, kind: str) -> None:
-    """Draws the document of `budget_document`. kind: png or svg."""
+    """Draws the document of `budget_document` to a file of the kind png or svg."""
     plt = pyplot()
     keys = [key for key, values in document["swept"].items() if len(values) > 1] or ["sensor"]
     columns = min(len(keys), 3)
@@ -49,12 +54,12 @@ def draw_budget(document: dict[str, Any], path: Path, kind: str) -> None:
     for row in axes:
         row[0].set_ylabel("dynamic range, dB", fontsize=9, color=INK)
     best = document["best"]
-    shown = best or document["rows"][0]
+    first = best or document["rows"][0]
     words = "best choice" if best else "no choice is within the limits; best without them"
     figure.suptitle(
-        f"{words}: {shown['sensor']}, {shown['adc']}, {shown['temperature']:g} degC, "
-        f"{shown['clock'] / 1e6:g} MHz, circuit {shown['circuit_noise'] * 1e3:g} mV, analog "
-        f"{shown['analog_gain']:g}, digital {shown['digital_gain']:g}: {shown['dr_db']:.1f} dB",
+        f"{words}: {first['sensor']}, {first['adc']}, {first['temperature']:g} degC, "
+        f"{first['clock'] / 1e6:g} MHz, circuit {first['circuit_noise'] * 1e3:g} mV, analog "
+        f"{first['analog_gain']:g}, digital {first['digital_gain']:g}: {first['dr_db']:.1f} dB",
         fontsize=11, color=INK,
     )  # fmt: skip
     figure.tight_layout()
@@ -68,9 +73,9 @@ def _panel(ax: Any, key: str, points: list[tuple[Any, float, float, float | None
     x = list(range(len(values))) if named else [v * _SCALE.get(key, 1) for v in values]
     style = "o" if named else "o-"
     ax.plot(x, [p[1] for p in points], style, color=_BLUE, markersize=5,
-            label="derived, all else as in the title")  # fmt: skip
+            label="derived, other quantities as in the title")  # fmt: skip
     ax.plot(x, [p[2] for p in points], "s" if named else "s--", color=MARK, markersize=4,
-            linewidth=1, label="the document's formula")  # fmt: skip
+            linewidth=1, label="formula of the document")  # fmt: skip
     allowed = [(a, p[3]) for a, p in zip(x, points, strict=True) if p[3] is not None]
     if allowed:
         ax.plot(*zip(*allowed, strict=True), "_", color=INK, markersize=16, markeredgewidth=1.5,

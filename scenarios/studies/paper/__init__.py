@@ -1,4 +1,4 @@
-"""Every number that the five source documents print, beside what the simulation's code gives."""
+"""Compares every number in the five source documents with the simulation."""
 
 from scenarios.studies.paper.document import DOCUMENTS, paper_rows
 

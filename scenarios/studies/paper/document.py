@@ -1,4 +1,5 @@
-"""All documents' rows in order; what one document needs is imported for it alone."""
+"""The rows of all source documents. The modules of a document are imported when its rows are
+computed."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ class Document(NamedTuple):
     """A source document.
 
     Attributes:
-        title: of the document.
-        makers: functions that give its rows.
+        title: title of the document.
+        makers: functions that return its rows.
     """
 
     title: str
@@ -27,13 +28,13 @@ class Document(NamedTuple):
 
 
 def _rows(module: str, function: str) -> Rows:
-    """A function of a module here, which is imported when it is called."""
+    """A function of a module in this package, which is imported at the first call."""
 
-    def rows() -> list[Row]:
-        made: list[Row] = getattr(import_module(f"scenarios.studies.paper.{module}"), function)()
-        return made
+    def compute() -> list[Row]:
+        rows: list[Row] = getattr(import_module(f"scenarios.studies.paper.{module}"), function)()
+        return rows
 
-    return rows
+    return compute
 
 
 _OF_SPIKE_CAMERAS: Final = {
@@ -51,11 +52,11 @@ _OF_IMAGERS: Final = {
     for kind in IMAGERS.values() if kind.document is not None
 }  # fmt: skip
 DOCUMENTS: Final = dict(sorted({**_OF_SPIKE_CAMERAS, **_OF_IMAGERS}.items()))
-"""By number, as the sources are numbered."""
+"""The documents by their numbers."""
 
 
 def paper_rows(documents: tuple[str, ...] = tuple(DOCUMENTS)) -> Iterator[Row]:
-    """Rows of these documents, in order, as they are computed."""
+    """Yields the rows of these documents, in order."""
     for name in documents:
         for make in DOCUMENTS[name].makers:
             yield from make()

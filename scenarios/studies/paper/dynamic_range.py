@@ -1,4 +1,4 @@
-"""Document 004: dynamic range of an electro-optical system from a hardware model (a patent)."""
+"""Document 004 (a patent): dynamic range of an electro-optical system from a hardware model."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from sensor.dynamic_range import (
 __all__ = ["dynamic_range_rows"]
 
 _HERTZ = 27e6
-"""Pixel clock of the example in the text; its figure says 28 MHz."""
+"""Pixel clock of the example in the text, Hz; the figure has 28 MHz."""
 
 
 def dynamic_range_rows() -> list[Row]:
-    """Every number in order."""
+    """The rows of all numbers, in order."""
     return [*_example(), *_laws(), *_wells(), *_converter(), *_formula()]
 
 
@@ -55,8 +55,8 @@ def _example() -> list[Row]:
 
 
 def _power(part: str, warm: bool) -> float:
-    """By which power of the absolute temperature or of the clock a part of the noise grows, near
-    25 degC and 27 MHz."""
+    """Exponent with which a part of the noise grows with absolute temperature (`warm`) or clock,
+    near 25 degC and 27 MHz."""
     noise = KODAK.noise
     if part in ("reset", "white") and getattr(noise, part) == 0:
         noise = replace(noise, reset=10.0, white=10.0)
@@ -86,30 +86,32 @@ def _wells() -> list[Row]:
     linear = max(x for x in levels if float(DALSA.response(x)) == x) * 1e3
     return [
         number("004 §1", "full well of the DALSA example", "3400", full, "mV",
-               note="what its response never exceeds"),
+               note="the maximum of its response"),
         number("004 §1", "its linear full well", "2500", linear, "mV",
-               note=f"where its response leaves the line; {DALSA.output_gain:.2f} dB lie between"),
+               note="the end of the linear response; the two differ by "
+               f"{DALSA.output_gain:.2f} dB"),
     ]  # fmt: skip
 
 
 def _converter() -> list[Row]:
-    """The document's chain with nothing but a sensor in it is the sensor."""
+    """The document's chain without circuit and converter noise equals the sensor."""
     s = KODAK.sensitivity
     noise = KODAK.noise.at(KODAK.noise.celsius, _HERTZ)
     alone = document_dynamic_range(KODAK.full_well * s, s, noise, 0.0, 1.0, 1.0, 0.0)
     return [
         number("004 formula", "no circuit, no converter noise, gains of 1: the sensor's", "64.08",
-               alone, "dB", note="the formula's print is garbled; read as 20 log10 of both parts"),
+               alone, "dB",
+               note="the printed formula is garbled; read as 20 log10 of both parts"),
     ]  # fmt: skip
 
 
 def _formula(m: float = 2.0, n: float = 2.0) -> list[Row]:
-    """Where the formula itself goes wrong: it counts gains twice, and adds noises as if they were
-    one and the same. `printed` is what the print's formula gives."""
+    """The errors of the formula: it counts gains twice, and adds noises as if they were fully
+    correlated. `printed` is the value by the printed formula."""
     s = KODAK.sensitivity
     noise = KODAK.noise.at(KODAK.noise.celsius, _HERTZ)
-    given = (KODAK.full_well * s, s, noise, 0.0, m, n, 0.0)
-    wrong, right = document_dynamic_range(*given), gain_counted_once(*given)
+    inputs = (KODAK.full_well * s, s, noise, 0.0, m, n, 0.0)
+    wrong, right = document_dynamic_range(*inputs), gain_counted_once(*inputs)
     plain = Converter(24, KODAK.full_well * s)
     chain = Chain(KODAK.full_well, noise, s, noise * s, plain)
     twice = Chain(KODAK.full_well, noise, s, 0.0, plain, m, n)

@@ -1,4 +1,4 @@
-"""Document 000, sections 5.2 and 6: rates of spikes, the two chips, the figures' windows."""
+"""Document 000, sections 5.2 and 6: spike rates, the two chips, the windows of the figures."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from sensor.asynchronous import AsynchronousPixels, EventModel
 __all__ = ["chip_rows"]
 
 WINDOWS = (1, 2, 5, 50, 200, 800)
-"""Cycles of figure 3's six pictures."""
+"""Windows of the six images in figure 3, cycles."""
 
 
 def chip_rows() -> list[Row]:
-    """Every number in order."""
+    """The rows of all numbers, in order."""
     return [*_rates(), *_chips(), *_figures()]
 
 
 def _rates() -> list[Row]:
-    """A pixel in light beyond every measure, whose shortest width is 1 us, for 1 ms."""
+    """A saturated pixel, whose shortest width is 1 us, for 1 ms."""
     clock, stop = Clock(1_000_000), PS // 1000
     plane = np.ones((1, 1), np.float32)
     light = Light((Piece(0, stop, plane, plane),))
@@ -31,7 +31,7 @@ def _rates() -> list[Row]:
     two = CHIPS["spiketwo"]
     return [
         number("000 §5.2", "most spikes a second of a pixel whose shortest width is 1 us", "1e6",
-               rate, "1/s", note="an asynchronous pixel in light that fills it sooner"),
+               rate, "1/s", note="an asynchronous pixel that the light fills in a shorter time"),
         number("000 §5.2", "of a million such pixels", "1e12", rate * two.width * two.height,
                "1/s"),
     ]  # fmt: skip
@@ -59,7 +59,7 @@ def _chips() -> list[Row]:
 
 
 def _figures() -> list[Row]:
-    """Figures 3 and 4 at 20 kHz: two pixels, one that fires in every cycle, one in every fifth."""
+    """Figures 3 and 4 at 20 kHz: one pixel fires in every cycle, another in every fifth."""
     clock = Clock.from_hz(CHIPS["spiketwo"].clocks[1])
     last = max(WINDOWS)
     planes = np.zeros((last + 5, 1, 2), bool)
@@ -68,11 +68,12 @@ def _figures() -> list[Row]:
     stream = Viform.from_planes(planes, clock)
     counts = [int(count_spikes(stream, last - n, last)[0, 0]) for n in WINDOWS]
     spans = [(clock.edge(last) - clock.edge(last - n)) * 1e-9 for n in WINDOWS]
-    shown = int(tau_image(stream, last - 1)[0, 1])
+    brightness = int(tau_image(stream, last - 1)[0, 1])
     return [
         listed("000 fig. 3", "spikes counted in each window of the brightest pixel", WINDOWS,
                counts, "cycles"),
         number("000 §6", "exposure of the fifth picture, 200 cycles", "10", spans[4], "ms"),
         number("000 §6", "exposure of the sixth picture, 800 cycles", "40", spans[5], "ms"),
-        number("000 fig. 4", "brightness 255 - tau at cycle 800 for tau = 5", "250", shown, "DN"),
+        number("000 fig. 4", "brightness 255 - tau at cycle 800 for tau = 5", "250", brightness,
+               "DN"),
     ]  # fmt: skip

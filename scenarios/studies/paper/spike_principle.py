@@ -1,4 +1,4 @@
-"""Document 000, sections 3 to 5.1: Huang, spiking continuous photographing, its principle."""
+"""Document 000 (Huang), sections 3 to 5.1: the principle of spiking continuous photographing."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from sensor.dynamic_range import (
 
 __all__ = ["principle_rows"]
 
-# What section 4 assumes, as it prints it.
+# Assumptions of section 4: lux, um2, quantum efficiency, e; s; e/s.
 SUN, AREA, EFFICIENCY, THRESHOLD = 1e5, 100.0, 0.7, 100
 SHORTEST = 1e-8
 DARK = 100.0
 
 
 def principle_rows() -> list[Row]:
-    """Every number in order."""
+    """The rows of all numbers, in order."""
     return [*_figure_1(), *_images(), *_light(), *_threshold(), *_chance()]
 
 
 def _figure_1() -> list[Row]:
-    """Fig. 1's light on one asynchronous pixel: its level, twice that during the fifth spike, half
-    of it during the twelfth."""
+    """The light of fig. 1 on an asynchronous pixel: one level, which doubles during the fifth spike
+    and falls to a half during the twelfth."""
     q, level, ms = 1000, 1e6, PS // 1000
     ends = (0, 4 * ms + ms // 2, 8 * ms, 13 * ms)
     planes = [np.full((1, 1), factor, np.float32) for factor in (1.0, 2.0, 0.5)]
@@ -59,7 +59,7 @@ def _figure_1() -> list[Row]:
     coded = first_spikes(train)
     bare = without_transitions(coded)
     first, steady = (np.searchsorted(times, t.time) + 1 for t in (coded, bare))
-    where = "an asynchronous pixel under the figure's light"
+    where = "an asynchronous pixel under the light of the figure"
     return [
         number("000 fig. 1", "spikes under light of one, two and half a level", "14", len(widths),
                note=where),
@@ -69,8 +69,9 @@ def _figure_1() -> list[Row]:
                widths[12] / widths[0]),
         listed("000 §5.2", "first spikes of figure 1", [1, 5, 6, 12, 13], first.tolist(),
                note="the first-spike coder"),
-        listed("000 §5.2", "spikes that a pixel which compares widths sends", [1, 5, 6, 12, 13],
-               [instants.index(t) + 1 for t in sent], note="the pixel's own comparison"),
+        listed("000 §5.2", "spikes that a pixel with comparison of widths sends",
+               [1, 5, 6, 12, 13], [instants.index(t) + 1 for t in sent],
+               note="the comparison in the pixel"),
         listed("000 §5.2", "first spikes without the instants of change", [1, 6, 13],
                steady.tolist(), note="the first-spike coder"),
     ]  # fmt: skip
@@ -96,17 +97,19 @@ def _light() -> list[Row]:
     ns = filling_time(THRESHOLD, electrons) * 1e9
     least = threshold_for(electrons, SHORTEST)
     chip = CHIPS["spiketwo"]
-    own = SUN * chip.electrons_per_lux(photons / (SUN * AREA * 1e-12))
+    on_chip = SUN * chip.electrons_per_lux(photons / (SUN * AREA * 1e-12))
     return [
         number("000 §4.3", "photons a second on 100 um2 at 1e5 lux", "4.09e10", photons, "1/s",
                note="555 nm: 683 lm/W, 4.09e15 photons/(s m2 lx)"),
         number("000 §4.3", "time in which 100 electrons gather", "0.35e-8", ns * 1e-9, "s"),
         number("000 §4.3", "time in which 100 electrons gather", "3.5", ns, "ns"),
         number("000 §4.3", "the same on the SpikeTwo preset's pixel", "3.5",
-               filling_time(THRESHOLD, own) * 1e9, "ns", note="10 um pitch, QE 0.7: its preset"),
-        unprinted("000 §4.3", "least Q that 10 ns of readout can follow at 1e5 lux", least, "e",
+               filling_time(THRESHOLD, on_chip) * 1e9, "ns",
+               note="10 um pitch, QE 0.7: its preset"),
+        unprinted("000 §4.3", "least Q for a readout of 10 ns at 1e5 lux", least, "e",
                   holds=abs(filling_time(least, electrons) / SHORTEST - 1) < 1e-9,
-                  note="section 4.3's light with section 4.4's 10 ns, in which it fills"),
+                  note="the charge that the light of section 4.3 generates in the 10 ns of "
+                  "section 4.4"),
         number("000 §4.4", "time in which a dark current of 100 e/s makes one electron", "10",
                longest_width(1, DARK) * 1e3, "ms"),
         number("000 §4.4", "longest width at Q = 100 and that dark current", "1",
@@ -119,7 +122,7 @@ def _light() -> list[Row]:
 
 
 def _threshold() -> list[Row]:
-    """Section 4.5, whose last example goes wrong."""
+    """Section 4.5; its last example has an error."""
     wanted = spike_dynamic_range(10.0, SHORTEST)
     second, tenth = (levels_for(wanted, longest, SHORTEST) for longest in (1.0, 0.1))
     with_ten = spike_dynamic_range(0.1, SHORTEST, 10)
@@ -153,14 +156,14 @@ def _chance() -> list[Row]:
 
 
 def _drawn(q: int = 100, spikes: int = 40_000) -> Row:
-    """The same of widths that a pixel with shot noise makes."""
+    """The same for simulated widths of a pixel with shot noise."""
     clock = Clock(10**12 // 100)
     width = 1e-6
     stop = round(spikes * width * PS)
     model = EventModel(q, 1, clock, PS // clock.num)
     plane = np.ones((1, 1), np.float32)
     pixels = AsynchronousPixels(model, (1, 1), q / width)
-    made = pixels.step(Light((Piece(0, stop, plane, plane),)), 0, stop).exact[1:]
-    rsd = 100 * float(made.std() / made.mean())
-    return number("000 §5.1", "the same of 40 000 widths drawn at Q = 100", "10", rsd, "%",
-                  note="the asynchronous pixel's shot noise")  # fmt: skip
+    widths = pixels.step(Light((Piece(0, stop, plane, plane),)), 0, stop).exact[1:]
+    rsd = 100 * float(widths.std() / widths.mean())
+    return number("000 §5.1", "the same of 40 000 simulated widths at Q = 100", "10", rsd, "%",
+                  note="shot noise of the asynchronous pixel")  # fmt: skip

@@ -1,4 +1,4 @@
-"""The stability suite: stiff and extreme cases, each beside a reference of its own."""
+"""The stability suite: stiff and extreme cases, each compared with an independent reference."""
 
 from display.stability import SHOWING as _SHOWING
 from link.stability import LINKING as _LINKING
@@ -20,4 +20,4 @@ _ALL = (
     *_SAMENESS, *_SHOWING, *_LINKING, *_CONTROLLING,
 )  # fmt: skip
 CASES = {case.number: case for case in sorted(_ALL, key=lambda case: case.number)}
-"""Every case by its number."""
+"""All cases by their numbers."""

@@ -90,7 +90,7 @@ def test_doctor_names_what_is_missing_and_the_mend(
     assert _main(["doctor"]) == code
     out = capsys.readouterr().out
     assert "no device" in out and "remedy: apt-get install something" in out
-    assert ("would not work yet" in out) == needed
+    assert ("cannot work yet" in out) == needed
 
 
 def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:

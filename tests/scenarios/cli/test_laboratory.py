@@ -44,7 +44,7 @@ def test_the_table_is_for_a_reader(viform):
     [
         (("pinhole",), "CAMERA must be one of spiketwo, spikeone, adaptive-exposure, ebaps, emccd, "
          "not 'pinhole'; choose one"),
-        (("emccd", "--figure", "a.jpg"), "--figure must be a .png or .svg, not a.jpg; name one"),
+        (("emccd", "--figure", "a.jpg"), "--figure must be a .png or .svg, not a.jpg; choose one"),
         (("emccd", "--figure", "/nowhere/a.png"), "--figure must be in a folder that exists, not "
          "/nowhere/a.png; create the folder"),
     ],

@@ -173,7 +173,7 @@ def test_bad_input(refused: Callable[..., str], arguments: list[str], says: str)
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('name = "deep"', 'name = "quiet"', "sensor.name must be different for each"),
+        ('name = "deep"', 'name = "quiet"', "sensor.name must be unique"),
         ("bits = 16", "bits = 25", "adc.0.bits must be at most 24"),
         ('sensitivity = "10 uV/e"', 'sensitivity = "10 V"', "must be a conversion gain such as"),
         ('rate = "40 MHz"', "", "adc.0.rate must be given"),
