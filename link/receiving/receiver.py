@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -31,6 +32,9 @@ _JUMP: Final = 2.0
 """Ticks from which a shift of the sequence counts as a jump."""
 _STORED: Final = 256
 """Ticks that stay stored if no transmission was detected."""
+_SEARCHED: Final = 4
+"""Largest number of ticks that are searched again after interruptions, per tick of the recording.
+Eight interruptions at equal distances need four."""
 
 
 class Receiver:
@@ -49,6 +53,8 @@ class Receiver:
         recording: the stored words.
         interrupted: tick after which the pilots' sequence jumped last, and by how many ticks; None
             without a jump.
+        searches: number of searches after interruptions.
+        searched: number of ticks that those searches covered.
 
     Raises:
         ValueError: for an unknown detector, and in `step` for blocks of another shape or out of
@@ -67,10 +73,15 @@ class Receiver:
         self._session: Session | None = None
         self._unusable: Verdict | None = None
         self.interrupted: tuple[int, float] | None = None
+        self.searches = self.searched = 0
+        self._limited = False
+        self._begun: int | None = None
 
     def step(self, data: Viform, block: Any = None) -> None:
         """Takes the words of a block."""
         self.recording.add(data)
+        if self._begun is None:
+            self._begun = data.start
         waits = self._session.ready(self.recording) if self._session else self.recording.ticks
         if waits >= _WAIT:
             self._work()
@@ -141,7 +152,9 @@ class Receiver:
         """Searches for the pilots again after an interruption: lost words, or a restart of the
         panel.
 
-        The search begins after the last correct symbols. Frames received so far are preserved.
+        The search begins after the last correct symbols. Frames received so far are preserved. All
+        searches together cover at most _SEARCHED times the recording, so that a damaged recording
+        takes a limited multiple of the time of a sound one.
         """
         for _ in range(_BREAKS):
             old = self._session
@@ -153,6 +166,11 @@ class Receiver:
             if clocking is not None and clocking.broken:
                 until = max(until, clocking.lit[1])
             self.recording.forget(int(until))
+            if self.searched + self.recording.ticks > _SEARCHED * self._received:
+                self._limited = True
+                return
+            self.searches += 1
+            self.searched += self.recording.ticks
             _, acquired = acquire(self.recording)
             if acquired is None or acquired.layout.mode != old.layout.mode:
                 return
@@ -165,6 +183,11 @@ class Receiver:
             session.go_on_from(old)
             self._session = session
             session.advance(self.recording)
+
+    @property
+    def _received(self) -> int:
+        """Number of ticks of the recording so far."""
+        return self.recording.stop - (self._begun or 0)
 
     def _jump(self, old: Session, new: Acquired, until: float) -> tuple[int, float] | None:
         """Returns (tick, ticks) at which and by which the sequence jumps; None without a jump."""
@@ -192,11 +215,22 @@ class Receiver:
         inbox = session.inbox
         if inbox.file is None:
             assert self._evidence is not None
-            return explain_loss(session, self._evidence, self.recording.stop, self.interrupted)
+            loss = explain_loss(session, self._evidence, self.recording.stop, self.interrupted)
+            return replace(loss, text=loss.text + self._search_text())
         return Verdict(
             Cause.NONE,
             f"{len(inbox.file.data)} bytes in {inbox.frames_right} frames of {inbox.frames_read}, "
             f"{inbox.bytes_corrected} bytes mended, whole at tick {session.delivered_tick}",
+        )
+
+    def _search_text(self) -> str:
+        """Returns what was searched after interruptions, for the verdict."""
+        if not self.searches and not self._limited:
+            return ""
+        times = "once" if self.searches == 1 else f"{self.searches} times"
+        limit = f"the limit of {_SEARCHED} times the recording's {self._received}"
+        return f" (the pilots were searched again {times}, in {self.searched} ticks" + (
+            f": {limit})" if self._limited else ")"
         )
 
 

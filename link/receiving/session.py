@@ -35,6 +35,8 @@ _CHUNK: Final = 40
 """Approximate number of symbols decoded at a time."""
 _KNOWN: Final = 48
 """Symbols that a detector learns from."""
+_LONGEST: Final = 4096
+"""Stored ticks from which a transmission whose frames stay wrong is followed by pilots alone."""
 _CHECK: Final = 128.0
 """Ticks after which the timing is measured again."""
 _MEASURED: Final = 24
@@ -197,7 +199,10 @@ class Session:
                 detector = self._follow(recording, registration, detector, first)
             else:
                 self.lost = True
-        if self._known is not None:
+        if recording.ticks > _LONGEST and self.lost:
+            self._known = None
+            recording.forget(recording.stop - _LONGEST // 2)
+        elif self._known is not None:
             recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
 
     def _closes(self, soft: npt.NDArray[np.float32]) -> bool:

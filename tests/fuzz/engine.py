@@ -51,12 +51,14 @@ class Target:
         seeds: sound inputs.
         read: reads a damaged input, written into this folder where it must be a file.
         text: whether the input is text.
+        weight: costs of a case, in cases of a usual target: as many fewer are run.
     """
 
     name: str
     seeds: Callable[[Path], list[bytes]]
     read: Callable[[bytes, Path], object]
     text: bool = False
+    weight: int = 1
 
 
 @dataclass(frozen=True)

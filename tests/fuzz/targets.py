@@ -9,6 +9,7 @@ import zipfile
 from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,8 @@ from scenarios.scenes.clips.film import FilmSource
 from sensor.codec.coding import Code
 from sensor.codec.files import open_any
 from sensor.codec.fsc import write_fsc
-from tests.fuzz.engine import Target
+from tests.fuzz.engine import LONGEST, Target
+from tests.link.receiving.toy import small
 
 __all__ = ["TARGETS"]
 
@@ -307,6 +309,25 @@ def _film(path: Path) -> None:
     source.step(None, Block(0, 64))
 
 
+def _sent(folder: Path) -> list[bytes]:
+    """A camera's recording of a transmission, without a header."""
+    toy = small(bytes(3000), scale=1.03125)
+    write_stream(toy.stream(), folder / "seed.dat")
+    return [(folder / "seed.dat").read_bytes()]
+
+
+def _receive(path: Path) -> None:
+    """`viform link receive`, which ends with the file or with a verdict."""
+    from scenarios.cli.link.receive import link_receive
+
+    out = path.with_name("out")
+    rmtree(out, ignore_errors=True)
+    with redirect_stdout(io.StringIO()) as text, suppress(typer.Exit):
+        link_receive(path, out, "joint", True, "308x308", False)
+    verdict = text.getvalue().splitlines()[0]
+    assert len(verdict) < 2 * LONGEST, verdict
+
+
 def _requests(folder: Path) -> list[bytes]:
     words = np.random.default_rng(4).integers(0, 256, 40, np.uint8).tobytes()
     return [
@@ -352,5 +373,6 @@ TARGETS: tuple[Target, ...] = (
     Target("log", _logs, _file("line.log", _replay(False)), text=True),
     Target("judged log", _logs, _file("line.log", _replay(True)), text=True),
     Target("picture", _pictures, _file("a.mp4", _film)),
+    Target("transmission", _sent, _file("a.dat", _receive), weight=40),
     Target("request", _requests, _to_board),
 )  # fmt: skip

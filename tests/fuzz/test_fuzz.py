@@ -18,10 +18,10 @@ each_target = pytest.mark.parametrize("target", TARGETS, ids=lambda target: targ
 
 @each_target
 def test_damaged_input_is_read_or_refused_in_a_line(target: Target, tmp_path: Path) -> None:
-    assert run(target, 0, QUICK // len(TARGETS) + 1, tmp_path) == []
+    assert run(target, 0, QUICK // len(TARGETS) // target.weight + 1, tmp_path) == []
 
 
 @pytest.mark.slow
 @each_target
 def test_a_million_damaged_inputs(target: Target, tmp_path: Path) -> None:
-    assert run(target, QUICK, SLOW // len(TARGETS) + 1, tmp_path) == []
+    assert run(target, QUICK, SLOW // len(TARGETS) // target.weight + 1, tmp_path) == []

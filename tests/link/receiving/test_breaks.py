@@ -6,16 +6,18 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from cosim import Viform
 from link.layout import Layout, pilots
 from link.mode import Mode
 from link.receiving.phasing import fit_timing, nudge
 from link.receiving.pilots.clocking import clock_by_pilots
 from link.receiving.pilots.signal import PilotSignal
+from link.receiving.receiver import Receiver
 from link.receiving.synthesis import Levels, Witnesses
 from link.timing import Timing
 from link.verdict import Cause
 from tests.link.receiving.test_receiving import DATA, receive
-from tests.link.receiving.toy import MODE, small
+from tests.link.receiving.toy import CLOCK, MODE, small
 
 ROWS = 60
 
@@ -120,6 +122,27 @@ def test_a_gap_is_named_and_what_lies_behind_it_is_read() -> None:
     much = receive(toy, np.concatenate([planes[:140], planes[241:]]))
     assert much.verdict.cause is Cause.INTERRUPTED, much.verdict
     assert much.delivered is None and much.frames_right > 0
+
+
+@pytest.mark.parametrize("most", [0.4, 4])
+def test_searches_after_interruptions_are_limited_by_the_recording(
+    monkeypatch: pytest.MonkeyPatch, most: float
+) -> None:
+    monkeypatch.setattr("link.receiving.receiver._SEARCHED", most)
+    data = np.random.Generator(np.random.Philox(key=8)).bytes(100_000)
+    toy = small(data)
+    toy.cycles = 450
+    planes = toy.planes()
+    gap = (np.arange(450) >= 150) & ((np.arange(450) - 150) % 97 < 7)
+    receiver = Receiver(planes.shape[1:])
+    receiver.step(Viform.from_planes(planes[~gap], CLOCK))
+    text = receiver.finish().verdict.text
+    ticks = int((~gap).sum())
+    assert receiver.searched <= most * ticks
+    limited = f": the limit of {most} times the recording's {ticks}" in text
+    assert limited == (most < 1)
+    if receiver.searches:
+        assert f", in {receiver.searched} ticks" in text
 
 
 def test_what_a_panel_shows_after_a_file_is_not_lost() -> None:

@@ -22,8 +22,10 @@ def test_it_serves_until_it_is_interrupted(tmp_path: Path) -> None:
     link, csr = tmp_path / "tty", tmp_path / "csr.csv"
     options = ["--level", "model", "--rows", "4", "--json", "--link", str(link), "--csr", str(csr)]
     child = subprocess.Popen(
-        [*COMMAND, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+        [*COMMAND, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # A suite that runs in a script's background has SIGINT ignored, and children inherit it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     try:
         assert child.stdout is not None
         text = ""
