@@ -1,4 +1,4 @@
-"""The catalogue of scenes: the [scene] section is one of these, by its `kind`."""
+"""The catalogue of scenes: the key `kind` of [scene] selects one of them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ SceneSection = Annotated[
     FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene | SunAndStarsScene | TargetScene,
     Field(discriminator="kind"),
 ]
-"""A [scene] section of any kind."""
+"""The section [scene], of any kind."""
 
 
 def scene_keys(kind: str) -> frozenset[str] | None:
-    """Keys of one kind of scene; None for a kind that does not exist."""
+    """The keys of a kind of scene; None for an unknown kind."""
     for scene in get_args(get_args(SceneSection)[0]):
         if kind in get_args(scene.model_fields["kind"].annotation):
             return frozenset(scene.model_fields)

@@ -1,1 +1,1 @@
-"""Test charts and patches of known light."""
+"""Test charts and patches of known illuminance."""

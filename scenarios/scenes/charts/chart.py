@@ -1,8 +1,8 @@
-"""A test chart that an eye can pursue: still greys and gratings, and strips that slide by.
+"""A test chart for a pursuing eye: a static part with greys and gratings, and moving strips.
 
-The still part holds a wedge of greys, named by the share of pixels that fire a cycle, and groups of
-fine lines. Below it strips slide to the right, four at PURSUIT and one at a quarter of it: text,
-bars, an edge from dark to mid grey, a face among shapes. What is drawn and where is assumed.
+The static part has a grey wedge, labelled with the share of pixels that fire in a cycle, and groups
+of fine lines. Below it, strips move to the right, four at PURSUIT and one at a quarter of it: text,
+bars, an edge from dark to mid grey, and a face with other shapes. The layout is assumed.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from scenarios.scenes.drawing.canvas import check_instant, check_shape
 __all__ = ["PURSUIT", "SLOW", "Chart"]
 
 PURSUIT = 4000.0
-"""Pixels a second of the fast strips, at any size of picture: what an eye follows."""
+"""Speed of the fast strips, which an eye follows, pixels/s, for any size of picture."""
 SLOW = 1000.0
-"""Of the slow one."""
+"""Speed of the slow strip, pixels/s."""
 STRIPS = (
     (0.325, 0.510, words, PURSUIT),
     (0.520, 0.610, bars, PURSUIT),
@@ -31,16 +31,18 @@ STRIPS = (
     (0.730, 0.905, faces, PURSUIT),
     (0.915, 0.985, slow, SLOW),
 )
-"""Rows (parts of the height) of each strip, what is on it, and its speed."""
+"""First and last row of each strip over the height, the function that draws it, and its speed."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """A strip of rows `top` to `low` that repeats every `width` pixels.
+    """A moving strip, periodic with the width of the picture.
 
     Attributes:
+        top, low: first row, and the row after the last.
+        speed: speed to the right, pixels/s.
         phases: (FINE, rows, 2 width) float32, the mean over a pixel that begins k / FINE pixels
-            after each of the strip's columns; twice round, so that any shift is one slice.
+            after each column of the strip; two periods, so that any shift is one slice.
     """
 
     top: int
@@ -49,10 +51,10 @@ class _Strip:
     phases: Plane
 
     def draw(self, image: Plane, t: float) -> None:
-        """Lays the strip as at t seconds: pixel means of the fine strip, exact at any shift, since
-        between two of its phases they run linearly."""
+        """Draws the strip at t, s: pixel means of the fine strip. They are exact at any shift,
+        because they are linear between two phases."""
         width = image.shape[1]
-        at = math.fmod(-self.speed * t, width) % width  # the strip's place at column 0
+        at = math.fmod(-self.speed * t, width) % width  # position on the strip at column 0
         fine = at * FINE
         number = int(fine)
         part = np.float32(fine - number)
@@ -68,7 +70,7 @@ class _Strip:
 
 @dataclass(frozen=True)
 class Chart:
-    """The chart. shape: (height, width) in pixels, each 8 to 2000."""
+    """The chart. `shape`: (height, width), pixels, each 8 to 2000."""
 
     shape: tuple[int, int]
 
@@ -77,35 +79,36 @@ class Chart:
 
     @property
     def pursuit(self) -> float:
-        """Pixels a second along the rows, to the right, that an eye follows."""
+        """Speed along the rows, to the right, that an eye follows, pixels/s."""
         return PURSUIT
 
     def speed(self) -> float:
-        """Of any edge at most, pixels per second."""
+        """Greatest speed of any edge, pixels/s."""
         return PURSUIT
 
     def reflectance(self, t: float) -> Plane:
-        """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
+        """Linear reflectance at t, s, (H, W) float32 in [0, 1]. Raises ValueError unless t is
+        finite."""
         t = check_instant(t)
-        ground, strips = _drawn(self)
+        ground, strips = _layers(self)
         image = ground.copy()
         for strip in strips:
             strip.draw(image, t)
         return image
 
     def moving(self, start: float, stop: float) -> Box:
-        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
-        strips = _drawn(self)[1]
+        """Box (y0, y1, x0, x1) that contains all changes between two instants, s."""
+        strips = _layers(self)[1]
         if not strips or start == stop:
             return 0, 0, 0, 0
         return strips[0].top, strips[-1].low, 0, self.shape[1]
 
     def edge_rows(self) -> tuple[int, int]:
-        """Rows of the strip with the edge, the last excluded."""
+        """First row of the strip with the edge, and the row after its last."""
         return _rows(self.shape[0], *STRIPS[2][:2])
 
     def edge_at(self, t: float) -> float:
-        """Column (a float, 0 to the width) where dark meets mid grey to its right at t."""
+        """Column of the edge from dark to mid grey at t, 0 to the width."""
         return (PURSUIT * check_instant(t) + self.shape[1] / 4) % self.shape[1]
 
     def points(self) -> list[tuple[int, int, str]]:
@@ -135,7 +138,7 @@ def _rows(height: int, top: float, low: float) -> tuple[int, int]:
 
 
 def _phases(fine: npt.NDArray[np.float32]) -> Plane:
-    """(rows, width · FINE) fine columns to `_Strip.phases`."""
+    """`_Strip.phases` of a fine strip (rows, width · FINE)."""
     rows, many = fine.shape
     wrapped = np.concatenate([fine, fine[:, : FINE - 1]], axis=1).astype(np.float64)
     sums = np.concatenate([np.zeros((rows, 1)), np.cumsum(wrapped, axis=1)], axis=1)
@@ -145,8 +148,8 @@ def _phases(fine: npt.NDArray[np.float32]) -> Plane:
 
 
 @lru_cache(maxsize=2)
-def _drawn(chart: Chart) -> tuple[Plane, list[_Strip]]:
-    """What stays, and the strips: kept beside the chart, so that it stays a plain value."""
+def _layers(chart: Chart) -> tuple[Plane, list[_Strip]]:
+    """The static part and the strips, cached here so that `Chart` remains a plain value."""
     height, width = chart.shape
     strips = []
     for top, low, paint, speed in STRIPS:

@@ -1,4 +1,4 @@
-"""What is on the chart: greys, lines, letters and faces, painted finer than pixels and averaged."""
+"""The content of the chart: greys, lines, text and shapes, drawn finer than pixels and averaged."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ import numpy.typing as npt
 __all__ = ["FINE", "WEDGE", "bars", "edge", "faces", "slow", "still", "words"]
 
 FINE = 4
-"""Columns and rows painted in a pixel."""
+"""Number of fine columns and rows in a pixel."""
 WHITE_RATE = 0.6
-"""Spikes a cycle of white that the wedge's names hold for: the default lens."""
+"""Spike rate of white for which the labels of the wedge hold, spikes a cycle: the default lens."""
 WEDGE = (0.0015, 0.003, 0.006, 0.012, 0.03, 0.06, 0.12, 0.18, 0.3, 0.6)
-"""Its steps: share of pixels that fire in a cycle."""
+"""Steps of the wedge: share of pixels that fire in a cycle."""
 PAPER, INK, DARK, LIGHT = 0.42, 0.012, 0.03, 0.92
 MIDDLE = 0.18 / WHITE_RATE
-"""Mid grey, of an edge's bright side."""
+"""Mid grey, the bright side of the edge."""
 LINES = (2, 3, 4, 6, 8, 12)
-"""Periods in pixels, where the picture is 1000 pixels wide, of the groups of lines."""
+"""Periods of the groups of lines in a picture 1000 pixels wide, pixels."""
 Picture = npt.NDArray[np.float32]
 BITS = 4
-"""Binary places of a corner's position in a fine column or row."""
+"""Fractional bits of coordinates in fine pixels."""
 
 
 class _Brush:
-    """A canvas of `rows` x `columns` pixels, painted in fine ones. All places are in pixels, x to
-    the right and y down."""
+    """A canvas of `rows` x `columns` pixels, drawn in fine pixels. Coordinates are pixels, x to the
+    right and y down."""
 
     def __init__(self, rows: int, columns: int, tone: float) -> None:
         self.rows, self.columns = rows, columns
         self.picture = np.full((rows * FINE, columns * FINE), tone, np.float32)
 
     def fill(self, outlines: list[Any], tone: float) -> None:
-        """Closed outlines of (n, 2) x, y; where an even number overlap it is outside."""
+        """Fills closed outlines, (n, 2) x, y, by the even-odd rule."""
         import cv2
 
-        # OpenCV has a pixel's centre at a whole number and paints what the outline touches.
+        # In OpenCV, pixel centres are at integers, and pixels that the outline touches are filled.
         fixed = [
             np.rint((np.asarray(o, np.float64) * FINE - 0.5) * 2**BITS).astype(np.int32)
             for o in outlines
@@ -47,7 +47,7 @@ class _Brush:
         cv2.fillPoly(self.picture, fixed, tone, cv2.LINE_8, BITS)
 
     def box(self, x0: float, y0: float, x1: float, y1: float, tone: float) -> None:
-        """A rectangle, its sides rounded to fine pixels, at least one wide."""
+        """Draws a rectangle, with sides rounded to fine pixels and at least one fine pixel wide."""
         a, b, c, d = (round(v * FINE) for v in (y0, y1, x0, x1))
         self.picture[max(a, 0) : max(b, a + 1), max(c, 0) : max(d, c + 1)] = tone
 
@@ -55,8 +55,16 @@ class _Brush:
         self, x: float, y: float, a: float, b: float, tone: float,
         part: tuple[float, float] = (0.0, 360.0), inner: float = 0.0, turn: float = 0.0,
     ) -> None:  # fmt: skip
-        """An ellipse, a part of it (degrees clockwise from the right), or with `inner` (0 to 1) a
-        ring."""
+        """Draws an ellipse, or a ring.
+
+        Args:
+            x, y: centre.
+            a, b: semi-axes.
+            tone: reflectance.
+            part: first and last angle, degrees clockwise from the right.
+            inner: radius of the hole over the outer radius, 0 for none.
+            turn: clockwise rotation, degrees.
+        """
         angle = np.radians(np.linspace(*part, 181))
         around = np.stack([a * np.cos(angle), b * np.sin(angle)], axis=1)
         outline = np.concatenate([around, inner * around[::-1]]) if inner else around
@@ -64,17 +72,19 @@ class _Brush:
         self.fill([outline @ np.array([[c, s], [-s, c]]) + (x, y)], tone)
 
     def text(
-        self, said: str, x: float, y: float, high: float, tone: float, wide: float | None = None
+        self, line: str, x: float, y: float, high: float, tone: float, wide: float | None = None
     ) -> float:
-        """Letters whose capitals are `high`, their middle at (x, y); shrunk to `wide`."""
-        outlines, across = _letters(said)
+        """Draws a line of text centred at (x, y), with capitals of the height `high`, reduced to
+        the width `wide`; returns its width."""
+        outlines, across = _letters(line)
         if wide is not None and across * high > wide:
             high = wide / across
         self.fill([o * high + (x - across * high / 2, y + high / 2) for o in outlines], tone)
         return across * high
 
     def averaged(self, columns: bool = True) -> Picture:
-        """Means over rows of pixels, and over columns unless `columns` is False."""
+        """Means over the fine rows of pixels, and over the fine columns unless `columns` is
+        False."""
         many = self.picture.reshape(self.rows, FINE, self.columns * FINE).mean(axis=1)
         if columns:
             many = many.reshape(self.rows, self.columns, FINE).mean(axis=2)
@@ -82,7 +92,7 @@ class _Brush:
 
 
 @lru_cache(maxsize=32)
-def _letters(said: str) -> tuple[list[npt.NDArray[np.float64]], float]:
+def _letters(line: str) -> tuple[list[npt.NDArray[np.float64]], float]:
     """Outlines of a line of text with capitals of height 1 above y = 0, and its width."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
@@ -92,7 +102,7 @@ def _letters(said: str) -> tuple[list[npt.NDArray[np.float64]], float]:
     high = TextPath((0, 0), "H", size=size, prop=font).get_extents().height
     outlines = [
         np.asarray(o) * (1 / high, -1 / high)
-        for o in TextPath((0, 0), said, size=size, prop=font).to_polygons()
+        for o in TextPath((0, 0), line, size=size, prop=font).to_polygons()
     ]
     left = min(float(o[:, 0].min()) for o in outlines)
     right = max(float(o[:, 0].max()) for o in outlines)
@@ -100,7 +110,7 @@ def _letters(said: str) -> tuple[list[npt.NDArray[np.float64]], float]:
 
 
 def still(height: int, width: int) -> Picture:
-    """The ground with the wedge and the lines, (height, width)."""
+    """The static part with the wedge and the lines, (height, width)."""
     brush = _Brush(height, width, PAPER)
     step = 0.94 * width / len(WEDGE)
     for n, share in enumerate(WEDGE):
@@ -116,7 +126,7 @@ def still(height: int, width: int) -> Picture:
         x1, y1 = x0 + (many + 0.5) * pace, y0 + (many + 0.5) * pace
         brush.box(x0, y0, x1, y1, LIGHT)
         level = n % 2 == 1
-        for m in range(many):  # light first and last, dark on whole pixels where the period is even
+        for m in range(many):  # first and last are light; dark covers whole pixels for even periods
             at = (y0 if level else x0) + (m + 0.5) * pace
             if level:
                 brush.box(x0, at, x1, at + pace / 2, INK)
@@ -132,13 +142,13 @@ def words(rows: int, width: int) -> Picture:
     """VIFORM, light on dark, (rows, width · FINE)."""
     brush = _Brush(rows, width, DARK)
     brush.text("VIFORM", 0.5 * width, 0.41 * rows, 0.56 * rows, LIGHT, 0.9 * width)
-    said = "light  to  spikes  to  light"
-    brush.text(said, 0.5 * width, 0.86 * rows, 0.13 * rows, MIDDLE, 0.9 * width)
+    line = "light  to  spikes  to  light"
+    brush.text(line, 0.5 * width, 0.86 * rows, 0.13 * rows, MIDDLE, 0.9 * width)
     return brush.averaged(columns=False)
 
 
 def bars(rows: int, width: int) -> Picture:
-    """Groups of upright bars, each as wide as its gaps, (rows, width · FINE)."""
+    """Groups of vertical bars, each as wide as its gaps, (rows, width · FINE)."""
     brush = _Brush(rows, width, PAPER)
     x, scale = 0.02 * width, width / 1000
     for bar, many in ((32, 4), (16, 6), (8, 8), (4, 10), (2, 12), (1, 16)):
@@ -152,7 +162,7 @@ def bars(rows: int, width: int) -> Picture:
 
 
 def edge(rows: int, width: int) -> Picture:
-    """Dark in the first quarter and the last, mid grey between, (rows, width · FINE)."""
+    """Dark in the first and the last quarter, mid grey between, (rows, width · FINE)."""
     brush = _Brush(rows, width, DARK)
     brush.box(0.25 * width, 0, 0.75 * width, rows, MIDDLE)
     return brush.averaged(columns=False)
@@ -173,7 +183,7 @@ def faces(rows: int, width: int) -> Picture:
 
 
 def _face(brush: _Brush, x: float, y: float, r: float) -> None:
-    """A face with hair, seen from the front, r from its middle to its crown."""
+    """A face with hair, from the front; r is the distance from its centre to the crown."""
     brush.oval(x, y - 0.10 * r, 0.86 * r, 0.92 * r, 0.05)  # hair
     for side in (-1, 1):
         brush.oval(x + 0.70 * r * side, y + 0.10 * r, 0.13 * r, 0.20 * r, 0.50)  # ear
@@ -202,7 +212,7 @@ def _star(brush: _Brush, x: float, y: float, r: float) -> None:
 
 
 def _ball(brush: _Brush, x: float, y: float, r: float) -> None:
-    """A matt ball lit from the upper left: smooth greys."""
+    """A matt ball with light from the upper left."""
     place = (np.indices(brush.picture.shape) + 0.5) / FINE
     down, along = (place[0] - y) / r, (place[1] - x) / r
     inside = down**2 + along**2 < 1
@@ -214,8 +224,8 @@ def _ball(brush: _Brush, x: float, y: float, r: float) -> None:
 def slow(rows: int, width: int) -> Picture:
     """Text and bars, (rows, width · FINE)."""
     brush = _Brush(rows, width, LIGHT)
-    said = "a quarter of the speed: 1000 pixels a second"
-    brush.text(said, 0.44 * width, 0.5 * rows, 0.36 * rows, INK, 0.8 * width)
+    line = "a quarter of the speed: 1000 pixels a second"
+    brush.text(line, 0.44 * width, 0.5 * rows, 0.36 * rows, INK, 0.8 * width)
     for m in range(6):
         x = (0.89 + 0.016 * m) * width
         brush.box(x, 0.15 * rows, x + 0.008 * width, 0.85 * rows, INK)

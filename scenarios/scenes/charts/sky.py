@@ -1,8 +1,9 @@
-"""The sun and stars in one view: discs of known light, decade below decade.
+"""The sun and stars in one image: discs of known illuminance over many decades.
 
-Huang 2022 section 4.5 asks for 1e5 lux and 1e-4 lux at once. Every disc is a target: pixels under
-one illuminance, so that a camera's error can be stated in per cent. There is the sun, a star a
-decade down to FINE lux, and five a decade below, to find where a camera gives up.
+Huang 2022, section 4.5, requires 1e5 lux and 1e-4 lux at once. Every disc is a target, a set of
+pixels with one illuminance, for which the error of a camera is reported in per cent. The scene has
+the sun, one star for each decade down to FINE lux, and five for each decade below, which show the
+limit of a camera.
 """
 
 from __future__ import annotations
@@ -19,19 +20,21 @@ from scenarios.scenes.drawing.analytic import AnalyticSource
 __all__ = ["FINE", "JUST_BELOW", "Sky", "SkySource", "star_levels"]
 
 FINE = 1e-2
-"""Lux from which on stars stand five a decade."""
+"""Illuminance below which there are five stars in a decade, lux."""
 JUST_BELOW = 0.9
-"""Of a decade: where a camera's range is said to end at one, a star beyond it tells."""
+"""Illuminance of the additional star below a decade, over the decade: it tests a range that ends at
+the decade."""
 _PER_DECADE = 4
 _SUN = (0.27, 0.27, 0.17)
-"""Its centre down and across, and its radius, in heights, widths and the lesser of both."""
+"""Row and column of the centre of the sun over height and width, and its radius over the lesser of
+the two."""
 _MOST = 100
-"""Stars at most."""
+"""Maximum number of stars."""
 
 
 def star_levels(sun: float, dimmest: float) -> list[float]:
-    """Lux of the stars, brightest first: by decades below the sun; from FINE on by quarters of a
-    decade, and one just below each decade."""
+    """Illuminances of the stars, lux, in decreasing order: decades below the sun; below FINE
+    quarters of a decade, and one additional star just below each decade."""
     levels: list[float] = []
     quarters = 0
     while len(levels) < _MOST:
@@ -47,7 +50,12 @@ def star_levels(sun: float, dimmest: float) -> list[float]:
 
 
 class Sky:
-    """Reflectance of the scene, the sun = 1."""
+    """The scene; its reflectance is relative to the sun.
+
+    Attributes:
+        shape: (height, width), pixels.
+        targets: discs with their pixels and illuminance.
+    """
 
     def __init__(self, shape: tuple[int, int], sun: float, dimmest: float, background: float):
         self.shape = shape
@@ -93,15 +101,15 @@ class Sky:
 def _places(
     shape: tuple[int, int], sun: tuple[float, float], radius: float, stars: int
 ) -> tuple[list[tuple[float, float]], float]:
-    """Centres of the stars, nearest to the sun first, and their radius: cells of a grid, shifted a
-    little so that they look like a sky."""
+    """Centres of the stars, the nearest to the sun first, and their radius, pixels: cells of a
+    grid, with small shifts."""
     height, width = shape
     for side in itertools.count(2):
         cell = (height / side, width / side)
         size = 0.36 * min(cell)
         centres = []
         for n, (i, j) in enumerate(itertools.product(range(side), repeat=2)):
-            # The R2 sequence: even, without a pattern that the eye finds.
+            # The R2 sequence: uniform, without a visible pattern.
             shift = [(0.5 + n * g) % 1 - 0.5 for g in (0.7548776662, 0.5698402910)]
             y = (i + 0.5 + 0.2 * shift[0]) * cell[0]
             x = (j + 0.5 + 0.2 * shift[1]) * cell[1]
@@ -113,7 +121,7 @@ def _places(
 
 
 class SkySource(AnalyticSource):
-    """The sky as a source, with the targets that it is judged by."""
+    """The sky as the `Source` of a run, with the targets for its evaluation."""
 
     def __init__(
         self, shape: tuple[int, int], sun: float, dimmest: float, background: float, clock: Clock

@@ -1,8 +1,8 @@
-"""A rotating Siemens star with a grey wedge and groups of fine lines: a test chart that moves.
+"""A moving test chart: a rotating Siemens star with a grey wedge and groups of fine lines.
 
-The star's local frequency, spokes per metre of circumference, rises towards its centre without
-limit, so one picture shows a camera's resolution, its blur and its modulation at once; the wedge
-shows its linearity. The star as a target: ISO 12233:2017, annex E (sine spokes).
+The spatial frequency of the star increases towards its centre without limit, so one image shows
+resolution, blur and modulation of a camera; the wedge shows its linearity. The star is a target of
+ISO 12233:2017, annex E (sine spokes).
 """
 
 from __future__ import annotations
@@ -33,29 +33,31 @@ __all__ = ["Star", "spokes"]
 TAU = 2 * math.pi
 Profile = Literal["square", "sine"]
 
-# The chart, in parts of the picture's shorter side (assumed): radius of the star, inner and outer
-# radius of the wedge's ring, and tones of what lies around them.
+# Layout over the shorter side of the picture (assumed): radius of the star, inner and outer radius
+# of the wedge; tones of the background.
 RADIUS, RING_IN, RING_OUT = 0.36, 0.385, 0.445
 PAPER, BLACK = 0.55, 0.02
 STEPS = tuple((m + 1) / 8 for m in range(8))
 """The wedge: eight reflectances in equal steps up to white."""
 LINES = (400.0, 200.0, 150.0, 100.0, 50.0)
-"""Line pairs per shorter side of the groups in the corners; 500 is Nyquist at 1000 pixels."""
+"""Line pairs of the groups in the corners per shorter side; 500 is Nyquist at 1000 pixels."""
 
 
 def spokes(x: Any, y: Any, pixel: float, n: int, turn: float, profile: Profile = "square") -> Array:
-    """Mean over a pixel of a Siemens star of n spokes and as many gaps around the origin, -1 to 1.
+    """Mean over a pixel of a Siemens star with n spokes and n gaps around the origin, -1 to 1.
 
-    The mean over the square pixel is taken as the exact one over a box as wide as the pixel's side
-    along the circle: a square has that box's variance, 1/12, in every direction, so the two agree
-    to second order. Against the mean of 64 x 64 points in each pixel, 36 spokes (measured): where a
-    period is 4 pixels or more, sine 0.0002 RMS, 0.0009 at most, square 0.02 RMS, 0.09 at most (an
-    edge along the diagonal); at 2 to 4 pixels sine 0.002 RMS and square 0.03; below one pixel,
-    where any wave is an alias, 0.1 RMS.
+    The mean over the square pixel is approximated by the exact mean over a box along the circle,
+    with the width of the pixel. A square has the variance of this box, 1/12, in every direction, so
+    the two agree to second order. Measured errors against the mean of 64 x 64 points in each pixel,
+    for 36 spokes: for periods of 4 pixels or more, sine 0.0002 RMS and at most 0.0009, square 0.02
+    RMS and at most 0.09 (an edge along the diagonal); for 2 to 4 pixels, sine 0.002 RMS and square
+    0.03; below one pixel, where any wave is an alias, 0.1 RMS.
 
     Args:
-        x, y: pixel centres, arrays in any one unit of length with `pixel`.
-        turn: clockwise as seen, in spoke periods. The first spoke begins on the x axis.
+        x, y: pixel centres, in the same unit of length as `pixel`.
+        pixel: side of a pixel.
+        n: number of spokes.
+        turn: clockwise rotation, spoke periods. The first spoke begins on the x axis.
         profile: "square" is 1 on a spoke and -1 in a gap, "sine" is sin(n angle).
     """
     phase, width = _phase(x, y, pixel, n)
@@ -63,7 +65,7 @@ def spokes(x: Any, y: Any, pixel: float, n: int, turn: float, profile: Profile =
 
 
 def _phase(x: Any, y: Any, pixel: float, n: int) -> tuple[Any, Any]:
-    """Where pixels lie in the spokes at rest, and how wide they are there: spoke periods."""
+    """Phase of the pixels in the star at rest, and their width, spoke periods."""
     r = np.sqrt(x * x + y * y)
     return (n / TAU) * np.arctan2(y, x), n * pixel / (TAU * np.maximum(r, 1e-6 * pixel))
 
@@ -76,31 +78,32 @@ def _wave(phase: Any, width: Any, profile: Profile) -> Array:
 
 @lru_cache(maxsize=192)
 def _geometry(win: Win, cam: Cam, n: int) -> tuple[Any, ...]:
-    """What of a star's disc stays while it turns: phase and width of the pixels, and the part of
-    them within the disc. A picture is painted in bands; this holds some 3 million pixels of them,
-    in float32 (1e-6 of a period)."""
+    """The part of the star that does not depend on its rotation: phase and width of the pixels, and
+    their coverage by the disc. The cache holds the bands of about 3 million pixels, in float32
+    (1e-6 of a period)."""
     px, py = grid(win, cam)
     part = cover((np.sqrt(px * px + py * py) - RADIUS) / cam[0])
     return tuple(a.astype(np.float32) for a in (*_phase(px, py, cam[0], n), part))
 
 
 def paint_star(image: Any, win: Win, cam: Cam, star: Star, turn: float) -> None:
-    """Lay a star's disc: tone = mean (1 + contrast wave). turn: by so many spokes."""
+    """Paints the disc of a star, with the tone mean (1 + contrast wave), rotated by `turn` spoke
+    periods."""
     phase, width, part = _geometry(win, cam, star.spokes)
     wave = _wave(phase - np.float32(turn), width, star.profile)
     lay(image, win, part, np.float32(star.mean) * (1 + np.float32(star.contrast) * wave))
 
 
 def paint_wedge(image: Any, win: Win, cam: Cam, inner: float, outer: float) -> None:
-    """Lay the ring of grey steps, darkest first, clockwise from the top. The steps meet along
-    radii, blended over a pixel's width there."""
+    """Paints the ring of grey steps, the darkest first, clockwise from the top. The borders between
+    steps are radii, blended over the width of a pixel."""
     x, y = grid(win, cam)
     r = np.hypot(x, y)
     d = np.maximum(r - outer, inner - r)
     place = np.mod(np.arctan2(x, -y) / TAU, 1.0) * len(STEPS)
     width = np.maximum(r, inner) * TAU / len(STEPS) / cam[0]  # pixels along one step
     near = np.round(place)
-    after = cover((near - place) * width)  # part beyond the nearest border
+    after = cover((near - place) * width)  # share beyond the nearest border
     tones = np.asarray(STEPS)
     index = near.astype(np.int64)
     low, high = tones[(index - 1) % len(STEPS)], tones[index % len(STEPS)]
@@ -111,7 +114,8 @@ def paint_lines(
     image: Any, win: Win, cam: Cam, box: tuple[float, float, float, float], period: float,
     upright: bool,
 ) -> None:  # fmt: skip
-    """Lay black lines on white with `period` metres from one to the next, exact box means."""
+    """Paints black lines of the period `period`, m, on white, by exact means over pixels; `upright`
+    for vertical lines."""
     x, y = grid(win, cam)
     x0, y0, x1, y1 = box
     part = cover(np.maximum(x0 - x, x - x1) / cam[0]) * cover(np.maximum(y0 - y, y - y1) / cam[0])
@@ -121,18 +125,20 @@ def paint_lines(
 
 @dataclass(frozen=True)
 class Star(Drawn):
-    """A Siemens star that rotates clockwise in the picture, in the middle of a still chart.
-
-    The picture's shorter side counts as 1 m. Raises ValueError for values out of range.
+    """A Siemens star that rotates clockwise in the centre of a static chart. The shorter side of
+    the picture is 1 m.
 
     Attributes:
-        shape: (height, width) in pixels, each 8 to 2000.
-        spokes: bright spokes, 2 to 360.
-        revolutions: per second, -1000 to 1000; negative ones are counter-clockwise.
+        shape: (height, width), pixels, each 8 to 2000.
+        spokes: number of bright spokes, 2 to 360.
+        revolutions: revolutions per second, -1000 to 1000; negative for counter-clockwise.
         profile: "square" or "sine" across a spoke.
         contrast: (bright - dark) / (bright + dark), 0 to 1.
         mean: mean reflectance of the star, above 0, with mean (1 + contrast) at most 1.
         phase: revolutions at t = 0.
+
+    Raises:
+        ValueError: a value is out of range.
     """
 
     shape: tuple[int, int]
@@ -146,7 +152,7 @@ class Star(Drawn):
     def __post_init__(self) -> None:
         check_shape(self.shape)
         if not isinstance(self.spokes, (int, np.integer)):
-            raise ValueError(f"spokes must be a whole number, not {self.spokes}")
+            raise ValueError(f"spokes must be an integer, not {self.spokes}")
         check_number("spokes", self.spokes, 2, 360)
         check_number("revolutions", self.revolutions, -1000.0, 1000.0, "per second")
         if self.profile not in ("square", "sine"):
@@ -168,12 +174,12 @@ class Star(Drawn):
         return _canvas(self)
 
     def speed(self) -> float:
-        """The spokes' speed at the rim, pixels per second: 2 pi f R, the greatest there is."""
+        """Speed of the spokes at the rim, 2 pi f R, the greatest speed, pixels/s."""
         return TAU * abs(self.revolutions) * RADIUS * min(self.shape)
 
     def angle(self, t: float) -> float:
-        """Where the first spoke begins at t: radians clockwise as seen from the x axis (to the
-        right), 0 to 2 pi. Turns are reduced to one before they are multiplied."""
+        """Angle of the start of the first spoke at t, rad, clockwise from the x axis (to the
+        right), 0 to 2 pi. Whole turns are removed before the multiplication by 2 pi."""
         turns = math.fmod(self.revolutions * check_instant(t), 1.0) + self.phase
         return TAU * math.fmod(math.fmod(turns, 1.0) + 1.0, 1.0)
 
@@ -201,7 +207,7 @@ class Star(Drawn):
 
 @lru_cache(maxsize=2)
 def _canvas(star: Star) -> Canvas:
-    """The chart's layers: kept beside the star, so that this stays a plain value."""
+    """The layers of the chart, cached here so that `Star` remains a plain value."""
     still = [
         everywhere(PAPER),
         *_corners(),
@@ -222,8 +228,8 @@ def _canvas(star: Star) -> Canvas:
 
 
 def _corners() -> list[Item]:
-    """In each corner, an L of five groups of lines, the finest in the corner itself; upright and
-    level in turn, so that each frequency stands both ways."""
+    """Five groups of lines in each corner, arranged as an L with the finest in the corner itself,
+    alternately vertical and horizontal, so that each frequency has both directions."""
     side, step, edge = 0.050, 0.056, 0.449
     places = ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2))
     items = []

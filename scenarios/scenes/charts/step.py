@@ -1,4 +1,4 @@
-"""A step of light: eight grey bars whose light jumps from one level to another at one instant."""
+"""Eight grey bars whose light steps from one level to another at one instant."""
 
 from __future__ import annotations
 
@@ -12,9 +12,15 @@ BARS = 8
 
 
 class StepSource:
-    """Bar b of 8 reflects (b + 1)/8 of the light, which jumps from `before` to `after` (shares of
-    `illuminance` lux) at `at` seconds. The jump may fall inside a latch cycle. stop: the run's end,
-    picoseconds."""
+    """Bar b of 8 has the reflectance (b + 1)/8. The step may be inside a latch cycle.
+
+    Args:
+        shape: (height, width), pixels.
+        illuminance: illuminance at a level of 1, lux.
+        before, after: levels of the light before and after the step.
+        at: instant of the step, s.
+        stop: end of the run, ps.
+    """
 
     def __init__(
         self,
@@ -35,10 +41,10 @@ class StepSource:
         if self._at > 0:
             pieces.insert(0, Piece(0, self._at, lux[0], lux[0]))
         self._light = Light(tuple(pieces))
-        self.notes = [f"the light jumps at {at * 1e3:g} ms, constant before and after"]
+        self.notes = [f"the light steps at {at * 1e3:g} ms, constant before and after"]
         self.degraded: list[str] = []
         if self._at >= stop:
-            self.degraded.append("the run ends before the light jumps: lengthen duration")
+            self.degraded.append("the run ends before the step of the light: lengthen duration")
 
     def step(self, data: None, block: Block) -> Light:
         return self._light

@@ -1,4 +1,4 @@
-"""A test chart or a picture that stands still, under light that changes by a course of knots."""
+"""A static test chart or picture under light that varies piecewise linearly."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _FOREVER = 2**62
 
 
 class ChartScene(Protocol):
-    """What a scene of a chart is made from, as its section has it.
+    """The parameters of a chart scene, as in its section.
 
     Attributes:
-        illuminance: lux, at a factor of 1.
+        illuminance: illuminance at a factor of 1, lux.
         chart: name of a drawn chart.
-        contrast: factor of the differences from the sheet's grey.
-        path: picture in the chart's place; None for a drawn chart.
-        course: knots of the light: (time in seconds, factor), in order.
+        contrast: factor of the contrast with the grey of the sheet.
+        path: picture instead of the chart; None for a drawn chart.
+        course: knots of the light, (time in s, factor), in order.
     """
 
     @property
@@ -59,7 +59,7 @@ def target_plane(scene: ChartScene, shape: tuple[int, int]) -> npt.NDArray[np.fl
 
 
 def target_course(scene: ChartScene) -> Course:
-    """Factor of the light over time."""
+    """The factor of the light over time."""
     return Course(tuple((seconds_to_ps(time), factor) for time, factor in scene.course))
 
 
@@ -71,14 +71,14 @@ class TargetSource:
     shape: tuple[int, int]
 
     def __post_init__(self) -> None:
-        self.notes = [f"a chart that stands still, its light with {len(self.scene.course)} knots"]
+        self.notes = [f"a static chart; its light has {len(self.scene.course)} knots"]
         self.degraded: list[str] = []
         self._course = target_course(self.scene)
         self._plane = target_plane(self.scene, self.shape)
 
     @cached_property
     def light(self) -> Light:
-        """The light of the whole run: one piece between two knots."""
+        """The light of the whole run, with one piece between two knots."""
         lux = self._plane * self.scene.illuminance
 
         def plane(factor: float) -> Plane:

@@ -1,1 +1,1 @@
-"""Clips and images as scenes."""
+"""Video clips and images as scenes."""

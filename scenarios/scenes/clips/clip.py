@@ -1,7 +1,7 @@
-"""Clips and images as frames of linear light: anything that PyAV opens.
+"""Decodes video clips and images, of any format that PyAV supports, to frames of linear light.
 
-A frame is decoded to RGB, turned upright, made linear by its own transfer curve, reduced to
-luminance (Rec. ITU-R BT.709), scaled to cover the sensor and cropped at the centre.
+A frame is decoded to RGB, rotated upright, linearised by its transfer curve, reduced to luminance
+(Rec. ITU-R BT.709), scaled to cover the sensor, and cropped at the centre.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ __all__ = ["Clip"]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
 
-# Transfer characteristics by their code point (ITU-T H.273, table 3) -> exponent of the display.
-# Clips are seen through a display, so BT.709 and unmarked ones are taken through the sRGB curve.
+# Transfer characteristics: code point (ITU-T H.273, table 3) -> exponent of the display. Clips are
+# made for displays, so BT.709 and unspecified characteristics use the sRGB curve.
 _POWER = {4: 2.2, 5: 2.8, 8: 1.0}
 _AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
 
 _FAR = 8
-"""Frames ahead from which on it is worth to look for a key frame."""
-# Code values of white. FFmpeg's 16-bit RGB is exact from RGB and grey, but from YUV it has white
-# at 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is right to a code.
+"""Number of frames ahead from which on a seek to a key frame saves time."""
+# Code values of white. FFmpeg's 16-bit RGB is exact for RGB and grey, but for YUV it has white at
+# 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is accurate to one code.
 _WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
 
 
 def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
-    """Linear light of each code value up to the full scale, white = 1."""
+    """Linear light of each code value, white = 1."""
     v = np.minimum(np.arange(256 if white == _WHITE_8 else 65536) / white, 1)
     if code in _POWER:
         return (v ** _POWER[code]).astype(np.float32)
@@ -47,15 +47,16 @@ def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
 class Clip:
     """Frames of a clip or image on a (height, width) grid, by number, in any order.
 
-    `frame(n)` is (H, W) float32 in [0, 1]. For a frame far ahead, or behind, decoding begins at the
-    last key frame before it, or without a timeline at the start of the file. Frames in between are
-    decoded but not converted.
+    `frame(n)` is (H, W) float32 in [0, 1]. For a frame far ahead, or behind, decoding starts at the
+    last key frame before it, or, without a timeline, at the start of the file. The frames in
+    between are decoded but not converted.
 
     Attributes:
-        rate: frames per second, 0 for a still image.
-        count: number of frames known so far.
-        ended: whether this is all of them.
-        timeline: times of the frames; None where the file has none.
+        notes: notes for the user.
+        rate: frame rate, 1/s; 0 for a still image.
+        count: number of frames decoded so far.
+        ended: whether the clip has no more frames.
+        timeline: times of the frames; None if the file has none.
     """
 
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
@@ -64,7 +65,7 @@ class Clip:
         self._iterator: Iterator[Any] | None = None
         self._next = 0
         self._latest: tuple[int, Any] | None = None
-        self._kept: dict[int, Plane] = {}
+        self._planes: dict[int, Plane] = {}
         self._curves: dict[tuple[int, int], npt.NDArray[np.float32]] = {}
         self.ended = False
         self.rate = Fraction(0)
@@ -98,7 +99,7 @@ class Clip:
             if not self._path.is_file():
                 raise self._bad("not a file" if self._path.exists() else "no such file")
             container = av.open(str(self._path))
-            if not container.streams.video or container.format.name == "tty":  # text as a film
+            if not container.streams.video or container.format.name == "tty":  # a text file
                 container.close()
                 raise self._bad("no picture in it")
             stream = container.streams.video[0]
@@ -135,8 +136,8 @@ class Clip:
         return True
 
     def _check_time(self, frame: Any) -> None:
-        """Notes a frame that is not where an even rate puts it; the first two are decoded before
-        the timeline is examined."""
+        """Notes a frame whose time differs from a uniform rate. The first two frames are decoded
+        before the timeline is read."""
         if frame.time is None or not self.rate:
             return
         if self._next == 0:
@@ -144,23 +145,23 @@ class Clip:
         elif (
             self._next > 1 and abs((frame.time - self._zero) * float(self.rate) - self._next) > 0.5
         ):
-            self._note(f"{self._path.name}: frames are not evenly spaced; taken as if they were")
+            self._note(f"{self._path.name}: frames are not evenly spaced; a uniform rate is used")
 
     def _plane(self) -> Plane:
-        """The latest frame as linear light; a few are kept."""
+        """The latest frame as linear light; a few planes are cached."""
         assert self._latest is not None
         number, frame = self._latest
-        if number not in self._kept:
-            self._kept = {n: p for n, p in self._kept.items() if number - 2 <= n < number}
-            self._kept[number] = self._linear(frame)
-        return self._kept[number]
+        if number not in self._planes:
+            self._planes = {n: p for n, p in self._planes.items() if number - 2 <= n < number}
+            self._planes[number] = self._linear(frame)
+        return self._planes[number]
 
     def _linear(self, frame: Any) -> Plane:
         import cv2
 
         code = int(frame.color_trc or 2)
         if code not in _POWER and code not in _AS_SRGB:
-            self._note(f"transfer characteristics {code} (H.273) are taken as sRGB")
+            self._note(f"transfer characteristics {code} (H.273) are treated as sRGB")
         parts = frame.format.components
         deep = max(part.bits for part in parts) > 8
         grey_or_rgb = len(parts) < 3 or frame.format.is_rgb
@@ -170,7 +171,7 @@ class Clip:
         rgb = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
         luminance: npt.NDArray[np.float32] = self._curves[code, white][rgb] @ _LUMINANCE
         if any(part.is_alpha for part in parts):
-            self._note(f"{self._path.name}: what is transparent is taken as black")
+            self._note(f"{self._path.name}: transparent parts are black")
             luminance *= frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
         height, width = luminance.shape
@@ -183,16 +184,16 @@ class Clip:
         scale = max(rows / height, columns / wide)
         size = (max(columns, round(wide * scale)), max(rows, round(height * scale)))
         shrinks = size[0] < luminance.shape[1] and size[1] < luminance.shape[0]
-        how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        scaled = cv2.resize(np.ascontiguousarray(luminance), size, interpolation=how)
+        method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        scaled = cv2.resize(np.ascontiguousarray(luminance), size, interpolation=method)
         top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
         cropped = scaled[top : top + rows, left : left + columns]
         return np.ascontiguousarray(np.clip(cropped, 0, 1), dtype=np.float32)
 
     def frame(self, n: int) -> Plane | None:
-        """Frame n, or None where the clip has ended before it."""
-        if n in self._kept:
-            return self._kept[n]
+        """Frame n, (H, W) float32; None if the clip ends before it."""
+        if n in self._planes:
+            return self._planes[n]
         if n < self._next - 1 or n > self._next + _FAR:
             self._begin_before(n)
         while self._next <= n:
@@ -201,7 +202,7 @@ class Clip:
         return self._plane()
 
     def _begin_before(self, n: int) -> None:
-        """Makes the next frame decoded one from which n is soon reached."""
+        """Sets the position of the decoder to a frame close before n."""
         key = None if self.timeline is None else self.timeline.key_before(n)
         if key is not None and self._seek(key, n):
             return
@@ -209,14 +210,14 @@ class Clip:
             self._start()
 
     def _seek(self, key: int, n: int) -> bool:
-        """Goes to the key frame with this stamp; False where nothing is gained by it. A file that
-        does not lead there is decoded from its beginning."""
+        """Seeks to the key frame with the stamp `key` and returns True. Returns False if decoding
+        on is as fast. If the file does not support the seek, decoding restarts at its beginning."""
         import av
 
         assert self.timeline is not None
         begins = self.timeline.number_of(key)
         if begins is None or (self._next - 1 <= n and begins <= self._next):
-            return False  # nothing to gain
+            return False
         self._start()
         try:
             self._container.seek(key, stream=self._stream, backward=True)
@@ -235,5 +236,5 @@ class Clip:
         return True
 
     def last(self) -> Plane:
-        """The last frame decoded; the clip's last where it has ended."""
+        """The frame decoded last; the last one of the clip if it has ended."""
         return self._plane()

@@ -1,8 +1,8 @@
-"""A clip as a scene: its frames at their instants, light running linearly from one to the next.
+"""A clip as a scene: its frames at their instants, with linear interpolation of light in between.
 
-Frames that are not evenly spaced have the instants that the clip's container tells. The clip does
-not say what happened between its frames; linear interpolation is this scene's own definition of the
-truth, and its notes say so. A clip too short for the run holds its last frame.
+Frames that are not evenly spaced have the instants of the clip's container. A clip has no
+information between its frames; linear interpolation is the definition of the truth for this scene,
+and a note states it. If the clip is shorter than the run, its last frame is held.
 """
 
 from __future__ import annotations
@@ -25,9 +25,13 @@ class FilmSource:
     """A clip as the `Source` of a run.
 
     Args:
-        path: of the clip.
-        start: seconds into it.
-        rate: frames per second, None for the clip's own.
+        path: file of the clip.
+        shape: (height, width), pixels.
+        illuminance: illuminance of the scene, lux.
+        clock: latch clock.
+        cycles: length of the run, cycles.
+        start: time in the clip at the start of the run, s.
+        rate: frame rate, 1/s; None for that of the clip.
     """
 
     def __init__(
@@ -46,44 +50,44 @@ class FilmSource:
         self._clock = clock
         self._start = seconds_to_ps(start)
         self._stop = clock.edge(cycles)
-        own = self._clip.rate
-        self._rate = Fraction(repr(rate)) if rate is not None and own else own
+        clip_rate = self._clip.rate
+        self._rate = Fraction(repr(rate)) if rate is not None and clip_rate else clip_rate
         self._timeline = self._clip.timeline if rate is None else None
         self._planes: dict[int, Plane] = {}
         self._pieces: dict[int, Piece] = {}
         self._held = False
         self.degraded: list[str] = []
         self.notes = self._clip.notes
-        if not own:
+        if not clip_rate:
             idle = [f"scene.{k}" for k, v in (("start", start), ("frame_rate", rate)) if v]
-            said = f", to which {' and '.join(idle)} make no difference" if idle else ""
-            self.notes.append(f"{path.name} is a still image{said}")
+            note = f"; {' and '.join(idle)} {'has' if len(idle) == 1 else 'have'} no effect"
+            self.notes.append(f"{path.name} is a still image{note if idle else ''}")
         else:
-            said = f"{path.name}: {float(self._rate):g} frames/s"
-            if self._uneven():  # whose mean the container does not always tell
-                said = f"{path.name}: frames not evenly spaced: each is shown at its own time"
-            if self._rate != own:
-                said += f" by scene.frame_rate (the clip says {float(own):g})"
-            self.notes.append(f"{said}, light interpolated linearly in time between frames")
+            note = f"{path.name}: {float(self._rate):g} frames/s"
+            if self._uneven():  # the container does not always have their mean rate
+                note = f"{path.name}: frames not evenly spaced: each has its time in the clip"
+            if self._rate != clip_rate:
+                note += f" by scene.frame_rate (the clip has {float(clip_rate):g})"
+            self.notes.append(f"{note}, light interpolated linearly in time between frames")
         first = self._frame_number(0)
         if first and self._clip.frame(first) is None:
             length = self._clip.count / float(self._rate)
-            by = "" if self._rate == own else f" at {float(self._rate):g} frames/s"
+            by = "" if self._rate == clip_rate else f" at {float(self._rate):g} frames/s"
             raise InputError(
-                "scene.start", f"within the clip's {length:.3g} s{by}", f"{start:g} s",
+                "scene.start", f"within the {length:.3g} s of the clip{by}", f"{start:g} s",
                 "start earlier",
             )  # fmt: skip
 
     def _uneven(self) -> bool:
-        """Whether frames that the run may show have times of their own, as far as the clip's
-        packets tell; a rate that is given overrides them."""
+        """Whether frames within the run are not evenly spaced, by the packets of the clip. False if
+        the scenario sets the frame rate."""
         if self._timeline is None:
             return False
         self._timeline.number_at(self._start + self._stop)
         return self._timeline.uneven
 
     def _frame_number(self, ps: int) -> int:
-        """The frame on display at instant `ps` of the run."""
+        """Number of the frame at the instant `ps` of the run."""
         if not self._rate:
             return 0
         if self._timeline is not None:
@@ -91,13 +95,13 @@ class FilmSource:
         return Clock(self._rate.numerator, self._rate.denominator).cycle_at(ps + self._start)
 
     def _edge(self, n: int) -> int:
-        """Instant of frame n in the run."""
+        """Instant of frame n in the run, ps."""
         if self._timeline is not None:
             return self._timeline.edge(n) - self._start
         return Clock(self._rate.numerator, self._rate.denominator).edge(n) - self._start
 
     def _lit(self, n: int) -> Plane | None:
-        """Exitance of frame n in lux."""
+        """Exitance of frame n, lux; None if the clip ends before it."""
         if n not in self._planes:
             frame = self._clip.frame(n)
             if frame is None:
@@ -107,10 +111,10 @@ class FilmSource:
         return self._planes[n]
 
     def _piece(self, n: int) -> Piece:
-        """Light from frame n to frame n + 1; from the last one on for ever."""
+        """Light from frame n to frame n + 1; the last frame has no end."""
         if n not in self._pieces:
             first = self._lit(n)
-            if first is None:  # the clip has ended before: only after going on from a checkpoint
+            if first is None:  # the clip ends before frame n: only after a resume
                 return self._piece(self._clip.count - 1)
             begin = self._edge(n) if self._rate else -self._start
             last = self._lit(n + 1) if self._rate else None
@@ -128,7 +132,7 @@ class FilmSource:
             self._held = True
             if begin <= 0:
                 self.degraded.append(
-                    "the run begins on the clip's last frame, which is held throughout; lower "
+                    "the run starts at the last frame of the clip, which is held throughout; lower "
                     "scene.start"
                 )
                 return

@@ -1,9 +1,9 @@
-"""When a clip's frames are shown, read from its packets without decoding any of them.
+"""Reads the presentation times of a clip's frames from its packets, without decoding them.
 
-A container stamps every frame in ticks of its own (Matroska: a millisecond), so that the stamps of
-even frames are rounded ones: a frame within a tick of its place at the clip's mean rate is put
-there, every other one where its stamp says. Packets come in the order of decoding, which is not
-that of showing; a stamp is settled once no packet to come can be shown before it.
+A container stamps frames in ticks (Matroska: 1 ms), so the stamps of evenly spaced frames are
+rounded. A frame within one tick of its time at the mean rate gets that time; every other frame gets
+the time of its stamp. Packets are in decoding order, which differs from presentation order; a stamp
+is final as soon as no later packet can precede it.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from cosim import PS, Clock
 
 __all__ = ["Timeline"]
 
-_TOLD = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi", "gif", "nut")
-"""Containers, as FFmpeg names them, that stamp every packet and lead to a key frame. MPEG program
-streams do not: after a jump their frames carry other stamps."""
+_STAMPED = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi", "gif", "nut")
+"""Containers, by their names in FFmpeg, that stamp every packet and support seeks to key frames.
+Not MPEG program streams: after a seek their frames have other stamps."""
 _HIDDEN_PACKETS = ("vp8",)
-"""Codecs that have packets without a visible frame, which the packets do not mark."""
+"""Codecs with packets of invisible frames that are not marked."""
 
 
 class Timeline:
-    """Times of a clip's frames, in picoseconds from frame 0. Frames are numbered in display order.
+    """Times of a clip's frames from frame 0, ps. Frames are numbered in presentation order.
 
-    The timeline ends at a packet without a stamp, or at the clip's end.
+    The timeline ends at a packet without a stamp, or at the end of the clip.
 
     Attributes:
-        uneven: whether a frame so far is not at its place at the mean rate.
+        uneven: whether any frame so far differs from its time at the mean rate.
     """
 
     def __init__(self, container: Any, stream: Any, rate: Fraction) -> None:
@@ -46,16 +46,17 @@ class Timeline:
 
     @classmethod
     def opened(cls, path: Path, rate: Fraction) -> Timeline | None:
-        """None of a clip whose packets do not tell."""
+        """The timeline of a clip; None if its packets have no usable stamps."""
         import av
 
         try:
             container = av.open(str(path))
             stream = container.streams.video[0]
-            untold = (
-                container.format.name not in _TOLD or stream.codec_context.name in _HIDDEN_PACKETS
+            stamped = (
+                container.format.name in _STAMPED
+                and stream.codec_context.name not in _HIDDEN_PACKETS
             )
-            if untold or not stream.time_base:
+            if not stamped or not stream.time_base:
                 container.close()
                 return None
             return cls(container, stream, rate)
@@ -63,7 +64,7 @@ class Timeline:
             return None
 
     def _read(self) -> None:
-        """Takes the next packet in."""
+        """Reads the next packet."""
         import av
 
         try:
@@ -71,10 +72,10 @@ class Timeline:
         except (StopIteration, av.FFmpegError, OSError, ValueError):
             self._settle(None)
             return
-        if packet.size == 0 and packet.pts is None:  # the one that flushes a decoder
+        if packet.size == 0 and packet.pts is None:  # the packet that flushes a decoder
             return
         if packet.pts is None:
-            self._pending.clear()  # whether it is shown before these is not known
+            self._pending.clear()  # the order relative to these is unknown
             self._settle(None)
             return
         if packet.is_keyframe and not packet.is_discard:
@@ -85,7 +86,7 @@ class Timeline:
             self._settle(packet.dts)
 
     def _settle(self, before: int | None) -> None:
-        """Stamps below `before` come in no later packet; None: no packet comes."""
+        """Makes stamps below `before` final; None for all, at the end of the clip."""
         self._ended = self._ended or before is None
         n = len(self._pending) if before is None else bisect_right(self._pending, before - 1)
         for stamp in self._pending[:n]:
@@ -94,32 +95,32 @@ class Timeline:
         del self._pending[:n]
 
     def _placed(self, n: int) -> int:
-        """Where frame n is shown."""
+        """Time of frame n, ps."""
         even = self._clock.edge(n)
         if n == 0:
             return even
-        shown = (self._stamps[n] - self._stamps[0]) * self._tick
-        at = int(shown * PS)
-        if abs(shown - n / self._rate) < self._tick and even > self._edges[-1]:
+        seconds = (self._stamps[n] - self._stamps[0]) * self._tick
+        at = int(seconds * PS)
+        if abs(seconds - n / self._rate) < self._tick and even > self._edges[-1]:
             return even
         self.uneven = True
         return at if at > self._edges[-1] else self._edges[-1] + self._clock.edge(1)
 
     def stamp(self, n: int) -> int | None:
-        """The stamp of frame n in the stream's ticks; None beyond the end."""
+        """The stamp of frame n, ticks of the stream; None beyond the end."""
         while len(self._stamps) <= n and not self._ended:
             self._read()
         return self._stamps[n] if n < len(self._stamps) else None
 
     def edge(self, n: int) -> int:
-        """The instant of frame n; beyond the end as if the clip went on at its mean rate."""
+        """Time of frame n, ps; extrapolated at the mean rate beyond the end."""
         if self.stamp(n) is not None:
             return self._edges[n]
         last = len(self._edges) - 1
         return self._edges[last] + self._clock.edge(n - last)
 
     def number_at(self, ps: int) -> int:
-        """The frame on display at an instant; beyond the end as if the clip went on."""
+        """Number of the frame at the time `ps`; extrapolated beyond the end."""
         while not self._ended and (not self._edges or self._edges[-1] <= ps):
             self._read()
         n = max(bisect_right(self._edges, ps) - 1, 0)
@@ -128,12 +129,12 @@ class Timeline:
         return n
 
     def number_of(self, stamp: int) -> int | None:
-        """The frame with this stamp; None where no settled one has it, or several have."""
+        """Number of the frame with this final stamp; None if no frame or several have it."""
         n = bisect_left(self._stamps, stamp)
         return n if self._stamps[n : n + 2].count(stamp) == 1 else None
 
     def key_before(self, n: int) -> int | None:
-        """The stamp of the last frame up to n from which decoding can begin."""
+        """The stamp of the last key frame up to frame n; None without one."""
         stamp = self.stamp(n)
         at = len(self._keys) if stamp is None else bisect_right(self._keys, stamp)
         return self._keys[at - 1] if at else None

@@ -1,1 +1,1 @@
-"""What analytic scenes are drawn with."""
+"""Drawing of analytic scenes."""

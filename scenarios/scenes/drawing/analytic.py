@@ -1,4 +1,4 @@
-"""Scenes in closed form, and the source that draws them block by block."""
+"""Scenes in closed form, and the source that draws them for a run."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ __all__ = ["MOTION_STEP", "AnalyticScene", "AnalyticSource"]
 
 
 MOTION_STEP = 1.0
-"""Largest distance, in pixels, that an edge moves between two instants at which an analytic scene
-is drawn. The light is linear in between. Every pixel that an edge passes then receives the right
-total light, at the right time to half this step."""
+"""Largest motion of an edge between two instants at which an analytic scene is drawn, pixels. The
+light in between is interpolated linearly. A pixel that an edge passes then receives the correct
+total light, with an error in time of at most half this step."""
 
 
 class AnalyticScene(Protocol):
     """A scene in closed form.
 
     Attributes:
-        shape: rows and columns.
+        shape: (rows, columns).
     """
 
     @property
     def shape(self) -> tuple[int, int]: ...
 
     def reflectance(self, t: float) -> Plane:
-        """Reflectance at an instant in seconds, (H, W) float32 in [0, 1]."""
+        """Reflectance at the instant `t`, s, (H, W) float32 in [0, 1]."""
         ...
 
     def speed(self) -> float:
@@ -38,21 +38,20 @@ class AnalyticScene(Protocol):
         ...
 
     def moving(self, start: float, stop: float) -> Box:
-        """Region that contains all change between two instants in seconds."""
+        """Box (y0, y1, x0, x1) that contains all changes between two instants, s."""
         ...
 
     def points(self) -> list[tuple[int, int, str]]:
-        """Pixels that figures show: row, column, name."""
+        """Pixels for figures: row, column, name."""
         ...
 
 
 class AnalyticSource:
-    """An analytic scene, drawn every few cycles; the `Source` of a run.
-
-    The instants are whole cycles counted from 0, so they do not depend on how a run is split.
+    """An analytic scene as the `Source` of a run, drawn every few cycles. The instants are
+    multiples from cycle 0, so they do not depend on the blocks of a run.
 
     Attributes:
-        pursuit: speed along the rows that an eye follows, pixels/s; None for a scene without one.
+        pursuit: speed along the rows that an eye follows, pixels/s; None without one.
     """
 
     def __init__(self, scene: AnalyticScene, illuminance: float, clock: Clock) -> None:
@@ -69,7 +68,7 @@ class AnalyticSource:
             f"analytic scene, drawn every {self._every} cycles (its edges move at most "
             f"{speed / clock.hz * self._every:.2g} pixels in that time), linear in between"
             if speed
-            else "analytic scene that does not move"
+            else "static analytic scene"
         ]
 
     def _plane(self, cycle: int) -> Plane:

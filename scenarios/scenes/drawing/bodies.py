@@ -1,9 +1,8 @@
-"""Rounded solids of analytic scenes: round cones joined smoothly, lit as what they would be in
-space, and the soft shadows they cast. Conventions as in `shapes`.
+"""Rounded solids of analytic scenes: smooth unions of round cones with shading, and soft shadows.
 
-Only the search for distances is compiled (numba, some seconds at the first use on a machine, then
-from its cache): it is what does not vectorise, since far cones are skipped tile by tile. Light and
-patterns are numpy on the pixels found.
+The conventions are those of `shapes`. Only the search for distances is compiled by numba (some
+seconds at the first use, then cached): it does not vectorise, because far cones are skipped tile by
+tile. Shading and patterns are computed by numpy on the pixels of the solid.
 """
 
 from __future__ import annotations
@@ -32,15 +31,19 @@ from scenarios.scenes.drawing.shapes import (
 __all__ = ["capsules", "paint_body", "paint_shadow", "polyline"]
 
 TILE = 8
-"""Pixels a side of the tiles, fixed to the whole picture, in which far cones are skipped."""
+"""Side of the tiles in which far cones are skipped, pixels; they are aligned to the picture."""
 
 
 def capsules(rows: Any) -> Array:
-    """Table of round cones for the painters, (n, 9) float64, from rows (ax, ay, bx, by, ra, rb):
-    the two ends' centres and radii in metres. A row whose one end holds the other is a disc.
+    """Table of round cones for the painters.
 
-    Columns: start x, y, unit vector x, y, length, radius at the start, at the end, sine and cosine
-    of the angle by which the cone narrows.
+    Args:
+        rows: (ax, ay, bx, by, ra, rb), centres and radii of the two ends, m. A row is a disc if one
+            end contains the other.
+
+    Returns:
+        (n, 9) float64: start x, y, unit vector x, y, length, radius at the start and at the end,
+        sine and cosine of the angle of taper.
     """
     r = np.asarray(rows, dtype=np.float64).reshape(-1, 6)
     along = r[:, 2:4] - r[:, 0:2]
@@ -60,8 +63,8 @@ def capsules(rows: Any) -> Array:
 def polyline(
     points: Sequence[tuple[float, float]], first: float, middle: float, last: float
 ) -> list[tuple[float, ...]]:
-    """Rows of cones along points (metres), their radius running from `first` over `middle`, half
-    the points on, to `last`."""
+    """Rows of cones along points, m. The radius changes linearly from `first` to `middle`, at half
+    of the points, and to `last`."""
     n = len(points) - 1
     radii = np.interp(np.linspace(0, 2, n + 1), (0, 1, 2), (first, middle, last)).tolist()
     return [(*points[m], *points[m + 1], radii[m], radii[m + 1]) for m in range(n)]
@@ -84,7 +87,7 @@ def _distance(x, y, cone):  # type: ignore[no-untyped-def]  # compiled for float
 
 @njit(cache=True, error_model="numpy")
 def _solid(x, y, cone, d):  # type: ignore[no-untyped-def]
-    """Lean of the normal of a round cone's solid where its distance is d, and its radius there."""
+    """Tilt of the normal of a round cone's solid at the distance d, and its radius there."""
     ax, ay, ux, uy, length, ra, rb, sine, cosine = cone
     px, py = x - ax, y - ay
     s, n = px * ux + py * uy, py * ux - px * uy
@@ -101,14 +104,14 @@ def _solid(x, y, cone, d):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _search(parts, win, cam, blend, reach, across, place, surface):  # type: ignore[no-untyped-def]
-    """Pixels of the window nearer than `reach` metres to the union of the cones, joined smoothly
-    over `blend` metres (polynomial smooth minimum, I. Quilez).
+    """Finds the pixels of the window within `reach`, m, of the union of the cones, which are joined
+    smoothly over `blend`, m (polynomial smooth minimum, I. Quilez).
 
-    Fills place (n,) with their indices into the image, `across` pixels wide, and surface (6, n)
-    with x, y, distance, lean x, lean y and radius. Returns their count. A cone is skipped in a tile
-    if it is farther from the tile's centre than the nearest cone by the tile's diagonal and two
-    blends: it cannot change the union there. A cone is passed on as numbers, since a row of the
-    table is reference counted for each pixel, which takes twice as long as the geometry.
+    Fills `place` (n,) with their indices into the image, which is `across` pixels wide, and
+    `surface` (6, n) with x, y, distance, tilt x, tilt y and radius. Returns their count. A cone is
+    skipped in a tile if its distance from the tile's centre exceeds that of the nearest cone by the
+    tile's diagonal and two blends: it cannot change the union there. Cones are passed as scalars:
+    reference counting of table rows would take twice as long as the geometry.
     """
     y0, y1, x0, x1, dy, dx = win
     pixel, cy, cx = cam
@@ -165,8 +168,8 @@ def _search(parts, win, cam, blend, reach, across, place, surface):  # type: ign
 def _find(
     image: Any, win: Win, cam: Cam, parts: Array, blend: float, reach: float
 ) -> tuple[Any, Any, Array]:
-    """The image as one row of pixels, and what `_search` finds: indices into it, and rows x, y,
-    distance, lean x, lean y, radius."""
+    """The flat image, and the result of `_search`: indices into it, and rows x, y, distance, tilt
+    x, tilt y, radius."""
     size = (win[1] - win[0]) * (win[3] - win[2])
     place, surface = np.empty(size, np.int64), np.empty((6, size))
     n = _search(parts, win, cam, blend, reach, image.shape[1], place, surface)
@@ -175,7 +178,7 @@ def _find(
 
 @vectorize(cache=True)
 def _dim(d, r, wide, depth):  # type: ignore[no-untyped-def]  # a ufunc
-    """Factor of a shadow where the distance to its outline is d and the solid's radius r."""
+    """Factor of a shadow at the distance d from its outline, for a solid of radius r."""
     a = min(max(0.5 - 0.5 * d / wide, 0.0), 1.0)
     r = min(r / wide, 1.0)
     return 1.0 - depth * min(a * a * (3 - 2 * a) * 4 * r / (1 + r) ** 2, 1.0)
@@ -184,10 +187,15 @@ def _dim(d, r, wide, depth):  # type: ignore[no-untyped-def]  # a ufunc
 def paint_body(
     image: Any, win: Win, cam: Cam, parts: Array, blend: float, s: Surface, bumps: Array
 ) -> None:
-    """Lay a rounded body of cones over the image, lit as a solid.
+    """Paints a shaded solid of cones over the image.
 
-    bumps: (m, 5) float64, relief under the same skin: x, y, radius x, radius y, height (metres);
-    it turns the normal and leaves the outline as it is.
+    Args:
+        image, win, cam: see `shapes`.
+        parts: table of `capsules`.
+        blend: length over which cones are joined, m.
+        s: reflection of the surface.
+        bumps: relief, (m, 5) float64: x, y, radius x, radius y, height, m. It tilts the normal and
+            does not change the outline.
     """
     pixel = cam[0]
     flat, place, (x, y, d, tx, ty, r) = _find(image, win, cam, parts, blend, 0.5 * pixel)
@@ -203,7 +211,7 @@ def paint_body(
         part = part * cover((s.seam - u) / pixel)
     if s.folds > 0.0:
         du, dv = wrinkles(s, u, v)
-        # Cloth that wrinkles pulls its pattern along.
+        # Wrinkles shift the pattern of the cloth.
         u, v = u + 0.30 * s.fold_size * du, v + 0.30 * s.fold_size * dv
         tx, ty = tx + cos * du - sin * dv, ty + sin * du + cos * dv
     tone = s.albedo * diffuse(tx, ty)
@@ -217,8 +225,9 @@ def paint_body(
 def paint_shadow(
     image: Any, win: Win, cam: Cam, parts: Array, blend: float, soft: float, depth: float
 ) -> None:
-    """Multiply by 1 - depth inside the cones' union, with an edge `soft` metres wide to each side
-    (and never less than half a pixel). A thin thing's shadow is fainter, nearly as its width."""
+    """Multiplies the image by 1 - depth inside the union of the cones. The edge has the half width
+    `soft`, m, and at least half a pixel. The shadow of a thin object is fainter, nearly in
+    proportion to its width."""
     wide = math.hypot(soft, 0.5 * cam[0])
     flat, place, (_, _, d, _, _, r) = _find(image, win, cam, parts, blend, wide)
     flat[place] *= _dim(d, r, wide, depth)

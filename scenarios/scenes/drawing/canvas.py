@@ -1,8 +1,8 @@
-"""Layers of an analytic scene, painted once where still and at every instant where moving.
+"""Layers of an analytic scene: static layers are painted once, moving ones at every instant.
 
-A still layer is an affine map of what lies under it (covering: value + (1 - part) under; shading:
-factor times under), so it is kept as two pictures, what it adds and what it lets through. They
-come out of painting it over black and over white; the painters need no second form for it.
+A static layer is an affine map of the picture below it (covering: value + (1 - part) below;
+shading: factor times below). It is stored as two pictures, an offset and a factor. They result from
+painting the layer over black and over white.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ __all__ = [
 NOTHING: Box = (0, 0, 0, 0)
 SMALLEST, LARGEST = 8, 2000
 BAND = 1 << 14
-"""Pixels painted at a time: what numpy works on then stays in the processor's cache."""
+"""Number of pixels painted at a time: the arrays then fit into the processor's cache."""
 NO_BUMPS = np.zeros((0, 5))
 NO_BUMPS.setflags(write=False)
 
 
 def check_shape(shape: tuple[int, int]) -> None:
-    """Raise ValueError unless shape is (height, width), each 8 to 2000 pixels."""
+    """Raises ValueError unless shape is (height, width), each 8 to 2000 pixels."""
     whole = len(shape) == 2 and all(isinstance(n, (int, np.integer)) for n in shape)
     if not whole or not all(SMALLEST <= n <= LARGEST for n in shape):
         raise ValueError(
@@ -44,14 +44,14 @@ def check_shape(shape: tuple[int, int]) -> None:
 
 
 def check_number(name: str, value: float, low: float, high: float, unit: str = "") -> None:
-    """Raise ValueError unless value is a number from low to high."""
+    """Raises ValueError unless value is from low to high."""
     if not low <= value <= high:
         unit = f" {unit}" if unit else ""
         raise ValueError(f"{name} must be {low:g} to {high:g}{unit}, not {value}")
 
 
 def check_instant(t: float) -> float:
-    """t in seconds as a float; ValueError unless finite."""
+    """The instant t, s, as a float. Raises ValueError unless it is finite."""
     if not math.isfinite(t):
         raise ValueError(f"t must be finite seconds, not {t}")
     return float(t)
@@ -59,20 +59,24 @@ def check_instant(t: float) -> float:
 
 @dataclass(frozen=True)
 class View:
-    """The picture plane on the sensor grid: (height, width) pixels, of which the shorter side sees
-    `field` metres; the origin lies in the middle."""
+    """The picture plane on the sensor grid; the origin is in the centre.
+
+    Attributes:
+        shape: (height, width), pixels.
+        field: length of the shorter side, m.
+    """
 
     shape: tuple[int, int]
     field: float
 
     @property
     def pixel(self) -> float:
-        """Metres per pixel."""
+        """Side of a pixel, m."""
         return self.field / min(self.shape)
 
     @property
     def cam(self) -> tuple[float, float, float]:
-        """What painters take: metres per pixel, row and column coordinate of the origin."""
+        """The argument `cam` of painters: side of a pixel, m; row and column of the origin."""
         return self.pixel, 0.5 * self.shape[0], 0.5 * self.shape[1]
 
     @property
@@ -80,17 +84,18 @@ class View:
         return 0, self.shape[0], 0, self.shape[1]
 
     def at(self, x: float, y: float) -> tuple[float, float]:
-        """Row and column coordinate of a point in metres; pixel (i, j) spans i to i + 1."""
+        """Row and column coordinate of a point, m; pixel (i, j) spans i to i + 1."""
         return 0.5 * self.shape[0] + y / self.pixel, 0.5 * self.shape[1] + x / self.pixel
 
     def point(self, x: float, y: float) -> tuple[int, int]:
-        """The pixel that holds a point, or the nearest one within the picture."""
+        """The pixel that contains a point, or the nearest pixel of the picture."""
         row, column = self.at(x, y)
         h, w = self.shape
         return min(max(int(row), 0), h - 1), min(max(int(column), 0), w - 1)
 
     def box(self, extent: tuple[float, float, float, float], grow: float = 0.0) -> Box:
-        """Pixels touched by metres (x0, y0, x1, y1), grown by `grow` pixels, within the picture."""
+        """The box of pixels that a rectangle (x0, y0, x1, y1), m, touches, enlarged by `grow`
+        pixels, within the picture."""
         top, left = self.at(extent[0], extent[1])
         low, right = self.at(extent[2], extent[3])
         h, w = self.shape
@@ -100,13 +105,13 @@ class View:
 
 
 def both(a: Box, b: Box) -> Box:
-    """Where two boxes overlap."""
+    """The intersection of two boxes."""
     y0, y1, x0, x1 = max(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), min(a[3], b[3])
     return (y0, y1, x0, x1) if y0 < y1 and x0 < x1 else NOTHING
 
 
 def around(a: Box, b: Box) -> Box:
-    """The smallest box that holds two."""
+    """The smallest box that contains two boxes."""
     if a == NOTHING or b == NOTHING:
         return b if a == NOTHING else a
     return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
@@ -114,16 +119,21 @@ def around(a: Box, b: Box) -> Box:
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """One shape: the metres (x0, y0, x1, y1) it may touch, and its painter(image, win, cam, ...)
-    with what that takes."""
+    """One shape.
+
+    Attributes:
+        extent: rectangle (x0, y0, x1, y1) that contains it, m.
+        paint: painter, called with (image, win, cam, *rest).
+        rest: further arguments of the painter.
+    """
 
     extent: tuple[float, float, float, float]
     paint: Callable[..., None]
     rest: tuple[Any, ...]
 
     def draw(self, image: Plane, box: Box, view: View) -> None:
-        """Paint into `image`, which shows `box` of the picture. One pixel of margin holds the
-        edge's coverage."""
+        """Paints into `image`, which is the part `box` of the picture, with one pixel of margin for
+        the coverage of edges."""
         y0, y1, x0, x1 = both(view.box(self.extent, 1.0), box)
         rows = max(BAND // max(x1 - x0, 1), 1)
         for a in range(y0, y1, rows):
@@ -150,16 +160,16 @@ class Layer:
 
 @dataclass(eq=False)
 class Canvas:
-    """A view and its layers, lowest first; the first one is still and covers everything."""
+    """A view and its layers, lowest first; the first layer is static and covers the picture."""
 
     view: View
     layers: tuple[Layer, ...]
-    _kept: list[tuple[Box, Plane, Plane]] = field(init=False)
+    _static: list[tuple[Box, Plane, Plane]] = field(init=False)
     _items: list[Callable[[float], Sequence[Item]] | None] = field(init=False)
 
     def __post_init__(self) -> None:
-        self._kept = []
-        # Who asks what moved from one instant to the next then asks for the picture at the latter.
+        self._static = []
+        # Callers of `moving` for an interval then draw the picture at its end, with the same items.
         self._items = [layer.items and lru_cache(maxsize=16)(layer.items) for layer in self.layers]
         for layer in self.layers:
             box = NOTHING
@@ -171,17 +181,17 @@ class Canvas:
                 item.draw(adds, box, self.view)
                 item.draw(passes, box, self.view)
             passes -= adds
-            self._kept.append((box, adds, passes))
+            self._static.append((box, adds, passes))
 
     def patch(self, t: float, box: Box) -> Plane:
-        """Reflectance at t within a box, (y1 - y0, x1 - x0) float32, 0 to 1: the same values as
-        the whole picture has there. ValueError for a box that is not within the picture."""
+        """Reflectance at t within a box, (y1 - y0, x1 - x0) float32 in [0, 1]: the same values as
+        in the whole picture. Raises ValueError for a box beyond the picture."""
         t = check_instant(t)
         y0, y1, x0, x1 = box
         if box != both(box, self.view.whole):
             raise ValueError(f"box must lie within {self.view.whole}, not {box}")
-        image = self._kept[0][1][y0:y1, x0:x1].copy()
-        for items, (where, adds, passes) in zip(self._items[1:], self._kept[1:], strict=True):
+        image = self._static[0][1][y0:y1, x0:x1].copy()
+        for items, (where, adds, passes) in zip(self._items[1:], self._static[1:], strict=True):
             if items is not None:
                 for item in items(t):
                     item.draw(image, box, self.view)
@@ -194,7 +204,7 @@ class Canvas:
         return np.clip(image, 0.0, 1.0, out=image)
 
     def direct(self, t: float) -> Plane:
-        """The whole picture at t with nothing kept from before: every item in its order."""
+        """The whole picture at t, painted item by item without stored layers."""
         image = np.zeros(self.view.shape, np.float32)
         for layer in self.layers:
             for item in layer.items(t) if layer.items else layer.still:
@@ -202,11 +212,11 @@ class Canvas:
         return np.clip(image, 0.0, 1.0, out=image)
 
     def moving(self, start: float, stop: float) -> Box:
-        """A box outside of which nothing changes from start to stop (seconds); empty, (0, 0, 0, 0),
-        where nothing does at all. ValueError where stop comes before start.
+        """Box that contains all changes from start to stop, s; (0, 0, 0, 0) without a change.
+        Raises ValueError if stop is before start.
 
-        The layers are drawn at 2 to 9 instants. Between two of these no point goes further
-        from the nearer one than half the step at the layer's greatest speed.
+        The items are evaluated at 2 to 9 instants. Between two instants, a point moves at most half
+        of the step, at the greatest speed of its layer, from its position at the nearer one.
         """
         start, stop = check_instant(start), check_instant(stop)
         if stop < start:
@@ -231,7 +241,7 @@ class Canvas:
 
 
 def _extent(parts: npt.NDArray[np.float64], margin: float) -> tuple[float, float, float, float]:
-    """Metres that capsules touch, and a margin."""
+    """Rectangle that contains the capsules and a margin, m."""
     ends = parts[:, 0:2] + parts[:, 2:4] * parts[:, 4:5]
     low = np.minimum(parts[:, 0:2] - parts[:, 5:6], ends - parts[:, 6:7]).min(axis=0) - margin
     high = np.maximum(parts[:, 0:2] + parts[:, 5:6], ends + parts[:, 6:7]).max(axis=0) + margin
@@ -239,22 +249,22 @@ def _extent(parts: npt.NDArray[np.float64], margin: float) -> tuple[float, float
 
 
 def _oval(x: float, y: float, a: float, b: float, turn: float) -> tuple[float, float, float, float]:
-    """Metres that an ellipse touches."""
+    """Rectangle that contains an ellipse, m."""
     cos, sin = math.cos(turn), math.sin(turn)
     w, h = math.hypot(a * cos, b * sin), math.hypot(a * sin, b * cos)
     return x - w, y - h, x + w, y + h
 
 
 def body(rows: Any, surface: Surface, blend: float = 1e-6, bumps: Any = NO_BUMPS) -> Item:
-    """A lit solid of round cones, rows (ax, ay, bx, by, ra, rb), joined over `blend` metres."""
+    """A shaded solid of round cones; see `paint_body`."""
     parts = bodies.capsules(rows)
     bumps = np.asarray(bumps, np.float64).reshape(-1, 5)
-    # The union swells by a quarter of the blend where two parts meet; several may meet.
+    # The union grows by a quarter of the blend where two parts meet; several may meet.
     return Item(_extent(parts, blend), bodies.paint_body, (parts, blend, surface, bumps))
 
 
 def shadow(rows: Any, soft: float, depth: float, blend: float = 1e-6) -> Item:
-    """The soft shadow of such a solid, where it falls."""
+    """The soft shadow of a solid of round cones; see `paint_shadow`."""
     parts = bodies.capsules(rows)
     return Item(_extent(parts, blend + soft), bodies.paint_shadow, (parts, blend, soft, depth))
 
@@ -273,28 +283,29 @@ def ellipse(
 
 
 def blob(x: float, y: float, a: float, b: float, gain: float, turn: float = 0.0) -> Item:
-    """A soft shadow (gain < 0) or glow; a and b are standard deviations."""
+    """A soft shadow or glow; see `Blob`."""
     r = shapes.BLOB_REACH
     shape = shapes.Blob(*map(float, (x, y, a, b, turn, gain)))
     return Item(_oval(x, y, r * a, r * b, turn), shapes.paint_blob, (shape,))
 
 
 class Drawn(ABC):
-    """A scene that is drawn on a canvas: what every such scene answers in the same way."""
+    """Base class of scenes that are drawn on a canvas."""
 
     @abstractmethod
     def canvas(self) -> Canvas:
-        """The scene's canvas, one for all scenes that are equal."""
+        """The canvas of the scene; equal scenes share it."""
 
     def reflectance(self, t: float) -> Plane:
-        """Linear reflectance at t seconds, (H, W) float32, 0 to 1. ValueError if not finite."""
+        """Linear reflectance at t, s, (H, W) float32 in [0, 1]. Raises ValueError unless t is
+        finite."""
         canvas = self.canvas()
         return canvas.patch(t, canvas.view.whole)
 
     def patch(self, t: float, box: Box) -> Plane:
-        """The same within a box (y0, y1, x0, x1) alone: (y1 - y0, x1 - x0) float32."""
+        """The same within a box (y0, y1, x0, x1), (y1 - y0, x1 - x0) float32."""
         return self.canvas().patch(t, box)
 
     def moving(self, start: float, stop: float) -> Box:
-        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
+        """Box (y0, y1, x0, x1) that contains all changes between two instants, s."""
         return self.canvas().moving(start, stop)

@@ -1,12 +1,12 @@
-"""Scenes that are still for most of a run and then too fast for one picture a cycle, as `Light`.
+"""Light of scenes that are static for most of a run and then too fast for one picture a cycle.
 
-What a pixel gathers in a latch cycle is the mean of its light over it. Where an edge runs through
-tens of pixels in a cycle, that mean is taken over so many pictures that no edge moves more than a
-pixel from one to the next, and given out as constant light for that cycle: its integral is right,
-only the order within the cycle is gone, and no more than a picture a cycle is kept.
+A pixel integrates the mean of its light over a latch cycle. If an edge moves by tens of pixels in a
+cycle, this mean is computed over several pictures, such that no edge moves by more than a pixel
+between them, and used as constant light for the cycle. The integral is correct; only the order
+within the cycle is lost, and only one picture a cycle is stored.
 
-A camera whose windows are not the clock's cycles, because its rows are sampled one after another,
-its comparators are late or it has no latch, cuts a cycle in two. It is given PARTS means a cycle.
+A camera whose integration windows are not the clock cycles (sequential rows, delayed comparators,
+no latch) splits a cycle. It gets PARTS means in a cycle.
 """
 
 from __future__ import annotations
@@ -24,28 +24,34 @@ from scenarios.scenes.drawing.analytic import MOTION_STEP, AnalyticScene
 __all__ = ["PARTS", "PacedScene", "PacedSource"]
 
 PARTS = 4
-"""Means in a cycle for windows that cut it. Each is a plane that a block of cycles holds."""
+"""Number of means in a cycle for windows that split it. Each is a plane in memory."""
 
 
 class PacedScene(AnalyticScene, Protocol):
-    """An analytic scene that knows when it moves: `episodes`, (start, stop, speed) in seconds and
-    pixels a second, in order and without overlap; between them nothing changes."""
+    """An analytic scene that knows when it moves."""
 
-    def episodes(self) -> list[tuple[float, float, float]]: ...
+    def episodes(self) -> list[tuple[float, float, float]]:
+        """Intervals of motion (start, s; stop, s; greatest speed, pixels/s), in order and without
+        overlap. The scene is static between them."""
+        ...
 
 
 class PacedSource:
-    """A paced scene under `illuminance` lux.
+    """A paced scene as the `Source` of a run.
 
-    A still time is one constant piece. A cycle of an episode in which edges move at most
-    MOTION_STEP pixels is a linear piece; in a faster one, of n = ceil(motion / MOTION_STEP), the
-    light is the mean by the trapezoidal rule over n + 1 pictures. Its error at a pixel is at most
-    the total variation of the light there in that cycle over 2 n: between two pictures it is at
-    most half of what the light varies by, for that long. A window that begins within a cycle of m
-    means adds at most that variation over 4 m: a share f of a mean is off by f (1 - f) of what the
-    light varies by in it. Nothing depends on how a run is split.
+    A static interval is one constant piece. A cycle of an episode in which edges move by at most
+    MOTION_STEP pixels is a linear piece. In a faster cycle, with n = ceil(motion / MOTION_STEP),
+    the light is the mean by the trapezoidal rule over n + 1 pictures. Its error at a pixel is at
+    most the total variation of the light in that cycle over 2 n: between two pictures it is at most
+    half of the variation, for their interval. A window that starts within a cycle of m means adds
+    at most the variation over 4 m: the error of a share f of a mean is f (1 - f) of the variation
+    in it. The light does not depend on the blocks of a run.
 
-    aligned: whether windows are the clock's cycles. A cycle then is one piece, else PARTS of them.
+    Args:
+        scene: the scene.
+        illuminance: illuminance of the scene, lux.
+        clock: latch clock.
+        aligned: whether the windows are the clock cycles. A cycle is then one piece, else PARTS.
     """
 
     def __init__(
@@ -64,19 +70,19 @@ class PacedSource:
         self._plane: tuple[int, Plane] = (-1, np.empty(0, np.float32))
         self._pieces: dict[int, list[Piece]] = {}
         self.degraded: list[str] = []
-        self.notes = ["analytic scene that does not move"]
+        self.notes = ["static analytic scene"]
         if self._steps:
             low, high = min(self._steps), max(self._steps)
             self.notes = [
                 f"analytic scene that moves from cycle {low} to {high}, by at most "
-                f"{scene.speed() / clock.hz:.3g} pixels in one; drawn "
+                f"{scene.speed() / clock.hz:.3g} pixels in a cycle; drawn "
                 f"{sum(self._steps.values())} times, so that no edge jumps by more than "
-                f"{MOTION_STEP:g} pixel, and given to the camera as "
-                f"{'a mean' if aligned else f'{PARTS} means'} a cycle where it is that fast"
+                f"{MOTION_STEP:g} pixel; the camera gets "
+                f"{'one mean' if aligned else f'{PARTS} means'} in each fast cycle"
             ]
 
     def _at(self, ps: int) -> Plane:
-        """Light at an instant; the latest one is kept."""
+        """Light at an instant, lux; the latest plane is cached."""
         if self._plane[0] != ps:
             self._plane = (ps, self._scene.reflectance(ps / PS) * self._lux)
         return self._plane[1]
@@ -104,7 +110,7 @@ class PacedSource:
         return Piece(start, stop, mean, mean)
 
     def _from(self, cycle: int) -> list[Piece]:
-        """The pieces that begin with this cycle."""
+        """The pieces that start with this cycle."""
         if cycle not in self._pieces:
             if cycle in self._steps:
                 pieces = self._moving(cycle)
@@ -118,7 +124,7 @@ class PacedSource:
         return self._pieces[cycle]
 
     def _first(self, cycle: int) -> int:
-        """The cycle with which the piece that holds this one begins."""
+        """The first cycle of the piece that contains this cycle."""
         if cycle in self._steps:
             return cycle
         return max((c + 1 for c in self._steps if c < cycle), default=0)

@@ -1,4 +1,4 @@
-"""Pixels that figures show, of scenes that name none."""
+"""Pixels for the figures of scenes without characteristic points."""
 
 from __future__ import annotations
 

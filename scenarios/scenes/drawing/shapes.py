@@ -1,17 +1,21 @@
-"""Shapes of analytic scenes: what covers a pixel, how much of it, and how bright it is there.
+"""Shapes of analytic scenes: their coverage of pixels, shading and patterns.
 
-Lengths are metres in the picture plane, x to the right, y down, the origin in the picture's
-centre; tones are linear reflectance, 0 to 1. Every painter lays one shape over what the picture
-already holds ("over", Porter and Duff, SIGGRAPH 1984), or multiplies it.
+Lengths are metres in the picture plane, x to the right, y down, with the origin in the centre of
+the picture; tones are linear reflectance in [0, 1]. A painter composes one shape with the picture
+below it ("over", Porter and Duff, SIGGRAPH 1984), or multiplies the picture by a factor.
 
-Coverage is clip(0.5 - d, 0, 1) with d the signed distance from the pixel's centre to the shape's
-edge, in pixels: exact for a straight edge along the pixel's side; for one along its diagonal,
-where a box cuts a parabola 1.41 px long, wrong by at most 0.06.
+Coverage is clip(0.5 - d, 0, 1) with the signed distance d from the centre of the pixel to the edge
+of the shape, pixels. It is exact for a straight edge along the side of the pixel; along its
+diagonal the error is at most 0.06.
 
-A painter takes `win` = (y0, y1, x0, x1, top, left): rows and columns to paint and the place of
-`image`'s first pixel in the whole picture; and `cam` = (pixel, cy, cx): metres per pixel, and the
-row and column coordinate where the origin lies. Each pixel's value depends on its place in the
-whole picture alone, so a part painted alone is the same as cut from the whole.
+Arguments of painters:
+    image: part of the picture.
+    win: (y0, y1, x0, x1, top, left), rows and columns to paint, and the position of the first pixel
+        of `image` in the picture.
+    cam: (pixel, cy, cx), side of a pixel, m, and row and column coordinate of the origin.
+
+The value of a pixel depends only on its position in the picture: a part that is painted separately
+equals the same part of the whole.
 """
 
 from __future__ import annotations
@@ -33,28 +37,33 @@ Array = npt.NDArray[np.float64]
 Win = tuple[int, int, int, int, int, int]
 Cam = tuple[float, float, float]
 
-# Lighting, all assumed: a large soft source from the upper left in front, a weak one from the
-# right, and what the room gives back. A surface that faces the camera has shade 1.
+# Lighting, all assumed: a large soft source at the upper left in front, a weak one at the right,
+# and ambient light. A surface that faces the camera has the brightness 1.
 KEY = (-0.50, -0.52, 0.69)
 FILL = (0.80, 0.05, 0.60)
 AMBIENT, KEY_PART, FILL_PART, WRAP = 0.15, 0.84, 0.13, 0.22
 
 BLOB_REACH = 3.5
-"""Standard deviations to which a blob reaches; it ends at zero there, without a step."""
+"""Extent of a blob, standard deviations; it reaches zero there without a step."""
 
 PLAIN, CHECK, HAIR, SKIN = range(4)
 """Patterns of a surface."""
 
 
 class Surface(NamedTuple):
-    """How a shape reflects. Lengths in metres; (x, y) and `turn` (radians, clockwise as seen) place
-    the pattern's own axes, which move with the shape.
+    """Reflection of a shape.
 
     Attributes:
-        folds: slope of cloth's wrinkles of `fold_size`.
+        albedo: reflectance.
+        pattern: PLAIN, CHECK, HAIR or SKIN.
+        period: period of the pattern, m.
+        contrast: contrast of the pattern.
+        x, y, turn: origin, m, and clockwise rotation, rad, of the pattern's axes (u, v), which move
+            with the shape.
+        folds, fold_size: slope and size, m, of the wrinkles of cloth.
         shine, gloss: height and exponent of the highlight.
-        round: 1 a solid, 0 flat.
-        seam: the shape ends there along its own u, as a sleeve does at the shoulder.
+        round: 1 for a solid, 0 for a flat shape.
+        seam: largest u of the shape, m, such as the end of a sleeve at the shoulder.
     """
 
     albedo: float
@@ -86,11 +95,11 @@ def _table() -> Array:
 VALUES = _table()
 ROW, COLUMN, SEED = 1, 2531, 619
 """Steps through the table from one lattice point to the next. 2531 is near 4096 over the golden
-ratio: the nearest points that share a value lie some 60 cells apart."""
+ratio: the nearest points with the same value are about 60 cells apart."""
 
 
 def grid(win: Win, cam: Cam) -> tuple[Array, Array]:
-    """x (1, w) and y (h, 1) of the window's pixel centres, metres."""
+    """x (1, w) and y (h, 1) of the pixel centres of the window, m."""
     y0, y1, x0, x1, _, _ = win
     pixel, cy, cx = cam
     x = (np.arange(x0, x1, dtype=np.float64)[None, :] + (0.5 - cx)) * pixel
@@ -99,32 +108,32 @@ def grid(win: Win, cam: Cam) -> tuple[Array, Array]:
 
 
 def cover(d: Array) -> Array:
-    """Part of a pixel inside an edge at signed distance d pixels (negative inside)."""
+    """Share of a pixel inside an edge at the signed distance d, pixels (negative inside)."""
     return np.clip(0.5 - d, 0.0, 1.0)
 
 
 def cover_solid(d: Array, r: Any) -> Array:
-    """The same for a line or disc of half width r pixels, also where that is below a pixel: the
-    edge here less the edge beyond, exact for a line along the pixel's side."""
+    """The same for a line or disc of half width r, pixels, which may be below a pixel: the
+    difference of its two edges, exact for a line along the side of the pixel."""
     d = np.maximum(d, -r)
     return np.clip(d + 2 * r + 0.5, 0.0, 1.0) - np.clip(d + 0.5, 0.0, 1.0)
 
 
 def lay(image: Any, win: Win, part: Array, tone: Any) -> None:
-    """Cover the window: image + part (tone - image), tone clipped to [0, 1]."""
+    """Covers the window: image + part (tone - image), with the tone clipped to [0, 1]."""
     y0, y1, x0, x1, top, left = win
     under = image[y0 - top : y1 - top, x0 - left : x1 - left]
     under += part * (np.clip(tone, 0.0, 1.0) - under)
 
 
 def visible(cell: float, pixel: float) -> float:
-    """How much of a texture with cells of this size may be drawn: none below one pixel, where it
-    would alias, all from two pixels on."""
+    """Factor on the contrast of a texture with cells of this size: 0 below one pixel, where it
+    would alias, 1 from two pixels on."""
     return min(max(cell / pixel - 1.0, 0.0), 1.0)
 
 
 def lattice(i: Any, j: Any, seed: int) -> Array:
-    """A fixed value in [0, 1) for each lattice point (int64 arrays)."""
+    """A fixed value in [0, 1) for each lattice point (i, j), int64 arrays."""
     return VALUES[(i * ROW + j * COLUMN + seed * SEED) & 0xFFF]
 
 
@@ -145,15 +154,15 @@ def noise(x, y, seed):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any
 
 @vectorize(cache=True)
 def square_mean(phase, width):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any shape
-    """Mean over `width` > 0 cycles around `phase` (cycles) of a square wave that is 1 in the first
-    half of each cycle and 0 in the second; exact for any width."""
+    """Mean of a square wave, which is 1 in the first half of a cycle and 0 in the second, over
+    `width` > 0 cycles around `phase`, cycles; exact for any width."""
     a, b = phase - 0.5 * width, phase + 0.5 * width
     fa, fb = np.floor(a), np.floor(b)
     return (0.5 * (fb - fa) + min(b - fb, 0.5) - min(a - fa, 0.5)) / width
 
 
 def pattern(s: Surface, u: Array, v: Array, pixel: float) -> Any:
-    """Factor on the albedo at (u, v) metres in the pattern's axes."""
+    """Factor on the albedo at (u, v), m, in the axes of the pattern."""
     w, p = pixel / s.period, s.period
     if s.pattern == CHECK:  # a twill check: broad bands both ways and a fine overcheck
         a = square_mean(u / p, w) + square_mean(v / p, w)
@@ -185,16 +194,16 @@ def _slope(x, y, seed, axis):  # type: ignore[no-untyped-def]  # a ufunc: arrays
 
 
 def wrinkles(s: Surface, u: Array, v: Array) -> tuple[Array, Array]:
-    """Lean (along u, along v) of cloth that wrinkles: the gradient of noise whose cells are 2.2
-    times longer along v."""
+    """Tilt (along u, along v) of the normal of wrinkled cloth: the gradient of noise whose cells
+    are 2.2 times longer along v."""
     x, y = u / s.fold_size, v / (2.2 * s.fold_size)
     return s.folds * _slope(x, y, 3, 0), s.folds / 2.2 * _slope(x, y, 3, 1)
 
 
 @vectorize(cache=True)
 def diffuse(tx, ty):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any shape
-    """Brightness of a matt surface whose normal leans by (tx, ty): Lambert, with the key light
-    wrapped around the edge of the shadow as a large source does."""
+    """Brightness of a matt surface with the tilt (tx, ty) of its normal: Lambert, with the key
+    light of a large source, which extends beyond the edge of the shadow."""
     t2 = tx * tx + ty * ty
     down = 1.0 / math.sqrt(max(t2, 1.0))
     tx, ty, tz = tx * down, ty * down, math.sqrt(max(1.0 - t2, 0.0))
@@ -205,7 +214,7 @@ def diffuse(tx, ty):  # type: ignore[no-untyped-def]  # a ufunc: arrays of any s
 
 
 def highlight(tx: Array, ty: Array, shine: float, gloss: float) -> Any:
-    """What a surface that leans by (tx, ty) adds by its gloss (Blinn-Phong, Blinn 1977)."""
+    """Brightness of the highlight of a surface with the tilt (tx, ty) (Blinn-Phong, Blinn 1977)."""
     if shine <= 0.0:
         return 0.0
     t2 = tx * tx + ty * ty
@@ -215,13 +224,13 @@ def highlight(tx: Array, ty: Array, shine: float, gloss: float) -> Any:
 
 
 class Ellipse(NamedTuple):
-    """An ellipse that is not turned.
+    """An ellipse with axes along x and y.
 
     Attributes:
-        x, y: centre.
-        a, b: semi-axes along x and y.
+        x, y: centre, m.
+        a, b: semi-axes along x and y, m.
         tone: reflectance.
-        lit: 0 flat, 1 shaded as a half sphere, between: a shallower dome.
+        lit: shading, from 0 for a flat shape to 1 for a half sphere.
         shine: height of the highlight.
     """
 
@@ -238,10 +247,10 @@ class Blob(NamedTuple):
     """A soft shadow or glow: the factor 1 + gain exp(-q / 2), q = (u / a)^2 + (v / b)^2.
 
     Attributes:
-        x, y: centre.
-        a, b: standard deviations.
-        turn: of its axes (u, v), radians, clockwise as seen.
-        gain: below 0 for a shadow.
+        x, y: centre, m.
+        a, b: standard deviations along u and v, m.
+        turn: clockwise rotation of its axes (u, v), rad.
+        gain: change of brightness in the centre; below 0 for a shadow.
     """
 
     x: float
@@ -253,12 +262,12 @@ class Blob(NamedTuple):
 
 
 def paint_all(image: Any, win: Win, cam: Cam, tone: float) -> None:
-    """Lay one tone over the window."""
+    """Paints one tone over the window."""
     lay(image, win, np.ones((1, 1)), tone)
 
 
 def paint_ellipse(image: Any, win: Win, cam: Cam, shape: Ellipse) -> None:
-    """Lay an ellipse. Distance is that to first order, F / |grad F|, exact for circles."""
+    """Paints an ellipse. The distance is the first-order one, F / |grad F|, exact for circles."""
     x, y, a, b, tone, lit, shine = shape
     pixel = cam[0]
     u, v = grid(win, cam)
@@ -276,7 +285,8 @@ def paint_ellipse(image: Any, win: Win, cam: Cam, shape: Ellipse) -> None:
 
 
 def paint_blob(image: Any, win: Win, cam: Cam, blob: Blob) -> None:
-    """Multiply by a blob's factor, which may exceed 1 until the whole picture is clipped."""
+    """Multiplies by the factor of a blob. Values may exceed 1 until the whole picture is
+    clipped."""
     y0, y1, x0, x1, top, left = win
     px, py = grid(win, cam)
     px, py = px - blob.x, py - blob.y

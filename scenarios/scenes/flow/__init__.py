@@ -1,1 +1,1 @@
-"""The start of a hypersonic wind tunnel, seen through a schlieren bench."""
+"""The start of a hypersonic wind tunnel, imaged by a schlieren bench."""

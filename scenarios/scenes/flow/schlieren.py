@@ -1,10 +1,10 @@
-"""The view through a schlieren bench: from density along sight lines to brightness.
+"""The model of a schlieren bench, from density along sight lines to brightness.
 
-A ray is turned by the gradient of the optical path across it, K d/dx of the integral of density
-along it, with the Gladstone-Dale relation n - 1 = K rho (Merzkirch, Flow Visualization, 2nd ed.,
-chapter 3). A knife edge in the focus of the second mirror cuts the light source's image in half;
-a turned ray moves its image, so that brightness changes in proportion to the angle until all or
-nothing passes (Settles, Schlieren and Shadowgraph Techniques, 2001, chapter 3).
+The gradient of the optical path deflects a ray: K d/dx of the integral of density along the ray,
+with the Gladstone-Dale relation n - 1 = K rho (Merzkirch, Flow Visualization, 2nd ed., chapter 3).
+A knife edge in the focus of the second mirror blocks half of the image of the light source. A
+deflection shifts this image, so the brightness is proportional to the angle until all or no light
+passes (Settles, Schlieren and Shadowgraph Techniques, 2001, chapter 3).
 """
 
 from __future__ import annotations
@@ -24,25 +24,26 @@ __all__ = ["GLADSTONE_DALE", "Bench"]
 GLADSTONE_DALE = 2.26e-4
 """K of air for visible light, m3/kg (Merzkirch: 2.264e-4 at 568 nm)."""
 RANGE = 3.5e-4
-"""Deflection that moves the source's image by half its height, so that all light passes or none,
-radians: 0.35 mm at a mirror of 1 m focal length (assumed)."""
+"""Deflection that shifts the image of the source by half its height, so that all or no light
+passes, rad: 0.35 mm at a mirror of 1 m focal length (assumed)."""
 OPEN = 0.5
-"""Part of the light that passes undeflected: the knife cuts half."""
+"""Share of the light that passes without deflection: the knife edge blocks half."""
 LEAK = 0.04
-"""Part of the light that passes though the image of the source is cut wholly: diffraction at the
-knife edge, and scatter (assumed)."""
+"""Share of the light that passes when the knife edge blocks the whole image: diffraction at the
+edge, and scatter (assumed)."""
 STRAY = 0.012
-"""Light that reaches the picture of an opaque body (assumed)."""
+"""Stray light in the image of an opaque body, lamp = 1 (assumed)."""
 ROUND = 0.955
-"""Radius of the round window over the picture's half diagonal (assumed)."""
+"""Radius of the round window over half the diagonal of the picture (assumed)."""
 STREAKS = 0.03
-"""Unevenness of lamp and window glass, peak to peak (assumed)."""
+"""Non-uniformity of lamp and window glass, peak to peak (assumed)."""
 
 
 @njit(cache=True)
 def _slope(path, dark, across, along, out):  # type: ignore[no-untyped-def]
-    """across x the change from the pixel before to the next in a row, along x that in a column,
-    each the mean over three of them weighted 1, 2, 1 (Sobel's kernel: a blur of about a pixel)."""
+    """Fills `out` with the weighted sum of the derivatives along the row (weight `across`) and
+    along the column (weight `along`), by the Sobel kernel, which blurs by about a pixel. Pixels of
+    the body (`dark`) do not contribute."""
     height, width = path.shape
     for i in range(height):
         up, down = max(i - 1, 0), min(i + 1, height - 1)
@@ -59,7 +60,7 @@ def _slope(path, dark, across, along, out):  # type: ignore[no-untyped-def]
                 r, s = path[down, left], path[down, right]
                 rise += q - p + s - r
                 fall += r - p + s - q
-            else:  # beside the body, what its corner hides counts as the row's or column's own
+            else:  # next to the body, the central row and column count for the hidden ones
                 rise, fall = 2.0 * rise, 2.0 * fall
             out[i, j] = 0.25 * (across * rise + along * fall)
 
@@ -70,12 +71,12 @@ class Bench:
 
     Attributes:
         shape: (height, width) of the picture.
-        pixel: its side in the test section, metres.
-        knife: angle between the visible gradient and the flow, radians: 0 for a knife edge across
-            the flow, pi/2 for one along it.
-        body: part of each pixel that the model covers, (H, W).
-        lamp: unevenness of the lamp, (H, W).
-        dark: pixels outside the window, (H, W).
+        pixel: side of a pixel in the test section, m.
+        knife: angle between the visible gradient and the flow, rad: 0 for a knife edge across the
+            flow, pi/2 for one along it.
+        body: share of each pixel that the model covers, (H, W).
+        lamp: brightness of lamp and window, (H, W).
+        dark: pixels that the model covers, (H, W) bool.
     """
 
     shape: tuple[int, int]
@@ -87,7 +88,7 @@ class Bench:
 
     @classmethod
     def build(cls, shape: tuple[int, int], pixel: float, knife: float, body: Plane) -> Bench:
-        """Prepares what does not change: the lamp's unevenness and the window's round edge."""
+        """Computes the brightness of the lamp, with the round edge of the window."""
         h, w = shape
         y = (np.arange(h)[:, None] + 0.5 - 0.5 * h) * pixel
         x = (np.arange(w)[None, :] + 0.5 - 0.5 * w) * pixel
@@ -99,17 +100,17 @@ class Bench:
         return cls(shape, pixel, knife, body, lamp.astype(np.float32), body > 0.5)
 
     def deflection(self, path: Plane) -> Plane:
-        """Angle across the knife edge by which rays are turned, radians: the mean gradient over two
-        pixels; where the body hides a neighbour, over the one that is left. path: (H, W) float32
-        density integrated along sight lines, kg/m2."""
+        """Deflection of rays across the knife edge, rad, (H, W): the mean gradient over two pixels,
+        or over one pixel next to the body. `path`: density integrated along sight lines, kg/m2, (H,
+        W) float32."""
         out = np.empty(self.shape, np.float32)
         unit = GLADSTONE_DALE / (2.0 * self.pixel)
         _slope(path, self.dark, unit * math.cos(self.knife), unit * math.sin(self.knife), out)
         return out
 
     def picture(self, path: Plane) -> Plane:
-        """(H, W) float32, 0 to 1: 1 is the bench's lamp without a knife edge. Density that rises
-        downstream (knife 0) is dark."""
+        """Brightness, (H, W) float32 in [0, 1]; 1 is the lamp without a knife edge. A density that
+        rises downstream (knife 0) is dark."""
         passed = np.clip(OPEN - self.deflection(path) * np.float32(0.5 / RANGE), LEAK, 1.0)
         passed *= self.lamp
         passed += self.body * (np.float32(STRAY) - passed)

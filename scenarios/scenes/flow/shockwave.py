@@ -1,13 +1,15 @@
-"""How the shock wave on a model forms as a Mach 6 quiet wind tunnel starts: Huang 2022, figure 6.
+"""Formation of the shock wave on a model at the start of a Mach 6 quiet tunnel (Huang 2022, fig.
+6).
 
-The paper shows a spike camera of 100 000 pixels that films this at close range, and says no more
-of it (seeds/000, section 6); so the scene is ours. Nozzle and stagnation state are those of the
-M6HQWT, a Mach 6 quiet tunnel with an exit of 120 mm, 1 to 5 MPa and about 500 K (abstract of its
-design paper). docs/shockwave.md has the equations, and which of them are models.
+The paper shows images of a spike camera with 100 000 pixels and gives no details (section 6), so
+the scene is designed here. Nozzle and stagnation state are those of the M6HQWT, a Mach 6 quiet
+tunnel with an exit of 120 mm, 1 to 5 MPa and about 500 K (abstract of its design paper).
+docs/shockwave.md has the equations and marks the models among them.
 
-The waves that start the tunnel (`start_flow`) cross the picture as planes. Upstream of the starting
-shock the flow is already the steady one: what is supersonic cannot feel what lies behind it. Only a
-sphere's bow shock, whose nose region is subsonic, settles: see `Shockwave.swell`.
+The waves of the start (`start_flow`) cross the picture as planes. Upstream of the starting shock
+the flow is already steady, because disturbances do not propagate upstream in supersonic flow. Only
+the bow shock of a sphere, whose nose region is subsonic, needs time to settle: see
+`Shockwave.swell`.
 """
 
 from __future__ import annotations
@@ -42,47 +44,48 @@ from scenarios.scenes.flow.steadyflow import Sphere, Wedge
 __all__ = ["Shockwave"]
 
 STAGNATION_PRESSURE, STAGNATION_TEMPERATURE = 1e6, 500.0
-"""Of the M6HQWT, Pa (its least) and K."""
+"""Stagnation state of the M6HQWT: its lowest pressure, Pa, and its temperature, K."""
 ROOM = 293.0
 """Temperature of the chamber before the start, K."""
 CHAMBER, LEAST, MOST = 0.85, 0.45, 0.95
-"""The chamber's pressure unless given, and its limits, over that at which the tunnel would not
-start. Below the least the gas behind the starting shock is no longer well subsonic (assumed)."""
+"""Default pressure of the chamber and its limits, over the pressure at which the tunnel does not
+start. Below the lower limit the gas behind the starting shock is nearly sonic (assumed)."""
 
-# In parts of the picture's shorter side, all assumed: where the nozzle ends, left of the picture;
-# the model's foremost point; wedge length, and half height at most; afterbodies.
+# Lengths over the picture's shorter side, all assumed: distance of the nozzle exit from the left
+# edge; foremost point of the model; length and maximum half height of a wedge; afterbodies.
 EXIT, NOSE = 0.25, -0.36
 LENGTH, TALL, FLAT, BODY = 0.54, 0.19, 0.20, 0.40
 
 EDDY, RIPPLE = 0.09, 0.010
-"""Eddies of the gas that has passed the nozzle while it starts, and ripples of the contact: size
-over the shorter side (assumed)."""
+"""Size of the eddies in the starting gas and of the ripples of the contact, over the shorter side
+(assumed)."""
 LIFE = 2.0e-4
-"""The reflected wave of the primary shock is drawn for so long, s; it fades to nothing."""
+"""Time in which the reflected wave of the primary shock fades out, s."""
 SETTLED = 1e-4
-"""A standoff that differs by less, relatively, is the steady one: a thousandth of a pixel."""
+"""Relative difference of the standoff below which the shock counts as steady: 0.001 pixels."""
 SLOW = 0.2
-"""Share of their speed that eddies count with: they are smooth over 20 pixels."""
+"""Factor on the speed of eddies, which are smooth over 20 pixels."""
 
 
 @dataclass(frozen=True)
 class Shockwave:
-    """A schlieren view of a model while the tunnel starts.
-
-    Raises ValueError, "NAME must be ...", for values out of range: a wedge without an attached
-    shock that leaves the flow supersonic, a chamber pressure at which the tunnel does not start.
+    """A schlieren image of a model during the start of the tunnel.
 
     Attributes:
-        shape: (height, width) in pixels, each 8 to 2000.
-        mach: of the nozzle, 4 to 7.
+        shape: (height, width), pixels, each 8 to 2000.
+        mach: Mach number of the nozzle, 4 to 7.
         model: "wedge", two-dimensional, or "sphere", a hemisphere on a cylinder.
-        angle: half angle of a wedge, radians.
-        radius: of a sphere, m.
-        start: instant at which the waves leave the nozzle's exit, s.
-        chamber: pressure there before, Pa; None for CHAMBER of the pressure at which the tunnel
-            does not start.
-        knife: angle between the flow and the visible gradient, radians.
+        angle: half angle of a wedge, rad.
+        radius: radius of a sphere, m.
+        start: instant at which the waves leave the nozzle exit, s.
+        chamber: pressure of the chamber before the start, Pa; None for CHAMBER of the pressure at
+            which the tunnel does not start.
+        knife: angle between the flow and the visible gradient, rad.
         field: length of the picture's shorter side, m.
+
+    Raises:
+        ValueError: a value is out of range, such as a wedge without an attached shock and
+            supersonic flow behind it, or a pressure at which the tunnel does not start.
     """
 
     shape: tuple[int, int]
@@ -121,7 +124,7 @@ class Shockwave:
 
     @property
     def stream(self) -> Gas:
-        """The nozzle's flow."""
+        """The flow of the nozzle."""
         return nozzle(self.mach, STAGNATION_PRESSURE, STAGNATION_TEMPERATURE)
 
     @property
@@ -130,12 +133,12 @@ class Shockwave:
 
     @property
     def nose(self) -> float:
-        """x of the model's foremost point in the picture plane, m."""
+        """x of the foremost point of the model in the picture plane, m."""
         return NOSE * self.field
 
     @property
     def left(self) -> float:
-        """x of the picture's left edge."""
+        """x of the left edge of the picture, m."""
         return -0.5 * self.shape[1] * self.view.pixel
 
     @property
@@ -147,18 +150,19 @@ class Shockwave:
         return _parts(self).body
 
     def place(self, t: float, speed: float) -> float:
-        """x at t of what left the nozzle's exit at `speed`, m; far upstream before the start."""
+        """x at t of a wave that left the nozzle exit at `speed`, m; far upstream before the
+        start."""
         since = check_instant(t) - self.start
         return self.left - EXIT * self.field + speed * since if since >= 0.0 else -1e3
 
     def swell(self, t: float) -> float:
-        """Standoff of a sphere's shock at t over the steady one, at least 1.
+        """Standoff of the shock of a sphere at t over the steady standoff, at least 1.
 
-        A model: the starting shock, swept downstream, ends as the nose's bow shock. With x its
-        place ahead of the nose and s = W R / u, the way it goes at its speed W in the time R / u
-        that the gas behind it takes to pass the nose, the shock on the axis stands at
-        -s log(exp(-x/s) + exp(d/s)) for a standoff d: x while it is far upstream, then -d,
-        approached exponentially in the time R / u.
+        A model: the starting shock moves downstream and becomes the bow shock of the nose. Let x be
+        its position relative to the nose, and s = W R / u the distance that it moves at its speed W
+        in the time R / u in which the gas behind it passes the nose. The shock on the axis is at
+        -s log(exp(-x/s) + exp(d/s)) for a standoff d: at x while it is far upstream, then it
+        approaches -d exponentially with the time constant R / u.
         """
         parts = _parts(self)
         if not isinstance(parts.body, Sphere):
@@ -171,7 +175,7 @@ class Shockwave:
         return swell if swell - 1.0 > SETTLED else 1.0
 
     def path(self, t: float) -> Plane:
-        """Density along sight lines at t, (H, W) float32, kg/m2."""
+        """Density integrated along sight lines at t, kg/m2, (H, W) float32."""
         parts, waves = _parts(self), self.waves
         xs, xp = self.place(t, waves.starting), self.place(t, waves.primary)
         xc = self.place(t, waves.cold.velocity)
@@ -199,12 +203,12 @@ class Shockwave:
         return out
 
     def reflectance(self, t: float) -> Plane:
-        """The picture at t seconds, (H, W) float32, 0 to 1; 1 is the lamp with no knife edge."""
+        """The picture at t, s, (H, W) float32 in [0, 1]; 1 is the lamp without a knife edge."""
         return _parts(self).bench.picture(self.path(t))
 
     def episodes(self) -> list[tuple[float, float, float]]:
-        """(start, stop, speed) seconds and pixels a second: when something moves, in order and
-        without overlap, and how fast at most. Eddies count with SLOW of their speed."""
+        """Intervals of motion (start, s; stop, s; greatest speed, pixels/s), in order and without
+        overlap. Eddies count with SLOW of their speed."""
         waves, pixel = self.waves, self.view.pixel
         way = EXIT * self.field - 2.0 * pixel
         whole = way + (self.shape[1] + 4.0) * pixel
@@ -223,7 +227,7 @@ class Shockwave:
         ]
 
     def _settled(self) -> float:
-        """Seconds after the start at which a sphere's shock is still: `swell` at SETTLED."""
+        """Time after the start at which the shock of a sphere is steady, s: `swell` at SETTLED."""
         body, waves = self.body, self.waves
         if not isinstance(body, Sphere):
             return 0.0
@@ -233,15 +237,16 @@ class Shockwave:
 
     @property
     def _way(self) -> float:
-        """How far the starting shock goes while the gas behind it passes a sphere's radius, m."""
+        """Distance that the starting shock moves while the gas behind it passes the radius of the
+        sphere, m."""
         return self.waves.starting * self.radius / self.waves.cold.velocity
 
     def speed(self) -> float:
-        """Upper bound of any edge's speed, pixels per second."""
+        """Upper bound of the speed of any edge, pixels/s."""
         return max(v for _, _, v in self.episodes())
 
     def moving(self, start: float, stop: float) -> Box:
-        """(y0, y1, x0, x1), outside of which nothing changes between two instants in seconds."""
+        """Box (y0, y1, x0, x1) that contains all changes between two instants, s."""
         start, stop = check_instant(start), check_instant(stop)
         if stop < start:
             raise ValueError(f"stop must be at or after start {start}, not {stop}")
@@ -281,7 +286,20 @@ class Shockwave:
 
 @dataclass(eq=False)
 class _Parts:
-    """What of a scene is computed once."""
+    """The constant data of a scene. Arrays of the picture are (H, W).
+
+    Attributes:
+        waves: waves of the start.
+        body: model.
+        bench: schlieren bench.
+        x, y: coordinates of columns (W,) and rows (H,), m.
+        ripple: ripple of the contact in each row, m, (H,).
+        swirl: integral of 1 - V^2 of incompressible flow, m.
+        grain: relative density of eddies, (H, 2 W).
+        flows: steady flow at each of SWELLS.
+        echo: density times length of the reflected shock, kg/m2.
+        settled: density along sight lines of the steady flow, kg/m2.
+    """
 
     waves: Start
     body: Wedge | Sphere
@@ -296,7 +314,7 @@ class _Parts:
     settled: Plane
 
     def flow(self, swell: float) -> Plane:
-        """The steady flow with the shock `swell` times as far out."""
+        """The steady flow with the standoff of the shock times `swell`, interpolated linearly."""
         m = int(np.searchsorted(SWELLS, swell, side="right")) - 1
         if m >= len(self.flows) - 1:
             return self.flows[-1]
@@ -329,7 +347,7 @@ def _parts(scene: Shockwave) -> _Parts:
     way = waves.starting * scene.radius / waves.cold.velocity
     steady = flows(body, at, up, way)
     bench = Bench.build(scene.shape, view.pixel, scene.knife, hidden.astype(np.float32))
-    # The primary shock thrown back from a wall.
+    # The reflection of the primary shock at a wall.
     back = reflected(waves.hot.pressure / waves.rest.pressure)
     gain = (behind_normal(shock_mach(back))[1] - 1.0) * waves.hot.density
     echo = gain * (WIDTH * math.sin(scene.angle) if scene.model == "wedge" else 2.0 * body.height)

@@ -1,6 +1,7 @@
-"""Density along sight lines while a tunnel starts: the waves as planes, and what lies between them.
+"""Density along sight lines during the start of a tunnel: the waves as planes, and the gas between.
 
-Lengths in metres; x downstream, y from the axis. A sight line's density is its integral, kg/m2.
+Lengths are in metres; x points downstream, y from the axis. "Density along a sight line" is the
+integral of the density, kg/m2.
 """
 
 from __future__ import annotations
@@ -18,24 +19,27 @@ from scenarios.scenes.flow.steadyflow import Sphere, Wedge
 __all__ = ["SWELLS", "WIDTH", "fine", "flows", "grain", "mix", "swirl"]
 
 WIDTH = 0.12
-"""Sight line through the flow: the nozzle's exit, m. A wedge spans it."""
+"""Length of a sight line through the flow, m: the width of the nozzle exit and the span of a
+wedge."""
 ROUGH = 0.02
-"""Density of eddies, relative, peak to peak (assumed)."""
+"""Relative density of eddies, peak to peak (assumed)."""
 SWELLS = tuple(1.0 + 0.02 * m + 0.0114 * m * m for m in range(14))
-"""Standoffs, over the steady one, for which a sphere's flow is kept; in between, linear."""
+"""Standoffs over the steady standoff for which the flow of a sphere is computed."""
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
+# A compiled kernel has separate arguments: unpacking a record of arrays would cost time in each
+# call.
 @njit(cache=True)
 def mix(out, steady, swirl, grain, x, y, ripple, pixel, xs, xc, xp, gas, ring):  # type: ignore[no-untyped-def]
-    """Density along sight lines, kg/m2: the steady flow upstream of the starting shock at xs, cold
-    gas to the contact at xc, hot gas to the primary shock at xp, gas at rest beyond. Jumps cover
-    the pixel they cross. grain: eddies in axes that go with the contact, mirrored at their ends."""
+    """Fills `out` with the density along sight lines, kg/m2: the steady flow up to the starting
+    shock at xs, cold gas up to the contact at xc, hot gas up to the primary shock at xp, gas at
+    rest beyond. A discontinuity is antialiased over the pixel that it crosses. The axes of `grain`
+    move with the contact; it is mirrored at its ends."""
     width, stream, cold, hot, rest, cold_m2, hot_m2 = gas
     ring_x, ring_r, ring_gain, ring_long = ring
     last = grain.shape[1] - 1
     aheads, passes, eddies = np.empty(x.size), np.empty(x.size), np.empty(x.size)
-    for j in range(x.size):  # what is the same in every row
+    for j in range(x.size):  # values that do not depend on the row
         aheads[j] = min(max(0.5 - (x[j] - xs) / pixel, 0.0), 1.0)
         passes[j] = min(max(0.5 - (x[j] - xp) / pixel, 0.0), 1.0)
         at = ((xc - x[j]) / pixel) % (2 * last)
@@ -66,10 +70,12 @@ def mix(out, steady, swirl, grain, x, y, ripple, pixel, xs, xc, xp, gas, ring): 
 
 
 def swirl(body: Wedge | Sphere, x: Any, y: Any) -> Any:
-    """1 - V^2 along sight lines, metres, of incompressible flow past the model: how subsonic gas
-    gives way to it. Density then follows from Bernoulli, linear in M^2. The wedge's is that of an
-    endless one, V = (r/l)^(a/(pi - a)), up to l, twice its length; the sphere's that of a source in
-    a stream, a half body as thick as it (Milne-Thomson, Theoretical Hydrodynamics).
+    """Integral of 1 - V^2 along sight lines, m, of incompressible flow past the model, for the
+    subsonic gas. The density follows from Bernoulli's equation, linear in M^2.
+
+    A wedge has the flow of an infinite wedge, V = (r/l)^(a/(pi - a)), up to l, twice its length. A
+    sphere has the flow of a source in a stream, a half body of its thickness (Milne-Thomson,
+    Theoretical Hydrodynamics).
     """
     h = body.height
     if isinstance(body, Wedge):
@@ -81,7 +87,7 @@ def swirl(body: Wedge | Sphere, x: Any, y: Any) -> Any:
 
 
 def grain(x: Any, y: Any, size: float) -> Plane:
-    """Relative density of eddies, (H, 2 W), peak to peak ROUGH."""
+    """Relative density of eddies of `size`, m, (H, 2 W), peak to peak ROUGH."""
     u = np.arange(2 * x.size)[None, :] * (x[1] - x[0]) / size
     v = y[:, None] / size
     both = noise(u, v, 41) + 0.5 * noise(2.1 * u, 2.1 * v, 42)
@@ -89,24 +95,32 @@ def grain(x: Any, y: Any, size: float) -> Plane:
 
 
 def fine(function: Any, x: Any, y: Any, pixel: float, n: int = 4) -> Any:
-    """Mean over each pixel of n x n points."""
+    """Mean of `function` over n x n points in each pixel."""
     offsets = ((np.arange(n) + 0.5) / n - 0.5) * pixel
     return sum(function(x + dx, y + dy) for dx in offsets for dy in offsets) / (n * n)
 
 
 def flows(body: Wedge | Sphere, x: Any, y: Any, way: float) -> list[Plane]:
-    """Steady density less the free stream's along sight lines, over the free stream's, metres: for
-    a sphere at each of SWELLS, of which only what the starting shock has passed is needed. x (1, w)
-    and y (h, 1) from the foremost point; way: the `Shockwave.swell` length."""
+    """Integral of the relative excess density of the steady flow along sight lines, m; for a sphere
+    at each of SWELLS, where only the part behind the starting shock is needed.
+
+    Args:
+        body: the model.
+        x, y: coordinates from its foremost point, (1, W) and (H, 1), m.
+        way: the length s of `Shockwave.swell`, m.
+
+    Returns:
+        Planes (H, W) float32.
+    """
     pixel = float(x[0, 1] - x[0, 0])
     if isinstance(body, Wedge):
         whole = fine(lambda a, b: body.path(a, b, WIDTH), x, y, pixel)
         return [whole.astype(np.float32)]
     half = y[(y.shape[0]) // 2 :]
-    found: list[Plane] = []
+    planes: list[Plane] = []
     for m, swell in enumerate(SWELLS):
         passed = np.inf
-        if m:  # where the starting shock stands at the swell before, which is interpolated to this
+        if m:  # the position of the starting shock at the previous standoff
             excess = (SWELLS[m - 1] - 1.0) * body.standoff / way
             passed = -body.standoff - way * math.log(max(math.expm1(excess), 1e-4)) + 8 * pixel
         columns = int(np.count_nonzero(x[0] <= passed))
@@ -115,6 +129,6 @@ def flows(body: Wedge | Sphere, x: Any, y: Any, way: float) -> list[Plane]:
         plane[y.shape[0] // 2 :, :columns] = part
         plane[: half.shape[0], :columns] = part[::-1]
         if columns < x.shape[1]:
-            plane[:, columns:] = found[0][:, columns:]
-        found.append(plane)
-    return found
+            plane[:, columns:] = planes[0][:, columns:]
+        planes.append(plane)
+    return planes

@@ -1,8 +1,8 @@
-"""Steady flow of a Mach 5 to 7 stream past a wedge and past a sphere on a sting: its density.
+"""Density of the steady flow at Mach 5 to 7 past a wedge and past a sphere on a sting.
 
-Lengths in metres, x downstream from the model's foremost point, y from its axis; densities over
-that of the free stream. Each model is the forebody, a straight afterbody, a flat base and a thinner
-sting that runs out of the picture.
+Lengths are in metres; x points downstream from the foremost point of the model, y from its axis.
+Densities are relative to the free stream. A model consists of the forebody, a straight afterbody, a
+flat base, and a thinner sting that extends beyond the picture.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ __all__ = ["BASE_TURN", "STING", "Sphere", "Wedge", "viscosity"]
 Array = npt.NDArray[np.float64]
 
 STING = 0.4
-"""Sting's half height over the base's (assumed)."""
+"""Half height of the sting over that of the base (assumed)."""
 BASE_TURN = math.radians(12.0)
-"""The flow turns inwards by this at the base's edge (assumed: base pressure a fifth to a third of
-that ahead of it, as wakes of this kind show)."""
+"""Inward deflection of the flow at the edge of the base, rad (assumed: the base pressure of such
+wakes is a fifth to a third of the pressure ahead)."""
 WAKE_DENSITY, WAKE_SPREAD = 0.35, 0.06
-"""Dead air behind the base: its density over that of the flow along it, being hotter, and the
-growth of the layer between the two, per length (assumed)."""
+"""Density of the dead air behind the base over that of the outer flow, and growth of the mixing
+layer per length (assumed)."""
 WALL = 300.0
-"""Temperature of the model's surface, K: a short run does not heat it."""
+"""Temperature of the model's surface, K; a short run does not heat it."""
 
 
 def viscosity(temperature: float) -> float:
@@ -52,13 +52,14 @@ def viscosity(temperature: float) -> float:
 
 
 def _rays(waves: Fan, angle: Any, field: Any) -> Any:
-    """What a fan holds along rays at `angle`; its ends go on beyond."""
+    """A quantity of a fan along rays at `angle`, constant beyond its ends."""
     return np.interp(angle, waves.angle[::-1], field[::-1])
 
 
 def _turn_back(waves: Fan, height: float) -> tuple[float, float, float]:
-    """The shock that turns the flow along the sting after a base's fan (theta-beta-M): how far
-    behind the base it begins, its slope, and the density ratio across it."""
+    """The shock that turns the flow parallel to the sting behind the fan of the base
+    (theta-beta-M): the distance of its origin from the base, m, its slope, and the density ratio
+    across it."""
     mach, inwards = float(waves.mach[-1]), -float(waves.direction[-1])
     beta = shock_angle(mach, inwards)
     far = (1.0 - STING) * height / math.tan(inwards)
@@ -66,15 +67,15 @@ def _turn_back(waves: Fan, height: float) -> tuple[float, float, float]:
 
 
 def _base(waves: Fan, x: Array, y: Array, height: float) -> Array:
-    """Factor on the density behind a base whose edge lies at (0, height): the fan, the dead air,
-    the shock that turns the flow back along the sting, and the wake behind it."""
+    """Factor on the density behind a base whose edge is at (0, height): the fan, the dead air, the
+    shock at the sting, and the wake behind it."""
     factor = _rays(waves, np.arctan2(y - height, x), waves.density)
     factor = np.where(x <= 0.0, 1.0, factor)
     meets, slope, back = _turn_back(waves, height)
     sting, direction = STING * height, float(waves.direction[-1])
     inside = (x > meets) & (y < sting + (x - meets) * slope)
     factor = np.where(inside, factor * back, factor)
-    # Dead air, and the hot wake that goes on from it over the sting.
+    # The dead air, and the hot wake downstream of it along the sting.
     edge = np.maximum(height + x * math.tan(direction), sting)
     soft = WAKE_SPREAD * np.maximum(x, 0.0) + 1e-4
     part = 1.0 / (1.0 + np.exp(np.clip((y - edge) / (0.25 * soft), -50, 50)))
@@ -86,12 +87,17 @@ def _base(waves: Fan, x: Array, y: Array, height: float) -> Array:
 
 @dataclass(frozen=True)
 class Wedge:
-    """A wedge of half angle `angle` and `length`, two-dimensional, with an afterbody.
+    """A two-dimensional wedge with an afterbody.
 
-    Exact: the attached shock (theta-beta-M) and the uniform flow behind it, the centred fan at the
-    shoulder. Shock-expansion theory (Eggers, Syvertson and Kraus, NACA Report 1123, 1953): the
-    shock where the fan weakens it, by the flow direction that each ray of the fan brings, rays that
-    come back from the shock being left out.
+    The attached shock (theta-beta-M), the uniform flow behind it, and the centred fan at the
+    shoulder are exact. Where the fan weakens the shock, shock-expansion theory applies (Eggers,
+    Syvertson and Kraus, NACA Report 1123, 1953): each ray of the fan sets the flow direction at the
+    shock; rays reflected from the shock are neglected.
+
+    Attributes:
+        stream: free stream.
+        angle: half angle, rad.
+        length, afterbody: lengths of wedge and afterbody, m.
     """
 
     stream: Gas
@@ -105,7 +111,7 @@ class Wedge:
 
     @property
     def base(self) -> float:
-        """Where the base stands."""
+        """x of the base, m."""
         return self.length + self.afterbody
 
     @cached_property
@@ -123,13 +129,13 @@ class Wedge:
 
     @cached_property
     def after(self) -> Fan:
-        """The fan at the base's edge."""
+        """The fan at the edge of the base."""
         return fan(float(self.shoulder.mach[-1]), 0.0, BASE_TURN)
 
     @cached_property
     def shock(self) -> tuple[Array, Array]:
-        """Points (x, y) of the shock, straight between them: where each ray of the fan meets it,
-        and the angle that turns the stream to that ray's direction beyond."""
+        """Points x, y of the shock, a polygon, m. At each point a ray of the fan meets the shock;
+        beyond it, the shock deflects the stream to the direction of this ray."""
         waves, x0, y0 = self.shoulder, self.length, self.height
         xs, ys = [0.0], [0.0]
         slope = math.tan(self.beta)
@@ -145,17 +151,17 @@ class Wedge:
         return np.array([*xs, far]), np.array([*ys, ys[-1] + slope * 10.0])
 
     def surface(self, x: Array) -> Array:
-        """Half height of the body; 0 before it."""
+        """Half height of the body at x, m; 0 upstream of it."""
         nose = np.clip(x, 0.0, self.length) * math.tan(self.angle)
         return np.where(x > self.base, STING * self.height, nose)
 
     def front(self, y: Array) -> Array:
-        """x of the shock at a distance y from the axis."""
+        """x of the shock at the distance y from the axis, m."""
         xs, ys = self.shock
         return np.interp(np.abs(y), ys, xs)
 
     def density(self, x: Array, y: Array) -> Array:
-        """Density at points, broadcast; within the body that at its surface."""
+        """Density at points, with broadcasting; inside the body, the density at its surface."""
         y = np.maximum(np.abs(y), self.surface(x))
         xs, ys = self.shock
         waves = self.shoulder
@@ -168,9 +174,10 @@ class Wedge:
         return np.where(outside, 1.0, rho)
 
     def _layer(self, x: Array, y: Array) -> Array:
-        """The laminar boundary layer's factor on the density: thickness x/sqrt(Re) (5 + (0.2 +
-        0.9 Tw/Taw)(gamma - 1) M^2) (White, Viscous Fluid Flow, chapter 7), velocity taken as
-        linear across it, temperature by Crocco and Busemann. A laminar one: a quiet tunnel's."""
+        """Factor of the boundary layer on the density. The layer is laminar, as in a quiet tunnel,
+        with a thickness of x/sqrt(Re) (5 + (0.2 + 0.9 Tw/Taw)(gamma - 1) M^2) (White, Viscous Fluid
+        Flow, chapter 7), a linear velocity profile, and a temperature profile by Crocco and
+        Busemann."""
         p, rho, mach = self.behind
         stream = self.stream
         cold = stream.temperature * p / rho
@@ -180,7 +187,7 @@ class Wedge:
         grow = 5.0 + (0.2 + 0.9 * WALL / adiabatic) * (GAMMA - 1.0) * mach * mach
         along = np.clip(x, 0.0, self.base) / math.cos(self.angle)
         thick = grow * np.sqrt(along / per_metre) + 1e-9
-        # Beyond the base the layer leaves with the flow, and mixes away in the height's third.
+        # Behind the base the layer follows the flow and decays over a third of the height.
         beyond = np.maximum(x - self.base, 0.0)
         edge = self.surface(np.minimum(x, self.base)) - beyond * math.tan(BASE_TURN)
         u = np.clip((y - edge) / thick, 0.0, 1.0)
@@ -190,17 +197,19 @@ class Wedge:
         )
 
     def path(self, x: Array, y: Array, width: float, swell: float = 1.0) -> Array:
-        """Density less the free stream's, times metres of sight line: width is the wedge's span."""
+        """Excess density integrated along sight lines of the length `width`, m, the span of the
+        wedge."""
         return width * (self.density(x, y) - 1.0)
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
+# A compiled kernel has separate arguments: unpacking a record of arrays would cost time in each
+# call.
 @njit(cache=True)
 def _layer_density(  # type: ignore[no-untyped-def]
     x, r, radius, off, curve, slope, gamma, mach, stag, pitot, corner, wake, rays, ratios
 ):
-    """Density between a sphere's bow shock and its surface, at one point. gamma is an argument, for
-    a compiled loop from the cache would keep the constant of its own day."""
+    """Density between the bow shock of a sphere and its surface, at one point. `gamma` is an
+    argument, because a cached compilation would keep an old value of the constant."""
     root = math.sqrt(1.0 + (r * slope / curve) ** 2)
     front = -off + curve / (slope * slope) * (root - 1.0)
     if x <= front:
@@ -234,7 +243,8 @@ def _layer_density(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _path(x, y, out, steps, radius, off, curve, slope, *rest):  # type: ignore[no-untyped-def]
-    """2 x the integral of (density - 1) along z from 0 to the shock, midpoints of equal steps."""
+    """Fills `out` with twice the integral of (density - 1) along z from 0 to the shock, m, by the
+    midpoint rule."""
     for i in range(y.size):
         for j in range(x.size):
             reach = (x[j] + off) * slope * slope / curve + 1.0
@@ -254,12 +264,16 @@ def _path(x, y, out, steps, radius, off, curve, slope, *rest):  # type: ignore[n
 
 @dataclass(frozen=True)
 class Sphere:
-    """A hemisphere of `radius` with a cylindrical afterbody, of revolution.
+    """A hemisphere with a cylindrical afterbody.
 
-    The bow shock's standoff and shape are Billig's correlation, the density just behind it that of
-    the local oblique shock. Along the surface: modified Newtonian pressure from Rayleigh's pitot
-    pressure (NACA 1135, 100), expanded isentropically from the stagnation point. Between the two,
-    linear across the layer, and the wake: models.
+    Standoff and shape of the bow shock follow Billig's correlation; the density behind it is that
+    of the local oblique shock. The density at the surface follows from the modified Newtonian
+    pressure with Rayleigh's pitot pressure (NACA 1135, 100), expanded isentropically from the
+    stagnation point. The linear profile between the two, and the wake, are models.
+
+    Attributes:
+        stream: free stream.
+        radius, afterbody: radius of the sphere and length of the afterbody, m.
     """
 
     stream: Gas
@@ -280,15 +294,15 @@ class Sphere:
 
     @property
     def stagnation(self) -> tuple[float, float]:
-        """Density and pressure at the stagnation point over the free stream's."""
+        """Density and pressure at the stagnation point, over those of the free stream."""
         p, rho, _, after = behind_normal(self.stream.mach)
         ratio = stagnation_ratio(after)
         return rho * ratio ** (1.0 / (GAMMA - 1.0)), p * ratio ** (GAMMA / (GAMMA - 1.0))
 
     @cached_property
     def after(self) -> Fan:
-        """The fan at the base's edge; the flow along the cylinder has come from the stagnation
-        point to the free stream's pressure."""
+        """The fan at the edge of the base. Along the cylinder, the flow has expanded from the
+        stagnation point to the pressure of the free stream."""
         pitot = self.stagnation[1]
         mach = math.sqrt((pitot ** ((GAMMA - 1.0) / GAMMA) - 1.0) * 2.0 / (GAMMA - 1.0))
         return fan(mach, 0.0, BASE_TURN)
@@ -299,19 +313,19 @@ class Sphere:
         return np.where(x > self.base, STING * self.radius, nose)
 
     def _shape(self, swell: float) -> tuple[float, float, float]:
-        """Standoff, radius of curvature and tan of the far angle, the Mach angle, of a shock
-        `swell` times as far out as the steady one."""
+        """Standoff, m, radius of curvature, m, and tangent of the asymptotic angle (the Mach angle)
+        of a shock with the standoff times `swell`."""
         curve = swell * self.radius * billig_curvature(self.stream.mach)
         return swell * self.standoff, curve, math.tan(math.asin(1.0 / self.stream.mach))
 
     def front(self, y: Array, swell: float = 1.0) -> Array:
-        """x of the bow shock (Anderson 5.36): a hyperbola."""
+        """x of the bow shock, a hyperbola (Anderson 5.36), m."""
         off, curve, slope = self._shape(swell)
         return -off + curve / slope**2 * (np.sqrt(1.0 + (y * slope / curve) ** 2) - 1.0)
 
     def path(self, x: Array, y: Array, width: float, swell: float = 1.0, steps: int = 40) -> Array:
-        """Density less the free stream's, integrated along sight lines: metres. x (1, w), y (h, 1);
-        every sight line crosses the whole flow, so `width` does not matter."""
+        """Excess density integrated along sight lines, m, (H, W), for x (1, W) and y (H, 1). Every
+        sight line crosses the whole flow, so `width` has no effect."""
         stag, pitot = self.stagnation
         waves = self.after
         out = np.empty((y.size, x.size))

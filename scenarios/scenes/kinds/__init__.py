@@ -1,1 +1,1 @@
-"""The kinds of scene: one file each, with its section of a scenario and its source."""
+"""The kinds of scene, one file each: the section of the scenario and its source of light."""

@@ -1,4 +1,4 @@
-"""`film`: a clip or an image, or a drawn scene that moves."""
+"""`film`: a video clip, an image, or the built-in moving scene."""
 
 from __future__ import annotations
 
@@ -15,23 +15,25 @@ __all__ = ["FilmScene"]
 
 
 class FilmScene(Section):
-    """A clip or an image that PyAV opens; without a path a built-in moving scene."""
+    """A video clip or an image that PyAV opens; without a path, the built-in moving scene."""
 
     kind: Literal["film"] = "film"
     path: str | None = Field(
-        default=None, description="clip or image; the built-in scene when absent"
+        default=None, description="clip or image; by default the built-in scene"
     )
     drawn: Literal["chart"] = Field(
-        default="chart", description="built-in moving scene when there is no path"
+        default="chart", description="built-in moving scene, used without a path"
     )
     start: Time = 0.0
     frame_rate: Frequency | None = Field(
-        default=None, examples=["240 Hz"], description="overrides the clip's own"
+        default=None, examples=["240 Hz"], description="replaces the frame rate of the clip"
     )
-    illuminance: Illuminance = Field(description="falls on the scene; clip white reflects all")
+    illuminance: Illuminance = Field(
+        description="illuminance of the scene; the white of the clip has reflectance 1"
+    )
 
     def source(self, grid: SceneGrid) -> Source:
-        # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
+        # Drawn scenes import numba, which takes a second.
         if self.path is not None:
             from scenarios.scenes.clips.film import FilmSource
 

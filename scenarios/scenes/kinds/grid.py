@@ -1,4 +1,4 @@
-"""What a scene is drawn on."""
+"""The grid on which a scene is drawn, and the protocol of the kinds of scene."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class SceneGrid:
     """The pixels and cycles of a run.
 
     Attributes:
-        shape: (height, width) of the pixels.
-        clock: of the cycles.
-        cycles: of the run.
-        aligned: whether every row is sampled at the clock's edge.
+        shape: (height, width), pixels.
+        clock: clock of the cycles.
+        cycles: length of the run, cycles.
+        aligned: whether every row is sampled at the clock edge.
     """
 
     shape: tuple[int, int]
@@ -29,10 +29,15 @@ class SceneGrid:
 
 
 class SceneKind(Protocol):
-    """A [scene] section: its light, and how it becomes a source."""
+    """A section [scene].
+
+    Attributes:
+        illuminance: illuminance of the scene, lux.
+    """
 
     illuminance: float
 
     def source(self, grid: SceneGrid) -> Source:
-        """The scene on a grid. A source may be run through once only. Raises InputError."""
+        """The scene on a grid. A source can be used for one pass only. Raises InputError for values
+        that do not fit together."""
         ...

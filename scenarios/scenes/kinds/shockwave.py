@@ -1,4 +1,4 @@
-"""`shockwave`: a shock wave forms as a quiet wind tunnel starts."""
+"""`shockwave`: the formation of a shock wave at the start of a quiet wind tunnel."""
 
 from __future__ import annotations
 
@@ -16,35 +16,39 @@ __all__ = ["ShockwaveScene"]
 
 
 class ShockwaveScene(Section):
-    """A shock wave forms on a model as a quiet wind tunnel starts (Huang 2022, figure 6)."""
+    """Formation of a shock wave on a model at the start of a quiet wind tunnel (Huang 2022, figure
+    6)."""
 
     kind: Literal["shockwave"]
     illuminance: Illuminance = Field(
-        description="of the schlieren bench's lamp; white is all of it"
+        description="illuminance by the lamp of the schlieren bench, which is white"
     )
-    mach: Annotated[float, Field(ge=4, le=7)] = Field(default=6.0, description="of the nozzle")
+    mach: Annotated[float, Field(ge=4, le=7)] = Field(
+        default=6.0, description="Mach number of the nozzle"
+    )
     model: Literal["wedge", "sphere"] = "wedge"
     angle: Annotated[float, Quantity("angle", least=2, most=45)] = Field(
         default=15.0, description="half angle of a wedge"
     )
     radius: Annotated[float, Quantity("length", least=1250, most=15_625)] = Field(
-        default=10_000.0, examples=["10 mm"], description="of a sphere"
+        default=10_000.0, examples=["10 mm"], description="radius of a sphere"
     )
     start: Time = Field(
-        default=0.002, examples=["2 ms"], description="instant at which the nozzle begins to flow"
+        default=0.002, examples=["2 ms"], description="instant at which the nozzle flow starts"
     )
     chamber: Annotated[float, Quantity("pressure", above=0, most=1e6)] | None = Field(
         default=None,
-        description="pressure in the test section before; 0.85 of what would stop it when absent",
+        description="pressure in the test section before the start; by default 0.85 of the "
+        "pressure at which the tunnel does not start",
     )
     knife: Annotated[float, Quantity("angle", least=-90, most=90)] = Field(
         default=45.0,
         examples=["45 deg"],
-        description="direction of the gradient that is seen, against the flow",
+        description="angle between the visible density gradient and the flow",
     )
 
     def source(self, grid: SceneGrid) -> Source:
-        # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
+        # Drawn scenes import numba, which takes a second.
         from scenarios.scenes.drawing.paced import PacedSource
         from scenarios.scenes.flow.shockwave import Shockwave
 
@@ -59,7 +63,7 @@ class ShockwaveScene(Section):
                 chamber=self.chamber,
                 knife=math.radians(self.knife),
             )
-        except ValueError as exc:  # what no single key's limits can say, in the scene's own words
+        except ValueError as exc:  # limits that depend on several keys
             name, _, rest = str(exc).partition(" must be ")
             must, _, value = rest.rpartition(", not ")
             raise InputError(f"scene.{name}", must, value, "change it") from exc

@@ -14,17 +14,17 @@ __all__ = ["StarScene"]
 
 
 class StarScene(Section):
-    """A rotating Siemens star in a ring of grey steps."""
+    """A rotating Siemens star inside a ring of grey steps."""
 
     kind: Literal["star"]
     illuminance: Illuminance
     spokes: Annotated[int, Field(ge=2, le=360)] = 36
     rotation: Annotated[float, Quantity("frequency", least=0, most=1000)] = Field(
-        default=4.0, examples=["4 Hz"], description="revolutions a second"
+        default=4.0, examples=["4 Hz"], description="revolutions per second"
     )
 
     def source(self, grid: SceneGrid) -> Source:
-        # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
+        # Drawn scenes import numba, which takes a second.
         from scenarios.scenes.charts.star import Star
         from scenarios.scenes.drawing.analytic import AnalyticSource
 

@@ -1,4 +1,4 @@
-"""`step`: light that steps from one level to another."""
+"""`step`: a grey wedge under a step of light."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["StepScene"]
 
 
 class StepScene(Section):
-    """A grey wedge whose light steps from one level to another at one instant."""
+    """A grey wedge whose illumination steps from one level to another at one instant."""
 
     kind: Literal["step"]
     illuminance: Illuminance

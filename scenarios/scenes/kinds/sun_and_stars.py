@@ -1,4 +1,4 @@
-"""`sun-and-stars`: discs of known light, decade below decade."""
+"""`sun-and-stars`: discs of known illuminance over many decades."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ __all__ = ["SunAndStarsScene"]
 
 
 class SunAndStarsScene(Section):
-    """The sun and stars down to the darkest, as discs of known light (Huang 2022, section 4.5)."""
+    """The sun, and stars of decreasing illuminance, as discs of known light (Huang 2022, section
+    4.5)."""
 
     kind: Literal["sun-and-stars"]
-    illuminance: Illuminance = Field(description="of the sun's disc")
+    illuminance: Illuminance = Field(description="illuminance of the disc of the sun")
     dimmest: Illuminance = Field(
-        default=1e-6, examples=["1e-6 lux"], description="of the dimmest star"
+        default=1e-6, examples=["1e-6 lux"], description="illuminance of the dimmest star"
     )
     background: Annotated[float, Quantity("illuminance", least=0, most=1e9)] = Field(
-        default=0.0, examples=["0.001 lux"], description="between the stars"
+        default=0.0, examples=["0.001 lux"], description="illuminance between the stars"
     )
 
     def source(self, grid: SceneGrid) -> Source:

@@ -1,4 +1,4 @@
-"""`target`: a chart or a picture that stands still, under light that changes."""
+"""`target`: a static chart or picture under variable light."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ __all__ = ["TargetScene"]
 
 
 class TargetScene(Section):
-    """A test chart that does not move, under light that changes."""
+    """A static test chart or picture under variable light."""
 
     kind: Literal["target"]
     illuminance: Illuminance
     chart: Literal["night", "bars", "landolt", "steps", "discs"] = Field(
-        default="night", description="night: bars, rings and steps on one sheet; discs: light spots"
+        default="night",
+        description="night: bars, rings and steps on one sheet; discs: spots of light",
     )
     contrast: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=1.0, description="reflectances are pulled towards the sheet's grey by it"
+        default=1.0, description="factor of the contrast with the grey of the sheet"
     )
-    path: str | None = Field(default=None, description="a picture in the chart's place")
+    path: str | None = Field(default=None, description="a picture instead of the chart")
     course: tuple[tuple[Time, Annotated[float, Field(ge=0, le=1e12)]], ...] = Field(
         default=((0.0, 1.0),),
         min_length=1,
         max_length=1000,
-        description="factor of all light: [time, factor] in order, linear between, constant "
-        "outside; two at one time are a jump",
+        description="factor of all light: [time, factor] in order of time, with linear "
+        "interpolation, constant outside; two entries at one time are a step",
         examples=[[["0 ms", 1], ["500 ms", 1e4]]],
         json_schema_extra={"default": [["0 s", 1.0]]},
     )
@@ -44,6 +45,6 @@ class TargetScene(Section):
         return course
 
     def source(self, grid: SceneGrid) -> Source:
-        from scenarios.scenes.charts.target import TargetSource  # brings numba with it
+        from scenarios.scenes.charts.target import TargetSource  # imports numba
 
         return TargetSource(self, grid.shape)

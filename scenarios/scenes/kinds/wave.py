@@ -1,4 +1,4 @@
-"""`wave`: a person waves an arm."""
+"""`wave`: a person who waves an arm."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ __all__ = ["WaveScene"]
 
 
 class WaveScene(Section):
-    """A person waves an arm (Huang 2022, figures 3 to 5)."""
+    """A person who waves an arm (Huang 2022, figures 3 to 5)."""
 
     kind: Literal["wave"]
     illuminance: Illuminance
     rate: Annotated[float, Quantity("frequency", least=0, most=6)] = Field(
-        default=3.0, examples=["3 Hz"], description="waves a second"
+        default=3.0, examples=["3 Hz"], description="waves per second"
     )
 
     def source(self, grid: SceneGrid) -> Source:
-        # Drawn scenes bring numba with them, a second of start-up that others need not wait for.
+        # Drawn scenes import numba, which takes a second.
         from scenarios.scenes.drawing.analytic import AnalyticSource
         from scenarios.scenes.people.wave import Wave
 

@@ -1,1 +1,1 @@
-"""A drawn person who waves."""
+"""A drawn person who waves an arm."""

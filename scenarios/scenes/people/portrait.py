@@ -1,8 +1,8 @@
-"""The still part of the waving person: torso, other arm, head and face.
+"""The static part of the waving person: torso, other arm, head and face.
 
-Proportions after Drillis and Contini (1966), as printed in D. Winter, Biomechanics and Motor
-Control of Human Movement, 4th ed., fig. 4.1, for a stature of 1.75 m: head and neck 0.182, head
-0.130, half shoulder breadth 0.129 of the stature. Everything else about the looks is assumed.
+The proportions are those of Drillis and Contini (1966), as printed in D. Winter, Biomechanics and
+Motor Control of Human Movement, 4th ed., fig. 4.1, for a stature of 1.75 m: head and neck 0.182,
+head 0.130, half shoulder breadth 0.129 of the stature. All other dimensions and tones are assumed.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from scenarios.scenes.drawing.shapes import CHECK, HAIR, SKIN, Surface
 __all__ = ["CENTRE", "SHIRT", "SKIN_TONE", "person", "person_shadow"]
 
 CENTRE = -0.17
-"""Where the body's axis stands, metres from the picture's centre."""
+"""Position of the body's axis, m from the centre of the picture."""
 SKIN_TONE = Surface(0.58, SKIN, period=0.0012, contrast=0.07, shine=0.05, gloss=14.0)
 SHIRT = Surface(
     0.40, CHECK, period=0.040, contrast=0.50, x=CENTRE, folds=0.30, fold_size=0.060
 )  # fmt: skip
 HAIR_TONE = Surface(0.050, HAIR, period=0.0022, contrast=0.9, shine=0.06, gloss=8.0)
 
-# (x, y, x, y, radius, radius), x from CENTRE.
+# Round cones (x, y, x, y, radius, radius), m; x is relative to CENTRE.
 TORSO = (
     (-0.045, -0.060, -0.165, 0.038, 0.044, 0.058),  # trapezius to shoulder
     (0.045, -0.060, 0.150, 0.034, 0.044, 0.052),
@@ -56,7 +56,7 @@ EARS = (
     (-0.077, -0.240, -0.072, -0.212, 0.013, 0.009),
     (0.077, -0.240, 0.072, -0.212, 0.013, 0.009),
 )
-# Relief: (x, y, radius x, radius y, height).
+# Relief: (x, y, radius x, radius y, height), m.
 FACE = (
     (0.000, -0.236, 0.0085, 0.020, 0.0055),  # bridge of the nose
     (0.000, -0.207, 0.0100, 0.009, 0.0085),  # its tip
@@ -77,7 +77,7 @@ FACE = (
 
 
 def _arc(x: float, y: float, wide: float, bow: float, n: int = 6) -> list[tuple[float, float]]:
-    """Points of a flat bow: `wide` metres to each side, its middle `bow` metres higher."""
+    """Points of a parabolic arc around (x, y), m: half width `wide`, height of the middle `bow`."""
     return [
         (CENTRE + x + wide * u, y - bow * (1 - u * u))
         for u in (2 * m / n - 1 for m in range(n + 1))
@@ -85,12 +85,12 @@ def _arc(x: float, y: float, wide: float, bow: float, n: int = 6) -> list[tuple[
 
 
 def _shift(rows: Sequence[Sequence[float]]) -> list[tuple[float, ...]]:
-    """Rows that start with x, y, x, y moved to the body's axis."""
+    """Rows of cones (x, y, x, y, ...), shifted to the body's axis."""
     return [(r[0] + CENTRE, r[1], r[2] + CENTRE, *r[3:]) for r in rows]
 
 
 def _eye(side: float) -> list[Item]:
-    """One eye; side is -1 left in the picture, 1 right."""
+    """One eye; `side` is -1 for the left of the picture, 1 for the right."""
     x, y = side * 0.0315, -0.2445
     cx = CENTRE + x
     lid = _arc(x, y + 0.0005, 0.0148, 0.0068)
@@ -125,7 +125,7 @@ def _mouth() -> list[Item]:
 
 
 def _head() -> list[Item]:
-    """Head, hair and face, painted back to front."""
+    """Head, hair and face, from back to front."""
     c = CENTRE
     crown = [
         (c - 0.0765, -0.243, c - 0.072, -0.290, 0.0045, 0.016),
@@ -164,7 +164,7 @@ def _head() -> list[Item]:
 
 
 def _collar(side: float, lower: float = 0.0) -> list[tuple[float, ...]]:
-    """One leaf of the collar: along the neck, then down to its tip."""
+    """One leaf of the collar: cones along the neck, then down to the tip."""
     c = CENTRE
     return [
         (c + side * 0.050, -0.098 + lower, c + side * 0.034, -0.048 + lower, 0.0090, 0.0190),
@@ -174,7 +174,7 @@ def _collar(side: float, lower: float = 0.0) -> list[tuple[float, ...]]:
 
 
 def person() -> list[Item]:
-    """The person without the waving arm, painted back to front."""
+    """The person without the waving arm, from back to front."""
     c = CENTRE
     shirt = _shift(TORSO)
     cuff = SHIRT._replace(x=c - 0.2, y=0.2, turn=0.18)
@@ -206,7 +206,13 @@ def person() -> list[Item]:
 
 
 def person_shadow(dx: float, dy: float, soft: float, depth: float) -> list[Item]:
-    """The still part's shadow on a wall, thrown by (dx, dy) metres."""
+    """The shadow of the static part on a wall.
+
+    Args:
+        dx, dy: offset of the shadow, m.
+        soft: half width of its edge, m.
+        depth: share of the light that it takes away.
+    """
     rows = _shift(TORSO + LEGS + SLEEVE + NECK + HEAD)
     rows += [(CENTRE, -0.305, CENTRE, -0.30, 0.092, 0.09)]
     moved = [(r[0] + dx, r[1] + dy, r[2] + dx, r[3] + dy, *r[4:]) for r in rows]

@@ -1,9 +1,8 @@
-"""A person waves in front of a wall: the scene of the paper's figures 3 to 5, in closed form.
+"""A person who waves in front of a wall, in closed form: the scene of figures 3 to 5 in Huang 2022.
 
-The paper films a waving person for 800 cycles at 20 kHz, 40 ms, and shows blur after 10 ms and
-heavy blur after 40 ms (seeds/000, section 6). Here the arm is a chain of shoulder, elbow, wrist
-and fingers, each of which swings as a sine of the same rate, so that the true light is known at
-any instant.
+The paper records a waving person for 800 cycles at 20 kHz (40 ms) and shows blur after 10 ms and
+strong blur after 40 ms (section 6). Here the arm is a chain of shoulder, elbow, wrist and fingers;
+each angle is a sine of the same rate, so the true light is known at any instant.
 """
 
 from __future__ import annotations
@@ -53,17 +52,17 @@ TAU = 2 * math.pi
 STATURE = 1.75
 UPPER_ARM, FOREARM, HAND = 0.186 * STATURE, 0.146 * STATURE, 0.108 * STATURE
 FORESHORTENED = 0.84
-"""The upper arm points partly towards the camera: part of its length that is seen (assumed)."""
+"""Visible share of the upper arm's length, which points partly towards the camera (assumed)."""
 SHOULDER = (CENTRE + 0.164, 0.046)
 
-# Mean angles from straight up, swings relative to the forearm's, and lags behind it (assumed):
-# the shoulder leads, hand and fingers trail as in a relaxed wave. Radians.
+# Mean angles from the vertical, amplitudes relative to the forearm's, and phase lags behind it, rad
+# (assumed): the shoulder leads, and hand and fingers follow.
 UPPER_MEAN, FOREARM_MEAN, HAND_MEAN = 2.22, 0.10, -0.04
 UPPER_SWING, HAND_SWING, FINGER_SWING = 0.10, 0.42, 0.14
 UPPER_LAG, HAND_LAG, FINGER_LAG = -0.35, 0.75, 1.25
 
-# Fingers: (place across the palm, mean angle against the palm, length, radius) at the knuckle,
-# palm to the camera, in parts of the hand's length (assumed).
+# Fingers: (position across the palm, mean angle to the palm, length, radius at the knuckle), with
+# the palm towards the camera; lengths over the hand's length (assumed).
 FINGERS = (
     (-0.185, -0.20, 0.40, 0.052),
     (-0.062, -0.05, 0.45, 0.055),
@@ -71,17 +70,17 @@ FINGERS = (
     (0.178, 0.24, 0.34, 0.046),
 )
 SHADOW_AT = (0.085, 0.075)
-"""Where the wall's shadow falls, metres to the right and down."""
+"""Offset of the shadow on the wall, m to the right and down."""
 
 
-# The wall, metres: brick and joint (DIN 105 NF format 240 x 71 with 12 mm joints), the softness of
-# a background out of focus, and tones (assumed).
+# The wall, m: brick and joint (DIN 105 NF format 240 x 71 with 12 mm joints), the blur of a
+# background out of focus, and tones (assumed).
 BRICK, COURSE, JOINT, DEFOCUS = 0.252, 0.083, 0.0055, 0.0022
 BRICK_TONE, BRICK_SPREAD, JOINT_TONE = 0.27, 0.12, 0.33
 
 
 def _pane(x: Array, y: Array) -> Any:
-    """Light of a window with bars on the wall, 0 to 1, slanted as a low sun throws it."""
+    """Light of a low sun through a window with bars on the wall, 0 to 1."""
     u, v = x - 0.30 + 0.22 * y, y + 0.10 - 0.10 * x
     across = sum(cover((np.abs(u - m * 0.27) - 0.122) / 0.024) for m in (-0.5, 0.5))
     down = sum(cover((np.abs(v - n * 0.31) - 0.142) / 0.024) for n in (-1, 0, 1))
@@ -89,12 +88,12 @@ def _pane(x: Array, y: Array) -> Any:
 
 
 def paint_wall(image: Any, win: Win, cam: Cam) -> None:
-    """A brick wall in running bond, everywhere."""
+    """Paints a brick wall in running bond."""
     pixel = cam[0]
     x, y = np.broadcast_arrays(*grid(win, cam))
     soft = math.hypot(pixel, DEFOCUS)
     bricks, rough = visible(COURSE, pixel), visible(0.004, pixel)
-    # Hand-laid courses wander by some millimetres.
+    # The courses deviate by some millimetres.
     v = (y + 0.006 * (noise(x / 0.3, y / 0.2, 20) - 0.5)) / COURSE
     row = np.floor(v)
     u = (x + 0.006 * (noise(x / 0.07, y / 0.08, 21) - 0.5)) / BRICK + 0.5 * (row % 2)
@@ -103,12 +102,12 @@ def paint_wall(image: Any, win: Win, cam: Cam) -> None:
     dv = (0.5 - np.abs(v - row - 0.5)) * COURSE - JOINT
     d = np.minimum(du, dv) + 0.003 * (noise(x / 0.012, y / 0.012, 22) - 0.5)
     inside = cover(-d / soft)
-    own = lattice(column.astype(np.int64), row.astype(np.int64), 23) - 0.5
+    single = lattice(column.astype(np.int64), row.astype(np.int64), 23) - 0.5
     grit = noise(x / 0.004, y / 0.004, 24) - 0.5
     stain = noise(x / 0.05, y / 0.03, 25) - 0.5
-    tone = BRICK_TONE + BRICK_SPREAD * bricks * own
+    tone = BRICK_TONE + BRICK_SPREAD * bricks * single
     tone *= 1.0 + 0.16 * rough * grit + 0.30 * bricks * stain
-    # The brick's rounded rim: lit along its top, dark along its foot.
+    # The rounded rim of a brick is bright along the top and dark along the bottom.
     rim = np.exp(-((d / 0.005) ** 2)) * inside * (dv <= du)
     tone *= 1.0 + np.where(v - row < 0.5, 0.22, -0.30) * rim * bricks
     joint = JOINT_TONE * (1.0 + 0.16 * rough * grit)
@@ -120,17 +119,18 @@ def paint_wall(image: Any, win: Win, cam: Cam) -> None:
 
 @dataclass(frozen=True)
 class Wave(Drawn):
-    """A waving person.
-
-    With the defaults the fingertips pass at about 6 m/s. ValueError for values out of range.
+    """A waving person. With the defaults, the fingertips move at up to 6 m/s.
 
     Attributes:
-        shape: (height, width) in pixels, each 8 to 2000.
+        shape: (height, width), pixels, each 8 to 2000.
         rate: waves per second, 0 to 6 Hz; 3 Hz is a fast wave (assumed).
-        swing: the forearm's amplitude, 0 to 0.9 rad.
-        phase: radians at t = 0; the default puts the fastest sweep into the middle of the first 40
-            ms.
-        field: metres that the picture's shorter side sees, 0.2 to 5.
+        swing: amplitude of the forearm, 0 to 0.9 rad.
+        phase: phase at t = 0, rad; with the default, the arm is fastest in the middle of the first
+            40 ms.
+        field: length of the picture's shorter side, 0.2 to 5 m.
+
+    Raises:
+        ValueError: a value is out of range.
     """
 
     shape: tuple[int, int]
@@ -154,16 +154,16 @@ class Wave(Drawn):
         return _canvas(self)
 
     def speed(self) -> float:
-        """Upper bound of any edge's speed, pixels per second: the chain's angular speeds, each at
-        the greatest distance from its joint, all at their peaks at once."""
+        """Upper bound of the speed of any edge, pixels/s: the sum of the peak angular speeds of the
+        chain, each times the greatest distance from its joint."""
         return self._speed() / self._view.pixel
 
     def _speed(self) -> float:
-        """The same in metres per second."""
+        """The same, m/s."""
         w = TAU * self.rate
         upper, fore = UPPER_SWING * self.swing, self.swing
         hand, finger = HAND_SWING * self.swing, FINGER_SWING * self.swing
-        girth = 0.07  # the farthest skin from a limb's axis or beyond its end
+        girth = 0.07  # greatest distance of the skin from a limb's axis or end, m
         return w * (
             upper * (FORESHORTENED * UPPER_ARM + girth)
             + fore * (FOREARM + girth)
@@ -172,10 +172,10 @@ class Wave(Drawn):
         )
 
     def angles(self, t: float) -> tuple[float, float, float, float]:
-        """Upper arm, forearm, hand and fingers at t: radians from straight up, clockwise as seen.
+        """Angles of upper arm, forearm, hand and fingers at t, rad from the vertical, clockwise.
 
-        Forearm: FOREARM_MEAN + swing sin(p), p = 2 pi rate t + phase. The turns are reduced to one
-        before they are multiplied, so that hours lose nothing that float64 seconds hold.
+        Forearm: FOREARM_MEAN + swing sin(p), p = 2 pi rate t + phase. Whole turns are removed
+        before the multiplication by 2 pi, so that the precision of long times is kept.
         """
         p = TAU * math.fmod(self.rate * check_instant(t), 1.0) + self.phase
         fore = FOREARM_MEAN + self.swing * math.sin(p)
@@ -188,13 +188,13 @@ class Wave(Drawn):
         )
 
     def joints(self, t: float) -> tuple[tuple[float, float], ...]:
-        """Shoulder, elbow, wrist and palm's centre at t as (row, column) coordinates; pixel (i, j)
-        spans i to i + 1 and j to j + 1."""
+        """Shoulder, elbow, wrist and centre of the palm at t, (row, column); pixel (i, j) spans i
+        to i + 1 and j to j + 1."""
         view = self._view
         return tuple(view.at(*p) for p in _chain(self, t))
 
     def points(self) -> list[tuple[int, int, str]]:
-        """Characteristic pixels (row, column, label), as the paper's figure 5 marks ten."""
+        """Characteristic pixels (row, column, label), like the ten of figure 5 in Huang 2022."""
         view = self._view
         middle = -self.phase / (TAU * self.rate) if self.rate else 0.0
         (x, y), hand = _chain(self, middle)[3], self.angles(middle)[2]
@@ -217,7 +217,7 @@ class Wave(Drawn):
 
 @lru_cache(maxsize=2)
 def _canvas(wave: Wave) -> Canvas:
-    """The scene's layers: kept beside the scene, so that this stays a plain value."""
+    """The layers of the scene, cached here so that `Wave` remains a plain value."""
     everywhere = (-1e6, -1e6, 1e6, 1e6)
     wall = (Item(everywhere, paint_wall, ()), *person_shadow(*SHADOW_AT, 0.030, 0.42))
     speed = wave._speed()
@@ -236,12 +236,12 @@ def _canvas(wave: Wave) -> Canvas:
 
 
 def _lean(angle: float, length: float) -> tuple[float, float]:
-    """Vector of a limb that leans by `angle` radians from straight up, clockwise as seen."""
+    """Vector of a limb at `angle`, rad from the vertical, clockwise."""
     return length * math.sin(angle), -length * math.cos(angle)
 
 
 def _chain(wave: Wave, t: float) -> tuple[tuple[float, float], ...]:
-    """Shoulder, elbow, wrist and palm's centre, metres."""
+    """Shoulder, elbow, wrist and centre of the palm, m."""
     upper, fore, hand, _ = wave.angles(t)
     at = [SHOULDER]
     for angle, length in (
@@ -253,14 +253,14 @@ def _chain(wave: Wave, t: float) -> tuple[tuple[float, float], ...]:
 
 
 def _palm(wrist: tuple[float, float], hand: float) -> Callable[[float, float], tuple[float, float]]:
-    """Points of a hand that leans by `hand` radians: from (across, up), in parts of its length and
-    counted from the wrist, to metres."""
+    """The map from points of a hand at the angle `hand`, rad, to metres. Points are (across, up)
+    from the wrist, over the hand's length."""
     (dx, dy), (ex, ey) = _lean(hand, HAND), _lean(hand + 0.5 * math.pi, HAND)
     return lambda across, up: (wrist[0] + up * dx + across * ex, wrist[1] + up * dy + across * ey)
 
 
 def _rows(wave: Wave, t: float) -> tuple[list[Any], list[Any], list[Any]]:
-    """Capsule rows of sleeve, forearm, and hand with fingers."""
+    """Rows of cones of sleeve, forearm, and hand with fingers."""
     _, fore, hand, bend = wave.angles(t)
     shoulder, elbow, wrist, _ = _chain(wave, t)
 
@@ -301,7 +301,7 @@ def _rows(wave: Wave, t: float) -> tuple[list[Any], list[Any], list[Any]]:
 
 
 def _arm_shadow(wave: Wave, t: float) -> list[Item]:
-    """The arm's shadow on the wall: too soft to show more of a finger than its whole length."""
+    """The shadow of the arm on the wall; each finger is one cone, because the shadow is soft."""
     dx, dy = SHADOW_AT
     sleeve, forearm, hand = _rows(wave, t)
     fingers = [(*hand[m][:2], *hand[m + 2][2:4], hand[m][4], hand[m][4]) for m in range(5, 20, 3)]
@@ -311,7 +311,7 @@ def _arm_shadow(wave: Wave, t: float) -> list[Item]:
 
 
 def _arm(wave: Wave, t: float) -> list[Item]:
-    """The waving arm, painted back to front."""
+    """The waving arm, from back to front."""
     upper, fore, hand, _ = wave.angles(t)
     sleeve, forearm, fingers = _rows(wave, t)
     shoulder, elbow, wrist, _ = _chain(wave, t)

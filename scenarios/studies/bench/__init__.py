@@ -1,1 +1,1 @@
-"""Throughput against real time and against this machine's ceiling."""
+"""Throughput against real time and against the ceiling of this machine."""

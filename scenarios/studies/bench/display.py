@@ -1,7 +1,7 @@
-"""Throughput of the display's renderer, beside one plane a draw in the same process.
+"""Throughput of the display's renderer, against a renderer with one draw call for each plane.
 
-The stream has the rates of the sensor benchmark's picture, the panel is seen by a fixed eye (by a
-pursuing one in display.pursuit), and every timed call ends with its image on the host.
+The stream has the rates of the picture in the sensor benchmark. The observer is a fixed eye (a
+pursuing eye in display.pursuit). Every timed call includes the transfer of its image to the host.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from sensor import CHIPS
 __all__ = ["display_rows"]
 
 CYCLES = 512
-"""Planes of a timed call."""
+"""Number of planes in a timed call."""
 PLAIN_CYCLES = 16
+"""Number of planes in a timed call of the plain renderer."""
 BATCH = 64
-"""Planes to a span for the still eye."""
+"""Number of planes in a span for the still eye."""
 PURSUED = 8
-"""Planes to a span for the pursuing eye: 0.8 pixels of its way."""
+"""Number of planes in a span for the pursuing eye, which moves 0.8 pixels in this time."""
 SPEED = 4000.0
-"""Pixels a second that it moves."""
+"""Speed of the pursuing eye, pixels/s."""
 Kind = Literal["impulse", "hold", "causal", "pursuit"]
 KINDS: tuple[Kind, ...] = ("impulse", "hold", "causal", "pursuit")
 
 
 def _words(cycles: int, shape: tuple[int, int]) -> npt.NDArray[np.uint32]:
-    """Words of a picture without edges, every pixel spiking evenly at its rate."""
+    """Words of a picture without edges; every pixel fires regularly at its rate."""
     rate = np.linspace(DARK, BRIGHT, shape[0] * shape[1], dtype=np.float32).reshape(shape)
     phase = np.random.default_rng(1).random(shape, dtype=np.float32)
     words = np.zeros((-(-cycles // WORD), *shape), np.uint32)
@@ -49,7 +50,7 @@ def _words(cycles: int, shape: tuple[int, int]) -> npt.NDArray[np.uint32]:
 def _planes_a_second(
     kind: Kind, words: npt.NDArray[np.uint32], shape: tuple[int, int]
 ) -> tuple[float, float]:
-    """Ours and the plain way's."""
+    """Throughput of our renderer and of the plain one, planes/s."""
     clock, moves = Clock.from_hz(REAL_TIME), kind == "pursuit"
     panel = SpikePanel(shape, clock, BRIGHT, "impulse" if kind == "pursuit" else kind)
     batch, end = PURSUED if moves else BATCH, clock.edge(CYCLES)
@@ -73,7 +74,12 @@ def _planes_a_second(
 
 
 def display_rows(device: Device | None, ceiling: float | None) -> list[Row]:
-    """The rows `display.*`, at the size of SpikeTwo. ceiling: pixel-cycles a second."""
+    """The rows `display.*`, at the size of SpikeTwo.
+
+    Args:
+        device: OpenCL device; not used.
+        ceiling: measured ceiling, pixel-cycles/s, None if unknown.
+    """
     shape = CHIPS["spiketwo"].height, CHIPS["spiketwo"].width
     words, rows = _words(CYCLES, shape), []
     for kind in KINDS:

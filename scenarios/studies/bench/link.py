@@ -1,8 +1,8 @@
 """Throughput of the link's modem: bytes to panel words, and spikes to verified bytes.
 
-Spikes are those of a panel held before the camera without noise: what is timed does not depend on
-them. A call sends one group and receives one, all of it: codewords, line code and panel words on
-one side; detection, line code, codewords and frames' checks on the other. The plain way has the
+The spikes are those of a noiseless panel in front of the camera; the timing does not depend on
+them. A call sends one group and receives one: codewords, line code and panel words at the sender;
+detection, line code, codewords and frame checks at the receiver. The plain implementation has the
 same coding and detects in numpy.
 """
 
@@ -17,19 +17,27 @@ import numpy.typing as npt
 from cosim.compute.opencl import Device
 from cosim.run.timing import REAL_TIME, Row, least_of
 from cosim.spikes.viform import WORD, words_for
+from link.coding import Blocks, Inbox
+from link.detect.joint import Joint
+from link.detect.joint_numpy import soft_by_numpy
+from link.layout import TRAINING
+from link.line_codes import decode_line
+from link.mode import Mode
+from link.sending import Transmission
+from link.timing import Registration, Timing
 
 __all__ = ["link_rows"]
 
 SIZES: Final = (256, 480, 960)
-"""Panel pixels to a side, cells being 2 x 2 of them and a symbol two ticks."""
+"""Side of the panel, pixels; a cell has 2 x 2 pixels and a symbol two ticks."""
 TURNS: Final = 3
 _CELL, _TICKS = 2, 2
 _SCALE, _MARGIN = 0.995, 45
-"""Camera pixels to a panel's pixel, and around its image."""
+"""Camera pixels per panel pixel, and margin around the image of the panel, camera pixels."""
 _FIRST: Final = 8
-"""Tick of first light."""
+"""Tick of the first light."""
 _GROUPS: Final = 4
-"""Groups of the file at least, so that no call sends what the one before sent."""
+"""Minimum number of groups in the file, so that consecutive calls send different groups."""
 
 Words = npt.NDArray[np.uint32]
 
@@ -38,33 +46,29 @@ def _spikes(
     pixels: Callable[[int], npt.NDArray[np.bool_]], symbols: int, place: npt.NDArray[np.float64],
     shape: tuple[int, int],
 ) -> Words:  # fmt: skip
-    """A spike in every tick in which the nearest panel pixel is on."""
+    """Words with a spike in every tick in which the nearest panel pixel is on."""
     y, x = np.indices(shape)
     back = np.linalg.inv(place)
     u, v, w = np.tensordot(back, np.stack([x, y, np.ones(shape)]), 1)
     column, row = np.rint(u / w).astype(np.intp), np.rint(v / w).astype(np.intp)
     words = np.zeros((words_for(_FIRST + symbols * _TICKS + 1), *shape), np.uint32)
     for n in range(symbols):
-        shown = pixels(n)
-        inside = (row >= 0) & (row < shown.shape[0]) & (column >= 0) & (column < shown.shape[1])
-        lit = np.where(inside, shown[row * inside, column * inside], False)
+        panel = pixels(n)
+        inside = (row >= 0) & (row < panel.shape[0]) & (column >= 0) & (column < panel.shape[1])
+        lit = np.where(inside, panel[row * inside, column * inside], False)
         for tick in range(_FIRST + n * _TICKS, _FIRST + (n + 1) * _TICKS):
             words[tick // WORD] |= lit.astype(np.uint32) << np.uint32(tick % WORD)
     return words
 
 
 def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
-    """Cells, file bits of a group, simulated seconds of one, the two ways' calls, which return how
-    many frames came right, and camera pixel-cycles of a group."""
-    from link.coding import Blocks, Inbox
-    from link.detect.joint import Joint
-    from link.detect.joint_numpy import soft_by_numpy
-    from link.layout import TRAINING
-    from link.line_codes import decode_line
-    from link.mode import Mode
-    from link.sending import Transmission
-    from link.timing import Registration, Timing
+    """A modem for the benchmark.
 
+    Returns:
+        The number of cells; the file bits of a group; its simulated time, s; the calls of our
+        implementation and of the plain one, which return the number of correct frames; and the
+        camera pixel-cycles of a group.
+    """
     mode = Mode(size, size, _CELL, _TICKS, "8b10b", 32)
     data = np.random.Generator(np.random.Philox(key=1))
     empty = Transmission(mode, b"", "bench")
@@ -88,8 +92,8 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
         turn = (turn + 1) % (sent.groups // form.groups)
         first = (TRAINING + turn * form.groups * group) * _TICKS
         sent.words(first, form.groups * group * _TICKS)
-        given = words, 0, TRAINING, form.groups * group
-        soft = soft_by_numpy(detector, *given) if plain else detector.soft(*given)
+        part = words, 0, TRAINING, form.groups * group
+        soft = soft_by_numpy(detector, *part) if plain else detector.soft(*part)
         values, quality = decode_line(mode.line, soft)
         inbox = Inbox(sent.layout)
         return sum(inbox.put(n, values[n], quality[n]) for n in range(form.groups))
@@ -100,7 +104,12 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
 
 
 def link_rows(device: Device | None, ceiling: float | None) -> list[Row]:
-    """The rows `link.modem`, by how many cells the panel has. ceiling: pixel-cycles a second."""
+    """The rows `link.modem`, by the number of cells.
+
+    Args:
+        device: OpenCL device; not used.
+        ceiling: measured ceiling, pixel-cycles/s, None if unknown.
+    """
     rows = []
     for size in SIZES:
         cells, bits, seconds, calls, pixels = _modem(size)

@@ -1,5 +1,5 @@
-"""Throughput of the chip's row scan: words of pixels to raw bytes with markers, of what the chip
-puts out in a second at 40 kHz."""
+"""Throughput of the chip's row scan, from words of pixels to raw bytes with markers, against the
+output of the chip at 40 kHz."""
 
 from __future__ import annotations
 
@@ -16,14 +16,18 @@ from rtl_model.readout import BIT_RATE, Readout, read_in_numpy
 __all__ = ["readout_row"]
 
 _WORDS: Final = 8
-"""Of a call: 32 MB of spikes, more than a cache holds."""
+"""Number of words per pixel in a call: 32 MB of spikes, more than the cache."""
 _PLAIN_CYCLES: Final = 8
 _TURNS: Final = 5
 
 
 def readout_row(device: Device, ceiling: float | None) -> Row:
-    """The row `sensor.readout`. ceiling: pixel-cycles a second. The plain way is numpy's unpacking
-    and packing of bits, of the same bytes."""
+    """The row `sensor.readout`. The plain implementation unpacks and packs the bits in numpy.
+
+    Args:
+        device: OpenCL device.
+        ceiling: measured ceiling, pixel-cycles/s, None if unknown.
+    """
     random = np.random.default_rng(1)
     words = random.integers(0, 1 << 32, (_WORDS, *RAW_SIZE[::-1]), dtype=np.uint32)
     cycles = _WORDS * WORD

@@ -1,7 +1,7 @@
-"""Throughput against real time, against this machine's measured ceiling, against the plain way.
+"""Throughput of the sensor against real time, the ceiling of this machine, and plain numpy.
 
-Everything of a row is measured in one process: one discarded call, then the least of repeated
-calls. The plain way is what a numpy user writes, at its best: float32, in place.
+All values of a row are measured in one process: one discarded call, then the minimum of repeated
+calls. The plain implementation is efficient numpy code: float32, in place.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ CYCLES = 512
 PLAIN_CYCLES = 8
 THRESHOLD = 1000.0
 MEAN = 0.034
-"""Spikes a cycle of a drawn scene."""
+"""Mean spike rate of a drawn scene, spikes a cycle."""
 BLOCK = 64
-"""Cycles of a call on such a scene."""
+"""Length of a call for such a scene, cycles."""
 BOX = (400, 500)
-"""Rows and columns that change in it."""
+"""Rows and columns of the part that changes."""
 
 
 def _ceiling(device: Device, n: int) -> float:
-    """Pixel-cycles a second of the least work there is for a spike bit."""
+    """Throughput of the minimum work for a spike bit, pixel-cycles/s, for n pixels."""
     source = (files("sensor.latched.pixel") / "ceiling.cl").read_text()
     kernel = device.kernel(source, "ceiling", ("-cl-std=CL1.2",))
     padded, n_words = -(-n // 16) * 16, words_for(CYCLES)
@@ -65,12 +65,12 @@ def _ceiling(device: Device, n: int) -> float:
 
 
 def _rates(n: int) -> npt.NDArray[np.float64]:
-    """A picture without edges: every brightness from dark to bright, neighbours alike."""
+    """Rates of a picture without edges: every brightness from dark to bright."""
     return np.linspace(DARK, BRIGHT, n)
 
 
 def _exact(device: Device | None, n: int, *, noise: bool, ramp: bool) -> float:
-    """Pixel-cycles a second of the exact tier, words brought back to the host."""
+    """Throughput of the exact tier for n pixels, with the transfer to the host, pixel-cycles/s."""
     effects = tuple(e for e in EFFECTS.values() if noise or e is not SHOT_NOISE)
     pixels = make_pixels(ExactModel(THRESHOLD, 1, effects), np.arange(n, dtype=np.uint32), device)
     charge = to_fixed(_rates(n) * THRESHOLD)
@@ -80,7 +80,7 @@ def _exact(device: Device | None, n: int, *, noise: bool, ramp: bool) -> float:
 
 
 def _plain(n: int, *, noise: bool, ramp: bool) -> float:
-    """Pixel-cycles a second of the same in numpy: float32 charge, a flag array a cycle."""
+    """Throughput of the same in numpy, pixel-cycles/s: float32 charge, a flag array a cycle."""
     mean = (_rates(n) * THRESHOLD).astype(np.float32)
     slope = mean / (2 * CYCLES)
     charge, fired = np.zeros(n, np.float32), np.empty((PLAIN_CYCLES, n), np.bool_)
@@ -99,11 +99,11 @@ def _plain(n: int, *, noise: bool, ramp: bool) -> float:
 
 
 Call = Callable[[Light, int, int], Any]
-"""Exposes cycles `start` to `start + cycles` to light, words brought back to the host."""
+"""Exposes the cycles from `start` to `start + cycles`; includes the transfer to the host."""
 
 
 def _tiers(device: Device, noise: bool) -> dict[str, Call]:
-    """Both tiers of the chip's pixels, from light itself."""
+    """Calls of both tiers, from light to words."""
     chip, clock = CHIPS["spiketwo"], Clock.from_hz(REAL_TIME)
     effects = tuple(e for e in EFFECTS.values() if noise or e is not SHOT_NOISE)
     model = ExactModel(THRESHOLD, 1, effects)
@@ -121,7 +121,7 @@ def _tiers(device: Device, noise: bool) -> dict[str, Call]:
 
 
 def _rate(call: Call, light: Light, n: int, cycles: int) -> float:
-    """Pixel-cycles a second of calls one after another, each of light not met before."""
+    """Throughput of consecutive calls, each with new light, pixel-cycles/s."""
     start = -cycles
 
     def next_call() -> None:
@@ -133,14 +133,14 @@ def _rate(call: Call, light: Light, n: int, cycles: int) -> float:
 
 
 def _smooth(shape: tuple[int, int], mean: float) -> npt.NDArray[np.float32]:
-    """A picture of two waves, from dark to twice the mean."""
+    """A smooth picture of two waves, from dark to twice the mean."""
     y, x = np.meshgrid(*(np.linspace(0, 2 * np.pi, n) for n in shape), indexing="ij")
     return (mean * (1 + np.sin(2 * x + y) * np.cos(y))).astype(np.float32)
 
 
 def _scenes(shape: tuple[int, int]) -> dict[str, Light]:
-    """Light at the mean rate of a drawn scene: random and smooth, and a piece every two cycles that
-    changes a box of it."""
+    """Light at the mean rate of a drawn scene, by the name of the row: random, smooth, and smooth
+    with a box that changes every two cycles."""
     random = np.random.default_rng(1).uniform(0, 2 * MEAN, shape).astype(np.float32)
     smooth, calls = _smooth(shape, MEAN), REPEATS + 1
     (h, w), tick = BOX, PS / REAL_TIME
@@ -199,24 +199,22 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
 
 
 PARTS = {"sensor": _sensor, "display": display_rows, "link": link_rows}
-"""Parts that have a benchmark."""
+"""The parts that have a benchmark."""
 
 
 def _need_gl() -> None:
-    there, said = probe_gl()
-    if not there:
+    works, description = probe_gl()
+    if not works:
         raise MissingPackages(
-            "GL through EGL", "there for bench display", f"missing: {said}",
+            "GL through EGL", "available for bench display", f"missing: {description}",
             f"install it ({GL_INSTALL}) or measure another part, such as viform bench sensor",
             gl_packages(),
         )  # fmt: skip
 
 
 def bench(device: Device | None, parts: list[str]) -> dict[str, Any]:
-    """The document of `viform bench --json`; the ceiling is null without an OpenCL device.
-
-    Raises InputError before anything is measured where `parts` need a GL that is not there.
-    """
+    """The document of `viform bench --json`; the ceiling is None without an OpenCL device. Raises
+    MissingPackages before any measurement if a part needs OpenGL and it is missing."""
     if "display" in parts:
         _need_gl()
     chip = CHIPS["spiketwo"]
@@ -227,7 +225,7 @@ def bench(device: Device | None, parts: list[str]) -> dict[str, Any]:
         "ceiling": {
             "value": ceiling,
             "unit": "pixel-cycles/s",
-            "what": "one 32-bit addition and the packing of its carry a pixel-cycle",
+            "what": "one 32-bit addition and the packing of its carry per pixel and cycle",
         },
         "rows": [asdict(row) for row in rows],
     }

@@ -1,5 +1,5 @@
-"""`viform bench code`: sizes of streams in every form, what the statistical code costs, and the
-closed forms beside both."""
+"""`viform bench code`: sizes of streams in every format, the loss of the statistical code, and
+their closed forms."""
 
 from scenarios.studies.codes.figure import draw
 from scenarios.studies.codes.measure import bench_code

@@ -1,4 +1,4 @@
-"""The bench's figure: sizes of every form, scene by scene."""
+"""The figure of the bench: sizes of all formats for each scene."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ FORMS = (
     ("repeat + zstd", "#9db4d8", lambda r: r["repeat_zstd"]),
     ("line + zstd", "#2f5fa8", lambda r: r["line_zstd"]),
     ("statistical, k = 3", "#e8a07f", lambda r: r["statistical"]["k3"]),
-    ("the same, means of 8", "#d9480f", lambda r: r["statistical"]["k3r"]),
+    ("statistical, k = 3, means of 8", "#d9480f", lambda r: r["statistical"]["k3r"]),
 )
 
 
 def draw(document: dict[str, Any], path: Path) -> None:
-    """Bars of bits a pixel and cycle, logarithmic; the line at 1 is the raw stream."""
+    """Draws bars of bits per pixel and cycle on a logarithmic scale; the line at 1 is the raw
+    stream."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,4 +1,4 @@
-"""What the bench of the code measures."""
+"""The measurements of `viform bench code`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ KS = (1.0, 2.0, 3.0, 5.0)
 INSTANTS = (320, 1280, 2240)
 WINDOW = 41
 MEANS = (4.3, 20.3)
-"""Mean widths of steady light in ticks, neither whole nor simple fractions."""
+"""Mean intervals of steady light, ticks; they are neither integers nor simple fractions."""
 STEADY_PIXELS, STEADY_CYCLES = 256, 131_072
 
 
@@ -46,13 +46,17 @@ class SizeRow:
     """Sizes of one stream in every format, bits per pixel and cycle.
 
     Attributes:
-        zstd: of the three layouts at level 3, and of the best of them at level 19.
-        events: every spike as (i, j, t), sorted by time.
-        repeat, line: of the code's bits alone.
-        repeat_zstd, line_zstd: with zstd 3 where it helps.
-        sent: spikes that each code sends over the spikes of the stream, by name.
-        statistical: of the statistical codes, by name.
-        psnr: of TFP and TFI from what each statistical code keeps, dB.
+        scene: name of the scene.
+        threshold: threshold Q, e.
+        shot_noise: whether the light has shot noise.
+        spike_rate: mean spike rate, spikes per pixel and cycle.
+        zstd: size of the three layouts at level 3, and of the best of them at level 19.
+        events: size of every spike as (i, j, t), sorted by time.
+        repeat, line: size of the bits of the code.
+        repeat_zstd, line_zstd: the same with zstd 3 where it is smaller.
+        sent: number of spikes in each code over the spikes of the stream, by name.
+        statistical: sizes of the statistical codes, by name.
+        psnr: PSNR of TFP and TFI after each statistical code, dB.
     """
 
     scene: str
@@ -72,14 +76,18 @@ class SizeRow:
 
 @dataclass(frozen=True)
 class SteadyRow:
-    """Steady light. Bits are a spike.
+    """Sizes for steady light, bits per spike.
 
     Attributes:
-        floor, ceiling: the entropy of latched widths lies between.
-        predicted, measured: share of spikes that statistical sends, by k, but for two a pixel at
-            the start.
-        level_error: relative RMS error of a pixel's mean rate after k = 3, plain and with
-            refinement, beside the stream's own.
+        mean: mean interval, ticks.
+        threshold: threshold Q, e.
+        floor, ceiling: lower and upper bound of the entropy of latched intervals.
+        zstd: size with zstd 19.
+        repeat, line: sizes of the codes.
+        predicted, measured: share of spikes in the statistical code, by k, without the first two
+            spikes of each pixel.
+        level_error: relative RMS error of a pixel's mean rate in the stream and after the
+            statistical codes, by name.
     """
 
     mean: float
@@ -95,7 +103,7 @@ class SteadyRow:
 
 
 def _codes(threshold: float) -> dict[str, Code]:
-    """The statistical codes that are compared, by name."""
+    """The statistical codes in the comparison, by name."""
     codes = {f"k{k:g}": Code("statistical", k, threshold) for k in KS}
     return codes | {
         f"k{k:g}r": Code("statistical", k, threshold, refine=REFINE) for k in (3.0, 5.0)
@@ -103,19 +111,20 @@ def _codes(threshold: float) -> dict[str, Code]:
 
 
 def event_bits(stream: SpikeStream, spikes: int) -> float:
-    """Bits of every spike as fixed fields sorted by time: a place each, and a mark a cycle."""
+    """Size of all spikes as events of fixed size, sorted by time, bits per pixel and cycle: one
+    address for each spike, and one mark for each cycle."""
     places = math.ceil(math.log2(stream.shape[0] * stream.shape[1] + 1))
     return (spikes + stream.cycles) * places / (stream.cycles * stream.shape[0] * stream.shape[1])
 
 
 def _fidelity(stream: SpikeStream, source: Source) -> dict[str, float]:
-    """Mean PSNR over the instants."""
-    found: dict[str, list[float]] = {"tfp": [], "tfi": []}
+    """Mean PSNR of TFP and TFI over the instants, dB."""
+    quality: dict[str, list[float]] = {"tfp": [], "tfi": []}
     for cycle in INSTANTS:
         light = truth(source, cycle)
-        found["tfp"].append(psnr(to_white(tfp(stream, cycle, WINDOW), WHITE), light))
-        found["tfi"].append(psnr(to_white(tfi(stream, cycle), WHITE), light))
-    return {name: float(np.mean(values)) for name, values in found.items()}
+        quality["tfp"].append(psnr(to_white(tfp(stream, cycle, WINDOW), WHITE), light))
+        quality["tfi"].append(psnr(to_white(tfi(stream, cycle), WHITE), light))
+    return {name: float(np.mean(values)) for name, values in quality.items()}
 
 
 def _size_row(scene: str, threshold: float, shot: bool, device: Device | None) -> SizeRow:
@@ -145,7 +154,13 @@ def _size_row(scene: str, threshold: float, shot: bool, device: Device | None) -
 
 
 def steady(mean: float, threshold: float, device: Device | None) -> SteadyRow:
-    """Pixels under steady light of `mean` ticks a spike, with shot noise."""
+    """Measures pixels under steady light with shot noise.
+
+    Args:
+        mean: mean interval, ticks.
+        threshold: threshold Q, e.
+        device: OpenCL device, None for numba.
+    """
     model = ExactModel(threshold, 1, tuple(EFFECTS.values()))
     numbers = np.arange(STEADY_PIXELS, dtype=np.uint32)
     charge = np.broadcast_to(to_fixed(np.array([threshold / mean])), numbers.shape).copy()
@@ -159,8 +174,8 @@ def steady(mean: float, threshold: float, device: Device | None) -> SteadyRow:
     predicted, measured, errors = {}, {}, {"stream": _level_error(stream, mean)}
     for name, code in _codes(threshold).items():
         _, events = coded_size(stream, code, None)
-        # Not counted: the first of each pixel, whose interval began before the stream, and what
-        # follows it.
+        # The first spike of each pixel, whose interval began before the stream, and the second one
+        # are not counted.
         measured[name] = max(events - 2 * STEADY_PIXELS, 0) / spikes
         if not code.refine:
             predicted[name] = event_rate(mean, threshold, code.k)
@@ -177,7 +192,7 @@ def steady(mean: float, threshold: float, device: Device | None) -> SteadyRow:
 
 
 def _level_error(stream: SpikeStream, mean: float) -> float:
-    """Relative RMS error of the rate that pixels show over the whole stream."""
+    """Relative RMS error of the pixels' rates over the whole stream."""
     rate = count_spikes(stream, 0, stream.cycles) / stream.cycles
     return float(np.sqrt(np.mean((rate * mean - 1) ** 2)))
 

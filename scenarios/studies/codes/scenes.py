@@ -1,7 +1,7 @@
-"""The scenes of the bench, from still to everything moving, small but with their whole course.
+"""The scenes of the bench, from static to entirely moving, on a small grid.
 
-The share of pixels whose light changes in a given time does not depend on how finely a scene is
-drawn: on a grid n times coarser edges are n times more of the pixels and move n times slower.
+The share of pixels whose light changes in a given time does not depend on the resolution: on a grid
+n times coarser, edges cover an n times larger share of the pixels and move n times slower.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SHAPE = (96, 128)
 CYCLES = 2560
 CLOCK = Clock(40_000)
 WHITE = 0.6
-"""Spikes a cycle of white."""
+"""Spike rate of white, spikes a cycle."""
 SCENES = {
     "step": "still: grey bars, after their step",
     "workbench": "a fan, a disc and a ball on a still bench",
@@ -42,7 +42,8 @@ SCENES = {
 
 
 class Pan:
-    """A texture of gratings in three directions that pans at `speed` pixels a second."""
+    """A texture of gratings in three directions that moves along the rows at `speed`, pixels/s;
+    implements `AnalyticScene`."""
 
     def __init__(self, shape: tuple[int, int], speed: float = 800.0) -> None:
         self.shape, self._speed = shape, speed
@@ -64,18 +65,20 @@ class Pan:
 
 
 _GRATINGS = ((1 / 31, 1 / 47), (1 / 17, -1 / 53), (1 / 71, 1 / 11))
-"""Cycles a pixel across and down; all have a part along the pan, so that every pixel changes."""
+"""Frequencies of the gratings along rows and columns, cycles per pixel. All have a component along
+the motion, so that every pixel changes."""
 
 
 def camera(threshold: float, shot: bool) -> CameraSetting:
-    """The bench's chip: SpikeTwo's pixel on a small grid."""
+    """The camera of the bench: the pixel of SpikeTwo on a small grid, with or without shot
+    noise."""
     chip = replace(CHIPS["spiketwo"], width=SHAPE[1], height=SHAPE[0])
     effects = tuple(e for e in EFFECTS.values() if shot or e is not SHOT_NOISE)
     return CameraSetting(chip, CLOCK, threshold, 1, effects=effects)
 
 
 def open_scene(name: str, setting: CameraSetting) -> Source:
-    """A scene under the light that lets white fire at WHITE."""
+    """A scene under the light at which white fires at WHITE."""
     lux = WHITE / setting.rate(1.0)
     light = {"illuminance": f"{lux!r} lux"}
     if name == "pan":
@@ -97,5 +100,5 @@ def film(source: Source, setting: CameraSetting, device: Device | None) -> Vifor
 
 
 def truth(source: Source, cycle: int) -> Plane:
-    """Reflectance in the middle of a cycle."""
+    """Reflectance in the middle of a cycle, (H, W)."""
     return source.truth(CLOCK.middle(cycle))

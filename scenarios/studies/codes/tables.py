@@ -1,4 +1,4 @@
-"""The bench's document as Markdown tables."""
+"""The document of the bench as Markdown tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["light_name", "markdown"]
 
 
 def light_name(row: dict[str, Any]) -> str:
-    """How a row's light was."""
+    """Description of the light of a row."""
     return f"Q = {row['threshold']:g}" if row["shot_noise"] else "no shot noise"
 
 
@@ -18,7 +18,8 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def markdown(document: dict[str, Any]) -> str:
-    """Three tables: lossless sizes, the statistical code, steady light beside its closed forms."""
+    """Three tables: lossless sizes, the statistical code, and steady light with its closed
+    forms."""
     lossless, lossy, steady = [], [], []
     for row in document["sizes"]:
         place = [row["scene"], light_name(row), f"{row['spike_rate']:.3f}"]

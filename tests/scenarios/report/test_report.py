@@ -176,8 +176,8 @@ def test_notes_and_a_degraded_outcome_are_on_the_page(odd):
     assert "Outcome: degraded." in page.text["b"]
     assert page.text["li"] == [
         "f/1.37 chosen so that white fires at 0.6 a cycle",
-        "the light jumps at 32 ms, constant before and after",
-        "the run ends before the light jumps: lengthen duration",
+        "the light steps at 32 ms, constant before and after",
+        "the run ends before the step of the light: lengthen duration",
         "<b>&note",
     ]
 

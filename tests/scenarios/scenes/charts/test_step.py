@@ -51,4 +51,4 @@ def test_a_jump_at_the_very_start_leaves_only_the_light_after_it():
 
 def test_a_jump_behind_the_end_of_the_run_is_said():
     assert step(4.999e-3).degraded == []
-    assert step(5e-3).degraded == ["the run ends before the light jumps: lengthen duration"]
+    assert step(5e-3).degraded == ["the run ends before the step of the light: lengthen duration"]

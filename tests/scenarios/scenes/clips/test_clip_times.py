@@ -44,7 +44,7 @@ def test_uneven_frames_are_shown_at_their_own_times(tmp_path, make_clip, name):
     source = FilmSource(path, SHAPE, 1.0, CLOCK, 16_000)
     # The container's rate is a guess of FFmpeg's: 15 places of a fortieth have 8 frames.
     assert source.notes[-1].startswith(
-        f"{name}: frames not evenly spaced: each is shown at its own time, light interpolated"
+        f"{name}: frames not evenly spaced: each has its time in the clip, light interpolated"
     )
     for n, (place, code) in enumerate(zip(UNEVEN, codes, strict=True)):
         ps = round(place / 40 * PS)
@@ -81,7 +81,7 @@ def test_times_that_the_container_does_not_tell_are_noted(tmp_path):
     clip = Clip(path, SHAPE)
     clip.frame(5)
     assert clip.timeline is None
-    assert clip.notes == ["a.ts: frames are not evenly spaced; taken as if they were"]
+    assert clip.notes == ["a.ts: frames are not evenly spaced; a uniform rate is used"]
 
 
 def test_a_given_rate_makes_uneven_frames_even(tmp_path, make_clip):

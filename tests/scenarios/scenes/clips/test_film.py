@@ -309,11 +309,12 @@ def test_a_start_behind_the_end_is_refused_with_the_clip_s_length(tmp_path, make
     with pytest.raises(InputError) as caught:
         FilmSource(path, SHAPE, LUX, CLOCK, 1000, start=1.5)
     said = str(caught.value)
-    assert said == "scene.start must be within the clip's 1 s, not 1.5 s; start earlier"
+    assert said == "scene.start must be within the 1 s of the clip, not 1.5 s; start earlier"
     with pytest.raises(InputError) as caught:
         FilmSource(path, SHAPE, LUX, CLOCK, 100, start=0.5, rate=100.0)
     assert str(caught.value) == (
-        "scene.start must be within the clip's 0.25 s at 100 frames/s, not 0.5 s; start earlier"
+        "scene.start must be within the 0.25 s of the clip at 100 frames/s, not 0.5 s; start "
+        "earlier"
     )
 
 
@@ -323,7 +324,7 @@ def test_a_frame_rate_of_the_scenario_overrides_the_clip_s_and_says_so(tmp_path,
     np.testing.assert_allclose(source.truth(PS // 4000), 0.5, atol=1e-7)
     np.testing.assert_allclose(source.truth(PS // 2000), 1, atol=1e-7)
     assert source.notes == [
-        "a.mkv: 2000 frames/s by scene.frame_rate (the clip says 25), light interpolated linearly "
+        "a.mkv: 2000 frames/s by scene.frame_rate (the clip has 25), light interpolated linearly "
         "in time between frames"
     ]
 
@@ -343,7 +344,7 @@ def test_a_still_image_is_constant_light(tmp_path, make_clip, name):
         np.testing.assert_allclose(source.truth(ps), srgb(128), atol=1e-6)
     np.testing.assert_allclose(light.at(CLOCK.edge(999_500)), LUX * srgb(128), rtol=1e-5)
     assert source.notes == [
-        f"{name} is a still image, to which scene.start and scene.frame_rate make no difference"
+        f"{name} is a still image; scene.start and scene.frame_rate have no effect"
     ]
     assert FilmSource(path, SHAPE, LUX, CLOCK, 10**6).notes == [f"{name} is a still image"]
     assert source.degraded == []
@@ -355,7 +356,7 @@ def test_a_start_on_the_last_frame_is_said(tmp_path, make_clip):
     light = source.step(None, Block(0, 64))
     np.testing.assert_allclose(light.at(0), LUX * srgb(200), rtol=1e-5)
     assert source.degraded == [
-        "the run begins on the clip's last frame, which is held throughout; lower scene.start"
+        "the run starts at the last frame of the clip, which is held throughout; lower scene.start"
     ]
 
 

@@ -172,7 +172,7 @@ def test_scenes_are_plain_values(kind):
         (lambda: Wave(SHAPE, rate=7.0), r"rate must be 0 to 6 Hz, not 7\.0"),
         (lambda: Wave(SHAPE, rate=math.nan), "rate must be 0 to 6 Hz, not nan"),
         (lambda: Star(SHAPE, spokes=1), "spokes must be 2 to 360, not 1"),
-        (lambda: Star(SHAPE, spokes=2.5), r"spokes must be a whole number, not 2\.5"),
+        (lambda: Star(SHAPE, spokes=2.5), r"spokes must be an integer, not 2\.5"),
         (lambda: Star(SHAPE, profile="saw"), 'profile must be "square" or "sine", not \'saw\''),
         (lambda: Star(SHAPE, mean=0.6), r"mean must be at most 1 / \(1 \+ contrast\) = 0\.5263"),
         (lambda: Wave(SHAPE).reflectance(math.inf), "t must be finite seconds, not inf"),

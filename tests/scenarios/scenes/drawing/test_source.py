@@ -86,7 +86,7 @@ def test_one_piece_serves_every_block_that_it_touches():
     assert source.step(None, Block(32, 16)).pieces[0] is first
     still = AnalyticSource(Slide(0.0), LUX, CLOCK)
     assert still.step(None, Block(0, 1)).pieces[0] is still.step(None, Block(9999, 1)).pieces[0]
-    assert still.notes == ["analytic scene that does not move"]
+    assert still.notes == ["static analytic scene"]
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (250, 400), (1000, 1000), (3, 2000)])
