@@ -1,4 +1,4 @@
-"""Spikes to light: panels, renderers, observers, and the quality of what they receive."""
+"""From spikes to light: panels, renderers, observers, and the quality of the observed light."""
 
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.observe.views import panel_views

@@ -1,4 +1,4 @@
-"""The [display] section: the panel that shows the stream, reference displays, and the observer."""
+"""The section [display]: the panel that shows the stream, the reference displays, the observer."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from display.setting import DisplaySetting
 __all__ = ["OBSERVERS", "DisplaySection"]
 
 OBSERVERS = ("eye", "pursuit", "camera")
-"""Observers of a display."""
-# The renderer keeps 1e-6 of white up to this.
+"""Names of the observers of a display."""
+# The upper limit up to which the renderer is accurate to 1e-6 of white.
 Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
 FrameRate = Annotated[float, Quantity("frequency", least=1, most=20e3)]
 PlaneRate = Annotated[float, Quantity("frequency", least=100, most=100e3, none=True)]
@@ -27,68 +27,85 @@ Size = Annotated[int, Field(ge=1, le=8192)]
 
 
 class DisplaySection(Section):
-    """A spike-continuous panel, the panels beside it, and their observer."""
+    """A spike-continuous panel, the reference displays, and their observer."""
 
     sink: str | None = Field(
         default=None,
-        description="serial:PORT or serial:PORT,BAUD: a board shows the planes, and no light is "
-        "rendered; PORT as in sensor.source",
+        description="serial:PORT or serial:PORT,BAUD: a board displays the planes, and no light "
+        "is rendered; PORT as in sensor.source",
     )
     drive: Annotated[str, Choice(DRIVES)] = Field(
-        default="causal", description="how a pixel makes light of its spikes"
+        default="causal", description="rule by which a pixel converts its spikes to light"
     )
     observer: Literal[OBSERVERS] = Field(  # type: ignore[valid-type]
-        default="eye", description="through whom the error is told"
+        default="eye", description="observer whose radiance the reported error refers to"
     )
-    width: Size | None = Field(default=None, description="of the panel; the stream's when absent")
-    height: Size | None = Field(default=None, description="of the panel; the stream's when absent")
+    width: Size | None = Field(
+        default=None, description="width of the panel; by default that of the stream"
+    )
+    height: Size | None = Field(
+        default=None, description="height of the panel; by default that of the stream"
+    )
     fit: Literal["exact", "nearest", "centre"] = Field(
         default="exact",
-        description="of a stream of another size: refused, each pixel shows the nearest one's "
-        "spikes, or the middle is cut or framed by dark",
+        description="treatment of a stream of another size: exact refuses it; nearest shows the "
+        "spikes of the nearest pixel; centre crops it or adds a dark frame",
     )
     luminance: Annotated[float, Quantity("luminance", above=0, most=1e6)] = Field(
-        default=300.0, description="of white"
+        default=300.0, description="luminance of white"
     )
     pulse: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=1.0, description="share of a cycle in which impulse emits a packet"
+        default=1.0, description="share of a cycle in which the impulse drive emits a packet"
     )
-    rise: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
-    decay: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
+    rise: Slow = Field(
+        default=0.0, examples=["1 us"], description="time constant of the emitter, rising"
+    )
+    decay: Slow = Field(
+        default=0.0, examples=["1 us"], description="time constant of the emitter, falling"
+    )
     row_scan: Share = Field(
         default=1.0, description="share of a cycle in which the rows are driven one after another"
     )
     transport: Time = Field(
-        default=1e-6, examples=["1 us"], description="from the chip's output to the panel"
+        default=1e-6,
+        examples=["1 us"],
+        description="delay from the output of the chip to the panel",
     )
     fill: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a pixel's area that emits"
     )
     distance: Annotated[float, Field(ge=1, le=1000)] = Field(
-        default=60.0, description="pixels to a degree of the eye's view"
+        default=60.0, description="pixels per degree of visual angle"
     )
     pursuit: Annotated[float, Quantity("speed", least=-1e6, most=1e6)] | None = Field(
-        default=None, description="of the pursuing eye along the rows; the scene's when absent"
+        default=None,
+        description="speed of the pursuing eye along the rows; by default that of the scene",
     )
     exposure: Annotated[float, Quantity("time", above=0, most=86_400)] = Field(
-        default=1e-3, examples=["1 ms"], description="of the camera that films the display"
+        default=1e-3,
+        examples=["1 ms"],
+        description="exposure of the camera that records the display",
     )
     beside: tuple[FrameRate, ...] = Field(
-        default=(60.0, 120.0, 240.0, 1000.0), max_length=8, description="frame displays beside it"
+        default=(60.0, 120.0, 240.0, 1000.0),
+        max_length=8,
+        description="frame rates of the reference displays",
     )
     persistence: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a frame in which the frame displays emit"
     )
     response: Annotated[float, Quantity("time", least=0, most=1)] = Field(
-        default=0.0, examples=["2 ms"], description="time constant of the frame displays' pixels"
+        default=0.0,
+        examples=["2 ms"],
+        description="time constant of the pixels of the frame displays",
     )
     projector: PlaneRate = Field(
         default=16e3,
         examples=["16 kHz"],
-        description="binary planes a second of the projector beside it; none for no projector",
+        description="binary planes per second of the reference projector; none for no projector",
     )
     renderer: Literal["gl", "numpy"] = Field(
-        default="gl", description="numpy: the golden model, exact and slow"
+        default="gl", description="gl: shaders; numpy: the golden model, exact and slow"
     )
 
     def panel(
@@ -98,12 +115,12 @@ class DisplaySection(Section):
 
         Args:
             stream: (height, width) of the stream.
-            clock: of the stream.
+            clock: clock of the stream.
             row_skew: share of a cycle over which the camera samples its rows.
-            white_rate: spikes a cycle that are shown as white.
+            white_rate: spike rate of white, spikes a cycle.
 
-        Raises InputError if the panel does not fit the stream, or shows rows before they are
-        sampled.
+        Raises:
+            InputError: the panel does not fit the stream, or shows rows before they are sampled.
         """
         shape = self.height or stream[0], self.width or stream[1]
         if self.fit == "exact" and shape != stream:
@@ -126,7 +143,7 @@ class DisplaySection(Section):
         )  # fmt: skip
 
     def reference_panels(self) -> list[FramePanel | Projector]:
-        """Frame displays and projector that the panel is compared with."""
+        """The frame displays and the projector with which the panel is compared."""
         panels: list[FramePanel | Projector] = [
             FramePanel(Clock.from_hz(rate), self.persistence, self.response) for rate in self.beside
         ]
@@ -137,12 +154,12 @@ class DisplaySection(Section):
     def observers(
         self, instants: Sequence[int], end: int, velocity: float
     ) -> dict[str, FixedEye | PursuingEye | CameraPlane]:
-        """Every observer by its name in the section.
+        """All observers by their names in the section.
 
         Args:
-            instants: around which images are taken, ps.
-            end: of the run, ps.
-            velocity: of the pursuing eye along the rows, pixels/s.
+            instants: instants of the images, ps.
+            end: end of the run, ps.
+            velocity: velocity of the pursuing eye along the rows, pixels/s.
         """
         eye = FixedEye(tuple(instants), self.luminance, 0, end)
         return {
@@ -154,16 +171,16 @@ class DisplaySection(Section):
     def setting(
         self, panel: SpikePanel, instants: Sequence[int], cycles: int, velocity: float = 0.0
     ) -> DisplaySetting:
-        """The display with every effect, to the observer whose error is reported.
+        """The display with every effect, for the observer whose error is reported.
 
-        Light ends with the last row of the last plane: a response of the eye that is cut within a
-        plane would count as an error of the spans of planes.
+        The light ends with the last row of the last plane. If the response of the eye were cut off
+        within a plane, this would count as an error of the spans of planes.
 
         Args:
-            panel: what `panel` returns.
-            instants: cycles around which images are taken.
-            cycles: of the run.
-            velocity: of the pursuing eye along the rows, pixels/s.
+            panel: result of the method `panel`.
+            instants: cycles of the images.
+            cycles: length of the run, cycles.
+            velocity: velocity of the pursuing eye along the rows, pixels/s.
         """
         at = [panel.clock.middle(n) for n in instants]
         end = panel.start(cycles) + round(panel.row_delay)

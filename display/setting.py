@@ -1,4 +1,4 @@
-"""A display as it is simulated: panel, observer, and resolution in time."""
+"""The setting of a simulated display: panel, observer, and resolution in time."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from display.panels.panel import SpikePanel
 __all__ = ["DisplaySetting"]
 
 MOTION: Final = 1.0
-"""Pixels that light may move on a pursuing eye's retina within a span of planes. With 0.5 the
-PSNR of the scenario `glass` is the same to 0.1 dB."""
+"""Maximum motion of light on the retina of a pursuing eye within a span of planes, pixels. With
+0.5, the PSNR of the scenario `glass` is the same within 0.1 dB."""
 
 
 @dataclass(frozen=True)
 class DisplaySetting:
-    """A display and what is simulated of it.
+    """A display and its simulated effects.
 
     Attributes:
-        panel: with every effect.
-        observer: whose radiance the error is of.
-        batch: planes to a span of light, 1 to 64.
-        row_timing: whether rows are shown at their own instants.
+        panel: panel with every effect.
+        observer: observer whose radiance the error refers to.
+        batch: number of planes in a span of light, 1 to 64.
+        row_timing: whether each row is shown at its own instant.
     """
 
     panel: SpikePanel
@@ -37,19 +37,19 @@ class DisplaySetting:
 
     @property
     def simulated_panel(self) -> SpikePanel:
-        """The panel with the timing of its rows that is simulated."""
+        """The panel with the simulated timing of its rows."""
         return self.panel if self.row_timing else replace(self.panel, row_scan=0.0)
 
     def views(self, first: int, planes: int) -> Views:
-        """Of the observer, for planes `first` to `first + planes`."""
+        """The views of the observer for planes `first` to `first + planes`."""
         return panel_views(self.observer, self.simulated_panel, first, planes, self.batch)
 
     def with_spans(self, velocity: float, most: int) -> DisplaySetting:
         """The setting with spans short enough for a pursuing eye (`MOTION`).
 
         Args:
-            velocity: of the eye along the rows, pixels/s.
-            most: planes in two spans, at most, where a span is longer than one.
+            velocity: velocity of the eye along the rows, pixels/s.
+            most: maximum number of planes in two spans, if a span has more than one plane.
         """
         batch, step = self.batch, abs(velocity) / self.panel.clock.hz
         while batch > 1 and (batch * step > MOTION or 2 * batch > most):
@@ -58,7 +58,7 @@ class DisplaySetting:
 
     @property
     def acting_effects(self) -> tuple[Effect, ...]:
-        """Every effect that acts in this setting."""
+        """The effects that this setting simulates and that change the light."""
         effects = [
             planes_effect(self.panel, self.observer, fine, coarse)
             for fine, coarse in pairwise(SPANS)
@@ -71,8 +71,8 @@ class DisplaySetting:
         return tuple(effects)
 
     def without(self, names: Collection[str]) -> DisplaySetting:
-        """The setting with these effects left out, named as in `acting_effects`; other names are
-        ignored. Spans grow as far as every shorter one is left out as well."""
+        """The setting without these effects, by their names in `acting_effects`; other names are
+        ignored. A span grows only if all shorter spans are left out too."""
         batch = self.batch
         for span in SPANS:
             if span > batch:

@@ -1,4 +1,4 @@
-"""Cases 22 to 27: a spike-continuous panel at the ends of time, of light and of motion."""
+"""Cases 22 to 27: a spike-continuous panel at extremes of time, light and motion."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from display.render.golden import GoldenRenderer
 __all__ = ["SHOWING", "Renderers"]
 
 Renderers = Callable[[SpikePanel, int, int], Any]
-"""(panel, planes to a span, images) -> a renderer, of the interface of `GoldenRenderer`."""
+"""(panel, planes in a span, images) -> a renderer with the interface of `GoldenRenderer`."""
 Values = npt.NDArray[np.float64]
 CLOCK: Final = Clock(40_000)
 DRIVES: Final = ("impulse", "hold", "causal")
-"""Drives whose exact light is known here."""
+"""Drives whose exact light `_levels` computes."""
 MOST: Final = 2**32 - 1
-"""An age that no longer grows."""
+"""The largest age, which does not increase."""
 
 
 def _shipped(device: Device | None) -> Renderers:
@@ -41,7 +41,7 @@ def _panel(width: int = 1, **more: Any) -> SpikePanel:
 
 
 def _sum_of(planes: int) -> Views:
-    """An image that is the sum of all light."""
+    """Views of one image that is the sum of all light."""
     none = np.zeros((1, planes))
     return Views(none + 1, none, none, none, none, none)
 
@@ -59,7 +59,14 @@ def _light(renderer: Any, words: npt.NDArray[np.uint32], planes: int) -> float:
 
 
 def _levels(at: Sequence[int], planes: int, drive: str, age: int | None = None) -> list[Fraction]:
-    """Packets of light in each plane, in Python's integers. age: planes since a spike before."""
+    """Light of each plane, packets, in exact arithmetic.
+
+    Args:
+        at: planes with a spike.
+        planes: number of planes.
+        drive: name of the drive.
+        age: age at the start, None before the first spike.
+    """
     tau, levels = 0, []
     for n in range(planes):
         if n in at:
@@ -67,8 +74,8 @@ def _levels(at: Sequence[int], planes: int, drive: str, age: int | None = None) 
         elif age is not None:
             age = min(age + 1, MOST)
         span = tau if drive == "hold" else max(tau, age or 0)
-        held = Fraction(1, span) if tau else Fraction(0)
-        levels.append(Fraction(int(n in at)) if drive == "impulse" else held)
+        level = Fraction(1, span) if tau else Fraction(0)
+        levels.append(Fraction(int(n in at)) if drive == "impulse" else level)
     return levels
 
 
@@ -76,18 +83,17 @@ def _levels(at: Sequence[int], planes: int, drive: str, age: int | None = None) 
 
 
 def hours(make: Renderers, planes: int = 2048) -> float:
-    """Error of what 64 planes add to light that has been summed for seven hours and
-    for a month, over what it adds."""
+    """Relative error of the light that 64 planes add to sums over seven hours and over a month."""
     worst = 0.0
     for tau, before in product((3, 7, 1000), (10**9, 10**11)):
         at = range(0, planes, tau)
         renderer = make(_panel(drive="hold"), 1, 1)
         _light(renderer, _spikes(at, planes), planes)
         state = renderer.state()
-        held = before // tau
-        state["images"] = np.full_like(state["images"], held)
+        total = before // tau
+        state["images"] = np.full_like(state["images"], total)
         renderer.restore(state)
-        # It goes on with the interval that it has.
+        # The renderer continues with its current interval.
         added = _light(renderer, _spikes([], 64), 64) - float(state["images"][0, 0, 0])
         worst = max(worst, abs(added - 64 / tau) / (64 / tau))
     return worst
@@ -97,8 +103,8 @@ def hours(make: Renderers, planes: int = 2048) -> float:
 
 
 def ages(make: Renderers) -> float:
-    """Largest error of a plane's light, packets. A spike a plane; none, from an age of 2^32 - 5 on,
-    and then two; dark from the beginning."""
+    """Largest error of a plane's light, packets: with a spike in each plane; with none from an age
+    of 2^32 - 5 on, and then two; dark from the start."""
     worst = 0.0
     planes = 64
     for drive, age in product(DRIVES, (None, 0, MOST - 5)):
@@ -120,11 +126,12 @@ def ages(make: Renderers) -> float:
 # 24, 25 --------------------------------------------------------------------------------------
 
 EMITTERS: Final = ((1.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.2, 3e-6, 3e-6), (1.0, 1e-4, 1e-4))
-"""(pulse, rise, decay): rise and decay alike neither make nor lose light."""
+"""(pulse, rise, decay): with equal rise and decay, the total light is that of the drive."""
 
 
 def one_spike(make: Renderers, planes: int = 800) -> float:
-    """Packets too many or too few: a packet in an impulse drive, nothing in the others."""
+    """Error of the total light of one spike, packets: one packet with the impulse drive, none with
+    the others."""
     worst = 0.0
     for drive, (pulse, rise, decay), at in product(DRIVES, EMITTERS, (0, 100, planes // 2)):
         renderer = make(_panel(drive=drive, pulse=pulse, rise=rise, decay=decay), 1, 1)
@@ -134,8 +141,8 @@ def one_spike(make: Renderers, planes: int = 800) -> float:
 
 
 def every_spike(make: Renderers, planes: int = 1024) -> float:
-    """Light over what it must be, less 1: a packet a plane, from the second on for hold and causal,
-    less what the emitter has still to give."""
+    """Relative error of the total light with a spike in every plane: a packet in each plane, from
+    the second on for hold and causal, less the light that the emitter has not emitted yet."""
     worst = 0.0
     for drive, (pulse, rise, decay) in product(DRIVES, EMITTERS):
         renderer = make(_panel(drive=drive, pulse=pulse, rise=rise, decay=decay), 8, 1)
@@ -158,7 +165,7 @@ def _spans(planes: int, batch: int) -> Views:
 
 
 def stiff_emitter(make: Renderers, planes: int = 64) -> float:
-    """Largest error of a plane's light, packets, for constants from 1e-9 planes to 1e9."""
+    """Largest error of a plane's light, packets, for time constants from 1e-9 to 1e9 planes."""
     worst = 0.0
     at = [3, 4, 9, 10, 11, 40]
     for rise, decay in product((1e-9, 1e-3, 1.0, 1e3, 1e9), repeat=2):
@@ -173,7 +180,8 @@ def stiff_emitter(make: Renderers, planes: int = 64) -> float:
 
 
 def _relaxed(at: Sequence[int], planes: int, pulse: float, rise: float, decay: float) -> Values:
-    """The same in fifty digits: y' = (x - y) / c over each part of a plane, integrated."""
+    """The light of each plane in fifty digits: y' = (x - y) / c, integrated over each part of a
+    plane."""
     with localcontext() as context:
         context.prec = 50
         y, out, lit = Decimal(0), [], Decimal(pulse)
@@ -192,8 +200,8 @@ def _relaxed(at: Sequence[int], planes: int, pulse: float, rise: float, decay: f
 
 
 def fast_pursuit(make: Renderers, width: int = 24, planes: int = 64) -> float:
-    """Error of the image of a white panel, over white, of an eye that moves 1e3 to 1e15 pixels a
-    second: what is beside the panel is dark."""
+    """Error of the image of a white panel, white = 1, for an eye that moves at 1e3 to 1e15
+    pixels/s. The surroundings of the panel are dark."""
     worst = 0.0
     words = np.full((planes // 32, 1, width), 2**32 - 1, np.uint32)
     instant = CLOCK.edge(planes // 2) + 12_345
@@ -211,7 +219,7 @@ def fast_pursuit(make: Renderers, width: int = 24, planes: int = 64) -> float:
             due = Fraction(0)
             for w, m in zip(weight[0].tolist(), middle.tolist(), strict=True):
                 place = x + Fraction(sign * speed) * (m - instant) / PS
-                # Bilinear: white from -1 to the panel's width, falling to nothing over a pixel.
+                # Bilinear: white from -1 to the width of the panel, with edges one pixel wide.
                 lit = max(min(place + 1, width - place, Fraction(1)), Fraction(0))
                 due += Fraction(w) * lit
             error = abs(float(image[x]) - float(due))

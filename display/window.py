@@ -1,4 +1,4 @@
-"""A window that shows pictures, through moderngl-window (the extra `view`)."""
+"""A window for pictures, by moderngl-window (the extra `view`)."""
 
 from __future__ import annotations
 
@@ -22,18 +22,27 @@ void main() {
 }
 """
 LARGEST = 1000
-"""Screen pixels of the window's longer side."""
+"""Maximum length of the window's longer side, screen pixels."""
 
 
 class Window(Protocol):
-    """What `viform live` draws on. context: of its GL, in which a renderer must work as well: a
-    thread cannot hold a window system's context and one of EGL; None where it has none. show: a
-    picture, (height, width) uint8 of screen codes; False once the user has closed it."""
+    """The window of `viform live`.
+
+    Attributes:
+        context: GL context of the window, None without one. The renderer must use this context: a
+            thread cannot have a context of the window system and one of EGL.
+    """
 
     context: moderngl.Context | None
 
-    def show(self, picture: npt.NDArray[np.uint8]) -> bool: ...
-    def close(self) -> None: ...
+    def show(self, picture: npt.NDArray[np.uint8]) -> bool:
+        """Shows a picture, (height, width) uint8 screen codes; returns False after the user has
+        closed the window."""
+        ...
+
+    def close(self) -> None:
+        """Closes the window."""
+        ...
 
 
 class _ScreenWindow:
@@ -64,9 +73,11 @@ class _ScreenWindow:
 
 
 def open_window(title: str, shape: tuple[int, int]) -> Window:
-    """A window for pictures of (height, width). MODERNGL_WINDOW names another toolkit than pyglet.
+    """Opens a window for pictures of `shape` (height, width). The environment variable
+    MODERNGL_WINDOW selects another toolkit than pyglet.
 
-    Raises InputError without moderngl-window and where no window can be opened.
+    Raises:
+        InputError: moderngl-window is not installed, or no window can be opened.
     """
     try:
         from moderngl_window import activate_context, get_local_window_cls
@@ -81,11 +92,11 @@ def open_window(title: str, shape: tuple[int, int]) -> Window:
         window = get_local_window_cls(None)(
             title=title, size=size, gl_version=(3, 3), resizable=False, vsync=False
         )
-    except Exception as exc:  # each toolkit has its own
-        said = " ".join(str(exc).split()) or type(exc).__name__
+    except Exception as exc:  # every toolkit has its own exceptions
+        reason = " ".join(str(exc).split()) or type(exc).__name__
         raise InputError(
-            "viform live", "run where a window can be opened", f"here ({said})",
-            "start it on a desktop, or look at the report of viform run",
+            "viform live", "run where a window can be opened", f"here ({reason})",
+            "start it on a desktop, or use the report of viform run",
         ) from None  # fmt: skip
     activate_context(window=window)
     return _ScreenWindow(window, shape)

@@ -1,4 +1,4 @@
-"""What a display's simulation may leave out, one file each: its cost, and what it changes."""
+"""The effects that the simulation of a display may leave out, with their costs and bounds."""
 
 from display.effects.costs import SHOWN
 from display.effects.emission import emission_effect

@@ -1,4 +1,4 @@
-"""A bound from a change of an observer's weights."""
+"""The bound of a change of light that follows from a change of an observer's weights."""
 
 from __future__ import annotations
 
@@ -18,35 +18,45 @@ from display.panels.panel import SpikePanel
 __all__ = ["JUMP", "estimated", "promise", "proven"]
 
 JUMP: Final = math.sqrt(1 / 6 * 8 / 15)
-"""Of (3) for light that goes all the way at the worst moment: of light that jumps once in a span,
-at any moment, between levels drawn evenly. Two such levels are sqrt(1/6) of the range apart (RMS);
-what is summed up to moment x of a span of evenly rising weights goes as 4 x (1 - x), RMS
-sqrt(8/15)."""
+"""Factor on equation (3), which holds for a step over the whole range at the worst moment: for
+light that steps once in a span, at a random moment, between uniformly distributed levels. The
+difference of two such levels is sqrt(1/6) of the range (RMS); the sum up to the moment x of a span
+with linearly rising weights is proportional to 4 x (1 - x), RMS sqrt(8/15)."""
 Values = npt.NDArray[np.float64]
 
 
 def proven(scene: Summary, panel: SpikePanel, observer: Observer, change: Change) -> Values:
-    """(tiles,) that no light of this panel exceeds: (1) and `travel` over the least mean.
+    """Proven bound of the relative change, (tiles,): equation (1) and `travel`, over the least
+    mean.
 
-    A plane's light is from 0 to a packet, or to 1 / pulse where the emitter's decay lets it glow
-    on. The mean is the floor; with packets, no noise and no emitter it is the darkest pixel's rate
-    r less what the phases of its spikes take off: sum w_n (L_n - r) is, summed by parts, less than
-    the variation of the weights, as the spikes are less than one off r t.
+    The light of a plane is between 0 and a packet, or 1 / pulse if the emitter decays slowly. The
+    least mean is the floor. For packets without noise and without emitter time constants, it is the
+    rate r of the darkest pixel, less the effect of the phases of its spikes: by summation by parts,
+    sum w_n (L_n - r) is less than the variation of the weights, because the number of spikes
+    differs from r t by less than one.
     """
     top = 1 / panel.share if panel.decay > 0 else 1.0
     loss = 2 * steps(observer, panel, scene.cycles).half
     plain = panel.packets and panel.rise == panel.decay == 0
-    # A pixel whose light is lost at the run's ends has less than its rate.
+    # A pixel that loses light at the ends of the run has less light than its rate.
     loss = loss + change.lost if plain else math.inf
     return np.asarray((change.half + change.travel) * top / base(scene, loss))
 
 
 def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -> Values:
-    """(tiles,) the right size: what flutters does so by chance (root); what moves jumps between the
-    tile's ends once in every span (spans, JUMP), or is off by a place (travel times the difference
-    of neighbours, at most twice the amplitude) and by flutter of its own. A hold lights up once
-    (jump), neighbours at other times. Weight that is lost takes steady light with it. reach: planes
-    within which changed weights turn.
+    """Estimate of the relative change, (tiles,). It is the sum of these parts:
+
+    - Random fluctuation from plane to plane (`root`).
+    - Motion: a step over the range of the tile once in every span (`spans`, JUMP), and a shift on
+      the retina (`travel` times the difference of neighbours, at most twice the amplitude), with
+      the fluctuation of the shifted light. - The first light of a hold (`jump`), at different times
+      in neighbouring pixels. - Weight beyond the run, which removes steady light (`lost`).
+
+    Args:
+        scene: survey of the scene.
+        panel: the panel.
+        change: change of the weights.
+        reach: number of planes within which the changed weights change their sign.
     """
     contrast = spread(scene)
     moving = np.asarray(scene.planes) > 0
@@ -54,7 +64,7 @@ def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -
     likely = likely + JUMP * 2 * change.spans * contrast * moving
     likely = likely + 2 * change.travel * contrast + change.lost * (1 + contrast)
     likely = likely + np.sqrt(2) * change.travelled * flutter(scene, panel.scheme, np.inf)
-    if not panel.packets:  # dark up to the first or second spike
+    if not panel.packets:  # dark before the first or second spike
         unlit, planes = unlit_rate(scene, change.unseen, panel.scheme.spikes)
         apart = np.minimum(change.travel, change.travelled * np.sqrt(planes))
         likely = likely + unlit * (change.jump + apart)
@@ -64,8 +74,15 @@ def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -
 def promise(
     scene: Summary, panel: SpikePanel, observer: Observer, change: Change, reach: float
 ) -> Bound:
-    """What a change of weights changes, relative to the tile's mean light or the floor: the proof
-    where it is not above the estimate as that counts, else the estimate."""
+    """The bound of a change of weights, relative to the mean light of a tile or the floor: the
+    proven bound if it does not exceed the weighted estimate, else the estimate.
+
+    Args:
+        scene: survey of the scene.
+        panel, observer: the panel and its observer.
+        change: change of the weights.
+        reach: see `estimated`.
+    """
     sure = proven(scene, panel, observer, change)
     likely = estimated(scene, panel, change, reach)
     if np.max(sure) <= ESTIMATE_WEIGHT * np.max(likely):

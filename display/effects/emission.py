@@ -1,4 +1,4 @@
-"""Emission: light that rises and decays towards its drive with time constants."""
+"""The effect of emission: light follows its drive with time constants."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ __all__ = ["emission_effect"]
 
 
 def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
-    """Left out, light follows its drive at once.
+    """Without this effect, light follows its drive without delay.
 
-    With y' = (x - y) / rise upwards and / decay downwards, a plane's light is the drive's less
-    rise times what y went up in it, plus decay times what it went down: with t = (rise + decay) / 2
-    in planes, less t (y(n+1) - y(n)), plus (decay - rise) / 2 of its way up and down. Summed by
-    parts the first is t times the steps of the weights over y; the second is light that an emitter
-    of unequal constants makes of its own, in proportion to how unsteady it is. A packet swings y by
-    (1 - e^(-pulse / rise)) / pulse at most, in a plane's packets.
+    The level y follows y' = (x - y) / rise upwards and (x - y) / decay downwards. The light of a
+    plane is that of the drive, less rise times the increase of y, plus decay times its decrease.
+    Let t = (rise + decay) / 2, in planes: this is less t (y(n+1) - y(n)), plus (decay - rise) / 2
+    times the total variation of y. Summed by parts, the first term is t times the steps of the
+    weights applied to y. The second term is additional light of an emitter with unequal time
+    constants, in proportion to the variation. A packet changes y by at most (1 - e^(-pulse / rise))
+    / pulse.
     """
     hz = panel.clock.hz
     mean, apart = (panel.rise + panel.decay) / 2 * hz, abs(panel.decay - panel.rise) / 2 * hz
@@ -36,20 +37,20 @@ def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
     def bound(scene: Summary) -> Bound:
         change = steps(observer, panel, scene.cycles)
         moving = np.asarray(scene.planes) > 0
-        # A hold goes on for planes, and its levels with it.
+        # The level of a hold is constant for several planes.
         likely = change.root * flutter(scene, panel.scheme, np.inf)
         likely = likely * (swing if panel.packets else 1.0)
-        if not panel.packets:  # dark up to the first or second spike
+        if not panel.packets:  # dark before the first or second spike
             likely = likely + change.jump * unlit_rate(scene, change.unseen, panel.scheme.spikes)[0]
         likely = (
             likely
             + change.lost * (1 + spread(scene))
             + JUMP * 2 * change.half * spread(scene) * moving
         )
-        # Of few packets some pixels have more: what each makes of its own varies as their number.
+        # With few packets, their number varies between pixels, and the additional light with it.
         grain = change.grain * flutter(scene, panel.scheme, np.inf)
         value = mean * likely + apart * unsteady(scene, panel.scheme, swing) * np.hypot(1, grain)
-        if panel.rise > panel.decay:  # of the light that is left
+        if panel.rise > panel.decay:  # relative to the remaining light
             value = np.where(value < 1, value / np.maximum(1 - value, 1e-12), np.inf)
         return Bound(value, "estimate")
 

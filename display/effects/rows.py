@@ -1,4 +1,4 @@
-"""Row timing: rows are shown one after another."""
+"""The effect of row timing: rows are shown one after another."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ __all__ = ["row_timing_effect"]
 
 
 def row_timing_effect(panel: SpikePanel, observer: Observer) -> Effect:
-    """Left out, every row is shown with the first: weights are those of light up to `row_delay`
-    later, in the last row, and a moving eye is off by its speed times that. As the weights of
-    neighbouring planes change alike, light that moves counts over the whole response at once."""
+    """Without this effect, all rows are shown with the first one. The weights of the last row
+    change as for light `row_delay` later, and for a moving eye the position changes by its speed
+    times this delay. The weights of neighbouring planes change in the same way, so moving light
+    counts over the whole response."""
 
     def bound(scene: Summary) -> Bound:
         change = delay_change(observer, panel, scene.cycles, round(panel.row_delay))

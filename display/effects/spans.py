@@ -1,4 +1,4 @@
-"""Spans of planes that are shown as one: the timing of spikes within a span."""
+"""The effect of spans: planes that are shown as one, without the timing of spikes within a span."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from display.panels.panel import SpikePanel
 __all__ = ["SPANS", "planes_effect"]
 
 SPANS: Final = (1, 8, 64)
-"""Planes to a span, from everything to what a draw holds."""
+"""Numbers of planes in a span, from the full resolution to the planes of a draw call."""
 
 
 def planes_effect(panel: SpikePanel, observer: Observer, fine: int, coarse: int) -> Effect:
-    """That spans of `coarse` planes are resolved to spans of `fine`.
+    """The resolution of spans of `coarse` planes to spans of `fine` planes.
 
-    Left out, every plane of a span gets the span's mean weight and its middle's place on the
-    retina: the changes of `weighing.py` (1) to (3), and `travel`. Costs are of one group, so that
-    leaving out the coarser alone saves nothing: it goes only where the finer does.
+    Without this effect, every plane of a span has the mean weight of the span and the position of
+    its middle on the retina: equations (1) to (3) of `weights.py`, and `travel`. The costs form one
+    group: to leave out only the coarser resolution saves nothing.
     """
 
     def bound(scene: Summary) -> Bound:

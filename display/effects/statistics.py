@@ -1,7 +1,7 @@
-"""Statistics of a tile's light on a panel: its flutter and its changes, relative to its mean.
+"""Statistics of the light of a tile on a panel: its fluctuation and its changes over its mean.
 
-Light is in packets Q a cycle, so its mean is the spike rate r. The latch rounds spikes up to edges,
-and noise of relative spread s moves them. Time enters in planes (cycles).
+Light is in packets Q a cycle, so its mean is the spike rate r. The latch delays spikes to clock
+edges, and noise of relative spread s shifts them. Times are in planes (cycles).
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ __all__ = ["base", "flutter", "spread", "unlit_rate", "unsteady", "worst_rate"]
 
 Values = npt.NDArray[np.float64]
 _RATES: Final = 9
-"""Rates between a tile's least and most at which an estimate is tried."""
-_LATE: Final = 4.0
-"""Relative spreads by which an interval is longer, at most."""
+"""Number of rates within the range of a tile for which an estimate is evaluated."""
+_LONGEST: Final = 4.0
+"""Excess of the longest interval over the mean, in relative spreads."""
 
 
 def _bounds(scene: Summary) -> tuple[Values, Values]:
-    """Least and most spikes a cycle of each tile; the latch counts one at most."""
+    """Least and greatest rate of each tile, spikes a cycle; the latch limits it to one."""
     low, high = np.broadcast_arrays(
         np.asarray(scene.darkest, np.float64), np.asarray(scene.brightest, np.float64)
     )
@@ -32,7 +32,8 @@ def _bounds(scene: Summary) -> tuple[Values, Values]:
 
 
 def worst_rate(scene: Summary) -> Values:
-    """(rates, tiles) spikes a cycle that a tile's pixels may have, evenly in their logarithm."""
+    """Possible rates of the pixels of each tile, (rates, tiles), spikes a cycle, equidistant in
+    their logarithm."""
     low, high = _bounds(scene)
     low = np.maximum(low, np.minimum(high, max(scene.floor, 1e-9) / 10))
     share = np.linspace(0, 1, _RATES)[:, None]
@@ -42,33 +43,37 @@ def worst_rate(scene: Summary) -> Values:
 
 
 def base(scene: Summary, loss: float) -> Values:
-    """Spikes a cycle that a tile's pixels show at least, or the floor. loss: most that the phases
-    of the spikes take off, in packets."""
+    """Least mean light of the pixels of each tile, or the floor, packets a cycle. `loss`: upper
+    limit of the effect of the phases of the spikes, packets."""
     low, _ = _bounds(scene)
-    held = low / scene.slack - loss if scene.spread == 0 and scene.dead == 0 else np.zeros_like(low)
-    return np.asarray(np.maximum(np.maximum(held, scene.floor), 1e-300))
+    least = low / scene.slack - loss if scene.spread == scene.dead == 0 else np.zeros_like(low)
+    return np.asarray(np.maximum(np.maximum(least, scene.floor), 1e-300))
 
 
 def spread(scene: Summary) -> Values:
-    """Half the range of a tile's light over its mean or the floor: amplitude of light that goes
-    between its ends."""
+    """Half the range of the light of each tile over its mean or the floor: the amplitude of light
+    that varies over the range."""
     low, high = _bounds(scene)
     return np.asarray((high - low) / np.maximum(high + low, 2 * max(scene.floor, 1e-300)))
 
 
 def unlit_rate(scene: Summary, unseen: int, spikes: int) -> tuple[Values, Values]:
-    """Rate, over the mean or the floor, of the brightest of a tile's pixels that may be without so
-    many spikes (and so dark) when the first `unseen` planes are over: as many intervals, each up to
-    _LATE spreads longer. And the planes of an interval of such a pixel."""
+    """The brightest pixels of each tile that may still be dark after the first `unseen` planes,
+    because they have fired less than `spikes` times.
+
+    Returns:
+        Their rate over the mean or the floor, (tiles,), and their mean interval, planes.
+    """
     low, high = _bounds(scene)
-    at = np.minimum(high, spikes * (1 + _LATE * scene.spread) * scene.slack / max(unseen, 1))
+    at = np.minimum(high, spikes * (1 + _LONGEST * scene.spread) * scene.slack / max(unseen, 1))
     rate = np.where(at < low, 0.0, at / np.maximum(at, max(scene.floor, 1e-300)))
     return rate, 1 / np.maximum(at, 1e-12)
 
 
 def _interval(scene: Summary, rate: Values) -> Values:
-    """Variance of 1 / tau over rate, squared: Gamma intervals of relative spread s have s^2 / (1 -
-    s^2), at most what a cycle as the shortest leaves of it; rounding both ends r^2 / 6."""
+    """Variance of 1 / tau over the squared rate. Gamma-distributed intervals of relative spread s
+    have s^2 / (1 - s^2), limited by the shortest interval of one cycle; the rounding of both ends
+    adds r^2 / 6."""
     s2 = scene.spread**2
     most = np.log(1 / np.clip(rate, 1e-12, 0.99)) + 1
     noise = np.minimum(s2 / max(1 - s2, 1e-9), most)
@@ -76,17 +81,16 @@ def _interval(scene: Summary, rate: Values) -> Values:
 
 
 def flutter(scene: Summary, drive: Drive, reach: float) -> Values:
-    """(tiles,) standard deviation of a plane's light about its mean, over the mean or the floor,
-    times the root of the planes for which it stays the same. reach: planes within which changed
-    weights turn."""
+    """Standard deviation of the light of a plane over the mean or the floor, times the root of the
+    number of planes for which it is constant, (tiles,). `reach`: see `Drive.flutter`."""
     rate = worst_rate(scene)
     deviation = drive.flutter(rate, _interval(scene, rate), reach)
     return np.asarray((deviation / np.maximum(rate, max(scene.floor, 1e-300))).max(axis=0))
 
 
 def unsteady(scene: Summary, drive: Drive, swing: float) -> Values:
-    """(tiles,) how far the light goes up and down in a plane, over the mean or the floor. swing: of
-    the emitter with a packet, in Q a cycle."""
+    """Total variation of the light in a plane, over the mean or the floor, (tiles,). `swing`:
+    change of the emitter's level by a packet, Q a cycle."""
     rate = worst_rate(scene)
     motion = 2 * spread(scene) * (np.asarray(scene.planes) > 0)
     each = drive.unsteadiness(rate, _interval(scene, rate), motion, swing)

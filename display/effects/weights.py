@@ -1,25 +1,25 @@
-"""How an observer's weights of planes change when time is resolved more coarsely.
+"""Changes of an observer's weights of planes at a coarser resolution in time.
 
 An image is the sum over planes n of w_n L_n; the w_n add up to 1. A change of the weights by d_n
 (adding up to 0 within a span) changes the image by the sum of d_n L_n. So for any light
 
     |sum d_n L_n| <= half (max L - min L),  half = 1/2 sum |d_n|        (1)
 
-and for light that differs by chance from plane to plane with variance V
+For light that varies randomly from plane to plane with the variance V
 
     RMS = root sqrt(V),  root = sqrt(sum d_n^2)                         (2)
 
-and for light that goes between its ends at random within each span, amplitude A
+For light that varies randomly within each span with the amplitude A
 
     RMS <= 2 spans A,  spans = sqrt(sum over spans of (1/2 sum |d_n|)^2)     (3)
 
-and for light that jumps once at any moment by A
+For light that steps once by A
 
     |change| <= jump A,  jump = max over spans of 1/2 sum |d_n|             (4)
 
-For a moving eye the place of plane n changes too, by delta_n pixels. That changes bilinear light
-by at most min(|delta_n|, 1) of the difference between neighbours:
-travel = sum w_n min(|delta_n|, 1).
+For a moving eye, the position of plane n changes too, by delta_n pixels. This changes bilinear
+light by at most min(|delta_n|, 1) of the difference between neighbours: travel = sum w_n
+min(|delta_n|, 1).
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from display.panels.panel import SpikePanel
 __all__ = ["Change", "delay_change", "effective_planes", "span_change", "steps"]
 
 _CHUNK: Final = 1 << 14
-"""Planes that are evaluated together: whole spans of 64."""
+"""Number of planes that are evaluated together; a multiple of 64."""
 _NOTHING: Final = 1e-6
-"""An image of less weight than this takes no light of the run."""
+"""Weight below which an image counts as without light of the run."""
 Instants = npt.NDArray[np.int64]
 
 
@@ -48,21 +48,21 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _cached(function: F) -> F:
-    """Caches the last results: a plan asks for the same ones many times."""
+    """Caches the last results, because a plan needs the same ones many times."""
     return cast(F, lru_cache(maxsize=64)(function))
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of weights: the largest over the images and the panel's first and last row, for
-    images whose weights add up to 1.
+    """A change of weights: the maximum over the images and over the first and the last row of the
+    panel, for images whose weights add up to 1.
 
     Attributes:
-        half, root, spans, jump, travel: see the module's equations.
+        half, root, spans, jump, travel: see the equations of the module.
         travelled: sqrt(sum (w_n min(|delta_n|, 1))^2).
-        lost: |sum d_n|, weight that falls beyond the run.
+        lost: |sum d_n|, weight beyond the run.
         grain: sqrt(sum w_n^2).
-        unseen: planes before the first that an image integrates.
+        unseen: number of planes before the first one that an image integrates.
     """
 
     half: float
@@ -77,7 +77,7 @@ class Change:
 
 
 def _chunks(observer: Observer, panel: SpikePanel, planes: int) -> Iterator[tuple[int, Instants]]:
-    """First plane and edges of the planes of every chunk that some image integrates."""
+    """Yields the first plane and the plane edges, ps, of every chunk that an image integrates."""
     for first in range(0, planes, _CHUNK):
         edges = range(first, min(first + _CHUNK, planes) + 1)
         ends = np.array([panel.start(edges[0]), panel.start(edges[-1])], np.int64)
@@ -86,14 +86,14 @@ def _chunks(observer: Observer, panel: SpikePanel, planes: int) -> Iterator[tupl
 
 
 def _means(values: Values, batch: int) -> Values:
-    """Each span's mean in all its planes; (..., planes)."""
+    """The mean of each span, repeated for its planes, (..., planes)."""
     first = np.arange(0, values.shape[-1], batch)
     counts = np.diff(np.append(first, values.shape[-1]))
     return np.repeat(np.add.reduceat(values, first, axis=-1) / counts, counts, axis=-1)
 
 
 class _Sums:
-    """The sums of a Change, chunk by chunk."""
+    """The sums of a Change, accumulated chunk by chunk."""
 
     def __init__(self, images: int) -> None:
         (
@@ -146,7 +146,7 @@ def _worse(one: Change, other: Change) -> Change:
 
 
 def _apart(one: tuple[Values, Values], other: tuple[Values, Values]) -> Values:
-    """Pixels between two shifts, sum of rows and columns."""
+    """Distance between two shifts, pixels: the sum over rows and columns."""
     return np.abs(one[0] - other[0]) + np.abs(one[1] - other[1])
 
 
@@ -154,14 +154,14 @@ def _apart(one: tuple[Values, Values], other: tuple[Values, Values]) -> Values:
 def span_change(
     observer: Observer, panel: SpikePanel, planes: int, fine: int, coarse: int
 ) -> Change:
-    """Spans of `coarse` planes for spans of `fine`, which divide them."""
+    """The change from spans of `fine` planes to spans of `coarse` planes, a multiple."""
     return _worse(
         *(_span_change(observer, panel, planes, fine, coarse, delay) for delay in _rows(panel))
     )
 
 
 def _rows(panel: SpikePanel) -> tuple[int, int]:
-    """Delay of the first row and of the last, ps."""
+    """Delays of the first and the last row, ps."""
     return 0, round(panel.row_delay)
 
 
@@ -186,7 +186,7 @@ def _span_change(
 
 @_cached
 def delay_change(observer: Observer, panel: SpikePanel, planes: int, delay: int) -> Change:
-    """All light `delay` picoseconds later."""
+    """The change by a delay of all light, ps."""
     sums = _Sums(observer.images)
     for begin, at in _chunks(observer, panel, planes):
         weight = observer.weights(at[:-1], at[1:])
@@ -198,15 +198,15 @@ def delay_change(observer: Observer, panel: SpikePanel, planes: int, delay: int)
 
 
 def effective_planes(observer: Observer, panel: SpikePanel, planes: int) -> float:
-    """Effective number of planes, 1 / sum w_n^2, of the image that has the fewest."""
+    """The effective number of planes, 1 / sum w_n^2, minimum over the images."""
     grain = steps(observer, panel, planes).grain
     return 1 / grain**2 if grain > 0 else float(planes)
 
 
 @_cached
 def steps(observer: Observer, panel: SpikePanel, planes: int) -> Change:
-    """Each plane's weight for that of the plane before, as of light that is a plane late. At the
-    run's ends a weight steps from and to nothing."""
+    """The differences between the weights of consecutive planes, as for light delayed by one plane.
+    At the ends of the run, the weights step from and to zero."""
     plane = panel.start(1) - panel.start(0)
     first, last = (
         delay_change(observer, replace(panel, transport=panel.transport + delay), planes, plane)

@@ -1,1 +1,1 @@
-"""Panels: spike-continuous, frame and binary-plane panels as numbers."""
+"""Parameters of panels: spike-continuous, frame, and binary-plane panels."""

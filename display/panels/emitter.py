@@ -1,4 +1,4 @@
-"""How a pixel's emitter follows its drive, compiled: the step that patches and waveforms share."""
+"""The emitter of a pixel in compiled code: the relaxation that patches and waveforms share."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ __all__ = ["Emitter", "gone_in", "relax"]
 
 
 class Emitter(NamedTuple):
-    """A pixel's emitter as compiled kernels take it.
+    """The emitter of a pixel, for compiled kernels.
 
     Attributes:
-        share: of a plane in which the pixel is driven.
-        rise, decay: time constants in planes, 0 for none.
+        share: share of a plane in which the pixel is driven.
+        rise, decay: time constants, planes; 0 for none.
     """
 
     share: float
@@ -32,14 +32,14 @@ class Emitter(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def gone_in(length, constant):  # type: ignore[no-untyped-def]
-    """(time constant, what is gone of a difference after `length`), planes; all of it without a
-    time constant."""
+    """The time constant, planes, and the relative decrease of a difference after `length`, planes;
+    1 without a time constant."""
     return constant, -math.expm1(-length / constant) if constant > 0 else 1.0
 
 
 @njit(cache=True, nogil=True)
 def relax(drive, length, level, up, down):  # type: ignore[no-untyped-def]
-    """Light of a part of a plane under constant drive, and the level that it ends with. up, down:
+    """The light of a part of a plane under constant drive, and the level at its end. `up`, `down`:
     `gone_in` of the part, rising and falling."""
     constant, gone = up if drive > level else down
     return drive * length + (level - drive) * constant * gone, level + (drive - level) * gone

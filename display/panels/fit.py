@@ -1,4 +1,4 @@
-"""A stream on a panel of another size."""
+"""Maps a stream to a panel of another size."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ Words = npt.NDArray[np.uint32]
 
 
 def _nearest(panel: int, stream: int) -> npt.NDArray[np.intp]:
-    """Of each panel pixel, the stream's pixel that holds its middle; both span the same picture."""
+    """For each panel pixel, the pixel of the stream that contains its centre; both cover the same
+    picture."""
     return ((2 * np.arange(panel) + 1) * stream // (2 * panel)).astype(np.intp)
 
 
 def _centred(panel: int, stream: int) -> tuple[slice, slice]:
-    """Where on the panel the stream's middle lies, and which part of the stream; an odd rest is
-    to the right and below."""
+    """The part of the panel that shows the centre of the stream, and that part of the stream; an
+    odd remainder is at the right and at the bottom."""
     size = min(panel, stream)
     on, of = (panel - size) // 2, (stream - size) // 2
     return slice(on, on + size), slice(of, of + size)
@@ -30,11 +31,16 @@ def _centred(panel: int, stream: int) -> tuple[slice, slice]:
 def fit_words(
     fit: Fit, stream: tuple[int, int], panel: tuple[int, int]
 ) -> Callable[[Words], Words]:
-    """What makes words of a stream, (words, *stream) uint32, those of a panel, (words, *panel).
+    """The function from words of a stream, (words, *stream) uint32, to words of a panel, (words,
+    *panel). For equal sizes it returns its argument.
 
-    exact: both must be one size, ValueError where not. nearest: each panel pixel shows the spikes
-    of the pixel of the stream that is nearest to it. centre: the middle is cut, or framed by dark.
-    The words themselves come back where both are one size.
+    Args:
+        fit: "exact" requires equal sizes; "nearest" shows the spikes of the nearest pixel of the
+            stream; "centre" crops the stream or adds a dark frame.
+        stream, panel: (height, width), pixels.
+
+    Raises:
+        ValueError: `fit` is "exact" and the sizes differ.
     """
     if stream == panel:
         return lambda words: words

@@ -1,7 +1,7 @@
-"""Panels: what turns a stream or a picture into light, as numbers.
+"""Parameters of the panels that convert a stream or a picture to light.
 
-Radiance is relative: 1 is the panel's white, `luminance` cd/m2 of it. A spike-continuous panel has
-no frames: each pixel follows its own spikes, a plane of the stream after another.
+Radiance is relative: 1 is the white of the panel, with `luminance` cd/m2. A spike-continuous panel
+has no frames: each pixel follows its own spikes, plane by plane of the stream.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ __all__ = ["FramePanel", "Projector", "SpikePanel", "metric_key"]
 
 @dataclass(frozen=True)
 class SpikePanel:
-    """A panel that shows a spike stream without frames.
+    """A panel that shows a stream of spikes without frames.
 
-    In plane n (the cycle of the stream's clock in which the spike latched in cycle n is shown) a
-    pixel is driven with x packets of light Q a cycle: the level of its drive.
+    Plane n is the cycle of the stream's clock in which the panel shows the spikes latched in cycle
+    n. In each plane, a pixel is driven with x packets of light Q a cycle, the level of its drive.
 
     Attributes:
-        shape: (height, width).
-        clock: of the stream.
-        white_rate: spikes a cycle shown as white.
-        drive: name of the drive, of `DRIVES`.
+        shape: (height, width), pixels.
+        clock: clock of the stream.
+        white_rate: spike rate of white, spikes a cycle.
+        drive: name of the drive in `DRIVES`.
         pulse: share of the cycle in which a drive of packets emits, at 1 / pulse times its level.
-        rise, decay: s, time constants with which the emitter follows its drive,
-            y' = (x - y) / rise while x > y, / decay while x < y; 0 follows at once.
-        row_scan: share of a cycle over which the rows are driven one after another: row r starts
-            row_scan r / height of a cycle late.
-        transport: ps from the stream's latch to the panel's first row.
-        fill: share of a pixel's area that emits.
-        luminance: of white, cd/m2, mean over the pixel's area.
+        rise, decay: time constants of the emitter, s: y' = (x - y) / rise for x > y, (x - y) /
+            decay for x < y; 0 for none.
+        row_scan: share of a cycle over which the rows are driven one after another: row r is
+            delayed by row_scan r / height of a cycle.
+        transport: delay from the latch of the stream to the first row of the panel, ps.
+        fill: share of the pixel area that emits.
+        luminance: luminance of white, mean over the pixel area, cd/m2.
     """
 
     shape: tuple[int, int]
@@ -65,7 +65,7 @@ class SpikePanel:
 
     @property
     def scheme(self) -> Drive:
-        """The drive itself."""
+        """The drive."""
         return DRIVES[self.drive]
 
     @property
@@ -75,27 +75,30 @@ class SpikePanel:
 
     @property
     def share(self) -> float:
-        """Share of a cycle in which the pixel is driven."""
+        """Share of a cycle in which a pixel is driven."""
         return self.pulse if self.packets else 1.0
 
     @property
     def row_delay(self) -> float:
-        """Picoseconds by which the last row but one step is late: row r is r / height of it."""
+        """Delay of the end of the row scan, ps: row r is delayed by r / height of it."""
         return self.row_scan * PS / self.clock.hz
 
     def start(self, plane: int) -> int:
-        """Instant (ps) at which the first row begins to show plane `plane`: a spike of cycle n is
+        """Instant at which the first row starts to show plane `plane`, ps: a spike of cycle n is
         latched at the end of that cycle."""
         return self.clock.edge(plane + 1) + self.transport
 
 
 @dataclass(frozen=True)
 class FramePanel:
-    """A display of frames. Frame k is the light at instant k / rate, shown from `latency` seconds
-    after it for `persistence` of the frame's time (1: a hold), at 1 / persistence times its level.
+    """A display of frames. Frame k is the light at the instant k / rate.
 
     Attributes:
-        response: seconds, time constant of the pixels from one level to the next; 0 is ideal.
+        rate: frame rate.
+        persistence: share of the frame in which it is shown, at 1 / persistence times its level; 1
+            for sample-and-hold.
+        response: time constant of the pixels, s; 0 for ideal pixels.
+        latency: delay from the instant of the light to the start of its frame, s.
     """
 
     rate: Clock
@@ -110,11 +113,13 @@ class FramePanel:
 
 @dataclass(frozen=True)
 class Projector:
-    """A projector of binary planes: each pixel is on or off for a plane, and its errors are carried
-    on, so that planes add up to grey (as Lincoln et al., TVCG 22:1367, 2016, at 16 kHz).
+    """A projector of binary planes: each pixel is on or off in a plane, and its error is carried to
+    the next plane, so that planes average to grey (Lincoln et al., TVCG 22:1367, 2016, at 16 kHz).
 
     Attributes:
-        latency: seconds from the light to the plane that shows it (80 us from motion there).
+        rate: rate of the planes.
+        latency: delay from the light to the plane that shows it, s (80 us from motion in that
+            paper).
     """
 
     rate: Clock
@@ -126,7 +131,8 @@ class Projector:
 
 
 def metric_key(display: str) -> str:
-    """A display's name within the name of a metric: "60 Hz" is 60hz, "16 kHz binary" projector."""
+    """The name of a display in names of metrics: "60hz" for "60 Hz", "projector" for "16 kHz
+    binary"."""
     if display.endswith(" binary"):
         return "projector"
     return display.replace(" ", "").replace(".", "_").lower()

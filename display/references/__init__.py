@@ -1,1 +1,1 @@
-"""Reference displays: frame panels, a binary projector and the true light, fed the scene."""
+"""Reference displays that show the scene: frame panels, a binary projector, and the true light."""

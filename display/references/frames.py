@@ -1,4 +1,4 @@
-"""Frame panels: holds, strobes and slow pixels, fed the true light."""
+"""Frame panels that show the true light: sample-and-hold, strobe, and slow pixels."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ __all__ = ["FrameShow"]
 
 Instants = npt.NDArray[np.int64]
 PARTS, MOST = 16, 1024
-"""Parts of a time constant for which the light of a slow pixel is integrated, and of a frame at
-most: the light of a faster pixel in a part is still its true mean."""
+"""Number of integration intervals in a time constant of a slow pixel, and maximum number in a
+frame. Beyond the maximum, the light in an interval is still its true mean."""
 
 
 def _approach(begin: int, constant: float) -> Gain:
-    """exp(-(t - begin) / constant) as a mean over [start, stop): the closed form."""
+    """The mean of exp(-(t - begin) / constant) over [start, stop), in closed form; `begin` in ps,
+    `constant` in s."""
 
     def mean(start: Instants, stop: Instants) -> Values:
         a, b = (np.asarray(t - begin, np.float64) / (constant * PS) for t in (start, stop))
@@ -42,28 +43,28 @@ def _times(gain: Gain | None, factor: float) -> Gain | None:
 
 
 class FrameShow:
-    """Light of a frame panel that is fed the true light, frame after frame.
+    """The light of a frame panel that shows the true light.
 
-    Before the first frame the panel is dark. With `response` the pixel's level approaches the
-    frame's as y' = (x - y) / response all the time, in closed form; a strobe shows that level in
-    the first `persistence` of each frame. State: number of the next frame, and level at its start.
+    The panel is dark before the first frame. With `response`, the level of a pixel follows the
+    frame as y' = (x - y) / response, in closed form; a strobe shows this level in the first
+    `persistence` of each frame. State: number of the next frame, and level at its start.
 
     Args:
         panel: the frame panel.
-        shape: (height, width).
-        white: light that is shown as 1, in the unit of the light; brighter light is clipped.
+        shape: (height, width), pixels.
+        white: light that the panel shows as 1, in the unit of the light; brighter light is clipped.
     """
 
     def __init__(self, panel: FramePanel, shape: tuple[int, int], white: float) -> None:
         self.panel = panel
         self._white = np.float32(white)
-        self._late = seconds_to_ps(panel.latency)
+        self._delay = seconds_to_ps(panel.latency)
         self._next = 0
         self._level = np.zeros(shape, np.float32)
 
     def step(self, light: Light, until: int) -> Iterator[LightPlanes]:
-        """What the light from where the last step ended to `until` (ps) makes shine; a frame's
-        light reaches beyond."""
+        """Yields the emitted light of the frames that start before `until`, ps, after those of the
+        last step. The light of a frame may extend beyond `until`."""
         while self.panel.rate.edge(self._next) < until:
             values = light.at(self.panel.rate.edge(self._next))
             yield self._frame(np.clip(values / self._white, 0, 1, dtype=np.float32))
@@ -71,8 +72,8 @@ class FrameShow:
 
     def _frame(self, level: Plane) -> LightPlanes:
         panel = self.panel
-        start = panel.rate.edge(self._next) + self._late
-        stop = panel.rate.edge(self._next + 1) + self._late
+        start = panel.rate.edge(self._next) + self._delay
+        stop = panel.rate.edge(self._next + 1) + self._delay
         dark = start + max(round((stop - start) * panel.persistence), 1)
         bright = (stop - start) / (dark - start)
         spans = [Span(0, start, dark, _times(None, bright))]
@@ -86,12 +87,12 @@ class FrameShow:
         return LightPlanes(np.stack([level, behind]), spans)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next step depends on."""
+        """Everything that the next step depends on."""
         state = {"next": np.array(self._next)}
         return state | ({"level": self._level.copy()} if self.panel.response else {})
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self._next = int(state["next"])
         if self.panel.response:
             self._level = np.ascontiguousarray(state["level"], np.float32)

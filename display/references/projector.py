@@ -1,4 +1,4 @@
-"""A projector of binary planes, fed the true light."""
+"""A projector of binary planes that shows the true light."""
 
 from __future__ import annotations
 
@@ -15,36 +15,43 @@ from display.panels.panel import Projector
 __all__ = ["ProjectorShow", "spread_errors"]
 
 BATCH = 32
-"""Planes shown at a time: few enough for the cache, many enough to pass over the images seldom."""
+"""Number of planes computed at a time: a compromise between cache size and passes over the
+images."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)
-"""Steps of the low-discrepancy sequence R2: 1/g and 1/g^2 with g^3 = g + 1."""
+"""Steps of the low-discrepancy sequence R2, 1/g and 1/g^2 with g^3 = g + 1."""
 
 
 def spread_errors(row: npt.ArrayLike, column: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """The errors, -1/2 to 1/2, that a projector's pixels begin with, by their place: spread evenly
-    (the sequence R2 of Roberts), so that neighbours do not flash together. Assumed."""
+    """The initial errors of a projector's pixels, -1/2 to 1/2, by their position. They are
+    uniformly distributed (the sequence R2 of Roberts), so that neighbours do not flash together
+    (assumed)."""
     return (np.asarray(row) * SPREAD[0] + np.asarray(column) * SPREAD[1]) % 1 - 0.5
 
 
 class ProjectorShow:
-    """What a projector shows of light, plane after plane: 1 or 0 for each pixel.
+    """The light of a projector that shows the true light in binary planes.
 
-    A pixel's error is carried on to its next plane (first-order delta-sigma), so that the light of
-    n planes of a steady level is within 1/n of it. The errors begin spread over the pixels, so that
-    neighbours do not flash together (assumed). white: light, in its own unit, that is on in every
-    plane. State: the number of the next plane, and the errors.
+    The error of a pixel is carried to its next plane (first-order delta-sigma modulation), so the
+    light of n planes of a steady level is within 1/n of the level. `spread_errors` sets the initial
+    errors. State: number of the next plane, and errors.
+
+    Args:
+        panel: the projector.
+        shape: (height, width), pixels.
+        white: light that is on in every plane, in the unit of the light.
     """
 
     def __init__(self, panel: Projector, shape: tuple[int, int], white: float) -> None:
         self.panel = panel
         self._scale = np.float32(1 / white)
-        self._late = seconds_to_ps(panel.latency)
+        self._delay = seconds_to_ps(panel.latency)
         self._next = 0
         self._error = np.ascontiguousarray(spread_errors(*np.indices(shape)), np.float32)
         self._planes = np.empty((BATCH, *shape), np.uint8)
 
     def step(self, light: Light, until: int) -> Iterator[LightPlanes]:
-        """What the light from where the last step ended to `until` (ps) makes shine."""
+        """Yields the planes that sample the light before `until`, ps, after those of the last
+        step."""
         rate = self.panel.rate
         while rate.edge(self._next) < until:
             count = 1
@@ -57,7 +64,7 @@ class ProjectorShow:
                 if inside:
                     self._show(piece, [at[k] for k in inside], planes[inside[0] : inside[-1] + 1])
             spans = [
-                Span(k, at[k] + self._late, rate.edge(self._next + k + 1) + self._late)
+                Span(k, at[k] + self._delay, rate.edge(self._next + k + 1) + self._delay)
                 for k in range(count)
             ]
             self._next += count
@@ -68,14 +75,16 @@ class ProjectorShow:
 
         whole = piece.stop - piece.start
         part = np.array([(ps - piece.start) / whole for ps in at], np.float32)
-        given = (piece.first, piece.last, self._scale, part, self._error, planes)
-        by_rows(carry_errors, len(self._error), *given)
+        by_rows(
+            carry_errors, len(self._error), piece.first, piece.last, self._scale, part, self._error,
+            planes,
+        )  # fmt: skip
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next step depends on."""
+        """Everything that the next step depends on."""
         return {"next": np.array(self._next), "error": self._error.copy()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self._next = int(state["next"])
         self._error = np.ascontiguousarray(state["error"], np.float32)

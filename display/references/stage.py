@@ -1,4 +1,4 @@
-"""Reference displays and the true light, as a stage between scene and lens."""
+"""The stage of the reference displays and of the true light, between scene and lens."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ __all__ = ["LONGEST", "TRUTH", "ReferenceStage"]
 TRUTH = "truth"
 """Name of the true light among the displays."""
 LONGEST = 16
-"""Cycles of light that are weighted by one mean, at most."""
+"""Maximum number of cycles of light with one mean weight."""
 Images = npt.NDArray[np.float32]
 
 
 class ReferenceStage:
-    """Shows the scene's light on reference panels to observers, and passes it on unchanged.
+    """Shows the light of the scene on reference panels to observers, and passes it on unchanged.
 
     Args:
-        panels: reference panels; equal ones are one.
-        observers: by name.
-        shape: (height, width) of the light.
-        white: the scene's illuminance, lux, at which reflectance 1 is white.
-        clock, cycles: of the run.
+        panels: reference panels; equal panels count once.
+        observers: observers by name.
+        shape: (height, width) of the light, pixels.
+        white: illuminance at which reflectance 1 is white, lux.
+        clock, cycles: clock and length of the run.
         motion: exposures of the slow motion of each display, None for none.
 
     Attributes:
-        films: slow motion by panel, and of the truth.
+        films: slow motion by panel, and of the true light.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class ReferenceStage:
         self.films = {name: Film(motion) for name in self._shows} if motion is not None else {}
 
     def step(self, light: Light, block: Block) -> Light:
-        """Shows the block's own time; the light may reach further."""
+        """Shows the light of the block; `light` may extend beyond its end."""
         until = self._clock.edge(block.stop)
         for name, show in self._shows.items():
             film = self.films.get(name)
@@ -82,21 +82,21 @@ class ReferenceStage:
         return light
 
     def images(self) -> dict[str, dict[str, Images]]:
-        """By panel (and "truth") and observer, (images, H, W) float32, white = 1."""
+        """Images by panel (and "truth") and observer, (images, H, W) float32, white = 1."""
         return {
             name: {observer: images.images for observer, images in by_observer.items()}
             for name, by_observer in self._images.items()
         }
 
     def _parts(self) -> dict[str, Any]:
-        """Everything with a state, by its key."""
+        """All objects with a state, by their keys."""
         parts: dict[str, Any] = {f"{name}/show": show for name, show in self._shows.items()}
         for name, by_observer in self._images.items():
             parts |= {f"{name}/images/{who}": images for who, images in by_observer.items()}
         return parts | {f"{name}/film": film for name, film in self.films.items()}
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """Everything that the next block depends on."""
         return {
             f"{key}/{name}": value
             for key, part in self._parts().items()
@@ -104,7 +104,7 @@ class ReferenceStage:
         }
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         for key, part in self._parts().items():
             inside = {
                 name.removeprefix(f"{key}/"): value

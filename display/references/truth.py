@@ -1,4 +1,4 @@
-"""The true light itself, as a reference display without any loss."""
+"""The true light as a lossless reference display."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from display.observe.integration import Gain, LightPlanes, Span, Values
 __all__ = ["TruthShow"]
 
 BATCH = 8
-"""Planes of light that are integrated together."""
+"""Number of planes of light that are integrated together."""
 Instants = npt.NDArray[np.int64]
 Stack = npt.NDArray[np.float32]
 
 
 def _ramp(piece: Piece, rising: bool) -> Gain:
-    """Share of a piece's last level (rising) or first level in its light, in the middle of a time:
-    its mean, since it is linear."""
+    """Share of the last level (`rising`) or of the first level of a piece in its light, mean over
+    an interval."""
 
     def mean(start: Instants, stop: Instants) -> Values:
         begin = (np.asarray(start - piece.start, np.float64) + (stop - piece.start)) / 2
@@ -32,15 +32,15 @@ def _ramp(piece: Piece, rising: bool) -> Gain:
 
 
 class TruthShow:
-    """The light of a scene, piecewise linear in time, as planes that come and go.
+    """The light of a scene, piecewise linear in time, as planes with gains.
 
-    Spans are counted from each piece's start, so they depend on the pieces of the light only, not
-    on how it is split into steps. State: the instant up to which light has been shown.
+    Spans are counted from the start of each piece, so they do not depend on the steps. State: the
+    instant up to which light has been shown.
 
     Args:
-        white: light that is 1, in the unit of the light.
-        longest: longest span, ps: within it an observer's weight is represented by its integral.
-        end: of the light that is shown, ps.
+        white: light that counts as 1, in the unit of the light.
+        longest: longest span, ps; within a span, the weight of an observer is its integral.
+        end: end of the light, ps.
     """
 
     def __init__(self, white: float, longest: int, end: int) -> None:
@@ -49,7 +49,8 @@ class TruthShow:
         self._planes: Stack | None = None
 
     def step(self, light: Light, until: int) -> Iterator[LightPlanes]:
-        """What shines from where the last step ended to `until` (ps), or a span further."""
+        """Yields the light from the end of the last step to `until`, ps, or to the end of a span
+        after it."""
         planes: list[Plane] = []
         spans: list[Span] = []
         for piece in light.pieces:
@@ -80,7 +81,7 @@ class TruthShow:
         return LightPlanes(self._planes[: len(planes)], spans)
 
     def _times(self, piece: Piece, until: int) -> list[tuple[int, int]]:
-        """Spans of the piece that begin before `until` and were not shown before."""
+        """Spans of the piece that begin before `until` and have not been shown."""
         stop = min(piece.stop, self._end)
         times = []
         while max(self._done, piece.start) < min(until, stop):
@@ -91,9 +92,9 @@ class TruthShow:
         return times
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next step depends on."""
+        """Everything that the next step depends on."""
         return {"done": np.array(self._done)}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self._done = int(state["done"])
