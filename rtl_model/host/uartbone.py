@@ -207,6 +207,23 @@ class Uartbone:
             self.words_written += len(part)
             self.written_crc = zlib.crc32(data, self.written_crc)
 
+    def ask(self, address: int) -> bytes:
+        """Requests one word and returns all bytes that come back, even if these are not four.
+
+        The caller must resynchronise. Raises LineFault STUCK or GONE.
+        """
+        self._send(_header(_READ, 1, address), address, 1)
+        self.bytes_asked += 4
+        data = self.port.read(4, self._line_s(self._outstanding + 4) + self.patience_s)
+        more = b""
+        while len(data) == 4 and (byte := self.port.read(1, self._line_s(_TAIL))):
+            more += byte
+        self.bytes_read += len(data) + len(more)
+        self.round_trips += 1
+        if self.log is not None:
+            self.log.read(4, data, more, None)
+        return data + more
+
     def resynchronise(self) -> int:
         """Keeps silent until the board has dropped an incomplete transaction and sends nothing.
 

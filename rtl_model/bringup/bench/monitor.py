@@ -94,6 +94,7 @@ class LineMonitor:
         self._wrong = _WrongAnswers()
         self._errors = 0  # bus errors of the board at the last reading
         self._busy = False
+        self._restarted = False  # whether the board restarted before the first interval
         self.geometry: Geometry | None = None
         bone.on_other_answer = self.other_answer
 
@@ -106,6 +107,7 @@ class LineMonitor:
         retried = self._bone.retried
         self._before = now = self._sums()
         early = self._bone.retried - retried
+        self._restarted = now is not None and _counts_less(now)
         if now is not None and early and now.rx + now.framing <= now.sent:
             self._before = _Sums(*[0] * len(_Sums._fields))
             self._wrong.unfit = []
@@ -122,6 +124,9 @@ class LineMonitor:
         now = self._before = self._sums()
         wrong, self._wrong = self._wrong, _WrongAnswers()
         repeats += self._bone.retried - retried
+        restarted, self._restarted = self._restarted, False
+        if restarted:
+            return Evidence(known=False, repeats=repeats, restarted=True)
         if before is None or now is None:
             return Evidence(known=False, repeats=repeats)
         if any(_signed(getattr(now, name) - getattr(before, name)) < 0 for name in _GROW):
@@ -370,6 +375,16 @@ def _has_restarted(before: _Sums, evidence: Evidence) -> bool:
         and -evidence.to_board >= before.rx + before.framing
         and 2 * evidence.from_board >= before.tx > 0
     )
+
+
+def _counts_less(now: _Sums) -> bool:
+    """Whether the board has counted fewer bytes in each direction than the host has sent or heard.
+
+    A line may lose bytes to the board, but then the board sends fewer. So the counters restarted
+    while the host was using the line.
+    """
+    lost, added = now.sent - now.rx - now.framing, now.heard - now.tx
+    return min(lost, added) >= _RESTART_BYTES // 2
 
 
 def _octets(got: list[int], right: list[int]) -> int:
