@@ -125,10 +125,8 @@ class LineMonitor:
         wrong, self._wrong = self._wrong, _WrongAnswers()
         repeats += self._bone.retried - retried
         restarted, self._restarted = self._restarted, False
-        if restarted:
-            return Evidence(known=False, repeats=repeats, restarted=True)
-        if before is None or now is None:
-            return Evidence(known=False, repeats=repeats)
+        if restarted or before is None or now is None:
+            return Evidence(known=False, repeats=repeats, restarted=restarted)
         if any(_signed(getattr(now, name) - getattr(before, name)) < 0 for name in _GROW):
             return Evidence(known=False, repeats=repeats, restarted=True)
         arrived = now.rx + now.framing - before.rx - before.framing
@@ -378,13 +376,8 @@ def _has_restarted(before: _Sums, evidence: Evidence) -> bool:
 
 
 def _counts_less(now: _Sums) -> bool:
-    """Whether the board has counted fewer bytes in each direction than the host has sent or heard.
-
-    A line may lose bytes to the board, but then the board sends fewer. So the counters restarted
-    while the host was using the line.
-    """
-    lost, added = now.sent - now.rx - now.framing, now.heard - now.tx
-    return min(lost, added) >= _RESTART_BYTES // 2
+    """Whether the board counted fewer bytes in each direction than this host, so it restarted."""
+    return min(now.sent - now.rx - now.framing, now.heard - now.tx) >= _RESTART_BYTES // 2
 
 
 def _octets(got: list[int], right: list[int]) -> int:
