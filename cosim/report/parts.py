@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import resource
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -75,6 +74,8 @@ def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
 
 def run_time(result: Result, seconds: dict[str, float]) -> str:
     """Table of the wall time of each stage, throughputs, and the peak memory."""
+    import resource  # POSIX only; pages of boards are written on Windows too
+
     rows = [[stage, f"{spent:.2f} s"] for stage, spent in seconds.items()]
     rows += [[f"{t.stage} throughput", amount(t.value, t.unit)] for t in result.throughput]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

@@ -11,8 +11,9 @@ from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.evidence import Evidence
 from rtl_model.bringup.bench.monitor import LineMonitor
 from rtl_model.bringup.bench.stage import Figures, Stage, StageFault
+from rtl_model.bringup.bench.translation import find_translation
 from rtl_model.bringup.bench.uptime import Uptime
-from rtl_model.host import LineFault
+from rtl_model.host import Cause, LineFault
 from rtl_model.registers import MAGIC
 
 __all__ = ["failed_stage", "run_stage"]
@@ -52,13 +53,15 @@ def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowe
             bench.monitor.geometry = bench.geometry
         evidence = _take_evidence(bench, bench.bone.retried - retried)
     except (LineFault, StageFault) as fault:
-        bench.port.allow(
-            _EXTRA_S * max(1.0, bench.bone.time_scale)
-        )  # its time limit may have passed
+        _allow_more(bench)  # its time limit may have passed
+        translated = None if bench.monitor is None else find_translation(bench)
+        if translated is not None:
+            return failed_stage(name, spent(), _because(translated, fault))
+        _allow_more(bench)
         restart = None if uptime is None else uptime.restarted()
         after = None if restart else _evidence_of_failure(bench, bench.bone.retried - retried)
         restart = restart or _restarted(None, after)
-        return failed_stage(name, spent(), restart or fault, after)
+        return failed_stage(name, spent(), restart or _answered_before(fault, bench), after)
     except OutOfTime:
         repeats = bench.bone.retried - retried
         cause, figures = _out_of_time(name, bench, allowed)
@@ -73,9 +76,35 @@ def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowe
     restart = _restarted(uptime, evidence)
     if restart is not None:
         return failed_stage(name, spent(), restart)
+    _allow_more(bench)
+    translated = find_translation(bench)
+    if translated is not None:
+        return failed_stage(name, spent(), translated)
     figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
     cause, figures = _line_fault(evidence, figures)
     return Stage(name, "failed", cause, figures, spent(), "spoilt")
+
+
+def _allow_more(bench: Bench) -> None:
+    """Allows time to examine the line after a stage."""
+    bench.port.allow(_EXTRA_S * max(1.0, bench.bone.time_scale))
+
+
+def _because(cause: StageFault, observed: LineFault | StageFault) -> StageFault:
+    """The cause, with the observation that it explains."""
+    figures = observed.figures if isinstance(observed, StageFault) else {}
+    return StageFault(cause.kind, f"{cause.text} (seen as: {observed.text})", cause.remedy, figures)
+
+
+def _answered_before(fault: LineFault | StageFault, bench: Bench) -> LineFault | StageFault:
+    """The fault; a silent board that answered in an earlier stage has wires that are right."""
+    if bench.magic is None or not isinstance(fault, LineFault) or fault.cause is not Cause.SILENT:
+        return fault
+    return LineFault(
+        fault.cause,
+        f"{fault.text}, though the board answered before",
+        "check its supply and its reset, and the cable",
+    )
 
 
 def failed_stage(
@@ -116,7 +145,7 @@ def _out_of_time(name: str, bench: Bench, allowed: float) -> tuple[str, Figures]
 
 def _settle(bench: Bench, repeats: int) -> None:
     """Discards an answer in transmission at the deadline, and restarts the monitor's counts."""
-    bench.port.allow(_EXTRA_S * max(1.0, bench.bone.time_scale))
+    _allow_more(bench)
     with suppress(LineFault, OutOfTime):
         bench.bone.resynchronise()
         _take_evidence(bench, repeats)
@@ -132,7 +161,7 @@ def _restarted(uptime: Uptime | None, evidence: Evidence | None) -> StageFault |
     if fault is None and evidence is not None and evidence.restarted:
         return StageFault(
             "restarted",
-            "the board restarted within the stage: its counters of the line began at 0 again",
+            "the board restarted: its counters of the line began at 0 again",
             "check its supply and its reset",
         )
     return fault

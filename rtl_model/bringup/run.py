@@ -50,6 +50,9 @@ _REQUIRED = ("port", "bytes", "identity")  # all other stages depend on these
 
 _ROUND_TRIPS_PER_S = 62  # with the default latency timer of FTDI adapters, 16 ms
 _PACE_MOST = 50.0
+_ROUND_TRIPS = 2300
+"""Round trips of a whole bring-up: 2 275 to 2 311, counted for 4 x 40 and 32 x 32 pixels."""
+_LONG_S = 60.0  # duration of a bring-up that is announced
 ALLOWED_S = {
     "bytes": 60.0, "identity": 20.0, "counters": 30.0, "registers": 60.0, "prbs": 60.0,
     "patterns": 120.0, "threshold": 180.0, "timing": 60.0,
@@ -166,12 +169,24 @@ def _run_stages(
                 break
             allowed = options.allowed_s or ALLOWED_S[name] * _pace(report, scale)
             add(run_stage(name, check, bench, allowed))
+            if name == "bytes":
+                _announce_duration(report, note)
         report.board, report.bursts = bench.board or None, list(bench.bursts)
         guarded.allow(5.0)
         _stop_sensor(bench, report)
     finally:
         if recorder is not None:
             recorder.close()
+
+
+def _announce_duration(report: Report, note: Callable[[str], None]) -> None:
+    """Notes the expected duration if answers are slow."""
+    answer_s = report.figure("bytes", "s_per_answer") or 0.0
+    if answer_s * _ROUND_TRIPS > _LONG_S:
+        note(
+            f"an answer takes {1e3 * answer_s:.0f} ms, so the bring-up takes about "
+            f"{answer_s * _ROUND_TRIPS / 60:.0f} minutes"
+        )
 
 
 def _pace(report: Report, time_scale: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from cosim import InputError
 from rtl_model.host.board import Board
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.ports import Port
@@ -13,7 +14,7 @@ from rtl_model.registers import MAGIC
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["TOLERANCE_PERCENT", "BaudReport", "find_baud"]
+__all__ = ["STANDARD_RATES", "TOLERANCE_PERCENT", "BaudReport", "find_baud"]
 
 TOLERANCE_PERCENT = 5.0
 """Largest deviation of two rates. A receiver that starts at the edge of the start bit and samples
@@ -21,6 +22,12 @@ mid-bit reads the stop bit right up to half a bit in 9.5, 5.3 %, less the roundi
 
 REACH_PERCENT = 20
 """Range of the search on either side of the nominal rate."""
+
+STANDARD_RATES = (
+    115_200, 9_600, 57_600, 230_400, 921_600, 19_200, 38_400, 460_800, 1_000_000, 2_000_000,
+    3_000_000, 500_000, 1_500_000, 4_000_000,
+)  # fmt: skip
+"""Usual rates of boards (those of Linux's termios), in the order in which they are tried."""
 
 _STRIDE = 0.03  # of the search; a board answers over 8 % at least, at 4 clocks a bit
 _FINE = 0.0005  # accuracy of an edge
@@ -74,18 +81,23 @@ def find_baud(
     patience_s: float = 0.15,
     log: LineLog | None = None,
 ) -> BaudReport:
-    """Finds the rate of a Viform board within 20 % of `nominal`.
+    """Finds the rate of a Viform board within 20 % of `nominal` or of a standard rate.
 
+    The standard rates are tried only if the board does not answer within 20 % of `nominal`.
     Bisection finds the lowest and the highest rate at which the board answers, with about 30
-    probes. A probe is one read of six bytes followed by silence, so no rate can turn it into a
-    write. If the bits of one side are too short or too long by half a bit in 9.5, the other side
+    probes. A probe is one read of six bytes followed by silence. No rate can turn it into a write,
+    which has ten bytes and an odd command: if the host's bit is shorter than 5/3 of the board's,
+    the board receives fewer than ten bytes, and if it is longer than 3/2, bit 0 of every byte is
+    low, as its start bit.
+
+    If the bits of one side are too short or too long by half a bit in 9.5, the other side
     samples a wrong bit as the stop bit. So each edge gives the board's rate, up to the sampling
     instants of both sides. The port is left at `nominal` if the board answers there, else at the
     board's rate.
 
     Args:
         port: to the board.
-        nominal: centre of the search, baud.
+        nominal: rate at which the search begins, baud.
         time_scale: seconds of the host's time to a second of the board's clock.
         patience_s: wait for an answer beyond line time, s.
         log: records every transaction, None for no log.
@@ -96,15 +108,20 @@ def find_baud(
     bone = Uartbone(port, baud=nominal, time_scale=time_scale, patience_s=patience_s, log=log)
     try:
         start = next((rate for rate in _nearest_first(nominal) if _answers(bone, rate)), None)
+        centre = nominal
+        if start is None:
+            start = next((rate for rate in STANDARD_RATES if _answers_standard(bone, rate)), None)
+            centre = start or nominal
     finally:
         bone.set_baud(nominal)
     if start is None:
         raise LineFault(
             Cause.SILENT,
-            f"no Viform board answers on {port.name} within {REACH_PERCENT} % of {nominal} baud",
+            f"no Viform board answers on {port.name} within {REACH_PERCENT} % of {nominal} baud or "
+            "at a standard rate",
         )
-    low, below = _edge(bone, nominal, start, -1)
-    high, above = _edge(bone, nominal, start, 1)
+    low, below = _edge(bone, centre, start, -1)
+    high, above = _edge(bone, centre, start, 1)
     if not low <= nominal <= high and _answers(bone, nominal, _NOMINAL_TRIES):
         low, high = min(low, nominal), max(high, nominal)
         below, above = min(below, low), max(above, high)
@@ -180,6 +197,14 @@ def _answers(bone: Uartbone, rate: int, tries: int = 1) -> bool:
         else:
             bone.resynchronise()
     return False
+
+
+def _answers_standard(bone: Uartbone, rate: int) -> bool:
+    """Whether the board answers at a rate that the adapter may not support."""
+    try:
+        return _answers(bone, rate)
+    except InputError:
+        return False
 
 
 def _by_edges(low: tuple[int, int], high: tuple[int, int], bit_clocks: int) -> tuple[float, float]:

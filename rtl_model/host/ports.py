@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import termios
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -21,6 +20,14 @@ from rtl_model.host.faults import Cause, LineFault
 
 if TYPE_CHECKING:
     import serial
+
+try:
+    from termios import error as TerminalError
+except ImportError:  # Windows, whose ports pyserial opens without it
+
+    class TerminalError(Exception):  # type: ignore[no-redef]
+        """Is never raised."""
+
 
 __all__ = ["Port", "SerialPort", "is_pty", "latency_timer", "open_port", "ports_here"]
 
@@ -158,8 +165,8 @@ class _named:
             raise LineFault(
                 Cause.STUCK, f"{self.name} did not accept the bytes to send within the time limit"
             ) from error
-        # TypeError: pyserial, if the port closes during a read; termios.error is not an OSError
-        if isinstance(error, OSError | TypeError | termios.error):
+        # TypeError: pyserial, if the port closes during a read; TerminalError is not an OSError
+        if isinstance(error, OSError | TypeError | TerminalError):
             raise LineFault(Cause.GONE, f"{self.name} disappeared ({_plain(error)})") from error
 
 
@@ -199,7 +206,7 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
         raise _refused(url, exc) from exc
     try:
         inner.open()
-    except (OSError, termios.error, LookupError, TypeError) as exc:
+    except (OSError, TerminalError, LookupError, TypeError) as exc:
         # URL handlers raise the last two for parts that they cannot parse.
         raise _refused(url, exc) from exc
     except ValueError as exc:
@@ -274,11 +281,11 @@ def _refused(url: str, error: BaseException) -> LineFault:
 
 
 def _group_advice(url: str) -> str:
-    import grp
-
     try:
+        import grp
+
         group = grp.getgrgid(Path(url).stat().st_gid).gr_name
-    except (OSError, KeyError):
+    except (ImportError, OSError, KeyError):
         group = "dialout"
     if group == "root":
         group = "dialout"  # a udev rule assigns ports to it, not to root

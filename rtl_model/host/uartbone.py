@@ -21,7 +21,8 @@ from rtl_model.host.ports import Port
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone"]
+__all__ = ["BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone", "read_request",
+           "write_request"]  # fmt: skip
 
 PATIENCE_S, SIMULATED_PATIENCE_S = 0.3, 3.0
 """Longest wait for an answer beyond line time, s. A busy machine may suspend the thread of a
@@ -201,11 +202,27 @@ class Uartbone:
         for start in range(0, len(values), self.words_at_once):
             part = values[start : start + self.words_at_once]
             place = address if fixed else address + 4 * start
-            data = b"".join((value & 0xFFFFFFFF).to_bytes(4, "big") for value in part)
-            command = _WRITE_FIXED if fixed else _WRITE
-            self._send(_header(command, len(part), place) + data, place, len(part))
+            packet = write_request(place, part, fixed=fixed)
+            self._send(packet, place, len(part))
             self.words_written += len(part)
-            self.written_crc = zlib.crc32(data, self.written_crc)
+            self.written_crc = zlib.crc32(packet[_HEADER:], self.written_crc)
+
+    def ask(self, address: int) -> bytes:
+        """Requests one word and returns all bytes that come back, even if these are not four.
+
+        The caller must resynchronise. Raises LineFault STUCK or GONE.
+        """
+        self._send(read_request(address, 1), address, 1)
+        self.bytes_asked += 4
+        data = self.port.read(4, self._line_s(self._outstanding + 4) + self.patience_s)
+        more = b""
+        while len(data) == 4 and (byte := self.port.read(1, self._line_s(_TAIL))):
+            more += byte
+        self.bytes_read += len(data) + len(more)
+        self.round_trips += 1
+        if self.log is not None:
+            self.log.read(4, data, more, None)
+        return data + more
 
     def resynchronise(self) -> int:
         """Keeps silent until the board has dropped an incomplete transaction and sends nothing.
@@ -257,7 +274,7 @@ class Uartbone:
         if strays := self.port.drain():
             self._stray(strays)
             self.resynchronise()  # later bytes would be taken for the answer
-        packet = _header(_READ_FIXED if fixed else _READ, count, address)
+        packet = read_request(address, count, fixed=fixed)
         self._send(packet, address, count)
         wanted = 4 * count
         self.bytes_asked += wanted
@@ -295,6 +312,17 @@ class Uartbone:
     def _note(self, what: str, value: int) -> None:
         if self.log is not None:
             self.log.note(what, value)
+
+
+def read_request(address: int, words: int, *, fixed: bool = False) -> bytes:
+    """The bytes that request words; arguments as in `Uartbone.read`."""
+    return _header(_READ_FIXED if fixed else _READ, words, address)
+
+
+def write_request(address: int, values: Sequence[int], *, fixed: bool = False) -> bytes:
+    """The bytes that write words; arguments as in `Uartbone.write`."""
+    data = b"".join((value & 0xFFFFFFFF).to_bytes(4, "big") for value in values)
+    return _header(_WRITE_FIXED if fixed else _WRITE, len(values), address) + data
 
 
 def _header(command: int, count: int, address: int) -> bytes:

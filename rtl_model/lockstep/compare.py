@@ -19,7 +19,13 @@ from rtl_model.lockstep.coverage import Coverage
 from rtl_model.lockstep.difference import Difference, first_difference
 from rtl_model.lockstep.program import ADDRESS, Chunk, Program
 from rtl_model.registers import REGISTERS, mask
-from rtl_model.verilated import VerilatedSystem, Waves, trace_format
+from rtl_model.verilated import (
+    VerilatedSystem,
+    Waves,
+    system_signals,
+    trace_format,
+    write_view,
+)
 
 __all__ = ["Outcome", "run"]
 
@@ -94,6 +100,10 @@ def run(
             _Lockstep(program, verilog, difference.until).run(_ENDLESS, None)
             verilog.run(max(0, last - verilog.clock))
         difference.waves = waves
+        geometry = program.geometry
+        difference.view = write_view(
+            waves, geometry, system_signals(geometry), difference.clock, [difference.clock]
+        )
     return outcome
 
 

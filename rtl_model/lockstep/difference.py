@@ -27,6 +27,7 @@ class Difference:
         verilog, model: the two values; None for a missing tile.
         until: clock after which the difference is visible.
         waves: file of waveforms, None if not written.
+        view: GTKWave's view of them, None if not written.
         sources: folder of the Verilog; None for the design's.
     """
 
@@ -40,6 +41,7 @@ class Difference:
     model: int | None
     until: int
     waves: Path | None = None
+    view: Path | None = None
     sources: Path | None = None
 
     @property
@@ -62,7 +64,7 @@ class Difference:
             f"reproduce: {self.reproducer}",
         ]
         if self.waves is not None:
-            lines.append(f"waveforms: {self.waves}")
+            lines.append(f"waveforms: {self.waves}, displayed by `gtkwave {self.view}`")
         return "\n".join(lines)
 
 

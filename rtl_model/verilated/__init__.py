@@ -8,16 +8,22 @@ from rtl_model.verilated.build import (
     library,
     verilog_files,
 )
+from rtl_model.verilated.pins import VerilatedPins
 from rtl_model.verilated.system import VerilatedSystem, Waves, trace_format
+from rtl_model.verilated.view import board_signals, system_signals, write_view
 
 __all__ = [
     "VERILOG",
     "BuildFailed",
+    "VerilatedPins",
     "VerilatedSystem",
     "Waves",
+    "board_signals",
     "build_crc",
     "fst_library",
     "library",
+    "system_signals",
     "trace_format",
     "verilog_files",
+    "write_view",
 ]

@@ -3,15 +3,7 @@
 #include <memory>
 
 #include "Vtop.h"
-#include "verilated.h"
-#ifdef VIFORM_FST
-#include "verilated_fst_c.h"
-typedef VerilatedFstC Waves;
-#endif
-#ifdef VIFORM_VCD
-#include "verilated_vcd_c.h"
-typedef VerilatedVcdC Waves;
-#endif
+#include "waves.h"
 
 namespace {
 
@@ -31,19 +23,12 @@ struct Board {
     VerilatedContext context;
     std::unique_ptr<Vtop> top;
     uint64_t clock = 0;
-#if defined(VIFORM_FST) || defined(VIFORM_VCD)
     Waves waves;
-    bool open = false;
-    uint64_t first = 0, last = 0;
-#endif
 
     void half(bool level) {
         top->clk = level;
         top->eval();
-#if defined(VIFORM_FST) || defined(VIFORM_VCD)
-        // A clock is two steps of time, so that edge n is at time 2 n.
-        if (open && clock >= first && clock < last) waves.dump(2 * clock + (level ? 0 : 1));
-#endif
+        waves.dump(clock, level);
     }
 };
 
@@ -71,9 +56,6 @@ Board *viform_open() {
 }
 
 void viform_close(Board *board) {
-#if defined(VIFORM_FST) || defined(VIFORM_VCD)
-    if (board->open) board->waves.close();
-#endif
     board->top->final();
     delete board;
 }
@@ -81,11 +63,7 @@ void viform_close(Board *board) {
 #if defined(VIFORM_FST) || defined(VIFORM_VCD)
 // Waveforms of the clocks first to last - 1; returns whether the file could be opened.
 int viform_waves(Board *board, const char *path, uint64_t first, uint64_t last) {
-    board->top->trace(&board->waves, 99);
-    board->waves.open(path);
-    board->first = first;
-    board->last = last;
-    return board->open = board->waves.isOpen();
+    return board->waves.begin(*board->top, path, first, last);
 }
 #endif
 

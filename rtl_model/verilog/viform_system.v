@@ -49,6 +49,28 @@ module viform_system #(
     localparam [31:0] ADDRESS_BITS = ROWS * TILES > 1 ? $clog2(ROWS * TILES) : 1;
     localparam [31:0] WORD_BITS = ADDRESS_BITS + $clog2(LANES / 4);
 
+    // A parameter that is not supported ends the elaboration: the module of this name is absent.
+    generate
+        if (LANES != 32 && LANES != 64) begin : refuse_lanes
+            LANES_must_be_32_or_64 refused ();
+        end
+        if (ROWS == 0 || ROWS > 4095) begin : refuse_rows
+            ROWS_must_be_1_to_4095 refused ();
+        end
+        if (COLUMNS == 0 || COLUMNS > 4096) begin : refuse_columns
+            COLUMNS_must_be_1_to_4096 refused ();
+        end
+        if (BIT_CLOCKS < 4) begin : refuse_bit_clocks
+            BIT_CLOCKS_must_be_at_least_4 refused ();
+        end
+        if (CAPTURE_WORDS < 2 || (CAPTURE_WORDS & (CAPTURE_WORDS - 1)) != 0) begin : refuse_capture
+            CAPTURE_WORDS_must_be_a_power_of_two refused ();
+        end
+        if (SINK_WORDS < 4 || (SINK_WORDS & (SINK_WORDS - 1)) != 0) begin : refuse_sinks
+            SINK_WORDS_must_be_a_power_of_two refused ();
+        end
+    endgenerate
+
     wire reset = rst || soft_reset;
     wire [23:0] group = bus_adr[29:6];
     wire [5:0] offset = bus_adr[5:0];

@@ -64,6 +64,17 @@ class Evidence:
         return bool(self.framing or self.crc or any(counts))
 
     @property
+    def paused_to_board(self) -> bool:
+        """Whether the board cut a request of which no byte is missing, and nothing else shows a
+        changed byte.
+
+        The rest of the request then counts as unknown commands, and the words of a write are
+        missing in the CRC-32.
+        """
+        others = self.framing or self.bus_errors or self.address
+        return bool(self.aborts > 0 and not self.to_board and self.words <= 0 and not others)
+
+    @property
     def clean(self) -> bool:
         """Whether no error is known."""
         return self.known and not (
@@ -94,6 +105,12 @@ class Evidence:
             what = "lost" if self.to_board < 0 else "added"
             clauses.append(
                 f"{_many(abs(self.to_board), 'byte')} to the board {what}{self._counted()}"
+            )
+        elif self.paused_to_board:
+            clauses.append(
+                f"{_many(self.aborts, 'request')} to the board cut by its watchdog, though every "
+                "byte arrived: a pause of more than 100 ms within it, or a changed length; the "
+                "counts do not distinguish the two"
             )
         elif self.changed_to_board:
             clauses.append(f"one byte or more to the board changed{self._counted()}")
@@ -166,6 +183,10 @@ class Evidence:
     def remedy(self) -> str:
         """What to check or repair."""
         directions = self.directions
+        delayed = self.repeats and self.known and self.clean
+        if delayed or (self.paused_to_board and directions == ["to-board"]):
+            return "find what delays the bytes: a hub, a network, a busy host or a slow " \
+                "simulator (--time-scale)"  # fmt: skip
         if directions == ["to-board"]:
             return "check the wire to the board's RX, its level and ground, and that no other " \
                 "program writes to the port"  # fmt: skip

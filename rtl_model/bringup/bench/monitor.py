@@ -94,6 +94,7 @@ class LineMonitor:
         self._wrong = _WrongAnswers()
         self._errors = 0  # bus errors of the board at the last reading
         self._busy = False
+        self._restarted = False  # whether the board restarted before the first interval
         self.geometry: Geometry | None = None
         bone.on_other_answer = self.other_answer
 
@@ -106,6 +107,7 @@ class LineMonitor:
         retried = self._bone.retried
         self._before = now = self._sums()
         early = self._bone.retried - retried
+        self._restarted = now is not None and _counts_less(now)
         if now is not None and early and now.rx + now.framing <= now.sent:
             self._before = _Sums(*[0] * len(_Sums._fields))
             self._wrong.unfit = []
@@ -122,8 +124,9 @@ class LineMonitor:
         now = self._before = self._sums()
         wrong, self._wrong = self._wrong, _WrongAnswers()
         repeats += self._bone.retried - retried
-        if before is None or now is None:
-            return Evidence(known=False, repeats=repeats)
+        restarted, self._restarted = self._restarted, False
+        if restarted or before is None or now is None:
+            return Evidence(known=False, repeats=repeats, restarted=restarted)
         if any(_signed(getattr(now, name) - getattr(before, name)) < 0 for name in _GROW):
             return Evidence(known=False, repeats=repeats, restarted=True)
         arrived = now.rx + now.framing - before.rx - before.framing
@@ -370,6 +373,11 @@ def _has_restarted(before: _Sums, evidence: Evidence) -> bool:
         and -evidence.to_board >= before.rx + before.framing
         and 2 * evidence.from_board >= before.tx > 0
     )
+
+
+def _counts_less(now: _Sums) -> bool:
+    """Whether the board counted fewer bytes in each direction than this host, so it restarted."""
+    return min(now.sent - now.rx - now.framing, now.heard - now.tx) >= _RESTART_BYTES // 2
 
 
 def _octets(got: list[int], right: list[int]) -> int:

@@ -19,6 +19,8 @@ from rtl_model.registers import MEMORIES, REGISTERS
 __all__ = ["Trace", "checked_trace", "write_waves"]
 
 _FRAMES = 2
+_WORDS = 64  # of a request
+_ANSWER = 6  # bytes' time that an answer of one word takes, with a margin
 
 
 class Trace(NamedTuple):
@@ -54,27 +56,43 @@ def checked_trace(path: Path | None, geometry: Geometry | None) -> Trace | None:
 
 
 def write_waves(trace: Trace, seed: int) -> None:
-    """Writes the waveforms of the first frames under the image of `seed`.
+    """Writes the waveforms of the first frames under the image of `seed`, and a view of them.
 
-    Raises RuntimeError if the Verilog's tiles differ from the cycle model's.
+    A host sends the image over the line, which is not in the waveforms, then starts the sensor, and
+    reads the count of spikes after the frames. Markers are at the frames' first tiles.
+
+    Raises RuntimeError if the Verilog's spikes differ from the cycle model's.
     """
     from rtl_model.cycle import System
-    from rtl_model.verilated import VerilatedSystem, Waves
+    from rtl_model.host.uartbone import read_request, write_request
+    from rtl_model.verilated import VerilatedPins, Waves, board_signals, write_view
 
     geometry = trace.geometry
     address = {entry.name: entry.address for entry in REGISTERS}
     base = next(memory.address for memory in MEMORIES if memory.name == "pattern_mem")
     padded = np.zeros((geometry.rows, geometry.tiles * geometry.lanes), np.uint8)
     padded[:, : geometry.columns] = make_image(geometry, seed)
-    words = padded.view("<u4").reshape(-1)
-    writes = [(n, base + 4 * n, int(word)) for n, word in enumerate(words)]
-    start = len(writes)
-    writes += [
-        (start, address["sensor_threshold"], 0),
-        (start + 1, address["sensor_run"], 1),
-    ]
-    clocks = start + 2 + _FRAMES * geometry.tick_clocks
-    with VerilatedSystem(geometry, waves=Waves(trace.path, start, clocks)) as verilog:
-        tiles = verilog.run(clocks, writes)
-    if not np.array_equal(tiles, System(geometry).run(clocks, writes)):
-        raise RuntimeError("the Verilog's tiles differ from the cycle model's")
+    words = [int(word) for word in padded.view("<u4").reshape(-1)]
+    upload = b"".join(
+        write_request(base + 4 * n, words[n : n + _WORDS]) for n in range(0, len(words), _WORDS)
+    )
+    settings = [(address["sensor_threshold"], 0), (address["sensor_run"], 1)]
+    begin = b"".join(write_request(place, [value]) for place, value in settings)
+    request = read_request(address["sensor_spikes"], 1)
+    line = 10 * geometry.bit_clocks
+    first = len(upload) * line
+    frames = _FRAMES * geometry.tick_clocks
+    last = first + (len(begin) + len(request) + _ANSWER) * line + frames
+    with VerilatedPins(geometry, Waves(trace.path, first, last)) as board:
+        board.send(upload)
+        tiles = np.concatenate([board.send(begin, frames), board.send(request, _ANSWER * line)])
+    writes = [(n, base + 4 * n, word) for n, word in enumerate(words)]
+    writes += [(len(words) + n, place, value) for n, (place, value) in enumerate(settings)]
+    model = System(geometry)
+    expected = model.run(len(writes) + last - first, writes)
+    count = min(len(tiles), len(expected))
+    places = ["frame", "row", "tile", "bits"]
+    if not count or not np.array_equal(tiles[places][:count], expected[places][:count]):
+        raise RuntimeError("the Verilog's spikes differ from the cycle model's")
+    starts = tiles["clock"][(tiles["row"] == 0) & (tiles["tile"] == 0)]
+    write_view(trace.path, geometry, board_signals(geometry), first, [int(at) for at in starts])

@@ -7,6 +7,7 @@ import math
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import BaudReport, Cause, LineFault, find_baud
+from rtl_model.host.baud import REACH_PERCENT, STANDARD_RATES
 from rtl_model.host.uartbone import FINAL, PATIENCE_S
 from rtl_model.registers import MAGIC
 
@@ -148,7 +149,10 @@ def _unsolicited_bytes(bench: Bench, data: bytes) -> StageFault:
 def _wrong_baud(bench: Bench, observation: str) -> StageFault | None:
     """The fault "baud" if the board answers at another rate, else None."""
     nominal = bench.nominal_baud
-    bench.note("no valid answer arrives: looking for the board's baud, which may take a minute")
+    bench.note(
+        "no valid answer arrives: looking for the board's baud, first near "
+        f"{_spaced(nominal)}, then at standard rates, which may take a minute"
+    )
     try:
         result = find_baud(
             bench.port, nominal, time_scale=bench.bone.time_scale, log=bench.bone.log
@@ -159,7 +163,7 @@ def _wrong_baud(bench: Bench, observation: str) -> StageFault | None:
         return None
     finally:
         bench.bone.set_baud(nominal)
-    narrow = result.highest - result.lowest < _NARROW * nominal
+    narrow = result.highest - result.lowest < _NARROW * result.measured
     if result.tolerable or narrow or abs(result.error_percent) <= _WORKS_PERCENT:
         return None
     text = f"{observation}; {_baud_text(result)}"
@@ -192,6 +196,11 @@ def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
 
 
 def _baud_text(result: BaudReport) -> str:
+    if abs(result.error_percent) > REACH_PERCENT:
+        return (
+            f"the board answers at {_spaced(_standard(result))} baud, and the host sends at "
+            f"{_spaced(result.nominal)}"
+        )
     side, fast = ("above", "slow") if result.error_percent > 0 else ("below", "fast")
     host = 100 * (result.nominal / result.measured - 1)
     return (
@@ -205,7 +214,16 @@ def _spaced(rate: int) -> str:
     return f"{rate:,}".replace(",", " ")
 
 
+def _standard(result: BaudReport) -> int:
+    """The standard rate nearest to the measured one if both work together, else the measured."""
+    rate = min(STANDARD_RATES, key=lambda rate: abs(rate - result.measured))
+    near = abs(rate / result.measured - 1) <= _WORKS_PERCENT / 100
+    return rate if near else result.measured
+
+
 def _remedy(result: BaudReport) -> str:
+    if abs(result.error_percent) > REACH_PERCENT:
+        return f"give --baud {_standard(result)}"
     return (
         f"give --baud {result.measured}, or correct the board's clock or its divider "
         "(receivers accept up to 5 %)"

@@ -18,9 +18,9 @@ _LATENCY_S = 4e-3  # beyond line time; a larger one is caused by an adapter's ti
 _SCRATCH_RESET = 0x12345678
 _REMEDIES = {
     "uart_framing_errors": "check levels, ground and baud: stop bits were low",
-    "uart_watchdog_aborts": "bytes to the board were lost, and it waited 100 ms for "
-    "them: check cable and flow control, raise the baud",
-    "uart_unknown_commands": "bytes to the board were lost or changed: check cable and baud",
+    "uart_watchdog_aborts": "the board waited 100 ms for bytes of a request, which were lost, "
+    "delayed, or shifted by an added one: check cable, flow control and baud",
+    "uart_unknown_commands": "bytes to the board were lost, added or changed: check cable and baud",
 }
 
 

@@ -80,6 +80,31 @@ def test_six_percent_of_baud_are_measured(error, rate, side, tmp_path):
     assert again.failed.figures == report.failed.figures
 
 
+class Delayed(ModelPort):
+    """Answers 200 ms late."""
+
+    def answer(self, data, clocks):
+        super().answer(data, [clock + SIZE.clock_hz // 5 for clock in clocks])
+
+
+def test_a_long_bring_up_is_announced():
+    notes = []
+    brought_up(Delayed(SIZE), note=notes.append)
+    assert notes[0].startswith("an answer takes 201 ms, so the bring-up takes about 8 minutes")
+    notes.clear()
+    brought_up(ModelPort(SIZE), note=notes.append)
+    assert notes == []
+
+
+@pytest.mark.parametrize("host", [9_600, 57_600, 230_400, 921_600])
+def test_another_standard_rate_is_named(host):
+    report = brought_up(ModelPort(SIZE, baud=host, baud_error=0.01), baud=host)
+    assert (report.failed_stage, report.failed.kind) == ("bytes", "baud")
+    rate = f"{host:,}".replace(",", " ")
+    assert f"the board answers at 115 200 baud, and the host sends at {rate}" in report.cause
+    assert report.cause.endswith("give --baud 115200")
+
+
 @pytest.mark.parametrize(
     ("make", "stage", "kind", "says"),
     [

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from rtl_model.cycle.line import LineCounters
 from rtl_model.geometry import Geometry
-from rtl_model.host import find_baud, open_port
+from rtl_model.host import Cause, LineFault, find_baud, open_port
 from rtl_model.virtual import VirtualBoard
 from tests.rtl_model.bringup.model_port import ModelPort
 from tests.rtl_model.virtual.hosts import needs_verilator
@@ -33,6 +34,27 @@ def test_the_true_deviation_is_within_the_uncertainty(percent, bit_clocks):
     assert report.by_pulse and report.bit_clocks == bit_clocks
     assert report.baud == (50_000 if report.tolerable else report.measured)
     assert port.sent < 70
+
+
+@pytest.mark.parametrize("host", [9_600, 38_400, 57_600, 76_800, 170_000, 230_400, 921_600])
+@pytest.mark.parametrize("percent", [-3, 0, 1])
+def test_a_host_at_another_standard_rate_finds_the_board(monkeypatch, host, percent):
+    written = []
+    monkeypatch.setattr(LineCounters, "count_write", lambda _, value: written.append(value))
+    port = Counted(Geometry(rows=4, columns=40), baud=host, baud_error=percent / 100)
+    assert port.geometry.baud == 115_200
+    report = find_baud(port, host)
+    assert not report.tolerable and report.baud == report.measured
+    true = 115_200 * (1 + percent / 100)
+    assert abs(report.measured - true) <= report.uncertainty_percent / 100 * host < 0.01 * true
+    assert written == [1]  # to `uart_clear`
+
+
+def test_a_silent_board_is_tried_at_every_rate():
+    port = Counted(Geometry(rows=4, columns=40), baud=7_000, baud_error=1.2)
+    with pytest.raises(LineFault, match="within 20 % of 7000 baud or at a standard rate") as caught:
+        find_baud(port, 7_000)
+    assert caught.value.cause is Cause.SILENT and port.baud == 7_000 and port.sent < 40
 
 
 @needs_verilator

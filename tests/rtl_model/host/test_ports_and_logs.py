@@ -4,6 +4,8 @@ import json
 import os
 import pty
 import socket
+import subprocess
+import sys
 import threading
 import tty
 
@@ -219,3 +221,15 @@ def test_a_url_without_what_it_needs_is_refused_in_our_words(url):
 def test_a_file_that_is_not_a_port_is_refused_as_such():
     with pytest.raises(LineFault, match="/dev/null exists but is not a serial port"):
         open_port("/dev/null", 115_200)
+
+
+def test_a_system_without_terminals_imports_the_host_side():
+    """Windows has none of these modules, and pyserial opens its ports without them."""
+    program = (
+        "import sys, psutil\n"
+        "for name in ('termios', 'fcntl', 'grp', 'pwd', 'resource', 'tty', 'pty'):\n"
+        "    sys.modules[name] = None\n"
+        "import rtl_model.bringup.run, rtl_model.bringup.report.page, scenarios.cli.board.bringup\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr

@@ -180,13 +180,17 @@ def test_waveforms_stand_about_the_difference(ending, tmp_path):
     found = lockstep.run(PROGRAM, sources=sources, waves=path).difference
     assert found is not None
     assert found.waves == path
-    assert str(found).splitlines()[-1] == f"waveforms: {path}"
+    view = path.with_suffix(".gtkw")
+    shown = f"waveforms: {path}, displayed by `gtkwave {view}`"
+    assert str(found).splitlines()[-1] == shown
+    step = 10**12 / PROGRAM.geometry.clock_hz
+    assert view.read_text().splitlines()[3].split()[1] == str(int(found.clock * step))
     assert 1000 < path.stat().st_size < 5_000_000
     if ending == ".vcd":
         text = path.read_text()
         times = [int(line[1:]) for line in text.splitlines() if re.fullmatch(r"#\d+", line)]
-        assert times[0] == 2 * (found.clock - 256)
-        assert times[-1] == 2 * (found.until + 64) - 1
+        assert times[0] == int((found.clock - 256) * step)
+        assert times[-1] == int((found.until + 64 - 0.5) * step)
         assert all(a < b for a, b in itertools.pairwise(times))
         for name in ("tile_bits", "bus_we", "threshold"):
             assert re.search(rf"\b{name}\b", text)

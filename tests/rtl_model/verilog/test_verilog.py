@@ -55,3 +55,29 @@ def test_verilator_has_nothing_to_remark(geometry):
         capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
+
+
+REFUSED = [
+    ("LANES", 48), ("LANES", 128), ("CAPTURE_WORDS", 3000), ("SINK_WORDS", 1000), ("ROWS", 0),
+    ("ROWS", 4096), ("COLUMNS", 4097), ("BIT_CLOCKS", 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value"), REFUSED)
+@pytest.mark.parametrize("tool", ["verilator", "iverilog", "yosys"])
+def test_a_parameter_that_is_not_supported_is_refused(tool, name, value):
+    if shutil.which(tool) is None:
+        pytest.skip(f"needs the system package {tool}")
+    sources = [str(path) for path in sorted(VERILOG.glob("*.v"))]
+    top = "viform_system" if tool == "yosys" and name != "BIT_CLOCKS" else "viform_board"
+    script = f"read_verilog -I{VERILOG} {' '.join(sources)}; chparam -set {name} {value} {top}; "
+    command = {
+        "verilator": ["verilator", "--lint-only", "-Wno-fatal", f"-I{VERILOG}", f"-G{name}={value}",
+                      "--top-module", top, *sources],
+        "iverilog": ["iverilog", "-g2005", f"-I{VERILOG}", f"-P{top}.{name}={value}", "-s", top,
+                     "-o", "/dev/null", *sources],
+        "yosys": ["yosys", "-q", "-p", f"{script}hierarchy -check -top {top}"],
+    }[tool]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode != 0
+    assert f"{name}_must_be_" in done.stdout + done.stderr

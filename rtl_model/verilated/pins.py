@@ -1,0 +1,85 @@
+"""The verilated board at its pins: a host's bytes in, tiles out, for waveforms with the line."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+
+from cosim import InputError
+from rtl_model.cycle.tiles import TILE, Tiles
+from rtl_model.geometry import Geometry
+from rtl_model.verilated.build import library
+from rtl_model.verilated.system import Waves
+
+__all__ = ["VerilatedPins"]
+
+_SHIM = Path(__file__).with_name("pins.cpp")
+_BITS = 10
+
+
+class VerilatedPins:
+    """`viform_board` in Verilator, with a host that sends 8N1 at the board's baud.
+
+    Args:
+        geometry: of the build.
+        waves: waveforms to write. The file is complete when the board is closed.
+
+    Attributes:
+        clock: edges passed since reset.
+
+    Raises:
+        InputError: if Verilator is missing or the waveforms cannot be written.
+    """
+
+    def __init__(self, geometry: Geometry, waves: Waves) -> None:
+        self.geometry, self.clock = geometry, 0
+        path = library("viform_board", geometry, _SHIM, trace=waves.format)
+        self._library = _load(path)
+        self._board: int | None = self._library.viform_open()
+        opened = self._library.viform_waves(
+            self._board, str(waves.path).encode(), waves.first, waves.last
+        )
+        if not opened:
+            self.close()
+            raise InputError(
+                f"{waves.path}", "a file that can be written", "refused", "choose another name"
+            )
+
+    def __enter__(self) -> VerilatedPins:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the model and completes its waveforms."""
+        board, self._board = getattr(self, "_board", None), None
+        if board is not None:
+            self._library.viform_close(board)
+
+    def line_clocks(self, count: int) -> int:
+        """Duration of `count` bytes on the line, clocks."""
+        return count * _BITS * self.geometry.bit_clocks
+
+    def send(self, data: bytes, idle: int = 0) -> Tiles:
+        """Sends bytes, then runs `idle` clocks; returns the tiles computed meanwhile."""
+        clocks = self.line_clocks(len(data)) + idle
+        tiles = np.empty(clocks, TILE)  # at most one tile a clock
+        count = self._library.viform_send(
+            self._board, data, len(data), idle, tiles.ctypes.data, clocks
+        )
+        self.clock += clocks
+        return tiles[:count].copy()
+
+
+def _load(path: Path) -> ctypes.CDLL:
+    loaded = ctypes.CDLL(str(path))
+    number, pointer = ctypes.c_uint64, ctypes.c_void_p
+    loaded.viform_open.restype = pointer
+    loaded.viform_close.argtypes = [pointer]
+    loaded.viform_waves.argtypes = [pointer, ctypes.c_char_p, number, number]
+    loaded.viform_send.restype = number
+    loaded.viform_send.argtypes = [pointer, ctypes.c_char_p, number, number, pointer, number]
+    return loaded

@@ -1,0 +1,62 @@
+"""A view of waveforms for GTKWave: the signals to display and named markers.
+
+`gtkwave FILE.gtkw` opens both. The format is GTKWave's save file (GTKWave User's Guide, appendix
+"Save file format"): marker times are in steps of the trace, which are picoseconds here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cosim.files.whole import whole
+from rtl_model.geometry import Geometry
+
+__all__ = ["board_signals", "system_signals", "write_view"]
+
+_TILES = ("tile_valid", "tile_frame[31:0]", "tile_row[15:0]", "tile_index[15:0]")
+_BUS = ("bus_we", "bus_re", "bus_adr[29:0]", "bus_wdata[31:0]", "bus_rvalid", "bus_rdata[31:0]")
+_MARKERS = 26  # A to Z
+_HEXADECIMAL = "@22"
+
+
+def board_signals(geometry: Geometry) -> list[str]:
+    """Signals of a trace of `viform_board`: the clock, the line, the bus and the tiles."""
+    top = "TOP.viform_board."
+    names = ["clk", "serial_rx", "serial_tx", *(f"core.{name}" for name in _BUS), *_TILES]
+    return [top + name for name in [*names, f"tile_bits[{geometry.lanes - 1}:0]"]]
+
+
+def system_signals(geometry: Geometry) -> list[str]:
+    """Signals of a trace of `viform_system`: the clock, the bus and the tiles."""
+    top = "TOP.viform_system."
+    return [top + name for name in ["clk", *_BUS, *_TILES, f"tile_bits[{geometry.lanes - 1}:0]"]]
+
+
+def write_view(
+    trace: Path, geometry: Geometry, signals: Sequence[str], cursor: int, marks: Sequence[int]
+) -> Path:
+    """Writes the view beside a trace, with the ending .gtkw, and returns its path.
+
+    Args:
+        trace: file of waveforms.
+        geometry: of the build.
+        signals: names with their scopes.
+        cursor: clock of the primary marker.
+        marks: clocks of the markers A, B, ...; 26 at most are used.
+    """
+    times = [_picoseconds(clock, geometry) for clock in (cursor, *marks[:_MARKERS])]
+    times += [-1] * (1 + _MARKERS - len(times))
+    path = trace.with_suffix(".gtkw")
+    lines = [
+        f'[dumpfile] "{trace.absolute()}"', f'[savefile] "{path.absolute()}"',
+        f"[timestart] {times[0]}", "*-18 " + " ".join(str(time) for time in times),
+        _HEXADECIMAL, *signals,
+    ]  # fmt: skip
+    with whole(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def _picoseconds(clock: int, geometry: Geometry) -> int:
+    return clock * 10**12 // geometry.clock_hz
