@@ -106,9 +106,8 @@ def check(finished: Any, step: int, place: Path) -> None:
     assert got["state"] == json.loads(json.dumps(expected["state"]))
 
 
+@pytest.mark.parametrize("finished", QUICK, indirect=True)
 def test_a_full_disk_is_one_line_and_the_run_resumes(finished: Any, tmp_path: Path) -> None:
-    if finished[0] not in QUICK:
-        pytest.skip("is among the slow tests")
     check(finished, QUICK[finished[0]], tmp_path)
 
 
