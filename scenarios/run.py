@@ -6,12 +6,13 @@ repeated. `result.json` is written last: a folder that contains it is complete.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from pydantic import TypeAdapter
 
 from cosim import InputError, Interrupted
 from cosim.files.whole import whole
@@ -159,8 +160,8 @@ def _reinstated_before(path: Path) -> list[Finding]:
     if not path.exists():
         return []
     try:
-        return [Finding(**row) for row in json.loads(path.read_text(encoding="utf-8"))]
-    except (OSError, ValueError, TypeError) as exc:
+        return TypeAdapter(list[Finding]).validate_json(path.read_bytes())
+    except (OSError, ValueError) as exc:
         raise InputError(
             REINSTATED, "the file that this run wrote", "a damaged file",
             f"remove {path.parent} and start the run again",

@@ -19,6 +19,7 @@ from cosim import Clock, Viform
 from cosim.files import open_stream, write_stream
 from cosim.files.event_file import read_events
 from cosim.files.intensities import read_intensities, write_intensities
+from cosim.run.folder import REINSTATED
 from cosim.run.loop import Checkpoint
 from cosim.run.result import read_result
 from cosim.spikes.intensities import Intensities
@@ -28,6 +29,7 @@ from rtl_model.geometry import Geometry
 from rtl_model.host import read_csr
 from rtl_model.imagers.run.tape import Tape
 from scenarios.assemble.schema.loading import load
+from scenarios.run import _reinstated_before
 from scenarios.scenes.clips.film import FilmSource
 from sensor.codec.coding import Code
 from sensor.codec.files import open_any
@@ -309,6 +311,14 @@ def _film(path: Path) -> None:
     source.step(None, Block(0, 64))
 
 
+FINDINGS = json.dumps([
+    {"effect": "shot noise", "message": "a bound was exceeded", "promised": 1e-3,
+     "measured": 2e-3, "tile": 7},
+    {"effect": "dead time", "message": "a bound was exceeded", "promised": None,
+     "measured": None, "tile": None},
+]).encode()  # fmt: skip
+
+
 def _sent(folder: Path) -> list[bytes]:
     """A camera's recording of a transmission, without a header."""
     toy = small(bytes(3000), scale=1.03125)
@@ -369,6 +379,8 @@ TARGETS: tuple[Target, ...] = (
            _file("a.npz", lambda p: Checkpoint(p, "this run").load({"counter": _Counter()}))),
     Target("tape", _tape, _file("a.tape", _play)),
     Target("result", lambda folder: [RESULT], _result, text=True),
+    Target("reinstated effects", lambda folder: [FINDINGS],
+           _file(REINSTATED, _reinstated_before), text=True),
     Target("csr", lambda folder: [CSR], _file("csr.csv", read_csr), text=True),
     Target("log", _logs, _file("line.log", _replay(False)), text=True),
     Target("judged log", _logs, _file("line.log", _replay(True)), text=True),
