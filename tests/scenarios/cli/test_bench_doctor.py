@@ -96,14 +96,14 @@ def test_doctor_names_what_is_missing_and_the_mend(
 def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenarios.cli.checks, "probe", list)
     check = scenarios.cli.checks._opencl()
-    assert not check.ok and "pocl-opencl-icd" in check.mend
+    assert not check.ok and "pocl-opencl-icd" in check.remedy
 
 
 def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenarios.cli.checks, "probe_gl", lambda: (False, "the EGL vendor must be"))
     check = scenarios.cli.checks._gl()
     assert not check.ok and not check.needed
-    assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend
+    assert "libegl-mesa0" in check.remedy and "display.renderer=numpy" in check.remedy
 
 
 def test_the_test_command_passes_arguments_to_pytest_and_reports_failure(
