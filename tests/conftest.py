@@ -17,7 +17,8 @@ settings.load_profile("viform")
 
 
 LONG = (
-    "test_recorded.py", "test_new_drive.py", "test_stability.py", "test_joint.py", "test_fast.py",
+    "test_recorded.py", "test_kills.py", "test_new_drive.py", "test_stability.py", "test_joint.py",
+    "test_full_disk.py", "test_fast.py",
     "test_run_link.py", "test_receiving.py", "test_new_effect.py", "test_new_imager.py",
     "test_laboratory.py", "test_convert_image.py", "test_pixel.py", "test_link_plan.py",
     "test_cli.py",

@@ -22,7 +22,7 @@ import zarr
 
 from scenarios.cli.entry import _main
 
-__all__ = ["RECORDED", "differences", "record"]
+__all__ = ["RECORDED", "differences", "left_behind", "plain", "record"]
 
 RECORDED = Path(__file__).with_name("recorded.json")
 TIMED = frozenset({
@@ -39,13 +39,14 @@ LONG = 400
 """Items of a list from which on its digest is kept in its place."""
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A document without what depends on the machine; long lists as digests."""
     if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items() if key not in TIMED}
+        return {key: plain(inner) for key, inner in value.items() if key not in TIMED}
     if isinstance(value, list) and len(value) > LONG:
         return f"{len(value)} items, {hashlib.sha256(_rounded(value).encode()).hexdigest()}"
     if isinstance(value, list):
-        return [_plain(inner) for inner in value]
+        return [plain(inner) for inner in value]
     return value
 
 
@@ -76,7 +77,7 @@ def _stored(path: Path) -> dict[str, str]:
     return {name: _hash(array[...]) for name, array in sorted(group.arrays())}
 
 
-def _left(folder: Path) -> dict[str, Any]:
+def left_behind(folder: Path) -> dict[str, Any]:
     """What stands in a run's folder: the stream by its values, pictures by theirs, pages by what
     they are made of."""
     found: dict[str, Any] = {}
@@ -104,10 +105,10 @@ def record(words: tuple[str, ...], folder: Path) -> dict[str, Any]:
         code = _main(arguments)
     if not out.getvalue():
         return {"code": code, "says": err.getvalue()}
-    document = _plain(json.loads(out.getvalue()))
+    document = plain(json.loads(out.getvalue()))
     if words[0] != "run":
         return {"code": code, "document": document}
-    return {"code": code, "document": document, "left": _left(folder)}
+    return {"code": code, "document": document, "left": left_behind(folder)}
 
 
 def differences(was: Any, now: Any, where: str = "") -> list[str]:

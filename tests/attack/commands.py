@@ -1,0 +1,26 @@
+"""A small run of every kind, for attacks that repeat it many times."""
+
+from __future__ import annotations
+
+from tests.recorded.cases import LINK, SMALL
+
+__all__ = ["RUNS"]
+
+
+def _sets(*assignments: str) -> tuple[str, ...]:
+    return tuple(word for each in assignments for word in ("--set", each))
+
+
+RUNS: dict[str, tuple[str, ...]] = {
+    "latched": ("film", *SMALL, *_sets("duration=4 ms")),
+    "display": ("glass", *SMALL, *_sets(
+        "duration=3 ms", "image.at=[60]", 'display.beside=["120 Hz"]',
+    )),
+    "asynchronous": ("film", *SMALL, *_sets("sensor.readout=asynchronous", "duration=2 ms")),
+    "continuous": ("film", *SMALL, *_sets("sensor.readout=continuous", "duration=2 ms")),
+    "link": ("light-link", *LINK),
+    "emccd": ("emccd-window", *_sets("duration=120 ms")),
+    "ebaps": ("ebaps-night", *_sets("duration=200 ms", "imager.rows=64", "imager.columns=80")),
+    "adaptive": ("adaptive-exposure", *_sets("duration=60 ms")),
+}  # fmt: skip
+"""Scenario and settings by kind of machine."""

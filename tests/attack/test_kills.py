@@ -1,0 +1,70 @@
+"""Runs of every kind that are killed at random moments and resumed: the same bits, metrics and
+files as a run that was left alone."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.attack.commands import RUNS
+from tests.attack.forked import Command
+from tests.recorded.recording import left_behind, plain
+
+QUICK = {"latched": 4, "asynchronous": 3, "continuous": 3, "emccd": 3, "ebaps": 3, "adaptive": 2,
+         "display": 1, "link": 1}  # fmt: skip
+"""Kills of each kind in the ordinary suite, 20 in all."""
+SLOW = 25
+"""Kills of each kind behind the marker, 200 in all."""
+MOST = 3
+"""Kills of one run."""
+
+
+def state(folder: Path) -> dict[str, Any]:
+    """Everything in a complete folder that does not depend on time."""
+    document = json.loads((folder / "result.json").read_text())
+    names = sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file())
+    return {"document": plain(document), "left": left_behind(folder), "files": names}
+
+
+def run(words: tuple[str, ...], folder: Path, log: Path) -> Command:
+    """Starts a run, or resumes the one in the folder, as its user would."""
+    resume = ("--resume",) if (folder / "scenario.toml").exists() else ()
+    return Command(("run", *words, "--out", str(folder), *resume), log)
+
+
+@pytest.fixture(scope="module", params=RUNS)
+def untouched(request: pytest.FixtureRequest, tmp_path_factory: Any) -> Any:
+    """Kind, words, state and duration of a run that is left alone."""
+    kind, folder = request.param, tmp_path_factory.mktemp("untouched")
+    command = run(RUNS[kind], folder / "run", folder / "log")
+    assert command.wait() == 0, (folder / "log").read_text()
+    return kind, state(folder / "run"), command.seconds
+
+
+def check(untouched: Any, first: int, count: int, place: Path) -> None:
+    """Kills runs `first` to `first + count` at moments that follow from their numbers."""
+    kind, expected, seconds = untouched
+    for number in range(first, first + count):
+        rng = random.Random(f"{kind}:{number}")
+        folder, log = place / str(number), place / "log"
+        for _ in range(rng.randint(1, MOST)):
+            command = run(RUNS[kind], folder, log)
+            if command.wait(rng.random() * 1.05 * seconds) is not None:
+                break
+            command.kill()
+        code = run(RUNS[kind], folder, log).wait()
+        assert code == 0, f"{kind}:{number}: {log.read_text()}"
+        assert state(folder) == expected, f"{kind}:{number}"
+
+
+def test_a_killed_run_resumes_to_the_same_result(untouched: Any, tmp_path: Path) -> None:
+    check(untouched, 0, QUICK[untouched[0]], tmp_path)
+
+
+@pytest.mark.slow
+def test_two_hundred_killed_runs(untouched: Any, tmp_path: Path) -> None:
+    check(untouched, 1000, SLOW, tmp_path)
