@@ -12,8 +12,8 @@ another time, so the pixels cover all phases and rows. The parts of a pixel's la
 - transport: delay of the panel.
 - hold: from there until the light crosses half of the step between its settled means, including the
   emitter. A panel that holds intervals waits for the second spike. If the light has fallen before
-  the information arrives, this part is 0. The light of packets ends with the last packet; an eye can
-  only notice the end after some intervals.
+  the information arrives, this part is 0. The light of packets ends with the last packet; an eye
+  can only notice the end after some intervals.
 
 The initial charge of the pixels is that of the run: in the dark it is random (or zero without the
 effect `random initial charge`), so the first interval of bright light is shorter than the time for
