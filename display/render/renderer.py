@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -25,6 +25,7 @@ from display.panels.panel import SpikePanel
 from display.render.context import DRAW_BUFFERS, check_alive, open_context
 from display.render.exposure import Exposures
 from display.render.golden import FOREVER
+from display.render.pieces import Piece, group_size, pieces, split_images, takes_light
 from display.render.shader import GROUPS, DriveSwitches, ObserverSwitches, states, vertex
 
 __all__ = ["Renderer"]
@@ -37,21 +38,6 @@ BUFFERS = 8
 """Number of tables of weights, used in turn, so that none is written while a draw call reads it."""
 Words = npt.NDArray[np.uint32]
 Values = npt.NDArray[np.float64]
-
-
-class _Piece(NamedTuple):
-    """Planes of a block in one draw call.
-
-    Attributes:
-        first, planes: first plane, and number of planes.
-        group: number of planes in a group with common weights.
-        spans: number of the span of each group.
-    """
-
-    first: int
-    planes: int
-    group: int
-    spans: list[int]
 
 
 class Renderer:
@@ -148,32 +134,28 @@ class Renderer:
         self._last, self._lit = (words, cycles), None
         with self._alive():
             self._start = self._now
-            still, moving = _images_of(views)
+            still, moving = split_images(views)
             loaded: tuple[int, int] | None = None
-            for first, planes in _pieces(cycles, self._most(len(still), bool(moving))):
+            for piece in pieces(cycles, self._most(len(still), bool(moving)), self.batch):
                 if not (still or moving or self._states):
                     continue
-                loaded = self._upload(words, first, planes, loaded)
-                self._show(first, planes, views, still, moving)
+                loaded = self._upload(words, piece, loaded)
+                self._show(piece, views, still, moving)
 
     def _most(self, still: int, moving: bool) -> int:
         """Maximum number of planes in a draw call, by its weights and its targets."""
-        group = self._group(PLANES)
+        group = group_size(PLANES, self.batch)
         if moving:
             return min(PLANES, GROUPS * group)
         images = max(1, min(still, DRAW_BUFFERS - self._states))
         return min(PLANES, group * (1 << (TERMS // images).bit_length() - 1))
 
-    def _group(self, planes: int) -> int:
-        """Number of planes that always share a span: the largest power of two that divides both."""
-        return min(planes, self.batch & -self.batch)
-
     def _upload(
-        self, words: Words, first: int, planes: int, loaded: tuple[int, int] | None
+        self, words: Words, piece: Piece, loaded: tuple[int, int] | None
     ) -> tuple[int, int]:
         """Uploads the words of a piece to textures, unless they are `loaded`; returns the first
         word and the number of words."""
-        word, count = first // WORD, -(-planes // WORD)
+        word, count = piece.first // WORD, -(-piece.planes // WORD)
         if loaded != (word, count):
             self._uploads += 1
             for n in range(count):
@@ -187,16 +169,13 @@ class Renderer:
             self._words[self._uploads % 2][n].use(n)
         return word, count
 
-    def _show(
-        self, first: int, planes: int, views: Views | None, still: list[int], moving: list[int]
-    ) -> None:
+    def _show(self, piece: Piece, views: Views | None, still: list[int], moving: list[int]) -> None:
         """Draws a piece of the block, in as many draw calls as its images need; updates the
         state."""
-        group = self._group(planes)
-        spans = [(first + n) // self.batch for n in range(0, planes, group)]
         if views is not None:
             still, moving = (
-                [n for n in images if _takes_light(views, n, spans)] for images in (still, moving)
+                [n for n in images if takes_light(views, n, piece.spans)]
+                for images in (still, moving)
             )
         following = next(n for n in range(3) if n not in (self._start, self._now))
         room = DRAW_BUFFERS - self._states - (GROUPS if moving else 0)
@@ -204,11 +183,10 @@ class Renderer:
         while True:
             images, rest = rest[:room], rest[room:]
             if images or moving or self._states:
-                piece = _Piece(first, planes, group, spans)
                 self._drive(piece, views, images, bool(moving), following)
             if moving and views is not None:
                 for image in moving:
-                    self._integrate(image, views, spans)
+                    self._integrate(image, views, piece.spans)
                 moving, room = [], DRAW_BUFFERS - self._states
             if not rest:
                 break
@@ -216,7 +194,7 @@ class Renderer:
             self._now = following
 
     def _drive(
-        self, piece: _Piece, views: Views | None, images: list[int], write_spans: bool,
+        self, piece: Piece, views: Views | None, images: list[int], write_spans: bool,
         following: int,
     ) -> None:  # fmt: skip
         """One draw call for a piece.
@@ -324,13 +302,12 @@ class Renderer:
             with self._alive():
                 self._now = self._start
                 loaded: tuple[int, int] | None = None
-                for first, planes in _pieces(cycles, self._most(0, True)):
-                    loaded = self._upload(words, first, planes, loaded)
+                for piece in pieces(cycles, self._most(0, True), self.batch):
+                    loaded = self._upload(words, piece, loaded)
                     following = next(n for n in range(3) if n not in (self._start, self._now))
-                    group = self._group(planes)
-                    spans = [(first + n) // self.batch for n in range(0, planes, group)]
-                    self._drive(_Piece(first, planes, group, spans), None, [], True, following)
-                    for span, texture in zip(spans, self._span_textures(len(spans)), strict=True):
+                    self._drive(piece, None, [], True, following)
+                    textures = self._span_textures(len(piece.spans))
+                    for span, texture in zip(piece.spans, textures, strict=True):
                         self._lit[span] += self._read(texture).view(np.float32)
                     self._now = following if self._states else self._now
         return self._lit
@@ -397,24 +374,8 @@ def _set(program: moderngl.Program, name: str, value: Any) -> None:
         uniform.value = value
 
 
-def _pieces(cycles: int, most: int) -> Iterator[tuple[int, int]]:
-    """Yields (first plane, number of planes) of pieces: the numbers are powers of two, and each
-    piece starts at a multiple of its number."""
-    first = 0
-    while first < cycles:
-        planes = min(most, 1 << (cycles - first).bit_length() - 1)
-        yield first, planes
-        first += planes
-
-
-def _images_of(views: Views | None) -> tuple[list[int], list[int]]:
-    """Numbers of the images of still observers in this block, and of moving observers."""
-    if views is None:
-        return [], []
-    shifts = views.dy, views.dx, views.dy_slope, views.dx_slope
-    moves = np.any([shift != 0 for shift in shifts], axis=(0, 2))
-    return [n for n in range(views.images) if not moves[n]], list(np.flatnonzero(moves))
-
-
-def _takes_light(views: Views, image: int, spans: list[int]) -> bool:
-    return bool(views.weight[image, spans].any() or views.slope[image, spans].any())
+def _set(program: moderngl.Program, name: str, value: Any) -> None:
+    """Sets a uniform if the shader has it."""
+    uniform = program.get(name, None)
+    if isinstance(uniform, moderngl.Uniform):
+        uniform.value = value
