@@ -372,10 +372,3 @@ def _set(program: moderngl.Program, name: str, value: Any) -> None:
     uniform = program.get(name, None)
     if isinstance(uniform, moderngl.Uniform):
         uniform.value = value
-
-
-def _set(program: moderngl.Program, name: str, value: Any) -> None:
-    """Sets a uniform if the shader has it."""
-    uniform = program.get(name, None)
-    if isinstance(uniform, moderngl.Uniform):
-        uniform.value = value

@@ -103,7 +103,7 @@ def _gl() -> Check:
 def _kernel() -> Check:
     """Checks in a child process that the OpenCL kernel of the pixels can be built and agrees with
     its compiled form."""
-    command = [sys.executable, "-m", "scenarios.cli.kernel"]
+    command = [sys.executable, "-m", "scenarios.cli.maintenance.kernel"]
     child = subprocess.run(command, capture_output=True, text=True)
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with the compiled form on every bit")

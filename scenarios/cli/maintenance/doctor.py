@@ -11,7 +11,7 @@ __all__ = ["doctor"]
 
 def doctor(json: Json = False) -> None:
     """Check this machine; exit 0 if `viform run film` can work."""
-    from scenarios.cli.checks import run_checks
+    from scenarios.cli.maintenance.checks import run_checks
 
     checks = run_checks()
     ready = all(check.ok for check in checks if check.needed)
