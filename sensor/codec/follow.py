@@ -47,9 +47,11 @@ def _bounds(mean, spikes, rsd2, k, refine):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def follow(words, first, cycles, state, rsd2, k, refine, out):  # type: ignore[no-untyped-def]
-    """Records of a band's words, (pixels, n) uint32 whose first bit is cycle `first`, to the rows
-    of out (4, room) int32; their number. state: (pixels, FOLLOW_STATE) int32, changed. The last
-    word of `cycles` closes what ends."""
+    """Writes the records of a band's words to the rows of `out`, and returns their number.
+
+    words: (pixels, n) uint32, whose first bit is cycle `first`. out: (4, room) int32. state:
+    (pixels, FOLLOW_STATE) int32, changed. At the last word of `cycles`, open records are closed.
+    """
     n = 0
     last_chunk = first + 32 * words.shape[1] >= cycles
     for p in range(words.shape[0]):

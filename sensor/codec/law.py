@@ -37,8 +37,11 @@ def width_sigma(mean: float, q: float, noise: float = 0.0) -> float:
 
 
 def _reach(mean: float, q: float) -> int:
-    """A width that is never met: 12 standard deviations out, and Gamma's heavier tail at small
-    Q."""
+    """Largest width of the computation, ticks; the probability beyond it is negligible.
+
+    It is 12 standard deviations above the mean, plus an allowance for Gamma's heavier tail at small
+    Q.
+    """
     return math.ceil(mean * (1 + 12 / math.sqrt(q) + 80 / q)) + 2
 
 
@@ -87,12 +90,12 @@ def _entropy(p: Law) -> npt.NDArray[np.float64]:
 
 
 def entropy_bounds(mean: float, q: float) -> tuple[float, float]:
-    """Between which bits a spike the entropy rate of steady light's latched widths lies.
+    """Lower and upper bound of the entropy rate of latched widths in steady light, bits per spike.
 
-    Below: the width's entropy where the phase of the spike before is known, mean over phases;
-    widths of the past tell at most the phase. Above: the entropy of the width alone. No lossless
-    code of the stream takes less than the first on average; one that knows no more than the law
-    of a width takes the second.
+    The lower bound is the entropy of a width if the phase of the previous spike is known, averaged
+    over phases, because earlier widths contain at most the phase. The upper bound is the entropy of
+    a single width. No lossless code of the stream is shorter on average than the lower bound. A
+    code that uses only the distribution of a width reaches the upper bound.
     """
     n = np.arange(_reach(mean, q) + 2, dtype=np.float64)
     phase = ((np.arange(_PHASES) + 0.5) / _PHASES)[:, None]

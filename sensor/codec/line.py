@@ -130,8 +130,11 @@ def to_line(records, carry, columns):  # type: ignore[no-untyped-def]
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @njit(cache=True, nogil=True)
 def from_line(place, gap, spikes, width, bend, rest, phase, carry, words, cycles):  # type: ignore[no-untyped-def]
-    """Draws the spikes of columns into words (pixels, all of the stream's); whether they are such
-    as `to_line` makes. A pixel whose line went on to the end has `cycles` as its last spike."""
+    """Sets the spikes of columns in `words`, (pixels, all words of the stream).
+
+    Returns False if `to_line` cannot have written the columns. A pixel whose line extends to the
+    end has `cycles` as its last spike.
+    """
     p, wide, bent, broken = np.int64(-1), 0, 0, 0
     for i in range(place.size):
         p += np.int64(place[i])
