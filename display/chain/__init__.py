@@ -1,1 +1,1 @@
-"""The display in the chain of a run: its stages, what observers receive, and its outcome."""
+"""The display in the chain of a run: its stages, the images of observers, and its outcome."""

@@ -17,19 +17,20 @@ from display.observe.slow_motion import SlowMotion
 __all__ = ["RATE", "chosen_tiles", "write_display_clip"]
 
 RATE = 25
-"""Frames a second of the clip."""
+"""Frame rate of the clip, 1/s."""
 TILES = 8
 COLUMNS = 4
 GAP = 6
-"""Pixels between pictures."""
+"""Gap between pictures, pixels."""
 TEXT = 26
-"""Pixels of the strip with a picture's name."""
+"""Height of the strip with the name of a picture, pixels."""
 GROUND, INK = 24, 235
 Grey = npt.NDArray[np.uint8]
 
 
 def chosen_tiles(names: list[str], most: int = TILES) -> list[str]:
-    """At most so many of the displays, in their order: of the frame displays the middle ones go."""
+    """At most `most` of the displays, in their order. Of the frame displays, the middle ones are
+    removed first."""
     names = list(names)
     while len(names) > most:
         frames = [name for name in names if name.endswith(" Hz")]
@@ -50,20 +51,20 @@ def _label(width: int, text: str) -> Grey:
 
 
 def _sized(picture: Grey, height: int, width: int) -> Grey:
-    """A picture in a tile of this size, whole and undistorted."""
+    """A tile of this size with the whole picture, undistorted."""
     if picture.shape == (height, width):
         return picture
     scale = min(height / picture.shape[0], width / picture.shape[1])
     high, wide = (max(1, round(n * scale)) for n in picture.shape)
     tile = np.full((height, width), GROUND, np.uint8)
-    how = cv2.INTER_NEAREST if scale >= 1 else cv2.INTER_AREA
+    method = cv2.INTER_NEAREST if scale >= 1 else cv2.INTER_AREA
     y, x = (height - high) // 2, (width - wide) // 2
-    tile[y : y + high, x : x + wide] = cv2.resize(picture, (wide, high), interpolation=how)
+    tile[y : y + high, x : x + wide] = cv2.resize(picture, (wide, high), interpolation=method)
     return tile
 
 
 def _sheet(pictures: list[Grey], labels: list[Grey]) -> Grey:
-    """Named pictures in rows; both sides even, as H.264 in yuv420p needs."""
+    """A sheet of pictures with labels; both sides are even, as H.264 in yuv420p requires."""
     high, wide = pictures[0].shape[0] + TEXT, pictures[0].shape[1]
     columns = min(COLUMNS, len(pictures))
     rows = -(-len(pictures) // columns)
@@ -79,16 +80,18 @@ def _sheet(pictures: list[Grey], labels: list[Grey]) -> Grey:
 def write_display_clip(
     path: Path, frames: Mapping[str, Grey], titles: Mapping[str, str], motion: SlowMotion
 ) -> None:
-    """An MP4 (H.264, yuv420p) that browsers play.
+    """Writes an MP4 clip (H.264, yuv420p) for browsers.
 
     Args:
-        frames: by display, (frames, h, w) through the sRGB curve.
-        titles: what each is called.
+        path: file to write.
+        frames: frames by display, (frames, h, w) uint8 with the sRGB curve applied.
+        titles: title of each display.
+        motion: times and size of the frames.
     """
     import av
 
     height, width = motion.shape
-    times = max(1, 200 // max(height, width))  # small pictures are enlarged, pixels stay pixels
+    times = max(1, 200 // max(height, width))  # small pictures are enlarged without interpolation
     height, width = height * times, width * times
     labels = {name: _label(width, title) for name, title in titles.items()}
     with whole(path) as part, av.open(str(part), "w", format="mp4") as container:

@@ -34,19 +34,19 @@ SPIKE = "spike"
 
 @dataclass(frozen=True, eq=False)
 class DisplayChain:
-    """The display's stages in a run.
+    """The stages of the display in a run.
 
     Attributes:
-        section: the display as the scenario describes it.
-        setting: the panel, and how finely time is resolved.
-        observers: by name, in pixels of the scene.
-        pursuit: what the pursuing eye follows.
+        section: the section [display] of the scenario.
+        setting: the panel, its observer, and the resolution in time.
+        observers: observers by name, in pixels of the scene.
+        pursuit: motion that the pursuing eye follows.
         motion: exposures of the slow motion.
         points: pixels of interest, (row, column, label); `tap` records their light.
-        panel_stage: renders the stream.
-        references: reference displays and the true light, after the scene.
-        tap: records the light of `points`.
-        notes: what the user must know before the run.
+        panel_stage: stage that renders the stream.
+        references: stage of the reference displays and the true light, after the scene.
+        tap: stage that records the light of `points`.
+        notes: notes for the user before the run.
     """
 
     section: DisplaySection
@@ -65,7 +65,8 @@ class DisplayChain:
         return self.setting.panel
 
     def stages(self, stages: dict[str, Any]) -> dict[str, Any]:
-        """The stages of a run with those of the display: references after the scene, panel last."""
+        """The stages of a run with those of the display: references after the scene, panel at the
+        end."""
         out: dict[str, Any] = {}
         for name, stage in stages.items():
             out[name] = stage
@@ -74,7 +75,8 @@ class DisplayChain:
         return out | {"display": self.panel_stage}
 
     def images(self) -> dict[str, dict[str, npt.NDArray[np.float32]]]:
-        """By display and observer: (images, height, width), white = 1; after the last block."""
+        """Images by display and observer, (images, height, width), white = 1; valid after the last
+        block."""
         images = {
             name: {observer: self._on_panel(views) for observer, views in by_observer.items()}
             for name, by_observer in self.references.images().items()
@@ -82,7 +84,8 @@ class DisplayChain:
         return {TRUTH: images.pop(TRUTH), SPIKE: self.panel_stage.images} | images
 
     def _on_panel(self, images: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Images in pixels of the scene, mapped to the panel's pixels as the stream's words are."""
+        """Images in pixels of the scene, mapped to pixels of the panel like the words of the
+        stream."""
         scene, panel = images.shape[1:], self.panel.shape
         if scene == panel:
             return images
@@ -90,18 +93,19 @@ class DisplayChain:
         return fitted.view(np.float32)
 
     def frames(self) -> dict[str, npt.NDArray[np.uint8]]:
-        """The slow motion by display; after the last block."""
+        """The slow motion by display; valid after the last block."""
         films = dict(self.references.films)
         if self.panel_stage.film is not None:
             films = {TRUTH: films.pop(TRUTH), SPIKE: self.panel_stage.film} | films
         return {name: film.frames for name, film in films.items()}
 
     def identity(self) -> str:
-        """Text that names what a checkpoint of the display depends on beyond the scenario."""
+        """Text of the properties on which a checkpoint of the display depends, beyond the
+        scenario."""
         return f"{self.panel_stage.renderer.name} {self.setting}"
 
     def probes(self, camera: ProbeCamera) -> Probes:
-        """Latency, blur and flicker of all displays, with this camera before the panel."""
+        """Latency, blur and flicker of all displays, with this camera in front of the panel."""
         return probe_display(
             camera, self.panel, self.section.reference_panels(), camera.seed,
             per_degree=self.section.distance, pst_lm=True,
@@ -125,20 +129,21 @@ def make_display_chain(
     """The display of a run.
 
     Args:
-        section: the display as the scenario describes it.
-        scene: (height, width) of the scene and of the stream.
+        section: the section [display] of the scenario.
+        scene: (height, width) of the scene and of the stream, pixels.
         white: illuminance of the scene's white, lux.
-        cycles: of the run.
-        instants: cycles around which images are taken.
-        planned: the panel as it is simulated.
-        pursuit: what the pursuing eye follows, in pixels of the scene.
+        cycles: length of the run, cycles.
+        instants: cycles of the images.
+        planned: the simulated display.
+        pursuit: motion that the pursuing eye follows, in pixels of the scene.
         points: pixels of interest, (row, column, label).
 
-    Raises InputError if it cannot be rendered: no OpenGL, or too little memory.
+    Raises:
+        InputError: the display cannot be rendered (no OpenGL, or too little memory).
     """
     clock, panel = planned.panel.clock, planned.panel.shape
     at, end = [clock.middle(n) for n in instants], clock.edge(cycles)
-    # A panel that shows the whole picture in other pixels has it move at another speed.
+    # If the panel shows the whole picture with other pixels, the speed in pixels differs.
     ratio = panel[1] / scene[1] if section.fit == "nearest" else 1.0
     on_scene, on_panel = (
         _observers(section, at, end, velocity)
@@ -163,19 +168,19 @@ def make_display_chain(
 def _observers(
     section: DisplaySection, instants: Sequence[int], end: int, velocity: float
 ) -> dict[str, Observer]:
-    """Both eyes, and the observer whose radiance the error is of."""
+    """Both eyes, and the observer whose radiance the error refers to."""
     names = ("eye", "pursuit", section.observer)
-    every_one = section.observers(instants, end, velocity)
-    return {name: observer for name, observer in every_one.items() if name in names}
+    observers = section.observers(instants, end, velocity)
+    return {name: observer for name, observer in observers.items() if name in names}
 
 
 def _short_run_notes(luminance: float, seconds: float) -> list[str]:
-    """A note if the run is shorter than the eye's response (two standard deviations on either
+    """A note if the run is shorter than the response of the eye (two standard deviations on each
     side)."""
     whole = 4 * math.sqrt(STAGES) * eye_time(luminance)
     if seconds >= whole:
         return []
     return [
-        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye takes together: what eyes "
-        "see is the light there was"
+        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye integrates: the images of "
+        "the eyes have only the light of the run"
     ]

@@ -1,4 +1,4 @@
-"""The outcome of a run's display: observer images, their fidelity, and its metrics."""
+"""The outcome of the display in a run: observer images, their fidelity, and metrics."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ __all__ = ["SPIKE", "TRUTH", "DisplayOutcome", "chain_fidelity", "write_observer
 
 @dataclass(frozen=True, eq=False)
 class DisplayOutcome:
-    """A run's display after the last block.
+    """The display of a run after the last block.
 
     Attributes:
-        chain: the display's stages.
-        images: by display ("truth", "spike", "60 Hz", ...) and observer.
-        fidelity: of every display to every observer, as `chain_fidelity` computes it.
-        frames: the slow motion by display, (frames, h, w) uint8 with the sRGB curve applied.
-        total_light: emitted light over the spikes shown, packets; None without a spike.
+        chain: stages of the display.
+        images: images by display ("truth", "spike", "60 Hz", ...) and observer.
+        fidelity: fidelity of every display for every observer, by `chain_fidelity`.
+        frames: slow motion by display, (frames, h, w) uint8 with the sRGB curve applied.
+        total_light: emitted light over the displayed spikes, packets; None without a spike.
         probes: latency, blur and flicker.
     """
 
@@ -48,11 +48,11 @@ class DisplayOutcome:
 
     @property
     def displays(self) -> list[str]:
-        """All displays but the truth, the spike display first."""
+        """All displays except the truth, the spike display first."""
         return [name for name in self.images if name != TRUTH]
 
     def title(self, display: str) -> str:
-        """Name of a display for a reader."""
+        """Title of a display in figures and tables."""
         if display == TRUTH:
             return "clear glass"
         return f"spikes, {self.chain.panel.drive}" if display == SPIKE else display
@@ -69,8 +69,8 @@ class DisplayOutcome:
         return display_metrics(self.probes) | out | {"total_light": total}
 
     def latency(self) -> list[Latency]:
-        """Photon to photon by stage: mid grey out of the dark with the panel's own drive, from 5 to
-        95 % of pixels."""
+        """Photon-to-photon latency by stage, from dark to mid grey with the drive of the run:
+        median and 5 to 95 % of the pixels."""
         return [
             Latency(stage, part.low, part.median, part.high)
             for row in self.probes.latency
@@ -82,13 +82,13 @@ class DisplayOutcome:
 
 
 def chain_fidelity(chain: DisplayChain) -> list[Fidelity]:
-    """Fidelity of every display to every observer; after the last block."""
+    """Fidelity of every display for every observer; valid after the last block."""
     return display_fidelity(chain.images(), list(chain.observers))
 
 
 def write_observer_images(folder: Path, outcome: DisplayOutcome) -> list[str]:
-    """Writes the images of the middle instant: images/eye-60hz.png, images/pursuit-truth.png, ...;
-    linear, white = 255. Returns their names."""
+    """Writes the linear images of the middle instant, white = 255: images/eye-60hz.png,
+    images/pursuit-truth.png, ... Returns their names."""
     (folder / "images").mkdir(exist_ok=True)
     names = []
     for display, by_observer in outcome.images.items():

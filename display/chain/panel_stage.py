@@ -24,23 +24,24 @@ State = dict[str, npt.NDArray[Any]]
 class PanelStage:
     """Shows a stream on a panel.
 
-    An exposure of the slow motion uses an image of the renderer while light falls on it; later
-    exposures use the same image again.
+    An exposure of the slow motion uses an image of the renderer during the exposure; later
+    exposures reuse the same image.
 
     Args:
-        setting: the panel, and how finely time is resolved.
-        observers: by name.
+        setting: the panel, its observer, and the resolution in time.
+        observers: observers by name.
         motion: exposures of the slow motion, None for none.
-        cycles: of the run.
-        renderer: makes a renderer with so many images. It is called here, so that a panel that
-            cannot be rendered is refused before anything is written.
-        mapping: words of the stream to words of the panel, None if both are of one size.
+        cycles: length of the run, cycles.
+        renderer: creates a renderer for a number of images. It is called in the constructor, so
+            that its errors come before any file is written.
+        mapping: maps words of the stream to words of the panel; None for equal sizes.
 
     Attributes:
         film: the slow motion, complete after the last block; None for none.
-        fired: spikes of the stream so far.
-        spikes: spikes shown on the panel so far.
-        images: by observer, (images, height, width), white = 1; complete after the last block.
+        fired: number of spikes in the stream so far.
+        spikes: number of spikes displayed so far.
+        images: images by observer, (images, height, width), white = 1; complete after the last
+            block.
         emitted: light of all planes and pixels, packets; None before the last block.
     """
 
@@ -60,19 +61,19 @@ class PanelStage:
         self._exposures = max(
             (len(self._exposed(n, min(DRAW, cycles - n))) for n in range(0, cycles, DRAW)),
             default=0,
-        )  # that light falls on at once
+        )  # maximum number of simultaneous exposures
         self._light = sum(o.images for o in self._observers.values())
-        # The image of all light; those of the slow motion follow.
+        # Images of the observers, the sum of all light, and the slow motion.
         self.renderer = renderer(self._light + 1 + self._exposures)
         self._closed = False
         self._waiting: list[Words] = []  # words that are not rendered yet
-        self._first = self._planes = 0  # of what waits
+        self._first = self._planes = 0  # first plane and number of planes of `_waiting`
         self.fired = self.spikes = 0
         self.images: dict[str, npt.NDArray[np.float32]] = {}
         self.emitted: float | None = None
 
     def step(self, data: Viform, block: Block) -> Viform:
-        """Takes one block; draws when there are enough, or at the run's end."""
+        """Takes one block; draws when there are enough planes, or at the end of the run."""
         words = data.words
         self.fired += int(np.bitwise_count(words).sum(dtype=np.int64))
         if self._mapping is not None:
@@ -80,7 +81,7 @@ class PanelStage:
         self._waiting.append(words)
         self._planes += block.cycles
         last = block.stop == self._cycles
-        # A word that is not full cannot be continued by the next block's.
+        # The next block cannot continue an incomplete word.
         if last or self._planes + block.cycles > DRAW or self._planes % WORD:
             self._draw()
         if last:
@@ -100,14 +101,14 @@ class PanelStage:
             self._finish_exposures(self.film, self._first)
 
     def _finish_exposures(self, film: Film, plane: int) -> None:
-        """Takes the exposures that no light of `plane` or a later one falls on."""
+        """Completes the exposures that end before the light of `plane`."""
         motion = film.motion
         until = self._panel.start(plane) if plane < self._cycles else None
         while film.done < motion.count:
             over = motion.begin + (film.done + 1) * motion.exposure
             if until is not None and over > until:
                 break
-            dark = over <= self._panel.start(0)  # no light has fallen on it
+            dark = over <= self._panel.start(0)  # the exposure ends before the first light
             image = (
                 np.zeros(self._panel.shape) if dark else self.renderer.take(self._place(film.done))
             )
@@ -115,18 +116,20 @@ class PanelStage:
             film.done += 1
 
     def _exposed(self, first: int, planes: int) -> range:
-        """Exposures of the slow motion on which light of these planes falls."""
+        """Exposures of the slow motion that overlap the light of these planes."""
         if self.film is None:
             return range(0)
         stop = self._panel.start(first + planes) + round(self._panel.row_delay)
         return range(*self.film.motion.touched(self._panel.start(first), stop))
 
     def _place(self, exposure: int) -> int:
-        """The renderer's image of an exposure: another than its neighbours'."""
+        """Index of the renderer's image for an exposure; simultaneous exposures have different
+        images."""
         return self._light + 1 + exposure % self._exposures
 
     def _views(self, first: int, planes: int) -> Views:
-        """A row for each image: those of the observers, the sum of all light, the slow motion's."""
+        """The views of all images: of the observers, of the sum of all light, of the slow
+        motion."""
 
         def views_of(observer: Observer) -> Views:
             return panel_views(observer, self._panel, first, planes, self._batch)
@@ -147,11 +150,11 @@ class PanelStage:
         return Views.joined(parts)
 
     def _end(self) -> None:
-        """Takes every image and releases the renderer."""
+        """Reads all images and releases the renderer."""
         first = 0
         for name, observer in self._observers.items():
-            taken = [self.renderer.take(first + n) for n in range(observer.images)]
-            self.images[name] = np.stack(taken).astype(np.float32)
+            images = [self.renderer.take(first + n) for n in range(observer.images)]
+            self.images[name] = np.stack(images).astype(np.float32)
             first += observer.images
         self.emitted = float(self.renderer.take(self._light).sum(dtype=np.float64))
         self.close()
@@ -163,7 +166,7 @@ class PanelStage:
         self._closed = True
 
     def state(self) -> State:
-        """Everything the next block depends on; after the last block, its results."""
+        """Everything that the next block depends on; after the last block, the results."""
         state = {"counts": np.array([self._first, self._planes, self.fired, self.spikes])}
         if self._waiting:
             state["waiting"] = np.concatenate(self._waiting)
@@ -177,7 +180,7 @@ class PanelStage:
         return state
 
     def restore(self, state: State) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self._first, self._planes, self.fired, self.spikes = (int(n) for n in state["counts"])
         self._waiting = [state["waiting"]] if "waiting" in state else []
         if self.film is not None:

@@ -1,9 +1,9 @@
-"""Speed that a pursuing eye follows in a scene, along the rows.
+"""The velocity along the rows that a pursuing eye follows in a scene.
 
-A scene that knows the speed provides it (`Source.pursuit`). Otherwise it is measured on the true
-light at three instants in the middle of the run. Phase correlation compares, tile by tile, the
-change from the first to the second instant with the change from the second to the third, so that
-static parts do not count.
+A scene may provide the velocity (`Source.pursuit`). Otherwise it is measured on the true light at
+three instants in the middle of the run. Phase correlation compares, tile by tile, the change from
+the first to the second instant with the change from the second to the third, so that static parts
+do not count.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from cosim.light.source import Source
 __all__ = ["Pursuit", "measured_shift", "pursuit_of"]
 
 APART = 5 * 10**9
-"""Picoseconds from an instant to the next."""
+"""Time between the instants, ps."""
 TILE = 128
-"""Pixels of a tile's side: a shift above half of it cannot be measured."""
+"""Side of a tile, pixels: a shift above half of it cannot be measured."""
 CHANGE = 1e-3
-"""Change of reflectance, RMS over a tile, that counts as motion."""
+"""Minimum change of reflectance that counts as motion, RMS over a tile."""
 LEAST = 0.1
-"""Pixels of shift that count as motion."""
+"""Minimum shift that counts as motion, pixels."""
 PEAK = 0.15
-"""Share of a tile's correlation in its peak (0 to 1) from which its shift is used (assumed)."""
+"""Minimum height of the correlation peak of a tile, 0 to 1, for its shift to be used (assumed)."""
 
 
 class Pursuit(NamedTuple):
-    """What the pursuing eye follows.
+    """The motion that the pursuing eye follows.
 
     Attributes:
-        velocity: pixels a second to the right; 0 if nothing moves.
-        note: one line for the user that says where the velocity is from.
+        velocity: velocity to the right, pixels/s; 0 for a static scene.
+        note: note for the user on the origin of the velocity.
     """
 
     velocity: float
@@ -46,35 +46,35 @@ def pursuit_of(source: Source, end: int, requested: float | None = None) -> Purs
 
     Args:
         source: the scene.
-        end: of the run, ps.
-        requested: velocity that the scenario asks for, None for the scene's.
+        end: end of the run, ps.
+        requested: velocity in the scenario, pixels/s; None for that of the scene.
     """
     if requested is not None:
         return Pursuit(requested, f"the pursuing eye follows {requested:g} pixels/s")
     known = getattr(source, "pursuit", None)
     if known is not None:
         return Pursuit(
-            float(known), f"the pursuing eye follows {known:g} pixels/s, as the scene says"
+            float(known), f"the pursuing eye follows {known:g} pixels/s, the speed of the scene"
         )
     apart = min(APART, end // 4)
     one, two, three = (source.truth(end // 2 + n * apart) for n in (-1, 0, 1))
     shift = measured_shift(two - one, three - two)
     if shift is None:
         return Pursuit(
-            0.0, "the pursuing eye keeps still: no motion along the rows was found in the scene"
+            0.0, "the pursuing eye does not move: the scene has no motion along the rows"
         )
     velocity = shift * PS / apart
     return Pursuit(
         velocity,
-        f"the pursuing eye follows {velocity:.4g} pixels/s, measured on the scene's own light over "
+        f"the pursuing eye follows {velocity:.4g} pixels/s, measured on the true light over "
         f"{apart / PS * 1e3:.3g} ms in the middle of the run",
     )
 
 
 def measured_shift(one: Plane, two: Plane) -> float | None:
-    """Pixels to the right by which a change has moved from `one` to `two`: the median over tiles,
-    weighted by the size of the change. None if nothing moves."""
-    import cv2  # 0.1 s of start-up
+    """The shift to the right from the change `one` to the change `two`, pixels: the median over
+    tiles, weighted by the size of the change. None without motion."""
+    import cv2  # the import takes 0.1 s
 
     height, width = one.shape
     rows, columns = min(TILE, height), min(TILE, width)

@@ -1,4 +1,4 @@
-"""Waveforms of single pixels: light of the scene, recorded in a run, and of each display."""
+"""Waveforms of single pixels: the light of the scene, recorded in a run, and of each display."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class LightTap:
 
     Args:
         places: (row, column) of each pixel.
-        clock: of the run.
-        white: light that is 1.
+        clock: clock of the run.
+        white: light that counts as 1, in the unit of the light.
     """
 
     def __init__(self, places: Sequence[Place], clock: Clock, white: float) -> None:
@@ -64,20 +64,20 @@ class LightTap:
         ))  # fmt: skip
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """Everything that the next block depends on."""
         return {
             "starts": np.array([*self._starts, self._stop], np.int64),
             "levels": np.array([self._firsts, self._lasts], np.float32),
         }
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         *self._starts, self._stop = (int(n) for n in state["starts"])
         self._firsts, self._lasts = (list(levels) for levels in state["levels"])
 
 
 def panel_waves(panel: FramePanel | Projector, light: Light, at: Instants) -> Values:
-    """(samples, places) light of a panel at instants `at` (ps, rising), white = 1."""
+    """Light of a panel at the instants `at`, ps, increasing: (samples, places), white = 1."""
     shape = light.shape
     show = (
         FrameShow(panel, shape, 1.0) if isinstance(panel, FramePanel)
@@ -86,26 +86,27 @@ def panel_waves(panel: FramePanel | Projector, light: Light, at: Instants) -> Va
     wave = np.zeros((len(at), shape[1]))
     for emitted in show.step(light, min(int(at[-1]) + 1, light.pieces[-1].stop)):
         for span in emitted.spans:
-            some = slice(*np.searchsorted(at, (span.start, span.stop)))
-            gain = np.ones(len(at[some]))
+            inside = slice(*np.searchsorted(at, (span.start, span.stop)))
+            gain = np.ones(len(at[inside]))
             if span.gain is not None:
-                gain = span.gain(at[some], at[some] + 1)
-            wave[some] += gain[:, None] * emitted.planes[span.plane][0]
+                gain = span.gain(at[inside], at[inside] + 1)
+            wave[inside] += gain[:, None] * emitted.planes[span.plane][0]
     return wave
 
 
 def spike_waves(
     stream: SpikeStream, panel: SpikePanel, places: Sequence[Place], stop: int
 ) -> tuple[Values, Values]:
-    """Light of a spike display's pixels plane by plane, without row timing.
+    """Light of the pixels of a spike display, plane by plane, without row timing.
 
     Args:
-        stream: what is shown.
-        panel: what shows it.
+        stream: displayed stream.
+        panel: the panel.
         places: (row, column) of each pixel.
-        stop: end, ps.
+        stop: end of the light, ps.
 
-    Returns instants (ps) at which planes 0 to n begin, (n + 1,), and light, (n, places), white = 1.
+    Returns:
+        The instants at which the planes begin, ps, (n + 1,), and the light, (n, places), white = 1.
     """
     rows, columns = ([p[k] for p in places] for k in (0, 1))
     small = replace(panel, shape=(1, len(places)), row_scan=0.0)

@@ -15,4 +15,4 @@ DRIVES: dict[str, Drive] = {
         _CAUSAL,
     )
 }
-"""By name in a scenario; a new drive is a file and a line here."""
+"""The drives by their names in a scenario. A new drive is a file and a line here."""

@@ -1,6 +1,7 @@
-"""Causal: as hold, and darker once the present interval is the longer one. x = 1 / max(tau, age).
+"""Causal: as hold, but darker when the current interval exceeds the last one. x = 1 / max(tau,
+age).
 
-Only past spikes enter; without another spike light decays as 1 / age.
+Only past spikes enter; without another spike, the light decays as 1 / age.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from display.drives.drive import Drive
-from display.drives.intervals import interval_flutter, interval_unsteadiness
+from display.drives.intervals import interval_fluctuation, interval_variation
 
 __all__ = ["CAUSAL"]
 
@@ -19,4 +20,4 @@ def _level(age: Any, tau: Any, memory: Any) -> Any:
     return 1.0 / np.maximum(tau, age)
 
 
-CAUSAL = Drive("causal", 2, _level, "min(held, inverse)", interval_flutter, interval_unsteadiness)
+CAUSAL = Drive("causal", 2, _level, "min(held, inverse)", interval_fluctuation, interval_variation)

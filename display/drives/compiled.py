@@ -1,8 +1,8 @@
-"""Kernels compiled for one drive, whose functions are inlined.
+"""Compiles kernels for one drive, with the functions of the drive inlined.
 
 A kernel is a plain function that calls `level` and `remember` of this file. numba cannot cache a
-kernel that takes functions as arguments or closes over them, so `compiled` gives a copy of the
-kernel the drive's functions as globals, under a name of its own in the cache on disk.
+kernel with functions as arguments or in a closure. Therefore `compiled` copies the kernel, with the
+functions of the drive as globals and a separate name in the cache on disk.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ __all__ = ["compiled", "level", "remember"]
 
 
 def level(age: float, tau: float, memory: float) -> float:
-    """Stands for the drive's `level` in a kernel."""
+    """Placeholder of the drive's `level` in a kernel."""
     raise NotImplementedError
 
 
 def remember(memory: float, tau: float, interval: float) -> float:
-    """Stands for the drive's `remember` in a kernel."""
+    """Placeholder of the drive's `remember` in a kernel."""
     raise NotImplementedError
 
 
@@ -35,7 +35,7 @@ def _unchanged(memory: float, tau: float, interval: float) -> float:
 
 
 def _fingerprint(*functions: Callable[..., Any]) -> str:
-    """Hexadecimal digits that differ between functions of other code or constants."""
+    """Hexadecimal digest of the code and the constants of functions."""
     parts = []
     for function in functions:
         assert isinstance(function, FunctionType)
@@ -48,12 +48,12 @@ def _fingerprint(*functions: Callable[..., Any]) -> str:
 
 @cache
 def compiled(kernel: Callable[..., None], drive: Drive) -> Callable[..., None]:
-    """`kernel` with the drive's functions, compiled on its first call."""
+    """`kernel` with the functions of the drive, compiled at its first call."""
     assert isinstance(kernel, FunctionType)
     functions = {"level": drive.level, "remember": drive.remember or _unchanged}
     name = f"{kernel.__name__}_{drive.name}_{_fingerprint(*functions.values())}"
     scope: dict[str, Any] = kernel.__globals__ | {
-        # numpy's division by zero: Python's would keep loops from being vectorised.
+        # Division by zero as in numpy: an exception as in Python would prevent vectorisation.
         key: njit(nogil=True, error_model="numpy")(function)
         for key, function in functions.items()
     }

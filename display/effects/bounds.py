@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cosim.plan.effects import Bound, Summary
 from cosim.plan.planner import ESTIMATE_WEIGHT
-from display.effects.statistics import base, flutter, spread, unlit_rate
+from display.effects.statistics import base, dark_rate, fluctuation, spread
 from display.effects.weights import Change, steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
@@ -49,8 +49,9 @@ def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -
     - Random fluctuation from plane to plane (`root`).
     - Motion: a step over the range of the tile once in every span (`spans`, JUMP), and a shift on
       the retina (`travel` times the difference of neighbours, at most twice the amplitude), with
-      the fluctuation of the shifted light. - The first light of a hold (`jump`), at different times
-      in neighbouring pixels. - Weight beyond the run, which removes steady light (`lost`).
+      the fluctuation of the shifted light.
+    - The first light of a hold (`jump`), at different times in neighbouring pixels.
+    - Weight beyond the run, which removes steady light (`lost`).
 
     Args:
         scene: survey of the scene.
@@ -60,12 +61,12 @@ def estimated(scene: Summary, panel: SpikePanel, change: Change, reach: float) -
     """
     contrast = spread(scene)
     moving = np.asarray(scene.planes) > 0
-    likely = change.root * flutter(scene, panel.scheme, reach)
+    likely = change.root * fluctuation(scene, panel.scheme, reach)
     likely = likely + JUMP * 2 * change.spans * contrast * moving
     likely = likely + 2 * change.travel * contrast + change.lost * (1 + contrast)
-    likely = likely + np.sqrt(2) * change.travelled * flutter(scene, panel.scheme, np.inf)
+    likely = likely + np.sqrt(2) * change.travelled * fluctuation(scene, panel.scheme, np.inf)
     if not panel.packets:  # dark before the first or second spike
-        unlit, planes = unlit_rate(scene, change.unseen, panel.scheme.spikes)
+        unlit, planes = dark_rate(scene, change.unseen, panel.scheme.spikes)
         apart = np.minimum(change.travel, change.travelled * np.sqrt(planes))
         likely = likely + unlit * (change.jump + apart)
     return np.asarray(likely)

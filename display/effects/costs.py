@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["EMISSION", "ROWS", "SHOWN", "SPAN_COST"]
+__all__ = ["BASE_COST", "EMISSION", "ROWS", "SPAN_COST"]
 
 _PLANES_A_SECOND: Final = {1: 336.0, 8: 9.4e3, 64: 12.0e3}
 _PIXELS: Final = 1e6
-SHOWN: Final = 1e9 / (_PLANES_A_SECOND[64] * _PIXELS)
+BASE_COST: Final = 1e9 / (_PLANES_A_SECOND[64] * _PIXELS)
 """Cost of spans of 64 planes."""
-SPAN_COST: Final = {n: 1e9 / (rate * _PIXELS) - SHOWN for n, rate in _PLANES_A_SECOND.items()}
+SPAN_COST: Final = {n: 1e9 / (rate * _PIXELS) - BASE_COST for n, rate in _PLANES_A_SECOND.items()}
 """Additional cost of shorter spans, by their number of planes."""
 ROWS: Final = 0.005
 """Cost of weights for each row (assumed): a multiplication and an addition for each span."""

@@ -10,7 +10,7 @@ from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
 from display.effects.bounds import JUMP
 from display.effects.costs import EMISSION
-from display.effects.statistics import flutter, spread, unlit_rate, unsteady
+from display.effects.statistics import dark_rate, fluctuation, spread, total_variation
 from display.effects.weights import steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
@@ -38,18 +38,20 @@ def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
         change = steps(observer, panel, scene.cycles)
         moving = np.asarray(scene.planes) > 0
         # The level of a hold is constant for several planes.
-        likely = change.root * flutter(scene, panel.scheme, np.inf)
+        likely = change.root * fluctuation(scene, panel.scheme, np.inf)
         likely = likely * (swing if panel.packets else 1.0)
         if not panel.packets:  # dark before the first or second spike
-            likely = likely + change.jump * unlit_rate(scene, change.unseen, panel.scheme.spikes)[0]
+            likely = likely + change.jump * dark_rate(scene, change.unseen, panel.scheme.spikes)[0]
         likely = (
             likely
             + change.lost * (1 + spread(scene))
             + JUMP * 2 * change.half * spread(scene) * moving
         )
         # With few packets, their number varies between pixels, and the additional light with it.
-        grain = change.grain * flutter(scene, panel.scheme, np.inf)
-        value = mean * likely + apart * unsteady(scene, panel.scheme, swing) * np.hypot(1, grain)
+        grain = change.grain * fluctuation(scene, panel.scheme, np.inf)
+        value = mean * likely + apart * total_variation(scene, panel.scheme, swing) * np.hypot(
+            1, grain
+        )
         if panel.rise > panel.decay:  # relative to the remaining light
             value = np.where(value < 1, value / np.maximum(1 - value, 1e-12), np.inf)
         return Bound(value, "estimate")

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from cosim.plan.effects import Summary
 from display.drives import Drive
 
-__all__ = ["base", "flutter", "spread", "unlit_rate", "unsteady", "worst_rate"]
+__all__ = ["base", "dark_rate", "fluctuation", "spread", "total_variation", "worst_rate"]
 
 Values = npt.NDArray[np.float64]
 _RATES: Final = 9
@@ -57,7 +57,7 @@ def spread(scene: Summary) -> Values:
     return np.asarray((high - low) / np.maximum(high + low, 2 * max(scene.floor, 1e-300)))
 
 
-def unlit_rate(scene: Summary, unseen: int, spikes: int) -> tuple[Values, Values]:
+def dark_rate(scene: Summary, unseen: int, spikes: int) -> tuple[Values, Values]:
     """The brightest pixels of each tile that may still be dark after the first `unseen` planes,
     because they have fired less than `spikes` times.
 
@@ -80,18 +80,18 @@ def _interval(scene: Summary, rate: Values) -> Values:
     return np.asarray(noise + rate**2 / 6)
 
 
-def flutter(scene: Summary, drive: Drive, reach: float) -> Values:
+def fluctuation(scene: Summary, drive: Drive, reach: float) -> Values:
     """Standard deviation of the light of a plane over the mean or the floor, times the root of the
-    number of planes for which it is constant, (tiles,). `reach`: see `Drive.flutter`."""
+    number of planes for which it is constant, (tiles,). `reach`: see `Drive.fluctuation`."""
     rate = worst_rate(scene)
-    deviation = drive.flutter(rate, _interval(scene, rate), reach)
+    deviation = drive.fluctuation(rate, _interval(scene, rate), reach)
     return np.asarray((deviation / np.maximum(rate, max(scene.floor, 1e-300))).max(axis=0))
 
 
-def unsteady(scene: Summary, drive: Drive, swing: float) -> Values:
+def total_variation(scene: Summary, drive: Drive, swing: float) -> Values:
     """Total variation of the light in a plane, over the mean or the floor, (tiles,). `swing`:
     change of the emitter's level by a packet, Q a cycle."""
     rate = worst_rate(scene)
     motion = 2 * spread(scene) * (np.asarray(scene.planes) > 0)
-    each = drive.unsteadiness(rate, _interval(scene, rate), motion, swing)
+    each = drive.variation(rate, _interval(scene, rate), motion, swing)
     return np.asarray((rate * each / np.maximum(rate, max(scene.floor, 1e-300))).max(axis=0))

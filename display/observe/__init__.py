@@ -1,1 +1,1 @@
-"""Observers of a display, eyes and cameras, and the integration of their images."""
+"""Observers of a display (eyes and cameras), and the integration of their images."""

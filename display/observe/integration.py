@@ -1,8 +1,9 @@
-"""Images of an observer, integrated from planes of light that shine over spans of time.
+"""Integrates the images of an observer from planes of light that are emitted in spans of time.
 
-A span of constant light that moves on the retina is split until it moves a quarter of a pixel in a
-part. The parts' bilinear shifts add up to a small kernel per image, so that a hold of 60 Hz that
-smears over 67 pixels is one pass of 68 taps along the rows instead of 267 shifted pictures.
+A span of constant light that moves on the retina is split into parts in which it moves by at most a
+quarter of a pixel. The bilinear shifts of the parts form a small kernel for each image: a hold at
+60 Hz that smears over 67 pixels is one pass of 68 taps along the rows instead of 267 shifted
+pictures.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ Plane = npt.NDArray[np.float32]
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
 Gain = Callable[[Instants, Instants], Values]
-"""Mean gain over [start, stop) of each of many times."""
+"""Mean gain over each interval [start, stop), ps."""
 MOTION_STEP = 0.25
-"""Pixels that light may move on the retina within a part of a span; its place is that of the middle
-of the part."""
+"""Maximum motion of light on the retina within a part of a span, pixels; the position is that of
+the middle of the part."""
 NEGLIGIBLE = 1e-9
-"""Weight of a span in an image below which it is left out."""
+"""Weight of light in an image below which it is neglected."""
 
 
 @dataclass(frozen=True)
 class Span:
-    """A time in which a plane shines.
+    """A time span in which a plane emits light.
 
     Attributes:
-        plane: its number.
-        start, stop: ps.
+        plane: number of the plane.
+        start, stop: limits of the span, ps.
         gain: factor over time, None for 1.
-        parts: parts that the span is split into, at least.
+        parts: minimum number of parts into which the span is split.
     """
 
     plane: int
@@ -51,19 +52,19 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class LightPlanes:
-    """Planes of light, and when they shine.
+    """Planes of light with their time spans.
 
     Attributes:
-        planes: (n, H, W) float32, or uint8 of 0 and 1, white = 1. Valid until the next ones are
-            asked for: their maker reuses the memory.
-        spans: when they shine.
+        planes: (n, H, W) float32, or uint8 of 0 and 1; white = 1. Valid until the next planes are
+            generated: their source reuses the memory.
+        spans: time spans of the planes.
     """
 
     planes: npt.NDArray[Any]
     spans: list[Span]
 
     def smaller(self, by: int) -> LightPlanes:
-        """The means over whole squares of `by` x `by` pixels."""
+        """The means over complete squares of `by` x `by` pixels. Raises ValueError."""
         if by == 1:
             return self
         from display.observe.row_kernels import by_rows, shrink  # imports numba, 0.4 s
@@ -78,12 +79,12 @@ class LightPlanes:
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """Parts of all spans of one `LightPlanes`.
+    """The parts of all spans of a `LightPlanes`.
 
     Attributes:
-        plane: (n,) numbers of planes.
-        weight: (images, n).
-        down, along: (images, n) shift across rows and along them, pixels.
+        plane: numbers of the planes, (n,).
+        weight: weights in each image, (images, n).
+        down, along: shifts across and along the rows, pixels, (images, n).
     """
 
     plane: npt.NDArray[np.int64]
@@ -93,7 +94,7 @@ class _Parts:
 
 
 def _split(span: Span, observer: Observer) -> Instants:
-    """Edges of a span's parts."""
+    """Edges of the parts of a span, ps."""
     ends = np.array([span.start, span.stop], np.int64)
     travel = max(float(np.abs(np.diff(s, axis=1)).max()) for s in observer.shifts(ends))
     parts = max(span.parts, math.ceil(travel / MOTION_STEP - 1e-9))
@@ -117,7 +118,7 @@ def _parts(spans: list[Span], observer: Observer) -> _Parts:
 
 
 def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any], ...]]:
-    """For each image the taps: planes, whole-pixel shifts down and along, and weights."""
+    """The taps of each image: planes, integer shifts across and along the rows, and weights."""
     height, width = shape
     taps = []
     for weight, y, x in zip(parts.weight, parts.down, parts.along, strict=True):
@@ -136,7 +137,7 @@ def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any],
         if not nonzero.any() or np.abs(w).sum() < NEGLIGIBLE:
             taps.append((*np.zeros((3, 0), np.int64), np.zeros(0)))
             continue
-        # One number for a place, so that equal ones are found at once.
+        # One number for each position, to merge equal positions.
         span = np.array([2 * height + 4, 2 * width + 4])
         number = (places[0] * span[0] + places[1] + height + 1) * span[1] + places[2] + width + 1
         _, first, which = np.unique(number[nonzero], return_index=True, return_inverse=True)
@@ -145,7 +146,13 @@ def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any],
 
 
 class ObserverImages:
-    """An observer's images so far, (images, H, W) float32, white = 1."""
+    """The images of an observer.
+
+    Attributes:
+        observer: the observer.
+        shape: (height, width), pixels.
+        images: images so far, (images, H, W) float32, white = 1.
+    """
 
     def __init__(self, observer: Observer, shape: tuple[int, int]) -> None:
         self.observer = observer
@@ -153,7 +160,8 @@ class ObserverImages:
         self.images = np.zeros((observer.images, *shape), np.float32)
 
     def add(self, light: LightPlanes) -> None:
-        """Integrates the planes, with the weights and bilinear shifts of the observer."""
+        """Adds the planes, with the weights and bilinear shifts of the observer. Raises ValueError
+        for planes of another size."""
         if light.planes.shape[1:] != self.shape:
             raise ValueError(f"planes must be of {self.shape} pixels, not {light.planes.shape[1:]}")
         if not light.spans:
@@ -171,13 +179,15 @@ class ObserverImages:
         begin = np.concatenate([[0], np.cumsum(counts)])
         pad = int(np.abs(along).max())
         place = line.ravel() * (self.shape[1] + 2 * pad) + pad + along
-        given = (light.planes, pad, lines[0], lines[1], begin, place, weight, self.images)
-        by_rows(add_images, self.shape[0], *given)
+        by_rows(
+            add_images, self.shape[0], light.planes, pad, lines[0], lines[1], begin, place, weight,
+            self.images,
+        )  # fmt: skip
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The images."""
         return {"images": self.images.copy()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self.images = np.ascontiguousarray(state["images"], np.float32)

@@ -1,8 +1,8 @@
-"""Observers of light: an eye that keeps still, an eye that pursues, a camera.
+"""Observers of light: a still eye, a pursuing eye, and a camera.
 
-An observer is modelled by the light that its images integrate: from when, and from where. The delay
-of the nerves is the same for every display and is left out: the image of instant T is of light
-around T.
+The model of an observer is the weight and the position with which its images integrate light. The
+neural delay is the same for every display and is left out: the image of the instant T integrates
+light around T.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ Instants = npt.NDArray[np.int64]
 
 
 def eye_time(luminance: float) -> float:
-    """Seconds of a stage of the eye's temporal response at this luminance (cd/m2), in the fovea."""
+    """Time constant of a stage of the eye's temporal response in the fovea, s, at a luminance,
+    cd/m2."""
     return STAGE_TIME / frequency_scale(luminance)
 
 
 class _Still:
-    """What keeps still makes an image around each of its instants, unshifted."""
+    """A static observer, with one unshifted image for each instant."""
 
     instants: tuple[int, ...]
 
@@ -42,14 +43,13 @@ class _Still:
 
 @dataclass(frozen=True)
 class FixedEye(_Still):
-    """An eye that keeps still: light weighted by the sustained channel of its temporal response, a
-    cascade of 15 equal stages, centred on each instant.
+    """A still eye: it weights light by the sustained channel of its temporal response, a cascade of
+    15 equal stages, centred on each instant.
 
     Attributes:
-        instants: ps.
-        luminance: cd/m2 that it is adapted to.
-        begin, end: ps, of the light there is: weights of what lies outside are given to what lies
-            inside.
+        instants: instants of the images, ps.
+        luminance: adaptation luminance, cd/m2.
+        begin, end: limits of the light, ps; the weights within them are normalised to 1.
     """
 
     instants: tuple[int, ...]
@@ -58,12 +58,14 @@ class FixedEye(_Still):
     end: int
 
     def _before(self, at: Instants) -> Values:
-        """(images, n) share of the response that falls on light before instants `at`."""
+        """Share of the response for light before the instants `at`, ps, (images, n)."""
         from scipy.special import gammaincc
 
         stage = eye_time(self.luminance) * PS
         centre = np.array(self.instants, np.float64)[:, None]
-        age = (centre - at[None, :]) / stage + STAGES  # of light, in stages; the mean is STAGES
+        age = (
+            centre - at[None, :]
+        ) / stage + STAGES  # age of the light, stages; the mean is STAGES
         return np.asarray(gammaincc(STAGES, np.maximum(age, 0.0)))
 
     def weights(self, start: Instants, stop: Instants) -> Values:
@@ -79,7 +81,12 @@ class FixedEye(_Still):
 
 @dataclass(frozen=True)
 class CameraPlane(_Still):
-    """A camera's exposures: all light alike for `exposure` ps centred on each instant (ps)."""
+    """The exposures of a camera, with constant weight.
+
+    Attributes:
+        instants: centres of the exposures, ps.
+        exposure: length of an exposure, ps.
+    """
 
     instants: tuple[int, ...]
     exposure: int
@@ -92,9 +99,13 @@ class CameraPlane(_Still):
 
 @dataclass(frozen=True)
 class PursuingEye:
-    """An eye that follows what moves at (vy, vx) pixels a second: retina image
-    R(y, x) = integral of L(y + vy (t - T), x + vx (t - T), t) weighted in time as `still` does,
-    for each of its instants T."""
+    """An eye that moves at (vy, vx). Its retina image at the instant T is R(y, x) = integral of
+    L(y + vy (t - T), x + vx (t - T), t), with the weights of `still`.
+
+    Attributes:
+        still: weights and instants.
+        velocity: (vy, vx), pixels/s.
+    """
 
     still: FixedEye | CameraPlane
     velocity: tuple[float, float]

@@ -1,7 +1,7 @@
-"""Row kernels: planes of light added to images, binary planes, and reduced pictures; compiled.
+"""Compiled row kernels: integration of images, binary planes, and reduced pictures.
 
-Rows are distributed over threads that run compiled functions without the interpreter's lock: with
-numba's own threads (parallel=True) these took three times as long to compile.
+Rows are distributed over threads, which run compiled functions without the interpreter lock. With
+numba's own threads (parallel=True), the compilation took three times as long.
 """
 
 from __future__ import annotations
@@ -27,18 +27,20 @@ def _threads() -> tuple[int, ThreadPoolExecutor]:
     return count, ThreadPoolExecutor(count, thread_name_prefix="rows")
 
 
-def by_rows(function: Callable[..., None], rows: int, *given: Any) -> None:
-    """function(first, stop, *given) for all rows, on all cores: rows must not touch each other."""
+def by_rows(function: Callable[..., None], rows: int, *arguments: Any) -> None:
+    """Calls function(first, stop, *arguments) for all rows, on all cores. The rows must be
+    independent."""
     count, pool = _threads()
     edges = [rows * k // count for k in range(count + 1)]
-    jobs = [pool.submit(function, a, b, *given) for a, b in pairwise(edges)]
+    jobs = [pool.submit(function, a, b, *arguments) for a, b in pairwise(edges)]
     for job in jobs:
         job.result()
 
 
 @njit(cache=True, nogil=True)
 def _read(planes, pad, plane, down, y, lines):  # type: ignore[no-untyped-def]
-    """Writes the rows that row y of the images is made of, as floats, `pad` of dark around each."""
+    """Fills `lines` with the rows that contribute to row y of the images, as floats, with `pad`
+    dark pixels on both sides of each."""
     height, width = planes.shape[1:]
     for m in range(len(plane)):
         row = y + down[m]
@@ -62,8 +64,8 @@ def _add(total, line, weight):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _add_eight(total, lines, place, weight, t):  # type: ignore[no-untyped-def]
-    """Adds taps t to t + 8 in one pass, one store for eight multiplications. Slices tell the
-    compiler that every index is within, or it would not vectorise."""
+    """Adds the taps t to t + 8 in one pass, with one store for eight multiplications. The slices
+    show the compiler that all indices are valid; otherwise it would not vectorise the loop."""
     width = len(total)
     s0, s1, s2, s3 = place[t], place[t + 1], place[t + 2], place[t + 3]
     s4, s5, s6, s7 = place[t + 4], place[t + 5], place[t + 6], place[t + 7]
@@ -79,17 +81,17 @@ def _add_eight(total, lines, place, weight, t):  # type: ignore[no-untyped-def]
         )
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
+# A compiled kernel has separate arguments: unpacking a record of arrays would cost time in each
+# call.
 @njit(cache=True, nogil=True)
 def add_images(first, stop, planes, pad, plane, down, begin, place, weight, images):  # type: ignore[no-untyped-def]
-    """Rows `first` to `stop` of images: images[i, y, x] += sum over taps t of image i of weight[t]
-    · planes[plane[m], y + down[m], x + s], dark outside.
+    """Adds light to the rows `first` to `stop` of images: images[i, y, x] += sum over the taps t of
+    image i of weight[t] · planes[plane[m], y + down[m], x + s], dark outside.
 
     Args:
         planes: (n, H, W) float32 or uint8.
-        plane, down: (lines,) int64, the rows that are read, made float once however many images and
-            taps look at them.
-        begin: (images + 1,) int64, where each image's taps begin.
+        plane, down: (lines,) int64, the rows that are read; each is converted to float once.
+        begin: (images + 1,) int64, first tap of each image.
         place: (taps,) int64, m (W + 2 pad) + pad + s with |s| <= pad.
         weight: (taps,) float32.
         images: (images, H, W) float32.
@@ -116,16 +118,16 @@ def add_images(first, stop, planes, pad, plane, down, begin, place, weight, imag
 
 @njit(cache=True, nogil=True)
 def carry_errors(first, stop, before, after, scale, part, error, planes):  # type: ignore[no-untyped-def]
-    """Rows `first` to `stop` of binary planes of light that runs from `before` to `after`: plane k
-    shows its level at share part[k] of the way, times `scale`, held to 0 to 1.
+    """Fills the rows `first` to `stop` of binary planes, for light that changes linearly from
+    `before` to `after`. Plane k samples it at the share part[k], times `scale`, limited to [0, 1].
 
-    A pixel is on where its level and the error left to it reach one half; what that is too much or
-    too little goes on to the next plane.
+    A pixel is on if the sum of its level and its carried error is at least one half. The difference
+    is carried to the next plane.
 
     Args:
-        before, after, error: (H, W) float32; error is changed.
+        before, after, error: (H, W) float32; `error` is updated.
         part: (n,) float32.
-        planes: (n, H, W) uint8, written.
+        planes: (n, H, W) uint8, output.
     """
     one, half, none = np.float32(1.0), np.float32(0.5), np.float32(0.0)
     for y in range(first, stop):
@@ -143,12 +145,13 @@ def carry_errors(first, stop, before, after, scale, part, error, planes):  # typ
 
 @njit(cache=True, nogil=True)
 def shrink(first, stop, planes, by, small):  # type: ignore[no-untyped-def]
-    """Rows `first` to `stop` of small[k, y, x], the mean of planes[k] over `by` x `by` pixels.
+    """Fills the rows `first` to `stop` of small[k, y, x], the mean of planes[k] over `by` x `by`
+    pixels.
 
     Args:
-        planes: (n, H, W) float32 or uint8; what does not fill a whole one at the right and below is
-            left out.
-        small: (n, H // by, W // by) float32.
+        planes: (n, H, W) float32 or uint8; incomplete squares at the right and at the bottom are
+            ignored.
+        small: (n, H // by, W // by) float32, output.
     """
     scale = np.float32(1.0 / (by * by))
     for y in range(first, stop):

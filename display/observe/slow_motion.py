@@ -1,4 +1,4 @@
-"""Slow motion: exposures of a camera back to back, small and in 8 bits, for a video."""
+"""Slow motion for a video: consecutive exposures of a camera, reduced in size and in 8 bits."""
 
 from __future__ import annotations
 
@@ -17,26 +17,29 @@ __all__ = ["Film", "SlowMotion", "exposure_cycles", "slow_motion"]
 Values = npt.NDArray[np.floating[Any]]
 
 FRAMES: Final = 160
-"""Exposures of a run, at most."""
+"""Maximum number of exposures of a run."""
 TILE: Final = 400
-"""Pixels of the longer side of a picture, at most."""
+"""Maximum length of the longer side of a picture, pixels."""
 
 
 class SlowMotion:
-    """Exposures back to back from `begin` to `end`, reduced to means over `by` x `by` pixels.
+    """Consecutive exposures, reduced to means over `by` x `by` pixels.
 
-    A display whose renderer makes images of any `Observer` is given `camera(first, stop)`, the
-    exposures that its planes touch (`touched`), and passes each complete one to `Film.keep`.
+    A display with a renderer uses the observer `camera(first, stop)` for the exposures that its
+    planes overlap (`touched`), and passes each complete exposure to `Film.keep`.
 
     Args:
-        shape: (height, width) of the display.
-        begin, end: ps.
-        exposure: ps.
-        by: pixels to a side of the squares that are averaged.
+        shape: (height, width) of the display, pixels.
+        begin, end: limits of the exposures, ps.
+        exposure: length of an exposure, ps.
+        by: side of the squares that are averaged, pixels.
 
     Attributes:
-        shape: (height, width) of the reduced pictures.
+        shape: (height, width) of the reduced pictures, pixels.
         count: number of exposures.
+
+    Raises:
+        ValueError: `exposure` or `by` is out of range.
     """
 
     def __init__(
@@ -51,34 +54,32 @@ class SlowMotion:
         self.count = (end - begin) // exposure
 
     def camera(self, first: int, stop: int) -> CameraPlane:
-        """The observer that makes exposures `first` to `stop`."""
+        """The observer of the exposures `first` to `stop`."""
         return CameraPlane(
             tuple(self.begin + n * self.exposure + self.exposure // 2 for n in range(first, stop)),
             self.exposure,
         )
 
     def touched(self, start: int, stop: int) -> tuple[int, int]:
-        """First exposure with light of `start` to `stop` (ps), and the end of those exposures."""
+        """The first exposure that overlaps `start` to `stop`, ps, and the one after the last."""
         first = min(max((start - self.begin) // self.exposure, 0), self.count)
         last = -(-(stop - self.begin) // self.exposure)
         return first, min(max(last, first), self.count)
 
 
 def exposure_cycles(cycles: int) -> int:
-    """Cycles to an exposure, in a run of so many."""
+    """Number of cycles in an exposure, for a run of `cycles`."""
     return -(-cycles // FRAMES)
 
 
 def slow_motion(clock: Clock, cycles: int, shape: tuple[int, int]) -> SlowMotion:
-    """The slow motion of a run.
-
-    The cycles that do not fill an exposure are left out at the start, where a panel is dark in any
-    case.
+    """The slow motion of a run. Cycles that do not fill an exposure are left out at the start,
+    where a panel is dark.
 
     Args:
-        clock: of the stream.
-        cycles: of the run.
-        shape: (height, width) of the display.
+        clock: clock of the stream.
+        cycles: length of the run, cycles.
+        shape: (height, width) of the display, pixels.
     """
     every = exposure_cycles(cycles)
     first = cycles % every
@@ -88,10 +89,10 @@ def slow_motion(clock: Clock, cycles: int, shape: tuple[int, int]) -> SlowMotion
 
 
 class Film:
-    """The exposures of one display.
+    """The exposures of a display.
 
     Attributes:
-        motion: which exposures there are.
+        motion: times and size of the exposures.
         frames: (count, h, w) uint8, with the sRGB curve applied.
         done: number of complete exposures.
     """
@@ -123,7 +124,8 @@ class Film:
             self._open[index] = self._open[index] + image if index in self._open else image
 
     def close(self, until: int) -> None:
-        """Completes the exposures that end by `until` (ps): all light before it has been added."""
+        """Completes the exposures that end by `until`, ps. All light before it must have been
+        added."""
         motion = self.motion
         stop = min(max((until - motion.begin) // motion.exposure, self.done), motion.count)
         for index in range(self.done, stop):
@@ -133,7 +135,7 @@ class Film:
         self.done = stop
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next step depends on."""
+        """Everything that the next step depends on."""
         opened = sorted(self._open)
         images = [self._open[n] for n in opened]
         return {
@@ -142,7 +144,7 @@ class Film:
         }  # fmt: skip
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self.done = len(state["frames"])
         self.frames[:] = 0
         self.frames[: self.done] = state["frames"]

@@ -1,4 +1,4 @@
-"""The eye's response in time: what its sensitivity and its images have in common."""
+"""The temporal response of the eye, shared by its sensitivity and its images."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Final
 __all__ = ["STAGES", "STAGE_TIME", "frequency_scale"]
 
 STAGES: Final = 15
-"""Of the cascade that low-passes light: the sustained term of elaTCSF."""
+"""Number of stages of the low-pass cascade, the sustained term of elaTCSF."""
 STAGE_TIME: Final = 0.00292069
-"""Seconds of each stage where the scale of frequencies is 1 (elaTCSF's tau)."""
+"""Time constant of each stage at a frequency scale of 1, s (tau of elaTCSF)."""
 SPEED: Final = 0.6678, 0.222269
-"""How frequencies scale with luminance."""
+"""Constants of the frequency scale: offset, and slope per decade of luminance."""
 DIMMEST: Final = 0.1
-"""cd/m2, below which light is taken as of this: the scale of frequencies ends in 0 at 0.001."""
+"""Lower limit of the luminance, cd/m2: the frequency scale would be 0 at 0.001."""
 
 
 def frequency_scale(luminance: float) -> float:
-    """By how much faster the eye is at this luminance (cd/m2): elaTCSF's f' = f / scale in the
-    fovea."""
+    """Scale of the eye's temporal frequencies at a luminance, cd/m2: f' = f / scale of elaTCSF in
+    the fovea."""
     return SPEED[0] + SPEED[1] * math.log10(max(luminance, DIMMEST))

@@ -1,8 +1,8 @@
-"""Views: weights and shifts with which observers integrate the light of a block.
+"""Views: the weights and shifts with which observers integrate the light of a block.
 
-An observer makes one or more images. Each is an integral over time of the light, weighted by the
-observer's response and, for an eye that moves, shifted on the retina. Light is the mean over short
-spans of time, so an image is a sum: weight times (shifted) light of each span.
+An observer has one or more images. Each is the integral of the light over time, weighted by the
+response of the observer and, for a moving eye, shifted on the retina. Light is the mean over short
+spans of time, so an image is a sum of the (shifted) light of the spans times their weights.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Values = npt.NDArray[np.float64]
 
 
 class Observer(Protocol):
-    """An observer that takes one or more images."""
+    """An observer with one or more images."""
 
     @property
     def images(self) -> int:
@@ -30,28 +30,28 @@ class Observer(Protocol):
         ...
 
     def weights(self, start: npt.NDArray[np.int64], stop: npt.NDArray[np.int64]) -> Values:
-        """(images, spans) float64, share of each span [start, stop) (ps) in each image: the
-        response integrated over the span. Over all time each image's weights add up to 1, so that
-        constant light 1 gives images of 1."""
+        """The response integrated over each span [start, stop), ps, for each image: (images, spans)
+        float64. The weights of an image over all time add up to 1, so constant light 1 gives an
+        image of 1."""
         ...
 
     def shifts(self, at: npt.NDArray[np.int64]) -> tuple[Values, Values]:
-        """(dy, dx) at instants `at` (ps), (images, spans) pixels each: the image at (y, x) takes
-        the light at (y + dy, x + dx), bilinear, dark outside."""
+        """The shifts (dy, dx) at the instants `at`, ps, each (images, spans), pixels: the image at
+        (y, x) integrates the light at (y + dy, x + dx), bilinear, dark outside."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """How the images of a block of planes are integrated from its spans.
+    """The weights and shifts for the images of a block of planes.
 
-    Each array is (images, spans) float64. Light is in Q, summed over the span's planes.
+    Each array is (images, spans) float64. The light of a span is the sum over its planes, Q.
 
     Attributes:
-        weight: factor of the span's light in row 0.
-        slope: change of the weight from row 0 to row `height`, since rows are driven one after
-            another: row r has weight + slope r / height. Exact to 1e-6 for an eye, and to a share
-            of a plane at the ends of a camera's exposure.
+        weight: factor of the light in row 0.
+        slope: change of the weight from row 0 to row `height`, because rows are driven one after
+            another: row r has weight + slope r / height. Accurate to 1e-6 for an eye, and to a
+            share of a plane at the ends of a camera's exposure.
         dy, dx: shift in row 0, pixels.
         dy_slope, dx_slope: change of the shift, as `slope`.
     """
@@ -74,7 +74,7 @@ class Views:
 
     @classmethod
     def joined(cls, several: Sequence[Views]) -> Views:
-        """The images of all, one after another."""
+        """The images of all views, one after another."""
         return cls(
             *(np.concatenate([getattr(v, name) for v in several]) for name in vars(several[0]))
         )
@@ -83,8 +83,14 @@ class Views:
 def panel_views(
     observer: Observer, panel: SpikePanel, first: int, planes: int, batch: int
 ) -> Views:
-    """Views of planes `first` to `first + planes` of a panel, `batch` planes to a span (the last
-    span may be shorter): white of the panel gives images of 1."""
+    """The views of planes of a panel. The white of the panel gives images of 1.
+
+    Args:
+        observer: the observer.
+        panel: the panel.
+        first, planes: first plane, and number of planes.
+        batch: number of planes in a span; the last span may be shorter.
+    """
     edges = [*range(first, first + planes, batch), first + planes]
     at = np.array([panel.start(n) for n in edges], np.int64)
     start, stop = at[:-1], at[1:]

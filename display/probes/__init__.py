@@ -1,1 +1,1 @@
-"""Probes: small test light that a camera films and a display shows, for latency, blur, flicker."""
+"""Probes: test light that a camera records and a display shows, for latency, blur and flicker."""

@@ -1,9 +1,10 @@
-"""How far a moving edge is smeared on the retina of an eye that follows it.
+"""Measures the blur of a moving edge on the retina of an eye that follows it.
 
-An edge moves along the rows at `SPEED`; the eye moves with it and takes all light alike for
-`EXPOSURE`, in which 60 Hz and its multiples have whole frames. What lands at retina place u is the
-mean over that time of the light at u + v t, of rows averaged. The areas of the sensor's and the
-panel's pixels are in the profile: together they alone give an edge of about 1.1 pixels (0.28 ms).
+An edge moves along the rows at SPEED. The eye moves with it and integrates light with constant
+weight for EXPOSURE, which has whole frames at 60 Hz and its multiples. The light at the position u
+on the retina is the mean over this time of the light at u + v t, averaged over rows. The profile
+includes the areas of the pixels of sensor and panel, which alone give a width of about 1.1 pixels
+(0.28 ms).
 """
 
 from __future__ import annotations
@@ -29,45 +30,46 @@ __all__ = ["EXPOSURE", "SPEED", "Blur", "frame_blur", "retina", "spike_blur"]
 
 Values = npt.NDArray[np.float64]
 SPEED: Final = 4000.0
-"""Pixels a second."""
+"""Speed of the edge and of the eye, pixels/s."""
 EXPOSURE: Final = 0.05
-"""Seconds that the eye takes together: 3 frames at 60 Hz."""
+"""Integration time of the eye, s: 3 frames at 60 Hz."""
 SPIKES: Final = 3000
-"""That a place of the profile is to be made of, which is 2 % of it,"""
+"""Target number of spikes at a position of the profile, for a standard error of 2 %."""
 ROWS: Final = 8, 32
-"""within so many rows."""
+"""Minimum and maximum number of rows for SPIKES."""
 REACH: Final = 3.5
-"""Mean intervals that the profile reaches behind the edge: two pass before held light settles."""
+"""Extent of the profile behind the edge, mean intervals: held light settles after two."""
 WIDEST: Final = 1024
-"""Columns that are filmed."""
+"""Maximum number of recorded columns."""
 MARGIN: Final = 10.0
-"""Pixels that it reaches on either side in any case."""
+"""Minimum extent of the profile on both sides, pixels."""
 FINE: Final = 0.05
-"""Pixels, of a profile's samples for bright light."""
+"""Distance of the samples of a profile for bright light, pixels."""
 PARTS: Final = 4
-"""Instants in a plane, at least, at which the eye is moved on; no further than FINE apart."""
+"""Minimum number of positions of the eye in a plane; they are at most FINE apart."""
 PHASES: Final = 4
-"""Places within a pixel from which an edge starts: at 1000 Hz it moves by whole pixels a frame."""
+"""Number of start positions of an edge within a pixel: at 1000 Hz it moves by whole pixels a
+frame."""
 SAMPLES: Final = 20
-"""Of a frame's light, at least, and of its flash."""
+"""Minimum number of samples of the light of a frame, and of its flash."""
 SETTLED: Final = 20.0
-"""Time constants after which a pixel has settled."""
+"""Number of time constants after which a pixel has settled."""
 MOST: Final = 5 * 10**7
-"""Samples of light that are laid out at once; a panel slow enough to need more has no figure."""
+"""Maximum number of samples of light in memory; slower panels have no figure."""
 PROJECTED: Final = 32
-"""Rows of the projector, whose errors begin differently."""
+"""Number of rows of the projector, which have different initial errors."""
 
 
 @dataclass(frozen=True)
 class Blur:
-    """A row of the table.
+    """The blur of one edge on one display.
 
     Attributes:
         display, drive: see `Latency`.
-        ahead, behind: light in front of the edge and after it, spikes a cycle.
+        ahead, behind: light in front of the edge and behind it, spikes a cycle.
         width: BEW, pixels.
-        bet, ebet: s; NaN if the light does not settle within what was filmed (held light never
-            goes dark).
+        bet, ebet: BET and EBET, s; NaN if the light does not settle within the recorded time (held
+            light never becomes dark).
         cmr: CMR-like, %.
     """
 
@@ -88,19 +90,23 @@ class Blur:
 
 
 def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Values:
-    """What an eye that moves at SPEED takes together: mean over `times` of light at at + v t.
+    """The light on the retina of an eye that moves at SPEED, (n,): the mean over `times` of the
+    light at the positions at + v t.
 
     Args:
-        light: (instants, columns), mean over square pixels, column j being [j, j + 1).
-        times: (instants,) s.
-        at: (n,) pixels, places on the retina, which must stay within the columns.
-        side: of the square in a pixel's middle that emits all of its light.
+        light: (instants, columns), mean over square pixels; column j is [j, j + 1).
+        times: instants, s, (instants,).
+        at: positions on the retina, pixels, (n,).
+        side: side of the square in the centre of a pixel that emits its light, pixels.
+
+    Raises:
+        ValueError: a position is beyond the columns.
     """
     reach = at.min() + SPEED * times.min(), at.max() + SPEED * times.max()
     if reach[0] < 0 or reach[1] >= light.shape[1]:
         raise ValueError(f"places must stay within {light.shape[1]} columns, not {reach}")
     total = np.zeros(len(at))
-    for first in range(0, len(times), 512):  # sums of sums keep their digits
+    for first in range(0, len(times), 512):  # partial sums reduce rounding errors
         part = slice(first, first + 512)
         total += _gathered(np.ascontiguousarray(light[part]), times[part], at, side)
     return total / len(times)
@@ -108,7 +114,7 @@ def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Value
 
 @njit(cache=True, nogil=True)
 def _gathered(light, times, at, side):  # type: ignore[no-untyped-def]
-    """(places,), the sum of what each place of the retina meets at these instants."""
+    """The sum of the light at each position of the retina over these instants, (positions,)."""
     total = np.zeros(len(at))
     for n in range(len(times)):
         row, moved = light[n], SPEED * times[n]
@@ -123,7 +129,7 @@ def _gathered(light, times, at, side):  # type: ignore[no-untyped-def]
 
 
 def _measured(x: Values, profile: Values, edge: tuple[float, float]) -> float:
-    """BEW of a profile whose left is `behind` the edge; NaN where it does not settle."""
+    """BEW of a profile whose left side is behind the edge, pixels; NaN if it does not settle."""
     end = max(len(x) // 8, 1)
     low = 0.0 if edge[1] == 0 else float(profile[:end].mean())
     high = 0.0 if edge[0] == 0 else float(profile[-end:].mean())
@@ -134,9 +140,13 @@ def _measured(x: Values, profile: Values, edge: tuple[float, float]) -> float:
 
 
 def _places(interval: float, slow: float) -> Values:
-    """Places of a profile relative to the edge, pixels. interval: pixels that the edge moves in a
-    mean interval of the brighter light; the profile has two hundred places to it. slow: that it
-    moves while the emitter settles."""
+    """Positions of a profile relative to the edge, pixels.
+
+    Args:
+        interval: motion of the edge in a mean interval, pixels; the profile has two hundred
+            positions in it.
+        slow: motion of the edge while the emitter settles, pixels.
+    """
     step = max(FINE, interval / 200)
     return np.arange(-MARGIN - REACH * interval - slow, MARGIN + interval, step)
 
@@ -144,12 +154,18 @@ def _places(interval: float, slow: float) -> Values:
 def spike_blur(
     camera: ProbeCamera, panel: SpikePanel, edge: tuple[float, float], seed: int
 ) -> list[Blur]:
-    """Every drive of a panel. edge: (ahead, behind), spikes a cycle. What would need more than
-    `WIDEST` columns (dim light at a slow clock) is not filmed: NaN."""
+    """The blur of an edge for every drive of a panel; NaN if it needs more than WIDEST columns (dim
+    light at a slow clock).
+
+    Args:
+        camera, panel: camera and panel.
+        edge: light (ahead, behind) the edge, spikes a cycle.
+        seed: seed of the noise.
+    """
     hz = panel.clock.hz
     dimmest = min(rate for rate in edge if rate > 0)
     x = _places(SPEED / hz / min(dimmest, 1.0), SPEED / hz * settling_cycles(panel))
-    # The eye looks while the edge moves from column `begin` on: all places stay on the chip.
+    # The exposure starts with the edge at column `begin`, so that all positions are on the chip.
     begin = math.ceil(-x[0]) + 1
     width = begin + math.ceil(SPEED * (EXPOSURE + 1 / hz) + x[-1]) + 2
     if width > WIDEST:
@@ -167,17 +183,17 @@ def spike_blur(
     count = max(PARTS, math.ceil(SPEED / hz / FINE / side))
     table = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
-        light_shown = light_of[planes]
+        light_of_planes = light_of[planes]
         lit = replace(panel, drive=drive).share if panel.rise == panel.decay == 0 else 1.0
         parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
-        profile = retina(np.repeat(light_shown, count, axis=0), times, x, side)
+        profile = retina(np.repeat(light_of_planes, count, axis=0), times, x, side)
         table.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
     return table
 
 
 def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns: Values) -> Values:
-    """(instants, columns) light of frames fed the true edge, as a share of the pixel's own."""
+    """Light of a frame panel that shows the true edge, (instants, columns)."""
     rate, ahead, behind = panel.rate.hz, *edge
     at = times - panel.latency
     frame = np.floor(at * rate + 1e-9).astype(np.int64)
@@ -202,7 +218,7 @@ def _frames(panel: FramePanel, edge: tuple[float, float], times: Values, columns
 
 
 def _planes(panel: Projector, edge: tuple[float, float], times: Values, columns: Values) -> Values:
-    """(instants, columns) the same of binary planes, averaged over rows."""
+    """Light of binary planes that show the true edge, averaged over rows, (instants, columns)."""
     rate = panel.rate.hz
     at = np.floor((times - panel.latency) * rate + 1e-9).astype(np.int64)
     error = spread_errors(np.arange(PROJECTED)[:, None], columns)
@@ -217,7 +233,7 @@ def _planes(panel: Projector, edge: tuple[float, float], times: Values, columns:
 
 
 def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> float:
-    """BEW of an edge between two levels of such a panel, pixels."""
+    """BEW of an edge on a reference panel, pixels; NaN if it cannot be computed."""
     travel, lag = SPEED / panel.rate.hz, panel.latency * SPEED
     if isinstance(panel, Projector):  # a dim pixel waits for its plane
         slow = travel / min(level for level in edge if level > 0)
@@ -226,7 +242,7 @@ def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> fl
     x = np.arange(
         -MARGIN - lag - 2 * (travel + slow), MARGIN + travel, max(FINE, (travel + slow) / 400)
     )
-    # The eye integrates whole frames, from the beginning of one.
+    # The eye integrates whole frames, from the start of one.
     rate, persistence = panel.rate.hz, getattr(panel, "persistence", 1.0)
     frames = max(1, math.ceil(EXPOSURE * rate - 1e-9))
     start = math.ceil((math.ceil(-x[0]) + 1) / SPEED * rate) / rate + panel.latency
@@ -254,9 +270,13 @@ def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> fl
 def frame_blur(
     panel: FramePanel | Projector, white_rate: float, edges: Sequence[tuple[float, float]]
 ) -> list[Blur]:
-    """A panel of frames fed the true light. white_rate: the light that it shows as white.
+    """The blur of edges on a reference panel that shows the true light. Frames are linear in light,
+    so all edges between two levels have the same profile.
 
-    Frames are linear in light, so all edges between two levels have one profile.
+    Args:
+        panel: the reference panel.
+        white_rate: light that it shows as white, spikes a cycle.
+        edges: light (ahead, behind) of each edge, spikes a cycle.
     """
     if not isinstance(panel, Projector):
         width = _frame_width(panel, (0.0, 1.0))

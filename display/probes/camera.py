@@ -1,4 +1,4 @@
-"""The camera that probes film with: what a probe needs of the camera before a display."""
+"""The protocol of the camera that probes use."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["ProbeCamera"]
 
 
 class ProbeCamera(Protocol):
-    """A camera of which pieces of any size film small test light.
+    """A camera that records test light with arrays of any size.
 
     Attributes:
-        clock: of the latch.
-        height: rows of the whole sensor.
-        seed: of the camera's noise.
+        clock: latch clock.
+        height: number of rows of the whole sensor.
+        seed: seed of the camera's noise.
     """
 
     @property
@@ -29,11 +29,12 @@ class ProbeCamera(Protocol):
     def seed(self) -> int: ...
 
     def lux(self, rate: float) -> float:
-        """Illuminance of a pixel for so many thresholds a cycle; above 1 it is overfull."""
+        """Illuminance for `rate` thresholds a cycle, lux; above 1 the pixel saturates."""
         ...
 
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
-        """(rows,) ps from a clock edge to the latch of each row, of a sensor of so many rows."""
+        """Delay from a clock edge to the latch of each row for a sensor with `rows` rows, ps,
+        (rows,)."""
         ...
 
     def film(
@@ -44,13 +45,13 @@ class ProbeCamera(Protocol):
         seed: int,
         rows: tuple[int, int] | None = None,
     ) -> Viform:
-        """Films `cycles` cycles.
+        """Records `cycles` cycles.
 
         Args:
-            light: test light, lux; it must reach a cycle further.
-            cycles: from instant 0.
-            shape: (height, width) of the piece of the sensor.
-            seed: of the noise.
-            rows: first row and end of the rows that are filmed, None for all.
+            light: test light, lux; it must extend one cycle beyond the end.
+            cycles: number of cycles from the instant 0.
+            shape: (height, width) of the array, pixels.
+            seed: seed of the noise.
+            rows: first row and end of the recorded rows, None for all.
         """
         ...

@@ -1,9 +1,9 @@
-"""How steady light is that should be steady: of a patch, as a photodiode takes it, and of pixels.
+"""Measures the flicker of steady light: of a patch, as a photodiode sees it, and of single pixels.
 
-A patch of 16 x 16 pixels is filmed for a second and shown. Its rows are driven within 1.6 % of a
-cycle of each other, which is left out. Light is taken as its mean over each cycle: what a packet
-shorter than a cycle does within it lies above 3 kHz and is in none of the figures but the percent
-flicker of the true light, which is then 100.
+A camera records a patch of 16 x 16 pixels for one second, and the display shows it. The row timing
+within the patch, 1.6 % of a cycle, is neglected. Light is averaged over each cycle: the waveform of
+a packet within a cycle is above 3 kHz and affects only the percent flicker of the true waveform,
+which is then 100.
 """
 
 from __future__ import annotations
@@ -33,25 +33,26 @@ __all__ = ["PATCH", "Flicker", "frame_flicker", "spike_flicker", "spike_pst_lm"]
 Values = npt.NDArray[np.float64]
 Area = Literal["patch", "pixel"]
 PATCH: Final = 16
-"""Pixels each way."""
+"""Side of the patch, pixels."""
 SECONDS: Final = 1.0
-"""That SVM needs."""
+"""Length of the waveform, s, as SVM requires."""
 SETTLING: Final = 4
-"""Mean intervals before: held light has settled after two."""
+"""Settling time before the waveform, mean intervals; held light settles after two."""
 SAMPLES: Final = 40_000
-"""A second, of the light of frames."""
+"""Sampling rate of the light of frames, Hz."""
 SUMMED: Final = 32
-"""Planes that PstLM's light is summed over: 1.25 kHz at 40 kHz."""
+"""Number of planes over which the light for PstLM is averaged: 1.25 kHz at 40 kHz."""
 
 
 @dataclass(frozen=True)
 class Flicker:
-    """A row of the table.
+    """The flicker of one display at one light.
 
     Attributes:
         display, drive, rate: see `Latency`.
-        area: a patch, or single pixels, of which the figures are the median of 16.
-        figures: their mean is in packets Q a cycle; of frames, what would be as bright.
+        area: a patch, or single pixels; for pixels, the figures are medians of 16.
+        figures: figures of the waveform; the mean is in packets Q a cycle, or equivalent for
+            frames.
     """
 
     display: str
@@ -63,12 +64,12 @@ class Flicker:
 
 @dataclass(frozen=True)
 class Eye:
-    """The observer and panel for which sensitivity is computed.
+    """Parameters for the sensitivity of the eye.
 
     Attributes:
-        white: cd/m2.
-        white_rate: packets Q a cycle that are white.
-        per_degree: pixels.
+        white: luminance of white, cd/m2.
+        white_rate: light of white, packets Q a cycle.
+        per_degree: pixels per degree of visual angle.
     """
 
     white: float
@@ -79,7 +80,8 @@ class Eye:
 def _row(
     display: str, drive: str, rate: float, area: Area, waves: Values, hz: float, eye: Eye
 ) -> Flicker:
-    """waves: (samples, places). Places that are always dark are left out."""
+    """The row for the waveforms `waves`, (samples, places), sampled at `hz`. Places that are always
+    dark are ignored."""
     lit = [wave for wave in waves.T if wave.max() > 0]
     if not lit:
         none = math.nan
@@ -87,7 +89,7 @@ def _row(
         return Flicker(display, drive, rate, area, dark)
     field = (PATCH if area == "patch" else 1) / eye.per_degree
     white = eye.white * float(np.mean(lit)) / eye.white_rate
-    finer = math.ceil(LEAST_RATE / hz)  # a slow clock's light is constant between its samples
+    finer = math.ceil(LEAST_RATE / hz)  # with a slow clock, light is constant between samples
     each = [
         flicker_figures(np.repeat(wave, finer), hz * finer, white, (field, field)) for wave in lit
     ]
@@ -109,7 +111,7 @@ def _row(
 def _film(
     camera: ProbeCamera, panel: SpikePanel, rate: float, seconds: float, seed: int
 ) -> tuple[Viform, int]:
-    """A patch under steady light, and the planes that it takes to settle."""
+    """The stream of a patch under steady light, and the number of planes for settling."""
     clock = camera.clock
     settling = SETTLING / min(rate, 1.0) + settling_cycles(panel)
     before = math.ceil(settling / SUMMED) * SUMMED
@@ -122,7 +124,14 @@ def _film(
 def spike_flicker(
     camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], per_degree: float, seed: int
 ) -> list[Flicker]:
-    """Every drive of a panel at these lights (spikes a cycle), patch and pixels."""
+    """The flicker for every drive of a panel, of patch and pixels.
+
+    Args:
+        camera, panel: camera and panel.
+        rates: lights, spikes a cycle.
+        per_degree: pixels per degree of visual angle.
+        seed: seed of the noise.
+    """
     hz = panel.clock.hz
     eye = Eye(panel.luminance, panel.white_rate, per_degree)
     rows = []
@@ -144,15 +153,16 @@ def spike_flicker(
 def spike_pst_lm(
     camera: ProbeCamera, panel: SpikePanel, rate: float, drive: str, seed: int
 ) -> float:
-    """PstLM of a patch, over the least time that its levels need: about a minute of light, and
-    therefore as many pixel-cycles as 16 ms of a megapixel."""
+    """PstLM of a patch over the minimum time, about one minute of light, which has as many
+    pixel-cycles as 16 ms of a megapixel."""
     stream, before = _film(camera, panel, rate, LEAST_SECONDS + 1, seed)
     light = panel_light(stream, panel, drive, SUMMED, np.zeros(stream.shape, np.int64))[:, 0]
     return pst_lm(light[before // SUMMED :], panel.clock.hz / SUMMED)
 
 
 def _strobed(panel: FramePanel) -> Values:
-    """(samples, 1) of a second of white: each the mean over its time."""
+    """The waveform of white on a frame panel for one second, (samples, 1); each sample is a
+    mean."""
     if panel.persistence == 1:
         return np.ones((round(SECONDS * SAMPLES), 1))
     frames = np.arange(round(SECONDS * SAMPLES) + 1) * (panel.rate.num / panel.rate.den / SAMPLES)
@@ -162,8 +172,8 @@ def _strobed(panel: FramePanel) -> Values:
 
 
 def _planes(panel: Projector, level: float) -> tuple[Values, Values]:
-    """(planes, 1) of a patch and (planes, 16) of pixels, a second: on wherever the carried error
-    passes one half."""
+    """The waveforms of a patch, (planes, 1), and of pixels, (planes, 16), for one second: a pixel
+    is on when its carried error crosses one half."""
     row, column = np.indices((PATCH, PATCH))
     begin = spread_errors(row, column).ravel() + 0.5
     grown = np.arange(math.ceil(SECONDS * panel.rate.hz) + 1)[:, None] * level
@@ -175,7 +185,15 @@ def frame_flicker(
     panel: FramePanel | Projector, white_rate: float, luminance: float, rates: Sequence[float],
     per_degree: float,
 ) -> list[Flicker]:  # fmt: skip
-    """A panel of frames fed the true light. luminance: of its white, cd/m2."""
+    """The flicker of a reference panel that shows the true light.
+
+    Args:
+        panel: the reference panel.
+        white_rate: light that it shows as white, spikes a cycle.
+        luminance: luminance of its white, cd/m2.
+        rates: lights, spikes a cycle.
+        per_degree: pixels per degree of visual angle.
+    """
     eye = Eye(luminance, white_rate, per_degree)
     rows = []
     for rate in rates:

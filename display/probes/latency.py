@@ -1,22 +1,23 @@
-"""From photon to photon: how long after an edge of light a display's light passes half way.
+"""Measures the photon-to-photon latency: the time from a step of light until the light of a display
+crosses half of the step.
 
-Every column of a small chip sees the edge at its own phase of the cycle, every row is driven at its
-own time, so the pixels are all phases by all rows. The parts of a pixel's latency add up to it:
+In a small array, each column has the step at another phase of the cycle, and each row is driven at
+another time, so the pixels cover all phases and rows. The parts of a pixel's latency add up to it:
 
-- interval: from the edge to the latch of the first spike after it. When light goes, to the first
-  latch after it: no spike is the news then.
-- readout: from that latch until the panel drives the pixel's row. A panel that drives its rows
-  in a smaller share of the cycle than the chip takes to sample them would show rows before they are
-  latched; the figure is then negative.
-- transport: the panel's.
-- hold: from there until the light passes half way between its settled means, emitter and all. A
-  panel that holds intervals waits for the second spike here. Light that had gone before the news
-  came counts as gone when it comes: 0. That of packets ends with the last of them; that no
-  more will follow, an eye can only know after some intervals.
+- interval: from the step to the latch of the first spike after it. For falling light, to the first
+  latch after it, because the absence of a spike carries the information.
+- readout: from that latch until the panel drives the row. If the panel drives its rows in a smaller
+  share of the cycle than the chip samples them, it would show rows before they are latched; this
+  part is then negative.
+- transport: delay of the panel.
+- hold: from there until the light crosses half of the step between its settled means, including the
+  emitter. A panel that holds intervals waits for the second spike. If the light has fallen before
+  the information arrives, this part is 0. The light of packets ends with the last packet; an eye
+  can only notice the end after some intervals.
 
-What charge pixels hold at an edge is theirs: out of the dark it is the random one that a run starts
-with (or none, with `random initial charge` left out), which is what makes the first interval of
-bright light shorter than one threshold needs.
+The initial charge of the pixels is that of the run: in the dark it is random (or zero without the
+effect `random initial charge`), so the first interval of bright light is shorter than the time for
+a whole threshold.
 """
 
 from __future__ import annotations
@@ -46,25 +47,30 @@ Values = npt.NDArray[np.float64]
 Parts = Sequence[Values | float]
 Way = Literal["rise", "fall"]
 SIDE: Final = 64
-"""Rows and columns (phases) of the chip that is filmed."""
+"""Numbers of rows and columns (phases) of the recorded array."""
 SPARSE: Final = 0.01
-"""Spikes a cycle below which the phase within one hardly matters, and so many columns do:"""
+"""Rate below which the phase hardly matters and FEW columns are sufficient, spikes a cycle."""
 FEW: Final = 16
 DARK: Final = 6
-"""Cycles of darkness before an edge."""
+"""Number of dark cycles before a step."""
 SETTLING: Final = 4
-"""Mean intervals that are filmed of light: a panel that holds intervals has settled after two."""
+"""Recorded time with light, mean intervals: a panel that holds intervals settles after two."""
 FADING: Final = 3
-"""Mean intervals that are filmed after light: causal light is at half after two."""
+"""Recorded time after light, mean intervals: causal light reaches half after two."""
 SPARE: Final = 16
-"""Cycles beyond these."""
+"""Number of additional cycles."""
 WAYS: Final[tuple[Way, Way]] = ("rise", "fall")
 PARTS: Final = ("interval", "readout", "transport", "hold")
 
 
 @dataclass(frozen=True)
 class Delay:
-    """Microseconds, of the pixels that answered."""
+    """Statistics of a time over the pixels that respond, µs.
+
+    Attributes:
+        low, median, high: 5 %, 50 % and 95 % quantiles.
+        mean: mean.
+    """
 
     low: float
     median: float
@@ -73,7 +79,7 @@ class Delay:
 
     @classmethod
     def of(cls, us: Values) -> Delay:
-        """5 %, median, 95 % and mean; all NaN of none."""
+        """The statistics of the times `us`; NaN for an empty array."""
         if not us.size:
             return cls(math.nan, math.nan, math.nan, math.nan)
         low, median, high = (float(q) for q in np.percentile(us, [5, 50, 95]))
@@ -82,16 +88,17 @@ class Delay:
 
 @dataclass(frozen=True)
 class Latency:
-    """A row of the table.
+    """The latency of one display at one light.
 
     Attributes:
-        display: its name.
-        drive: of a spike panel, else "".
-        rate: of the light, spikes a cycle.
-        way: dark to light or light to dark.
-        total: microseconds.
-        parts: of `PARTS`, in order; their means add up to the total's.
-        lost: share of pixels whose light never passed half way while it was filmed.
+        display: name of the display.
+        drive: drive of a spike panel, else "".
+        rate: light after or before the step, spikes a cycle.
+        way: "rise" from dark to light, or "fall".
+        total: total latency.
+        parts: parts in the order of `PARTS`; their means add up to that of the total.
+        lost: share of pixels whose light does not cross half within the recorded time.
+        unit: unit of the times.
     """
 
     display: str
@@ -105,22 +112,26 @@ class Latency:
 
 
 def _row(display: str, drive: str, rate: float, way: Way, parts: Parts) -> Latency:
-    """parts: ps, (pixels,) each, NaN where the light never passed half way."""
+    """The row for `parts`, ps, each (pixels,), NaN for pixels that do not respond."""
     us = np.array(np.broadcast_arrays(*parts)) / (PS / 1e6)
-    came = np.isfinite(us).all(axis=0)
-    us = us[:, came]
+    responds = np.isfinite(us).all(axis=0)
+    us = us[:, responds]
     total, each = Delay.of(us.sum(axis=0)), tuple(Delay.of(part) for part in us)
-    return Latency(display, drive, rate, way, total, each, float(1 - came.mean()))
+    return Latency(display, drive, rate, way, total, each, float(1 - responds.mean()))
 
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """A filmed edge.
+    """A recorded step.
 
     Attributes:
-        at: (pixels,) ps, of the edge.
-        latch: (pixels,) ps from a clock edge to the latch of each pixel's row.
-        cycle: that which holds the edge.
+        clock: latch clock.
+        stream: recorded stream.
+        rate: light, spikes a cycle.
+        way: "rise" or "fall".
+        at: instant of the step, ps, (pixels,).
+        latch: delay from a clock edge to the latch of the pixel's row, ps, (pixels,).
+        cycle: cycle that contains the step.
     """
 
     clock: Clock
@@ -131,20 +142,20 @@ class _Edges:
     latch: Values
     cycle: int
 
-    def news(self) -> Values:
-        """(pixels,) ps, end of the cycle that has news of the edge; NaN where none has."""
-        origin, cycles = self.cycle - 1, self.stream.cycles  # a late row's window begins earlier
+    def response(self) -> Values:
+        """End of the first cycle that depends on the step, ps, (pixels,); NaN without one."""
+        origin, cycles = self.cycle - 1, self.stream.cycles  # windows of delayed rows begin earlier
         ends = np.array([self.clock.edge(n + 1) for n in range(origin, cycles)], np.float64)
-        news = ends[:, None] + self.latch > self.at
+        after = ends[:, None] + self.latch > self.at
         if self.way == "rise":
             planes = unpack_planes(self.stream.words, origin, cycles)
-            news &= planes.reshape(news.shape) > 0
-        first = np.argmax(news, axis=0)
-        return np.where(news[first, np.arange(len(first))], ends[first], np.nan)
+            after &= planes.reshape(after.shape) > 0
+        first = np.argmax(after, axis=0)
+        return np.where(after[first, np.arange(len(first))], ends[first], np.nan)
 
 
 def _film(camera: ProbeCamera, rate: float, way: Way, seed: int, settling: int) -> _Edges:
-    """settling: cycles that the emitter takes."""
+    """Records a step; `settling` is the settling time of the emitter, cycles."""
     phases = SIDE if rate >= SPARSE else FEW
     clock, lux, shape = camera.clock, camera.lux(rate), (SIDE, phases)
     spare = SPARE + settling
@@ -162,25 +173,26 @@ def _film(camera: ProbeCamera, rate: float, way: Way, seed: int, settling: int) 
 
 
 def _one(edges: _Edges, end: Values, panel: SpikePanel, drive: str) -> Latency:
+    """The latency for one drive. `end`: `_Edges.response`, ps."""
     shape, origin = edges.stream.shape, edges.cycle - 1
-    own = replace(panel, shape=shape, drive=drive)
-    x = panel_light(edges.stream, replace(own, rise=0.0, decay=0.0), drive)
+    small = replace(panel, shape=shape, drive=drive)
+    x = panel_light(edges.stream, replace(small, rise=0.0, decay=0.0), drive)
     lit = slice((edges.cycle + len(x)) // 2, None)
     if edges.way == "fall":
         lit = slice(edges.cycle // 2, edges.cycle)
     half = half_way(0.0, float(x[lit].mean()))
     starts = np.array([panel.start(n) for n in range(origin, len(x) + 1)], np.float64)
-    light, pulse = x[origin:], own.share
+    light, pulse = x[origin:], small.share
     if pulse < 1:
         ends = starts[:-1] + pulse * np.diff(starts)
         starts = np.append(np.stack([starts[:-1], ends], axis=1).ravel(), starts[-1])
         light = np.stack([light / pulse, np.zeros_like(light)], axis=1).reshape(-1, light.shape[1])
-    if edges.way == "fall" and own.rise > 0:  # the emitter has settled before
-        starts = np.append(starts[0] - 1e3 * own.rise * PS, starts)
+    if edges.way == "fall" and small.rise > 0:  # the emitter is settled at the start
+        starts = np.append(starts[0] - 1e3 * small.rise * PS, starts)
         light = np.concatenate([np.full((1, light.shape[1]), 2 * half), light])
     passed = risen if edges.way == "rise" else fallen
-    row = np.repeat(np.arange(shape[0]), shape[1]) * (own.row_delay / shape[0])
-    when = passed(starts, light, half, own.rise * PS, own.decay * PS) + row
+    row = np.repeat(np.arange(shape[0]), shape[1]) * (small.row_delay / shape[0])
+    when = passed(starts, light, half, small.rise * PS, small.decay * PS) + row
     hold = when - (end + panel.transport + row)
     if edges.way == "fall":
         hold = np.maximum(hold, 0.0)
@@ -191,26 +203,33 @@ def _one(edges: _Edges, end: Values, panel: SpikePanel, drive: str) -> Latency:
 def spike_latency(
     camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], seed: int
 ) -> list[Latency]:
-    """Every drive of a panel at these lights (spikes a cycle), on and off."""
+    """The latency for every drive of a panel, rising and falling.
+
+    Args:
+        camera, panel: camera and panel.
+        rates: lights, spikes a cycle.
+        seed: seed of the noise.
+    """
     rows: list[Latency] = []
     for rate in rates:
         for way in WAYS:
             edges = _film(camera, rate, way, seed, settling_cycles(panel))
-            end = edges.news()
+            end = edges.response()
             with ThreadPoolExecutor() as pool:
                 rows += pool.map(partial(_one, edges, end, panel), DRIVES)
     return rows
 
 
 def _frame(panel: FramePanel, way: Way) -> Parts:
-    """Edges at every phase of a frame; light is taken at its start and is news then. A strobe is
-    a packet a frame: on with the first that reaches half of the mean, off with the last."""
+    """The parts for a frame panel, s, with steps at all phases of a frame, which samples the light
+    at its start. A strobe emits one packet in each frame: it has risen with the first packet that
+    reaches half of the mean, and fallen after the last."""
     frame = 1 / panel.rate.hz
     wait = (np.arange(SIDE * SIDE) + 0.5) / (SIDE * SIDE) * frame
     lit = panel.persistence * frame
     if way == "rise":
         hold = -panel.response * math.log1p(-panel.persistence / 2)
-        if hold % frame >= lit:  # it passes between two flashes
+        if hold % frame >= lit:  # the crossing is between two flashes
             hold += frame - hold % frame
     else:
         hold = panel.response * math.log(2 / panel.persistence)
@@ -219,12 +238,13 @@ def _frame(panel: FramePanel, way: Way) -> Parts:
 
 
 def _projector(panel: Projector, level: float, way: Way) -> Parts:
-    """Edges at every phase of a plane; errors of the pixels are spread evenly. On, the news is the
-    first plane that is lit; off, the first that samples the dark."""
+    """The parts for a projector, s, with steps at all phases of a plane and uniformly distributed
+    errors. Light has risen with the first plane that is on, and fallen with the first one that
+    samples the dark."""
     plane = 1 / panel.rate.hz
     phase, error = np.meshgrid(*[(np.arange(SIDE) + 0.5) / SIDE] * 2)
     wait = phase.ravel() * plane
-    if way == "rise":  # an error of -1/2 to 1/2 that grows by the level until it is 1/2
+    if way == "rise":  # the error starts at -1/2 to 1/2 and grows by the level up to 1/2
         wait = wait + (np.ceil((1 - error.ravel()) / level) - 1) * plane
     return wait, 0.0, panel.latency, np.zeros(wait.shape)
 
@@ -232,7 +252,13 @@ def _projector(panel: Projector, level: float, way: Way) -> Parts:
 def frame_latency(
     panel: FramePanel | Projector, white_rate: float, rates: Sequence[float]
 ) -> list[Latency]:
-    """A panel of frames fed the true light. white_rate: the light that it shows as white."""
+    """The latency of a reference panel that shows the true light.
+
+    Args:
+        panel: the reference panel.
+        white_rate: light that it shows as white, spikes a cycle.
+        rates: lights, spikes a cycle.
+    """
     rows = []
     for rate in rates:
         for way in WAYS:

@@ -1,4 +1,4 @@
-"""Test light of the probes: steady, stepped in time, and a moving edge."""
+"""The test light of the probes: steady light, steps in time, and a moving edge."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _plane(shape: tuple[int, int], lux: float) -> npt.NDArray[np.float32]:
 
 
 def steady_light(shape: tuple[int, int], lux: float, stop: int) -> Light:
-    """The same light everywhere, to `stop` (ps)."""
+    """Uniform light from 0 to `stop`, ps."""
     plane = _plane(shape, lux)
     return Light((Piece(0, stop, plane, plane),))
 
@@ -28,7 +28,14 @@ def steady_light(shape: tuple[int, int], lux: float, stop: int) -> Light:
 def phased_light(
     shape: tuple[int, int], before: float, after: float, at: Places, stop: int
 ) -> Light:
-    """Light (lux) that jumps in each column at its own instant `at`, (width,) ps rising."""
+    """Light that steps from `before` to `after`, lux, in each column at another instant.
+
+    Args:
+        shape: (height, width), pixels.
+        before, after: light before and after the step, lux.
+        at: instant of the step in each column, ps, (width,), increasing.
+        stop: end of the light, ps.
+    """
     height, width = shape
     marks = [0, *(int(t) for t in at), stop]
     pieces = []
@@ -42,11 +49,15 @@ def phased_light(
 def edge_light(
     shape: tuple[int, int], ahead: float, behind: float, speed: float, clock: Clock, cycles: int
 ) -> Light:
-    """An edge that enters at the left at instant 0 and moves right at `speed` pixels a second, for
-    `cycles` cycles: `behind` it one light, `ahead` the other (lux).
+    """An edge that enters at the left at the instant 0 and moves to the right. A pixel integrates
+    over its whole area, so its light is linear in time while the edge crosses it: the light is
+    exact at every instant.
 
-    A pixel gathers over its whole area, so while the edge crosses it its light runs linearly: what
-    falls on the pixels is exact at every instant.
+    Args:
+        shape: (height, width), pixels.
+        ahead, behind: light in front of the edge and behind it, lux.
+        speed: speed of the edge, pixels/s.
+        clock, cycles: clock and length of the light.
     """
     stop = clock.edge(cycles)
     height, width = shape
@@ -69,5 +80,5 @@ def edge_light(
 
 
 def settling_cycles(panel: SpikePanel) -> int:
-    """Cycles after which an emitter's light is its drive's to 5e-5."""
+    """Number of cycles after which the light of the emitter equals its drive within 5e-5."""
     return math.ceil(10 * max(panel.rise, panel.decay) * panel.clock.hz)

@@ -1,4 +1,4 @@
-"""The probes of a display as one table, and as the figures of result.json."""
+"""All probes of a display, and their metrics in `result.json`."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ GREY: Final = 0.18
 WHITE: Final = 0.6
 BRIGHT: Final = 1.5
 RATES: Final = (SPARSE, DIM, GREY, WHITE, BRIGHT)
-"""Light that displays are probed with, spikes a cycle: 0.15 % density, dim, mid grey, white, and
-half as much again as a pixel can tell."""
+"""Light of the probes, spikes a cycle: 0.15 % density, dim, mid grey, white, and 1.5 times the
+saturation of a pixel."""
 EDGES: Final = ((0.0, SPARSE), (0.0, DIM), (0.0, GREY), (GREY, 0.0), (GREY, WHITE), (0.0, BRIGHT))
-"""(ahead of a moving edge, behind it)."""
+"""Light (ahead, behind) of the moving edges, spikes a cycle."""
 GREYS: Final = ((0.0, GREY), (GREY, 0.0), (GREY, WHITE))
-"""Those of them that MPRT is the mean of."""
+"""The edges for MPRT."""
 PST_CLOCK: Final = 100e3
-"""Hz: more than a minute of a faster clock would be long to film."""
+"""Fastest clock for which PstLM is measured, Hz: it needs more than a minute of light."""
 NAMES: Final = {
     SPARSE: "sparse", DIM: "dim", GREY: "grey", WHITE: "white", BRIGHT: "bright",
 }  # fmt: skip
@@ -38,11 +38,12 @@ NAMES: Final = {
 
 @dataclass(frozen=True)
 class Probes:
-    """What was measured.
+    """The results of all probes.
 
     Attributes:
-        drive: the panel's own.
-        pst_lm: of a patch of mid grey with that drive; None where it was not asked for.
+        drive: drive of the panel in the run.
+        latency, blur, flicker: rows for all displays.
+        pst_lm: PstLM of a patch of mid grey with the drive of the run; None if not measured.
     """
 
     drive: str
@@ -63,18 +64,18 @@ def probe_display(
     per_degree: float = 60.0,
     pst_lm: bool = False,
 ) -> Probes:
-    """Films edges and steady light, and shows them with every drive of the panel. Reference panels
-    are fed the true light.
+    """Records steps, edges and steady light, and shows them with every drive of the panel.
+    Reference panels show the true light.
 
     Args:
-        camera: films the test light.
-        panel: shows it.
+        camera: camera for the test light.
+        panel: the panel.
         references: frame displays and projectors.
-        seed: of the probes' noise.
-        rates, edges: some of `RATES` and `EDGES`; metrics are of these only.
-        per_degree: pixels to a degree of the eye's view.
-        pst_lm: whether to measure PstLM as well, which takes as long as all else; it is left out
-            at clocks above `PST_CLOCK`.
+        seed: seed of the noise.
+        rates, edges: selection from `RATES` and `EDGES`.
+        per_degree: pixels per degree of visual angle.
+        pst_lm: whether PstLM is measured, which takes as long as all other probes; it is not
+            measured for clocks above PST_CLOCK.
     """
     white = panel.white_rate
     latency = spike_latency(camera, panel, rates, seed)
@@ -94,13 +95,14 @@ def _known(value: float, unit: str) -> Metric:
 
 
 def display_metrics(probes: Probes) -> dict[str, Metric]:
-    """By name; null where there is no such figure, as of held light that never goes dark.
+    """The metrics by name; None for a figure that does not exist, such as for held light that never
+    becomes dark.
 
-    `latency_LIGHT_us` is the median of drive impulse, dark to light, with `_hold` and `_causal` the
-    others', and `_fall` light to dark. LIGHT is sparse (0.15 % density), dim, grey, white, bright.
-    `ebet_ms_spike`, `flicker_*_spike` and `pst_lm_spike` are of the panel's own drive at mid grey,
-    `ebet_ms_DISPLAY` of mid grey out of the dark. `mprt_ms_*` is the mean of BET (10 to 90 %) over
-    `GREYS`.
+    `latency_LIGHT_us` is the median for the impulse drive, from dark to light; `_hold` and
+    `_causal` mark the other drives, `_fall` the step from light to dark. LIGHT is sparse (0.15 %
+    density), dim, grey, white, or bright. `ebet_ms_spike`, `flicker_*_spike` and `pst_lm_spike` are
+    for the drive of the run at mid grey, `ebet_ms_DISPLAY` for an edge from dark to mid grey.
+    `mprt_ms_*` is the mean of BET (10 to 90 %) over `GREYS`.
     """
     figures: dict[str, Metric] = {}
     for delay in probes.latency:
@@ -147,8 +149,8 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
                 figures[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit)
     if probes.pst_lm is not None:
         figures["pst_lm_spike"] = _known(probes.pst_lm, "1")
-    held = figures.get("ebet_ms_120hz")
-    own = figures.get("ebet_ms_spike")
-    if held and own and held.value and own.value:
-        figures["blur_120hz_over_spike"] = Metric(held.value / own.value, "1")
+    frames = figures.get("ebet_ms_120hz")
+    spike = figures.get("ebet_ms_spike")
+    if frames and spike and frames.value and spike.value:
+        figures["blur_120hz_over_spike"] = Metric(frames.value / spike.value, "1")
     return figures

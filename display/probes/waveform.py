@@ -1,8 +1,8 @@
-"""What a spike-continuous panel makes of spikes, pixel by pixel in time: compiled.
+"""The light of a spike-continuous panel, pixel by pixel over time, in compiled code.
 
-The same drives and the same emitter as `display.GoldenRenderer`, to which a test holds it; only the
-order is another: a pixel's planes one after another, so that long waveforms of few pixels and the
-sum over a patch cost little.
+It has the same drives and the same emitter as `GoldenRenderer`, with which a test compares it, but
+another order: all planes of one pixel, then the next pixel. Long waveforms of few pixels and sums
+over a patch are then fast.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from display.panels.panel import SpikePanel
 __all__ = ["every_drive", "panel_light"]
 
 _LINE: Final = 4096
-"""Planes of a pixel that are laid out at a time."""
+"""Number of planes of a pixel in a line."""
 _SHORT: Final = 8
-"""Planes that are laid out at once: grey fires more often."""
+"""Number of planes written in one loop of constant length; grey has shorter intervals."""
 _LONG: Final = 10**8
-"""Pixel-planes from which on two threads share the pixels."""
+"""Number of pixel-planes from which on two threads share the pixels."""
 _DE_BRUIJN: Final = np.uint32(0x077CB531)
 _PLACES: Final = np.array(
     [0, 1, 28, 2, 29, 14, 24, 3, 30, 22, 20, 15, 25, 17, 4, 8,
      31, 27, 13, 23, 21, 19, 16, 7, 26, 12, 18, 6, 11, 5, 10, 9]
 )  # fmt: skip
-"""Of the one bit in a word: where it is, by the top five bits of its product with a de Bruijn
+"""Position of the only set bit of a word, by the top five bits of its product with a de Bruijn
 sequence (Leiserson, Prokop and Randall, 1998)."""
 Values = npt.NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
 def _next_spike(words, pixel, n, stop):  # type: ignore[no-untyped-def]
-    """The first plane from n on in which the pixel spikes, or stop."""
+    """The first plane from n on in which the pixel fires, or `stop`."""
     while n < stop:
         word = words[pixel, n >> 5] >> np.uint32(n & 31)
         if word:
@@ -53,8 +53,8 @@ def _next_spike(words, pixel, n, stop):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add_sums(line, count, span, row):  # type: ignore[no-untyped-def]
-    """Adds the sum of each span of the line to row. Every sum runs in order; four go side by side,
-    since one alone waits for each of its additions."""
+    """Adds the sum of each span of the line to `row`. Every sum is in order; four sums are
+    interleaved, because a single one would wait for each addition."""
     spans = count // span
     four = spans // 4 * 4
     for n in range(0, four, 4):
@@ -77,13 +77,18 @@ def _add_sums(line, count, span, row):  # type: ignore[no-untyped-def]
 
 
 def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[no-untyped-def]
-    """Adds the light of each plane of each pixel to light[group[pixel], plane // span]; compiled
-    for a drive.
+    """Adds the light of each plane of each pixel to light[group[pixel], plane // span]. `compiled`
+    compiles this kernel for a drive. The drive of a pixel is written from spike to spike to a line
+    that fits into the cache.
 
     Args:
-        words: (pixels, words), so that a pixel's words are contiguous.
-        spikes: see `Drive`. A pixel's drive is laid out from spike to spike in a line that stays in
-            the cache.
+        words: (pixels, words), so that the words of a pixel are contiguous.
+        cycles: number of planes.
+        spikes: see `Drive`.
+        emitter: `Emitter`.
+        span: number of planes in a span.
+        group: group of each pixel, (pixels,).
+        light: (groups, spans), updated.
     """
     pulse, rise, decay = emitter
     reach = max(_LINE // span, 1) * span
@@ -101,8 +106,8 @@ def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[n
             while n < stop:
                 m = _next_spike(words, pixel, n, stop)
                 at = n - first
-                # At least _SHORT planes, whatever comes: the next spike overwrites the excess. A
-                # loop of known length is much faster than a short one.
+                # At least _SHORT planes: the next spike overwrites the excess. A loop of constant
+                # length is much faster than a short variable one.
                 if lit:
                     for k in range(_SHORT):
                         line[at + k] = level(age + 1.0 + k, tau, memory)
@@ -149,13 +154,19 @@ def panel_light(
     span: int = 1,
     group: npt.NDArray[np.int64] | None = None,
 ) -> Values:
-    """Light of a panel with this drive, packets Q a cycle, mean over each span and group.
+    """Light of a panel with this drive, packets Q a cycle, mean over each span and group: (cycles
+    // span, groups).
 
     Args:
-        stream: from where the panel was dark.
-        span: planes that are taken together; those beyond the last whole span are left out.
-        group: (height, width) int, which pixels are taken together (0 to the largest); every pixel
-            alone unless given. Gives (cycles // span, groups).
+        stream: stream from the start, at which the panel is dark.
+        panel: the panel.
+        drive: name of the drive.
+        span: number of planes in a span; planes after the last whole span are ignored.
+        group: group of each pixel, (height, width) int from 0 on; by default every pixel is a
+            group.
+
+    Raises:
+        ValueError: `group` has another size.
     """
     height, width = stream.shape
     groups = np.arange(height * width) if group is None else group.ravel()
@@ -166,17 +177,17 @@ def panel_light(
     scheme, emitter = DRIVES[drive], Emitter.of(replace(panel, drive=drive))
     show = compiled(_show, scheme)
 
-    def some(pixels: slice) -> Values:
+    def part(pixels: slice) -> Values:
         light = np.zeros((int(groups.max()) + 1, cycles // span))
         show(words[pixels], cycles, scheme.spikes, emitter, span, groups[pixels], light)
         return light
 
     if cycles * groups.size < _LONG:
-        light = some(slice(None))
+        light = part(slice(None))
     else:
         half = groups.size // 2
         with ThreadPoolExecutor() as pool:
-            light, more = pool.map(some, (slice(half), slice(half, None)))
+            light, more = pool.map(part, (slice(half), slice(half, None)))
         light += more
     light /= (span * np.bincount(groups))[:, None]
     return light.T
@@ -185,7 +196,7 @@ def panel_light(
 def every_drive(
     stream: Viform, panel: SpikePanel, span: int = 1, group: npt.NDArray[np.int64] | None = None
 ) -> dict[str, Values]:
-    """`panel_light` of each drive by its name, side by side on the processor's cores."""
+    """`panel_light` for each drive by its name, in parallel."""
     with ThreadPoolExecutor() as pool:
-        made = pool.map(lambda drive: panel_light(stream, panel, drive, span, group), DRIVES)
-        return dict(zip(DRIVES, made, strict=True))
+        lights = pool.map(lambda drive: panel_light(stream, panel, drive, span, group), DRIVES)
+        return dict(zip(DRIVES, lights, strict=True))

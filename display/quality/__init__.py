@@ -1,1 +1,1 @@
-"""Display quality: pure functions of light waveforms, edge profiles and images."""
+"""Display quality as pure functions of light waveforms, edge profiles and images."""

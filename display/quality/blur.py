@@ -1,14 +1,14 @@
 """Blur of a moving edge: widths of its profile on the retina, and the corresponding times.
 
-An edge is filmed, shown, and followed by the eye; across it the retina image runs from one level to
-the other. BEW is the distance from 10 to 90 % of that step; BET = BEW / v is the time the same, for
-any speed v; EBET = BET / 0.8 extends it to the full width as though the profile were straight. An
-ideal hold of T gives a straight profile of width v T, so BET = 0.8 T and EBET = T.
+A camera records an edge, a display shows it, and the eye follows it; the retina image has a step
+between two levels. BEW is the distance from 10 to 90 % of this step. BET = BEW / v is independent
+of the speed v. EBET = BET / 0.8 is the full width of a linear profile. An ideal hold of T gives a
+linear profile of the width v T, so BET = 0.8 T and EBET = T.
 
-Two conventions of MPRT are in use. The mean of BET over transitions between greys is that of the
-measurement standards; "1 ms persistence is 1 pixel per 1000 pixels/s" (TestUFO) is the full
-width, which is the mean of EBET. VESA's exact formula of ClearMR is not public: what is here is a
-ratio of its kind and is called CMR-like.
+MPRT has two conventions. In the measurement standards it is the mean of BET over transitions
+between greys; in "1 ms persistence is 1 pixel per 1000 pixels/s" (TestUFO) it is the full width,
+the mean of EBET. The exact formula of VESA's ClearMR is not public; this file has a similar ratio,
+called CMR-like.
 """
 
 from __future__ import annotations
@@ -27,33 +27,35 @@ Values = npt.NDArray[np.float64]
 LOW: Final = 0.1
 HIGH: Final = 0.9
 STEP_SHARE: Final = HIGH - LOW
-"""Of the step that lies between BEW's two levels."""
+"""Share of the step between the two levels of BEW."""
 CMR_FRAME: Final = 1 / 60
-"""Seconds: the hold whose blur is called 100 % of CMR-like."""
+"""Hold time whose CMR-like is 100 %, s."""
 
 
 def blur_edge_width(
     x: npt.ArrayLike, profile: npt.ArrayLike, low: float | None = None, high: float | None = None
 ) -> float:
-    """BEW: distance, in units of x, over which an edge's profile runs from 10 to 90 % of its step.
+    """BEW: the distance from 10 to 90 % of the step in an edge profile, in the unit of x.
 
-    A noisy profile is replaced by the monotone one nearest to it in least squares (isotonic
-    regression), which leaves a monotone one as it is; its crossings are interpolated linearly
-    between samples. Raises ValueError without a step, or where x does not reach 10 and 90 %.
+    The profile is replaced by the nearest monotone profile in least squares (isotonic regression),
+    which does not change a monotone profile. Crossings are interpolated linearly between samples.
 
     Args:
-        x: (n,) rising.
-        profile: (n,) levels there, rows averaged where there are several; the edge may rise or
-            fall.
-        low, high: its settled levels at the first and the last x; unless given, the means of the
-            first and the last eighth, which must lie beyond the blur.
+        x: positions, (n,), increasing.
+        profile: levels, (n,); the edge may rise or fall.
+        low, high: settled levels at the first and the last x; by default the means of the first and
+            the last eighth, which must be outside the blur.
+
+    Raises:
+        ValueError: the profile has no step, or does not reach 10 and 90 % of it.
     """
-    from scipy.optimize import isotonic_regression  # half a second: only who measures pays for it
+    from scipy.optimize import isotonic_regression  # the import takes 0.5 s
 
     at, level = np.asarray(x, np.float64), np.asarray(profile, np.float64)
     if at.ndim != 1 or at.shape != level.shape or len(at) < 4 or (np.diff(at) <= 0).any():
         raise ValueError(
-            f"a profile must be 4 or more levels at rising places, not {level.shape} at {at.shape}"
+            f"a profile must be 4 or more levels at increasing positions, not {level.shape} at "
+            f"{at.shape}"
         )
     end = max(len(at) // 8, 1)
     first = float(level[:end].mean()) if low is None else low
@@ -65,7 +67,7 @@ def blur_edge_width(
 
 
 def _crossing(at: Values, share: Values, level: float) -> float:
-    """Where a monotone profile reaches a level."""
+    """The position at which a monotone profile reaches a level. Raises ValueError."""
     k = int(np.searchsorted(share, level, side="left"))
     if k == 0 or k == len(share):
         raise ValueError(
@@ -77,33 +79,35 @@ def _crossing(at: Values, share: Values, level: float) -> float:
 
 
 def bet(width: float, speed: float) -> float:
-    """Seconds, blur edge time: BEW / v. width: pixels. speed: pixels a second, positive."""
+    """Blur edge time BEW / v, s, from the width, pixels, and the speed, pixels/s. Raises ValueError
+    unless the speed is positive."""
     if not speed > 0:
         raise ValueError(f"speed must be positive, not {speed:g} pixels a second")
     return width / speed
 
 
 def ebet(blur_edge_time: float) -> float:
-    """Seconds, extended blur edge time: BET / 0.8, the full width of a straight profile."""
+    """Extended blur edge time BET / 0.8, s: the full width of a linear profile."""
     return blur_edge_time / STEP_SHARE
 
 
 def mprt(blur_edge_times: Sequence[float]) -> float:
-    """Seconds, moving picture response time: the mean of BET (10 to 90 %) over transitions between
-    greys. An ideal hold of T has 0.8 T."""
+    """Moving picture response time, s: the mean of BET (10 to 90 %) over transitions between greys.
+    An ideal hold of T has 0.8 T. Raises ValueError without a transition."""
     if not len(blur_edge_times):
         raise ValueError("MPRT must be of at least one transition, not of none")
     return float(np.mean(blur_edge_times))
 
 
 def mprt_full_width(blur_edge_times: Sequence[float]) -> float:
-    """Seconds, MPRT as TestUFO tells it: of the full width, so that an ideal hold of T has T."""
+    """MPRT in the convention of TestUFO, s: of the full width. An ideal hold of T has T."""
     return ebet(mprt(blur_edge_times))
 
 
 def cmr_like(extended: float) -> float:
-    """Clear over blurred pixels, %: an edge that crosses n pixels in 1/60 s and is blurred over m
-    of them has 100 n / m. extended: EBET, seconds, positive. Not VESA's ClearMR (see above)."""
+    """Ratio of clear to blurred pixels, %: an edge that crosses n pixels in 1/60 s with a blur of m
+    pixels has 100 n / m. It is not VESA's ClearMR. `extended`: EBET, s; raises ValueError unless it
+    is positive."""
     if not extended > 0:
         raise ValueError(f"EBET must be positive, not {extended:g} s")
     return 100 * CMR_FRAME / extended

@@ -1,4 +1,4 @@
-"""Fidelity of a display: an observer's image of it against that of the true light."""
+"""Fidelity of a display: an observer's image of the display against that of the true light."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BANDS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Edges of the bands of luminance, white = 1."""
 Images = npt.NDArray[np.float32]
 ImagesByObserver = Mapping[str, Mapping[str, Images]]
-"""By display and observer: (images, height, width), white = 1. "truth" is the true light."""
+"""Images by display and observer, (images, height, width), white = 1. "truth" is the true light."""
 
 
 def _decibel(error: float) -> float:
@@ -28,14 +28,14 @@ def _decibel(error: float) -> float:
 
 @dataclass(frozen=True)
 class Band:
-    """Fidelity where the true luminance is from `low` to `high` of white, mean over instants.
+    """Fidelity in pixels with a true luminance from `low` to `high`, mean over instants.
 
     Attributes:
         low, high: edges of the band, white = 1.
-        share: of all pixels.
-        psnr: dB, peak 1.
+        share: share of all pixels.
+        psnr: PSNR with peak 1, dB.
         ssim: mean of the SSIM map in the band.
-        bias, spread: mean and RMS of the error over the band's mean luminance.
+        bias, spread: mean and RMS of the error over the mean luminance of the band.
     """
 
     low: float
@@ -49,12 +49,12 @@ class Band:
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Fidelity of a display to one observer.
+    """Fidelity of a display for one observer.
 
     Attributes:
-        display, observer: names.
-        psnr, ssim: mean over instants; dB, and 1 for equal images.
-        bands: of the still eye, the bands in which the truth has pixels; () for other observers.
+        display, observer: names of display and observer.
+        psnr, ssim: means over instants; PSNR in dB.
+        bands: for the still eye, the bands that contain pixels; () for other observers.
     """
 
     display: str
@@ -71,7 +71,7 @@ class Fidelity:
 
 
 class _Truth:
-    """One image of the true light, prepared for the comparison with every display's."""
+    """An image of the true light, prepared for the comparison with all displays."""
 
     def __init__(self, image: npt.NDArray[np.float32]) -> None:
         self.light = np.clip(image, 0, 1)
@@ -82,7 +82,8 @@ class _Truth:
 
 @njit(cache=True)
 def _by_band(band, values, bands):  # type: ignore[no-untyped-def]
-    """(bands, 5) sums over the pixels of each band: pixels, then the four in their order."""
+    """Sums over the pixels of each band, (bands, 5): the number of pixels, then the four values in
+    their order."""
     square, alike, error, light = values
     sums = np.zeros((bands, 5))
     for n in range(band.size):
@@ -105,7 +106,7 @@ def _compare(display: str, observer: str, images: Images, truths: Sequence[_Trut
         total.append(_decibel(float(square.mean(dtype=np.float64))))
         whole = inside(alike)
         structure.append(float(whole.mean(dtype=np.float64)) if whole.size else float("nan"))
-        if observer == "eye":  # bands are of the still eye alone
+        if observer == "eye":  # only the still eye has bands
             flat = square.ravel(), alike.ravel(), error.ravel(), truth.light.ravel()
             sums += _by_band(truth.band, flat, len(BANDS) - 1)
     count = sums[:, 0].sum()
@@ -128,7 +129,7 @@ def _compare(display: str, observer: str, images: Images, truths: Sequence[_Trut
 
 
 def display_fidelity(images: ImagesByObserver, observers: Sequence[str]) -> list[Fidelity]:
-    """Fidelity of every display but the truth to every observer."""
+    """Fidelity of every display except the truth, for these observers."""
     fidelity = []
     for observer in observers:
         truths = [_Truth(image) for image in images["truth"][observer]]

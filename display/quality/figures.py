@@ -1,4 +1,4 @@
-"""All flicker figures of one waveform, from one spectrum."""
+"""All flicker figures of a waveform, from one spectrum."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class FlickerFigures:
     """Flicker of a light waveform.
 
     Attributes:
-        mean: of the samples, in their unit.
+        mean: mean of the samples, in their unit.
         percent: percent flicker, %.
         index, svm, visibility: flicker index, SVM, and visibility by elaTCSF; dimensionless.
-        ieee: class by IEEE 1789.
+        ieee: class of IEEE 1789.
     """
 
     mean: float
@@ -36,11 +36,16 @@ class FlickerFigures:
 def flicker_figures(
     wave: npt.ArrayLike, rate: float, luminance: float, field: tuple[float, float]
 ) -> FlickerFigures:
-    """Of light sampled `rate` times a second for at least a second (see `svm`).
+    """The flicker figures of a waveform.
 
     Args:
-        luminance: cd/m2 of its mean.
-        field: degrees that flicker as one, (width, height).
+        wave: samples of light, at least one second (see `svm`).
+        rate: sampling rate, Hz.
+        luminance: luminance of the mean, cd/m2.
+        field: (width, height) of the field that flickers in phase, degrees.
+
+    Raises:
+        ValueError: the waveform is too short or sampled too slowly.
     """
     light = waveform(wave)
     check_svm(len(light) / rate, rate)

@@ -1,8 +1,8 @@
 """Flicker of a light waveform: percent flicker, flicker index, and the class of IEEE Std 1789-2015.
 
-Percent flicker is (max - min) / (max + min); the flicker index is the area above the mean over the
-whole area (both of the IES lighting handbook, over whole periods). IEEE 1789 limits the modulation,
-in percent, by its frequency: see `LIMITS`.
+Percent flicker is (max - min) / (max + min). The flicker index is the area above the mean over the
+total area (both from the IES lighting handbook, over whole periods). IEEE 1789 limits the
+modulation, in percent, depending on its frequency: see `LIMITS`.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ __all__ = [
 
 Risk = Literal["no effect", "low risk", "high risk"]
 EXEMPT: Final = 3000.0
-"""Hz from which no modulation is limited."""
+"""Frequency from which modulation has no limit, Hz."""
 LIMITS: Final = (
     (90.0, 0.01, 0.025),
     (1250.0, 0.0333, 0.08),
     (EXEMPT, 0.0333, math.inf),
 )
-"""(up to Hz, percent of modulation per Hz without effect, per Hz at low risk)."""
+"""(upper frequency, Hz; modulation without effect, %/Hz; modulation at low risk, %/Hz)."""
 
 
 def percent_flicker(wave: npt.ArrayLike) -> float:
-    """100 (max - min) / (max + min) of sampled light, %."""
+    """Percent flicker 100 (max - min) / (max + min) of sampled light, %."""
     light = waveform(wave)
     return float(100 * (light.max() - light.min()) / (light.max() + light.min()))
 
 
 def flicker_index(wave: npt.ArrayLike) -> float:
-    """Area above the mean over the whole area, 0 to 1, of light sampled over whole periods."""
+    """Flicker index, 0 to 1, of light sampled over whole periods."""
     light = waveform(wave)
     mean = light.mean()
     return float(np.maximum(light - mean, 0).mean() / mean)
@@ -55,9 +55,10 @@ class Ieee1789:
     """Flicker of a display against the limits of IEEE Std 1789-2015.
 
     Attributes:
-        frequency: Hz, dominant.
-        modulation: % at it.
-        no_effect, low_risk: the limits there, %.
+        frequency: dominant frequency, Hz.
+        modulation: modulation at this frequency, %.
+        no_effect, low_risk: limits at this frequency, %.
+        risk: class.
     """
 
     frequency: float
@@ -68,7 +69,7 @@ class Ieee1789:
 
 
 def risk_of(frequency: float, modulation: float) -> Ieee1789:
-    """The class of a modulation of so many percent at a frequency in Hz."""
+    """The class of a modulation, %, at a frequency, Hz."""
     no_effect = low_risk = math.inf
     for up_to, none, low in LIMITS:
         if frequency < up_to:
@@ -83,9 +84,9 @@ def risk_of(frequency: float, modulation: float) -> Ieee1789:
 
 
 def ieee_1789(wave: npt.ArrayLike, rate: float) -> Ieee1789:
-    """The class of light sampled `rate` times a second: of its strongest component, whose amplitude
-    over the mean is the modulation. That of short pulses exceeds 100 %: they have harmonics beside
-    it. Of noise it is the energy in about a hertz (see `spectrum`)."""
+    """The class of light sampled at `rate`, Hz, by its strongest component, whose amplitude over
+    the mean is the modulation. For short pulses, which have harmonics, it exceeds 100 %. For noise,
+    it is the energy in about one hertz (see `spectrum`)."""
     return ieee_1789_of(spectrum(wave, rate))
 
 

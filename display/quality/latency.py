@@ -1,9 +1,9 @@
-"""When light has followed a step: the instant at which it passes half way between its levels.
+"""The response time of light to a step: the instant at which it crosses half of the step.
 
-Light that an emitter gives is a row of pieces of constant drive, within which its level relaxes
-exponentially; it follows at once where it has no time constant. Rising light has arrived when it
-first reaches half of the step: of packets, that is the first. Falling light has gone at the end of
-the last that reached it.
+The light of an emitter consists of intervals of constant drive. Within an interval, its level
+relaxes exponentially, or follows without delay if it has no time constant. Rising light has
+responded when it first reaches half of the step; for packets, with the first packet. Falling light
+has responded at the end of the last interval that reaches half of the step.
 """
 
 from __future__ import annotations
@@ -17,28 +17,29 @@ Values = npt.NDArray[np.float64]
 
 
 def half_way(before: float, after: float) -> float:
-    """Level half way between two settled means."""
+    """The mean of two settled levels."""
     return (before + after) / 2
 
 
 def relaxed(
     edges: Values, drive: Values, rise: float = 0.0, decay: float = 0.0
 ) -> tuple[Values, Values]:
-    """What an emitter, dark before, begins and ends each piece with: two (n, pixels).
+    """Levels of an emitter, dark before the first interval, at the start and the end of each
+    interval: two arrays (n, pixels).
 
     Args:
-        edges: (n + 1,) times.
-        drive: (n, pixels).
-        rise, decay: time constants, in the unit of `edges`, towards a higher and a lower drive; 0
-            is there at once.
+        edges: times, (n + 1,).
+        drive: drive in each interval, (n, pixels).
+        rise, decay: time constants towards a higher and a lower drive, in the unit of `edges`; 0
+            for none.
     """
     if rise == 0 and decay == 0:
         return drive, drive
     first, last = np.empty(drive.shape), np.empty(drive.shape)
-    drive = np.ascontiguousarray(drive)  # it is gone through piece by piece
+    drive = np.ascontiguousarray(drive)  # the loop reads it row by row
     level = np.zeros(drive.shape[1:])
     length = np.diff(edges)
-    # What is left of a difference at the end of each piece: nothing without a time constant.
+    # Remaining share of a difference at the end of each interval: 0 without a time constant.
     left_up, left_down = (
         np.exp(-length / constant) if constant > 0 else np.zeros(len(length))
         for constant in (rise, decay)
@@ -55,7 +56,7 @@ def relaxed(
 
 
 def _passed(first: Values, drive: Values, half: float, constant: float) -> Values:
-    """Time from a piece's start until its level passes `half`, which it does within the piece."""
+    """Time from the start of an interval until its level crosses `half`, within the interval."""
     if constant == 0:
         return np.zeros_like(first)
     return constant * np.log((first - drive) / (half - drive))
@@ -64,12 +65,11 @@ def _passed(first: Values, drive: Values, half: float, constant: float) -> Value
 def risen(
     edges: Values, drive: Values, half: float, rise: float = 0.0, decay: float = 0.0
 ) -> Values:
-    """(pixels,) first time at which light that was dark reaches `half`; NaN where it never does.
+    """The first time at which light, dark before, reaches `half`, (pixels,); NaN if it does not.
 
     Args:
-        edges: (n + 1,) times.
-        drive: (n, pixels).
-        rise, decay: see `relaxed`.
+        edges, drive, rise, decay: see `relaxed`.
+        half: level of the crossing.
     """
     start, end = relaxed(edges, drive, rise, decay)
     hit = (start >= half) | (end >= half)
@@ -84,8 +84,8 @@ def risen(
 def fallen(
     edges: Values, drive: Values, half: float, rise: float = 0.0, decay: float = 0.0
 ) -> Values:
-    """(pixels,) last time at which light still reaches `half`; the first edge where it never does,
-    NaN where it still does at the end of the last piece. Parameters as in `risen`."""
+    """The last time at which light reaches `half`, (pixels,); the first edge if it never does, NaN
+    if it still does at the end of the last interval. The arguments are those of `risen`."""
     start, end = relaxed(edges, drive, rise, decay)
     hit = (start >= half) | (end >= half)
     n, pixel = len(drive) - 1 - np.argmax(hit[::-1], axis=0), np.arange(drive.shape[1])

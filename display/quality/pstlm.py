@@ -1,10 +1,10 @@
-"""Short-term light modulation, PstLM: the IEC light flickermeter of a light waveform.
+"""Short-term light modulation, PstLM: the IEC light flickermeter.
 
-IEC TR 61547-1, as its public reference code has it: light over its mean is band-limited, weighted
-by the eye's response to flicker, squared and smoothed. PstLM combines the levels that are exceeded
-in given percentages of the time. 1 is the flicker that half of people find irritating. All filters
-are in second-order sections: as one polynomial the high-pass at 0.05 Hz loses its digits at high
-rates.
+The method is that of IEC TR 61547-1, as in its public reference code: the light over its mean is
+band-limited, weighted by the response of the eye to flicker, squared and smoothed. PstLM combines
+the levels that are exceeded in certain percentages of the time. A value of 1 is the flicker that
+half of the observers find irritating. All filters are second-order sections: as one polynomial, the
+high-pass at 0.05 Hz would be inaccurate at high sampling rates.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ __all__ = ["LEAST_SECONDS", "pst_lm"]
 
 HIGH_PASS: Final = 0.05
 LOW_PASS: Final = 35.0
-"""Hz, corners of Butterworth filters of order 1 and 6."""
+"""Corner frequencies of Butterworth filters of order 1 and 6, Hz."""
 WEIGHTING: Final = (
     (0.041661, 44.758, 2715.6, 29839.0, 0.0),
     (1.0, 196.32, 11781.0, 534820.0, 3505380.0),
 )
-"""H(s), numerator and denominator: from light to its visible flicker."""
+"""Numerator and denominator of H(s), from light to visible flicker."""
 SCALE: Final = 1.101603155420234e6
 SMOOTHING: Final = 0.3
-"""Seconds, time constant."""
+"""Time constant of the smoothing, s."""
 SETTLING: Final = 20.0
-"""Seconds at the beginning that are left out."""
+"""Time at the start that is not evaluated, s."""
 LEVELS: Final = (
     (0.0314, (0.1,)),
     (0.0525, (0.7, 1.0, 1.5)),
@@ -39,18 +39,20 @@ LEVELS: Final = (
     (0.28, (6.0, 8.0, 10.0, 13.0, 17.0)),
     (0.08, (30.0, 50.0, 80.0)),
 )
-"""(weight, percents of the time): each term is the mean of the levels exceeded so long."""
+"""(weight, percentages of the time): each term is the mean of the levels exceeded in these
+percentages."""
 LEAST_SECONDS: Final = SETTLING + SMOOTHING / 0.007
-"""What is exceeded 0.7 % of the time must be exceeded for at least a smoothing time. That of 0.1 %
-would need 320 s; light that is not periodic changes by less than the term's own spread."""
+"""Minimum length of a waveform, s: 0.7 % of the time must be at least the smoothing time. The term
+of 0.1 % would need 320 s; for light that is not periodic, the difference is below the spread of the
+term."""
 LEAST_RATE: Final = 400.0
-"""Hz, samples: the bilinear transform then moves 9 Hz by less than 0.2 %."""
+"""Minimum sampling rate, Hz: the bilinear transform then shifts 9 Hz by less than 0.2 %."""
 
 
 @lru_cache(maxsize=8)
 def _sections(rate: float) -> Values:
-    """Second-order sections of all filters before the square, at a sampling rate."""
-    from scipy import signal  # half a second: only who measures pays for it
+    """Second-order sections of all filters before the square, for the sampling rate `rate`, Hz."""
+    from scipy import signal  # the import takes 0.5 s
 
     weight = signal.ZerosPolesGain(*signal.tf2zpk(*WEIGHTING))
     digital = signal.bilinear_zpk(weight.zeros, weight.poles, weight.gain, rate)
@@ -64,8 +66,8 @@ def _sections(rate: float) -> Values:
 
 
 def pst_lm(wave: npt.ArrayLike, rate: float) -> float:
-    """PstLM of light sampled `rate` times a second; 0 of steady light, and proportional to the
-    depth of any modulation. Raises ValueError for less than `LEAST_SECONDS` or 400 Hz."""
+    """PstLM of light sampled at `rate`, Hz. It is 0 for steady light, and proportional to the depth
+    of a modulation. Raises ValueError for less than LEAST_SECONDS or LEAST_RATE."""
     from scipy import signal
 
     light = waveform(wave)

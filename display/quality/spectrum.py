@@ -1,11 +1,11 @@
-"""The spectrum of a light waveform as components: lines with what leaks from them put back.
+"""The spectrum of a light waveform as components, with the leakage of each line added to it.
 
-A Hann window is used, and bins are taken together from one local minimum of the spectrum to the
-next: by Parseval's theorem the energy of such a group is that of the line in it, wherever between
-two bins its frequency lies (the main lobe of a Hann window has all but 0.05 % of it). Longer
-waveforms are cut into pieces of about a second whose spectra are averaged in power, so that noise,
-which has no lines, is given per hertz or so, whatever the length of the waveform. Lines less than
-about 4 Hz apart count as one.
+The window is a Hann window. Bins between two local minima of the spectrum form a group. By
+Parseval's theorem, the energy of a group is that of its line, for any frequency between two bins
+(the main lobe of a Hann window has all but 0.05 % of it). Longer waveforms are cut into pieces of
+about one second, and their power spectra are averaged, so that noise, which has no lines, is
+reported per about one hertz for any length of the waveform. Lines less than about 4 Hz apart form
+one component.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ __all__ = ["Spectrum", "spectrum", "waveform"]
 
 Values = npt.NDArray[np.float64]
 WINDOW: Final = 1.0
-"""Seconds of a piece of a long waveform."""
+"""Length of a piece of a long waveform, s."""
 STEADY: Final = 1e-12
-"""Contrast below which a bin holds nothing but rounding."""
+"""Contrast below which a bin counts as rounding error."""
 LEAST: Final = 16
-"""Samples that a waveform must have."""
+"""Minimum number of samples of a waveform."""
 
 
 def waveform(wave: npt.ArrayLike) -> Values:
-    """The samples of light as (n,) float64. Raises ValueError unless they are finite, enough and
-    light: not negative, and not dark all the time."""
+    """The samples of light as (n,) float64. Raises ValueError unless there are at least LEAST
+    samples, all finite and not negative, and not all zero."""
     light = np.asarray(wave, np.float64)
     if light.ndim != 1 or len(light) < LEAST:
         raise ValueError(f"a waveform must be {LEAST} or more samples, not {light.shape}")
@@ -43,10 +43,10 @@ class Spectrum:
     """Contrast energy of a waveform over frequency.
 
     Attributes:
-        frequency: Hz of the bins.
-        energy: (bins,) of each, as squared contrast: a sine of contrast c (amplitude over mean) has
-            c² over its bins.
-        group: (bins,) which component a bin belongs to.
+        frequency: frequency of each bin, Hz, (bins,).
+        energy: energy of each bin as squared contrast, (bins,): a sine of contrast c (amplitude
+            over mean) has c² over its bins.
+        group: number of the component of each bin, (bins,).
     """
 
     frequency: Values
@@ -54,20 +54,20 @@ class Spectrum:
     group: npt.NDArray[np.int64]
 
     def components(self, gain: npt.ArrayLike = 1.0) -> tuple[Values, Values]:
-        """(frequency of the strongest bin in Hz, contrast) of each component. gain: (bins,) that
-        contrasts are multiplied with before they are put together."""
+        """The frequency of the strongest bin, Hz, and the contrast of each component. `gain`:
+        factor on the contrast of each bin, (bins,)."""
         energy = self.energy * np.broadcast_to(np.asarray(gain, np.float64), self.energy.shape) ** 2
         total = np.bincount(self.group, energy)
         starts = np.flatnonzero(np.diff(self.group, prepend=-1))
         most = np.maximum.reduceat(self.energy, starts)
         peaks = np.flatnonzero(self.energy == most[self.group])
-        # Of equals, the first.
+        # The first of equal bins.
         first = peaks[np.flatnonzero(np.diff(self.group[peaks], prepend=-1))]
         return self.frequency[first], np.sqrt(total)
 
 
 def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
-    """Of light sampled `rate` times a second, relative to its mean."""
+    """The spectrum of light sampled at `rate`, Hz, relative to its mean. Raises ValueError."""
     if not rate > 0:
         raise ValueError(f"sampling rate must be positive, not {rate:g} Hz")
     light = waveform(wave)
@@ -75,7 +75,7 @@ def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
     length = len(light) // pieces
     parts = light[: pieces * length].reshape(pieces, length)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
-    # The mean under the window is taken off, or it would leak into the lowest bins.
+    # The mean under the window is subtracted, because it would leak into the lowest bins.
     level = (parts * window).sum(axis=1) / window.sum()
     power = np.abs(np.fft.rfft((parts - level[:, None]) * window)) ** 2
     scale = 4 / (length * (window**2).sum()) / light.mean() ** 2

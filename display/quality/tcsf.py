@@ -1,9 +1,9 @@
-"""Visibility of flicker: the temporal contrast sensitivity of elaTCSF, and light weighted by it.
+"""Visibility of flicker by the temporal contrast sensitivity function elaTCSF.
 
-elaTCSF (Cai et al., SIGGRAPH Asia 2024) gives the sensitivity at a place of the visual field, by
-frequency, eccentricity and luminance, and pools it over the area that flickers. Its parts are for
-one frequency; here those of a waveform are put together as energy, the root of the sum of squares,
-which does not depend on the viewing time of noise. That pooling is assumed.
+elaTCSF (Cai et al., SIGGRAPH Asia 2024) gives the sensitivity at a point of the visual field by
+frequency, eccentricity and luminance, and pools it over the flickering area. It is defined for one
+frequency; here the components of a waveform are combined as the root of the sum of squares, which
+does not depend on the duration for noise. This combination is assumed.
 """
 
 from __future__ import annotations
@@ -23,35 +23,36 @@ KAPPA: Final = 2.12547
 GAIN: Final = 154.133
 ZETA: Final = 0.721095
 FASTER: Final = 16
-"""The response in time: stages of the second cascade, and their time over that of the first."""
+"""Number of stages of the second cascade of the temporal response."""
 FADING: Final = 0.0330933
 PEAK: Final = 1.76801
 DIMMING: Final = 1.62402, 0.533781
-"""Sensitivity by eccentricity (decades a degree) and by luminance (cd/m2, exponent)."""
+"""Decrease of sensitivity with eccentricity (decades per degree), peak, and dependence on luminance
+(cd/m2, exponent)."""
 STRETCH: Final = 0.0341811, 2.0
-"""How frequencies scale with eccentricity."""
+"""Scale of frequencies with eccentricity: factor per degree, and offset, Hz."""
 BETA: Final = 3.80022
 AREA: Final = 6.52801
-"""Pooling over area, square degrees."""
+"""Exponent and unit area, square degrees, of the pooling over area."""
 HIGHEST: Final = 300.0
-"""Hz beyond which sensitivity is taken as 0."""
+"""Frequency above which the sensitivity is 0, Hz."""
 NODES: Final = 4, 24
-"""Of Gauss and Legendre along each half of a field: of up to a degree, and of any."""
+"""Numbers of Gauss-Legendre nodes along each half of a field: up to one degree, and above."""
 
 
 def _cascade(turn: Values, stages: int) -> npt.NDArray[np.complex128]:
-    """(1 + i turn)^-stages, by its size and its angle: complex powers take ten times as long."""
+    """(1 + i turn)^-stages, by magnitude and phase: complex powers take ten times as long."""
     return np.asarray((1 + turn**2) ** (-stages / 2) * np.exp(-1j * stages * np.arctan(turn)))
 
 
 def tcsf(frequency: npt.ArrayLike, eccentricity: npt.ArrayLike, luminance: float) -> Values:
-    """Sensitivity (1 / threshold contrast) at one place of the visual field, not yet pooled over
+    """Sensitivity (1 / threshold contrast) at a point of the visual field, before pooling over
     area.
 
     Args:
-        frequency: Hz.
-        eccentricity: degrees.
-        luminance: cd/m2, mean.
+        frequency: frequency of the flicker, Hz.
+        eccentricity: distance from the centre of the visual field, degrees.
+        luminance: mean luminance, cd/m2.
     """
     f, e = np.asarray(frequency, np.float64), np.asarray(eccentricity, np.float64)
     lit = max(luminance, DIMMEST)
@@ -66,8 +67,16 @@ def tcsf(frequency: npt.ArrayLike, eccentricity: npt.ArrayLike, luminance: float
 def sensitivity(
     frequency: npt.ArrayLike, luminance: float, field: tuple[float, float]
 ) -> npt.NDArray[np.float64]:
-    """Sensitivity to a field of (width, height) degrees that flickers as one, fixated in its
-    middle. frequency: (n,) Hz."""
+    """Sensitivity, (n,), to a field that flickers in phase, fixated at its centre.
+
+    Args:
+        frequency: frequencies, Hz, (n,).
+        luminance: mean luminance, cd/m2.
+        field: (width, height) of the field, degrees.
+
+    Raises:
+        ValueError: the field is empty.
+    """
     width, height = field
     if not (width > 0 and height > 0):
         raise ValueError(f"field must be wider and higher than 0 degrees, not {width} x {height}")
@@ -81,8 +90,8 @@ def sensitivity(
 
 
 def critical_frequency(contrast: float, luminance: float, field: tuple[float, float]) -> float:
-    """Hz above which a sine of this contrast is not seen (critical flicker frequency). Raises
-    ValueError where it is not seen at 10 Hz either."""
+    """Critical flicker frequency, Hz, above which a sine of this contrast is not visible. Raises
+    ValueError if it is not visible at 10 Hz. The other arguments are those of `sensitivity`."""
     from scipy.optimize import brentq
 
     def beyond(f: float) -> float:
@@ -96,24 +105,25 @@ def critical_frequency(contrast: float, luminance: float, field: tuple[float, fl
 def tcsf_visibility(
     wave: npt.ArrayLike, rate: float, luminance: float, field: tuple[float, float]
 ) -> float:
-    """How far beyond threshold the flicker of light sampled `rate` times a second is: above 1 it is
-    seen.
+    """Flicker over its threshold; above 1 it is visible.
 
     Args:
-        luminance: cd/m2, mean.
-        field: (width, height) degrees that flicker as one.
+        wave: samples of light.
+        rate: sampling rate, Hz.
+        luminance: mean luminance, cd/m2.
+        field: (width, height) of the field that flickers in phase, degrees.
     """
     return tcsf_visibility_of(spectrum(wave, rate), luminance, field)
 
 
 def tcsf_visibility_of(lines: Spectrum, luminance: float, field: tuple[float, float]) -> float:
-    """The same of a spectrum."""
+    """The same for a spectrum."""
     gain = _gains(len(lines.frequency), float(lines.frequency[1]), luminance, field)
     return float(np.sqrt((lines.energy[: len(gain)] * gain**2).sum()))
 
 
 @lru_cache(maxsize=32)
 def _gains(bins: int, step: float, luminance: float, field: tuple[float, float]) -> Values:
-    """Sensitivity at the bins of a spectrum. Nothing is seen far beyond the critical frequency:
-    those need no pooling over the field."""
+    """Sensitivity at the bins of a spectrum up to HIGHEST; flicker far above the critical frequency
+    is not visible."""
     return sensitivity(np.arange(min(bins, int(HIGHEST / step) + 1)) * step, luminance, field)

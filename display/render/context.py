@@ -1,7 +1,6 @@
-"""The one place where a GL context is made: headless, through EGL, GL 3.3 or later.
+"""Creates GL contexts: headless, by EGL, with GL 3.3 or later. No other file creates one.
 
-Every way in which that fails ends in one line. `probe` looks from a child process, because a
-driver may abort.
+Every failure is reported in one line. `probe_gl` uses a child process, because a driver may abort.
 """
 
 from __future__ import annotations
@@ -22,16 +21,17 @@ __all__ = [
 ]  # fmt: skip
 
 _DEBIAN = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri")
-"""Debian's packages that make a headless GL of the processor."""
+"""Debian packages of a headless GL on the processor."""
 GL_INSTALL = f"apt-get install -y {' '.join(_DEBIAN)}"
 GL = 330
-"""Least version: integer textures and outputs, explicit locations, bits of floats."""
+"""Minimum version: integer textures and outputs, explicit locations, float-to-bits functions."""
 DRAW_BUFFERS = 8
-"""Targets of one draw, GL 3.3's least. The state takes up to four of them."""
+"""Maximum number of targets of a draw call, the minimum of GL 3.3. The state uses up to four."""
 UNITS = 8
-"""Textures that a fragment reads: four of words, four of state."""
+"""Number of textures that a fragment reads: four of words, four of state."""
 _BACKEND: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
-"""The default backend wants a window system, the default names those of -dev packages."""
+"""The default backend needs a window system; the default library names are those of -dev
+packages."""
 INSTEAD = "or --set display.renderer=numpy, slower"
 _PACKAGES = f"install a driver ({GL_INSTALL}), {INSTEAD}"
 _CAUSES = (
@@ -41,32 +41,34 @@ _CAUSES = (
     ("eglcreatecontext failed", "OpenGL", "version 3.3 or later", "older"),
     ("version", "OpenGL", "version 3.3 or later", "older"),
 )
-"""Of a failure's text in small letters: what is at fault, what it must be, and what it is."""
+"""Causes of failures: part of the lower-case error text; what, must and actual of the
+InputError."""
 _PROBE = """
 import json
 from display.render.context import open_context
 from cosim import InputError
 try:
     gl = open_context()
-    found = {"ok": True, "renderer": gl.info["GL_RENDERER"], "version": gl.info["GL_VERSION"]}
+    answer = {"ok": True, "renderer": gl.info["GL_RENDERER"], "version": gl.info["GL_VERSION"]}
 except InputError as exc:
-    found = {"ok": False, "renderer": str(exc), "version": ""}
-print(json.dumps(found))
+    answer = {"ok": False, "renderer": str(exc), "version": ""}
+print(json.dumps(answer))
 """
 
 
 def open_context() -> moderngl.Context:
-    """A context of its own, without a window. It belongs to the thread that makes it, and it does
-    not outlive a fork.
+    """Creates a context without a window. It belongs to the thread that creates it and is not valid
+    after a fork.
 
-    Raises InputError: no GL or EGL library, no EGL vendor, no driver, GL below 3.3, limits below
-    what the shaders need.
+    Raises:
+        InputError: there is no GL or EGL library, no EGL vendor or no driver, GL is below 3.3, or
+            its limits are below the needs of the shaders.
     """
-    # Mesa says on standard error what the one line below says better.
+    # Mesa would repeat the error on standard error.
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
     try:
         context = moderngl.create_context(require=GL, standalone=True, **_BACKEND)
-    except Exception as exc:  # glcontext raises bare Exception
+    except Exception as exc:  # glcontext raises Exception itself
         raise _refused(exc) from None
     try:
         _check_limits(context.info)
@@ -77,19 +79,18 @@ def open_context() -> moderngl.Context:
 
 
 def gl_packages() -> tuple[str, ...]:
-    """Debian's packages that bring a headless GL; none where the user has pointed the loader at
-    drivers in other places."""
+    """Debian packages of a headless GL; () if the user has set the loader to other drivers."""
     loader = ("__EGL_VENDOR_LIBRARY_FILENAMES", "__EGL_VENDOR_LIBRARY_DIRS")
     return () if any(os.environ.get(name) for name in loader) else _DEBIAN
 
 
 def _refused(exc: Exception) -> InputError:
     text = " ".join(str(exc).split())
-    for words, what, must, given in _CAUSES:
+    for words, what, must, actual in _CAUSES:
         if words in text.lower():
-            packages = gl_packages() if given == "missing" else ()
-            return MissingPackages(what, must, f"{given} ({text})", _PACKAGES, packages)
-    return InputError("the GL context", "one that can be made", f"refused ({text})", _PACKAGES)
+            packages = gl_packages() if actual == "missing" else ()
+            return MissingPackages(what, must, f"{actual} ({text})", _PACKAGES, packages)
+    return InputError("the GL context", "available", f"refused ({text})", _PACKAGES)
 
 
 def _check_limits(info: dict[str, Any]) -> None:
@@ -106,15 +107,15 @@ def _check_limits(info: dict[str, Any]) -> None:
 
 
 def lost(why: str) -> InputError:
-    """What to raise when a context has stopped to work."""
+    """The error for a context that does not work any more."""
     return InputError(
-        "the GL context", "kept by its driver until the end", f"lost on the way ({why})",
-        "run it again, with --resume where the run has a checkpoint, " + INSTEAD,
+        "the GL context", "valid until the end of the run", f"lost during the run ({why})",
+        "run it again, with --resume if the run has a checkpoint, " + INSTEAD,
     )  # fmt: skip
 
 
 def check_alive(context: moderngl.Context) -> None:
-    """Raises InputError where a context was lost or released, or ran out of memory."""
+    """Raises InputError for a context that was lost or released, or that has no more memory."""
     if type(context.mglo).__name__ == "InvalidObject":
         raise lost("released")
     with context:
@@ -129,14 +130,15 @@ def check_alive(context: moderngl.Context) -> None:
 
 
 def probe_gl() -> tuple[bool, str]:
-    """Whether a context can be made, and the renderer with its GL version, or the error's line."""
+    """Whether a context can be created; and the renderer with its GL version, or the error
+    message."""
     try:
         child = subprocess.run(
             [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=60
         )
-        found = json.loads(child.stdout.strip().splitlines()[-1])
+        answer = json.loads(child.stdout.strip().splitlines()[-1])
     except subprocess.TimeoutExpired:
         return False, "the GL driver did not answer within a minute"
     except (json.JSONDecodeError, IndexError):
         return False, f"the GL driver ended its process ({child.returncode})"
-    return found["ok"], " ".join(filter(None, (found["renderer"], found["version"])))
+    return answer["ok"], " ".join(filter(None, (answer["renderer"], answer["version"])))

@@ -1,12 +1,12 @@
-// Light of some planes of a spike-continuous panel: drive, emission, what still observers take.
+// Light of planes of a spike-continuous panel: drive, emission, and the images of still observers.
 //
-// A fragment is four neighbouring pixels of a row, a component each, so that words need not be
-// transposed and are fetched once for four. The planes are unrolled: display/render/shader.py puts the
-// switches before this text and BODY, a call for each plane, into it. What a scene does not need
-// is not in it.
+// A fragment has four neighbouring pixels of a row, one in each component, so words are not
+// transposed and are fetched once for four pixels. The planes are unrolled: display/render/shader.py
+// adds the switches before this text, and replaces BODY by a call for each plane. Code that a scene
+// does not need is left out.
 
 uniform usampler2D words0, words1, words2, words3;
-uniform uint skip;    // bits of the word before the first plane, where less than a word is drawn
+uniform uint skip;    // bits of the word before the first plane, if less than a word is drawn
 uniform int height;
 
 #if INTERVALS
@@ -15,21 +15,21 @@ layout(location = 0) out uvec4 tau_after;
 layout(location = 1) out uvec4 age_after;
 #endif
 #if MEMORY
-uniform usampler2D memory_before;                    // bits of floats, as those of spans
+uniform usampler2D memory_before;                    // bits of floats, as for spans
 layout(location = 2) out uvec4 memory_after;
 #endif
 #if EMITS
 uniform usampler2D level_before;
-uniform float unit;   // of the stored level, packets a cycle
-uniform vec3 rise, fall;            // (light of x, light of y, way gone) in the driven part
+uniform float unit;   // unit of the stored level, packets a cycle
+uniform vec3 rise, fall;            // (light of x, light of y, relative change) in the driven part
 #if PULSED
-uniform vec3 rest;                  // the same in the dark rest of the plane
+uniform vec3 rest;                  // the same in the dark part of the plane
 uniform float peak;                 // 1 / pulse
 #endif
 layout(location = LEVEL_AT) out uvec4 level_after;
 #endif
 #if SPANS
-layout(location = SPANS_AT) out uvec4 span[GROUPS];  // bits of floats: integers are not blended
+layout(location = SPANS_AT) out uvec4 span[GROUPS];  // bits of floats: GL does not blend integers
 #endif
 #if IMAGES
 layout(location = IMAGES_AT) out vec4 image[IMAGES];
@@ -46,20 +46,20 @@ vec4 ones(uvec4 w) {
 }
 #endif
 
-// b where `choose`, else a; GL 3.3 has mix() of floats alone.
+// b where `choose`, else a; mix() of GL 3.3 has floats only.
 uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
     uvec4 bits = 0u - uvec4(choose);
     return (a & ~bits) | (b & bits);
 }
 
-// What a plane of drive x adds to the light.
+// Adds the light of a plane with the drive x.
 #if EMITS
 #define RELAX(drive, up, down) { \
     vec4 to = drive, from = vec4(level) * unit; \
     bvec4 more = greaterThan(to, from); \
     part += to * mix(vec4(down.x), vec4(up.x), more) + from * mix(vec4(down.y), vec4(up.y), more); \
     vec4 gone = (to - from) * mix(vec4(down.z), vec4(up.z), more); \
-    /* from rounds: what is gone may be a unit more than there is */ \
+    /* from is rounded: the change may exceed the level by one unit */ \
     level = uvec4(max(ivec4(level) + ivec4(floor(gone / unit + 0.5)), 0)); }
 #if PULSED
 #define EMIT(x) RELAX((x * peak), rise, fall) RELAX(vec4(0.0), rest, rest)
@@ -71,7 +71,7 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
 #endif
 
 // A plane, bit n of the word. run: planes since the last spike, infinite before the first. held:
-// 1 / tau. LEVEL and REMEMBER are the drive's expressions.
+// 1 / tau. LEVEL and REMEMBER are expressions of the drive.
 #if MEMORY
 #define UPDATE memory = mix(memory, REMEMBER, spike);
 #else
@@ -98,9 +98,9 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
 #if IMAGES
 #if SLOPES
 #define TAKE_IMAGES(g) for (int i = 0; i < IMAGES; i++) { \
-    few[i] += table[i * GROUPS + g].x * light; few_late[i] += table[i * GROUPS + g].y * light; }
+    few[i] += table[i * GROUPS + g].x * light; few_slope[i] += table[i * GROUPS + g].y * light; }
 #define FOLD for (int i = 0; i < IMAGES; i++) { \
-    sum[i] += few[i]; few[i] = vec4(0.0); late[i] += few_late[i]; few_late[i] = vec4(0.0); }
+    sum[i] += few[i]; few[i] = vec4(0.0); slope_sum[i] += few_slope[i]; few_slope[i] = vec4(0.0); }
 #else
 #define TAKE_IMAGES(g) for (int i = 0; i < IMAGES; i++) few[i] += table[i * GROUPS + g].x * light;
 #define FOLD for (int i = 0; i < IMAGES; i++) { sum[i] += few[i]; few[i] = vec4(0.0); }
@@ -130,8 +130,8 @@ void main() {
     vec4 few[IMAGES], sum[IMAGES];
     for (int i = 0; i < IMAGES; i++) few[i] = sum[i] = vec4(0.0);
 #if SLOPES
-    vec4 few_late[IMAGES], late[IMAGES];
-    for (int i = 0; i < IMAGES; i++) few_late[i] = late[i] = vec4(0.0);
+    vec4 few_slope[IMAGES], slope_sum[IMAGES];
+    for (int i = 0; i < IMAGES; i++) few_slope[i] = slope_sum[i] = vec4(0.0);
 #endif
 #endif
 #if INTERVALS
@@ -148,7 +148,7 @@ void main() {
 #endif
     BODY
 #if INTERVALS
-    // Without a spike the state grows older, up to FOREVER; with one, it is what `run` counted.
+    // Without a spike, the age increases up to FOREVER; with a spike, it is the count in `run`.
     bvec4 fired = notEqual(any_spike, uvec4(0u));
     uvec4 older = pick(min(age, uvec4(FOREVER - PLANES)) + PLANES, uvec4(0u), equal(age, uvec4(0u)));
     age_after = pick(older, uvec4(run), fired);
@@ -165,7 +165,7 @@ void main() {
 #if IMAGES
     for (int i = 0; i < IMAGES; i++) {
 #if SLOPES
-        image[i] = sum[i] + (float(at.y) / float(height)) * late[i];
+        image[i] = sum[i] + (float(at.y) / float(height)) * slope_sum[i];
 #else
         image[i] = sum[i];
 #endif

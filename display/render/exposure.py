@@ -1,8 +1,9 @@
-"""Images as they gather on the GPU: float32 sums, carried over to float64 before they lose digits.
+"""Accumulates images on the GPU in float32, and transfers them to float64 sums regularly.
 
-A sum of n like terms in float32 is off by at most n / 2 half-units of its last place, n · 3e-8 of
-itself. After `FLUSH` draws (4.8e-7 at the very worst; 1e-7 is met, since roundings differ in sign)
-a sum is read back and added to a float64 one, so that an exposure of hours is as good as a draw.
+The relative error of a float32 sum of n similar terms is at most n · 3e-8 (n / 2 half-units in the
+last place). After FLUSH draw calls (4.8e-7 in the worst case; 1e-7 in practice, because rounding
+errors differ in sign), a sum is read back and added to a float64 sum. An exposure of hours is then
+as accurate as one draw call.
 """
 
 from __future__ import annotations
@@ -14,13 +15,19 @@ import numpy.typing as npt
 __all__ = ["FLUSH", "Exposures"]
 
 FLUSH = 16
-"""Draws onto an image before it is read back."""
+"""Number of draw calls to an image before it is read back."""
 Values = npt.NDArray[np.float64]
 
 
 class Exposures:
-    """The images of a renderer. count: of images. shape: (height, width). quads: fragments of a
-    row, four pixels each."""
+    """The images of a renderer.
+
+    Args:
+        context: GL context.
+        count: number of images.
+        shape: (height, width), pixels.
+        quads: number of fragments in a row, four pixels each.
+    """
 
     def __init__(
         self, context: moderngl.Context, count: int, shape: tuple[int, int], quads: int
@@ -32,7 +39,8 @@ class Exposures:
         self._sums: dict[int, Values] = {}
 
     def target(self, image: int) -> moderngl.Texture:
-        """The texture to add to, once: a flush comes first where one is due. RGBA32F, blended."""
+        """The texture of an image for one draw call with blending, RGBA32F. Reads the image back
+        first if necessary."""
         if image not in self._textures:
             texture = self._context.texture((self._quads, self._shape[0]), 4, dtype="f4")
             self._textures[image] = texture
@@ -55,7 +63,7 @@ class Exposures:
         self._draws[image] = 0
 
     def read(self, image: int) -> Values:
-        """(height, width) float64, the image so far."""
+        """The image so far, (height, width) float64."""
         if self._draws[image]:
             self._flush(image)
         if image not in self._sums:
@@ -63,20 +71,20 @@ class Exposures:
         return self._sums[image].copy()
 
     def take(self, image: int) -> Values:
-        """The same; it begins anew."""
+        """The image so far, (height, width) float64; resets the image to 0."""
         values = self.read(image)
         self._sums.pop(image, None)
         return values
 
     def put(self, images: Values) -> None:
-        """Goes on from (images, height, width)."""
+        """Sets the images, (images, height, width)."""
         for image, values in enumerate(images):
             self.take(image)
             if values.any():
                 self._sums[image] = values.copy()
 
     def all(self) -> Values:
-        """(images, height, width) float64."""
+        """All images so far, (images, height, width) float64."""
         return np.stack([self.read(n) for n in range(len(self._draws))]) if self._draws else (
             np.zeros((0, *self._shape))
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The renderer of a panel, by its name in a scenario."""
+"""Creates the renderer of a panel by its name in a scenario."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from display.render.renderer import Renderer
 __all__ = ["DRAW", "AnyRenderer", "make_renderer"]
 
 DRAW = 128
-"""Planes that a renderer is given at once, at most."""
+"""Maximum number of planes in a step of a renderer."""
 AnyRenderer = Renderer | GoldenRenderer
 
 
@@ -24,16 +24,17 @@ def make_renderer(
     images: int,
     context: moderngl.Context | None = None,
 ) -> AnyRenderer:
-    """Makes a renderer; the caller closes it.
+    """Creates a renderer; the caller closes it.
 
     Args:
         kind: "gl" for shaders, which need GL 3.3, or "numpy" for the golden model, which is slow.
-        panel: what is shown.
-        batch: planes to a span of light.
-        images: number of images that observers take.
-        context: GL context that shaders run in, None for a context of their own.
+        panel: the panel.
+        batch: number of planes in a span of light.
+        images: number of images of the observers.
+        context: GL context of the shaders, None for a new context.
 
-    Raises InputError if there is no GL 3.3.
+    Raises:
+        InputError: GL 3.3 is not available.
     """
     return (
         Renderer(panel, batch, images, context)

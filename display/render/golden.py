@@ -1,6 +1,6 @@
-"""The golden model of a spike-continuous panel: numpy, float64, one plane after another.
+"""The golden model of a spike-continuous panel, in numpy and float64, plane by plane.
 
-Tests compare the shaders with it. Closed form within a plane: the drive is constant there (in
+Tests compare the shaders with it. Within a plane it uses the closed form: the drive is constant (in
 two parts for a packet shorter than the plane), and the emitter relaxes towards it.
 """
 
@@ -18,24 +18,26 @@ from display.panels.panel import SpikePanel
 __all__ = ["FOREVER", "GoldenRenderer"]
 
 FOREVER = np.uint32(2**32 - 1)
-"""An age that no longer grows."""
+"""The largest age, which does not increase."""
 Values = npt.NDArray[np.float64]
 
 
 class GoldenRenderer:
-    """A panel and the images of its observers, exact in float64 and slow.
+    """A panel and the images of its observers, accurate in float64 and slow.
 
     Args:
-        panel: what is shown.
-        batch: planes to a span of light.
-        images: number of images that observers take.
+        panel: the panel.
+        batch: number of planes in a span of light.
+        images: number of images of the observers.
 
     Attributes:
-        tau, age: of each pixel, uint32; tau is 0 before the second spike, age counts from the first
-            spike on (`started`).
-        memory: of each pixel, float64, what the drive remembers.
-        level: of each pixel's emitter at the end of the last plane, packets a cycle.
-        light: of the last block, (spans, height, width) float64, packets Q summed over each span.
+        tau, age: last interval, and planes since the last spike, (height, width) uint32; tau is 0
+            before the second spike, age counts from the first spike on.
+        started: whether the pixel has fired, (height, width) bool.
+        memory: memory of the drive, (height, width) float64.
+        level: level of the emitter at the end of the last plane, packets a cycle, (height, width).
+        light: light of the last block, packets Q summed over each span, (spans, height, width)
+            float64.
     """
 
     name = "numpy, float64"
@@ -49,11 +51,12 @@ class GoldenRenderer:
         self.light = np.zeros((0, *panel.shape))
 
     def step(self, words: npt.NDArray[np.uint32], cycles: int, views: Views | None) -> None:
-        """Shows `cycles` planes.
+        """Shows `cycles` planes. Raises ValueError for words of another size.
 
         Args:
             words: (ceil(cycles / 32), height, width) uint32, pixel-major.
-            views: for spans of `batch` planes; None for no observer.
+            cycles: number of planes.
+            views: views for spans of `batch` planes; None for no observer.
         """
         if words.shape[1:] != self.panel.shape:
             raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
@@ -86,7 +89,7 @@ class GoldenRenderer:
         return light + self._relax(np.zeros_like(drive), 1 - pulse) if pulse < 1 else light
 
     def _relax(self, drive: Values, share: float) -> Values:
-        """Light of a part of a plane under constant drive; the level goes on to its end."""
+        """Light of a part of a plane under constant drive, packets; updates the level."""
         period = 1 / self.panel.clock.hz
         out = np.empty_like(drive)
         for way, constant in (
@@ -116,13 +119,13 @@ class GoldenRenderer:
             self._images[image] += (weight + slope * row) * moved
 
     def take(self, image: int) -> Values:
-        """(height, width) float64: the image so far; it begins anew."""
-        taken = self._images[image].copy()
+        """The image so far, (height, width) float64; resets the image to 0."""
+        values = self._images[image].copy()
         self._images[image] = 0
-        return taken
+        return values
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """Everything that the next block depends on."""
         return {
             "tau": self.tau.copy(), "age": self.age.copy(), "started": self.started.copy(),
             "level": self.level.copy(), "memory": self.memory.copy(),
@@ -130,18 +133,18 @@ class GoldenRenderer:
         }  # fmt: skip
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self.tau, self.age = state["tau"].copy(), state["age"].copy()
         self.started, self.level = state["started"].copy(), state["level"].copy()
         self.memory = state["memory"].copy()
         self._images = state["images"].copy()
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Does nothing: there are no resources to release."""
 
 
 def _shifted(light: Values, dy: Values, dx: Values) -> Values:
-    """light at (y + dy, x + dx), bilinear, 0 outside; dy, dx: (height, 1), one a row."""
+    """`light` at (y + dy, x + dx), bilinear, 0 outside; dy, dx: (height, 1), one for each row."""
     height, width = light.shape
     y = np.arange(height)[:, None] + dy
     x = np.arange(width)[None, :] + dx

@@ -1,12 +1,12 @@
 // The image of a moving observer: spans of light, each shifted, bilinear, dark outside.
 //
-// Four neighbouring pixels of a row a fragment, as in drive.frag, which made the spans.
+// A fragment has four neighbouring pixels of a row, as in drive.frag, which writes the spans.
 
 uniform usampler2D span0, span1, span2, span3;
 uniform int height;
 layout(location = 0) out vec4 image;
-// Of each span (weight, slope, dy fraction, dy slope), (dx fraction, dx slope, dy whole, dx whole):
-// wholes apart, so that a shift of thousands of pixels costs no digits.
+// For each span (weight, slope, dy fraction, dy slope), (dx fraction, dx slope, dy integer, dx
+// integer). Integers are separate, so that a shift of thousands of pixels keeps its precision.
 layout(std140) uniform Views { vec4 table[2 * GROUPS]; };
 
 vec4 quad(usampler2D span, int column, int row) {
@@ -26,21 +26,21 @@ vec4 line(usampler2D span, int x, float f, int row) {
 
 #define ADD_SPAN(g, span) { \
     vec4 a = table[2 * g], b = table[2 * g + 1]; \
-    float sx = b.x + b.y * late, fx = sx - floor(sx); \
+    float sx = b.x + b.y * place, fx = sx - floor(sx); \
     int x = 4 * at.x + int(b.w) + int(floor(sx)); \
-    float sy = a.z + a.w * late, fy = sy - floor(sy); \
+    float sy = a.z + a.w * place, fy = sy - floor(sy); \
     int y = at.y + int(b.z) + int(floor(sy)); \
     LINES(span) \
-    sum += (a.x + a.y * late) * seen; }
+    sum += (a.x + a.y * place) * moved; }
 #if VERTICAL
-#define LINES(span) vec4 seen = line(span, x, fx, y) * (1.0 - fy) + line(span, x, fx, y + 1) * fy;
+#define LINES(span) vec4 moved = line(span, x, fx, y) * (1.0 - fy) + line(span, x, fx, y + 1) * fy;
 #else
-#define LINES(span) vec4 seen = line(span, x, fx, y);
+#define LINES(span) vec4 moved = line(span, x, fx, y);
 #endif
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    float late = float(at.y) / float(height);
+    float place = float(at.y) / float(height);
     vec4 sum = vec4(0.0);
     BODY
     image = sum;

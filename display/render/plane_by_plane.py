@@ -1,8 +1,8 @@
-"""One plane a draw: the plain way to use moderngl, which the benchmark compares the renderer with.
+"""A renderer with one draw call for each plane: the plain use of moderngl, for the benchmark.
 
-Each plane is a texture of a byte a pixel, each draw covers the screen once, and the image is an
-exponential mean in a float32 texture, by blending: to read the mean of before as a texture takes
-about twice as long. Bytes come ready made: taking them out of words is not timed.
+Each plane is a texture with one byte per pixel. The image is an exponential mean in a float32
+texture, by blending; reading the previous mean as a texture would take about twice as long. The
+unpacking of words to bytes is not timed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from display.render.shader import vertex
 __all__ = ["PlaneByPlane"]
 
 KEEP = 1 - 2**-10
-"""Share of the mean that is kept from plane to plane."""
+"""Weight of the previous mean in the exponential mean."""
 _HEAD = """#version 330
 uniform usampler2D plane, state; uniform sampler2D bytes;
 uniform float keep; uniform vec2 shift;
@@ -47,10 +47,15 @@ Kind = Literal["impulse", "hold", "causal", "pursuit"]
 
 
 class PlaneByPlane:
-    """A panel of one drive, or impulse for a moving eye ("pursuit"); shape: (height, width)."""
+    """A panel with one drive, or with the impulse drive and a moving eye ("pursuit").
+
+    Args:
+        kind: name of the drive, or "pursuit".
+        shape: (height, width), pixels.
+    """
 
     def __init__(self, kind: Kind, shape: tuple[int, int]) -> None:
-        self._kind, self._shown = kind, 0
+        self._kind, self._planes = kind, 0
         self._context = open_context()
         size = shape[1], shape[0]
         moves, holds = kind == "pursuit", kind in ("hold", "causal")
@@ -75,12 +80,16 @@ class PlaneByPlane:
         self._triangle = self._context.vertex_array(self._program, [])
 
     def show(self, planes: npt.NDArray[np.uint8], shift: float = 0.0) -> npt.NDArray[np.float32]:
-        """The mean after these planes, (n, height, width) of 0 and 1; for pursuit `shift`
-        pixels along the rows come with each. (height, width) float32."""
+        """Shows planes and returns the mean, (height, width) float32.
+
+        Args:
+            planes: (n, height, width) of 0 and 1.
+            shift: for "pursuit", shift along the rows from plane to plane, pixels.
+        """
         with self._context:
             self._context.enable(moderngl.BLEND)
             self._context.blend_func = moderngl.ONE_MINUS_SRC_ALPHA, moderngl.SRC_ALPHA
-            for n, plane in enumerate(planes, self._shown):
+            for n, plane in enumerate(planes, self._planes):
                 self._plane.write(plane)
                 self._plane.use(0)
                 if self._state:
@@ -90,7 +99,7 @@ class PlaneByPlane:
                     moved.value = n * shift, 0.0
                 self._targets[1 - n % 2].use()
                 self._triangle.render(moderngl.TRIANGLES, vertices=3)
-            self._shown += len(planes)
+            self._planes += len(planes)
             size = self._mean.height, self._mean.width
             return np.frombuffer(self._mean.read(), np.float32).reshape(size)
 

@@ -1,8 +1,9 @@
-"""A spike-continuous panel and its observers in fragment shaders: many planes a draw.
+"""A spike-continuous panel and its observers in fragment shaders, with many planes in a draw call.
 
-The same as `GoldenRenderer` within 1e-6 of white. Words are uploaded as they are, four neighbouring
-pixels a texel. Up to 128 planes are unrolled in one draw, together with the images of still
-observers; the light of groups of planes is left as textures for moving observers.
+The images equal those of `GoldenRenderer` within 1e-6 of white. Words are uploaded unchanged, four
+neighbouring pixels in a texel. Up to 128 planes are unrolled in one draw call, together with the
+images of still observers; the light of groups of planes is written to textures for moving
+observers.
 """
 
 from __future__ import annotations
@@ -24,34 +25,36 @@ from display.panels.panel import SpikePanel
 from display.render.context import DRAW_BUFFERS, check_alive, open_context
 from display.render.exposure import Exposures
 from display.render.golden import FOREVER
+from display.render.pieces import Piece, group_size, pieces, split_images, takes_light
 from display.render.shader import GROUPS, DriveSwitches, ObserverSwitches, states, vertex
 
 __all__ = ["Renderer"]
 
 PLANES = 128
-"""Most planes of a draw: four words a pixel."""
+"""Maximum number of planes in a draw call: four words per pixel."""
 TERMS = 64
-"""Most weights of a draw, images times groups: what is unrolled is also compiled."""
+"""Maximum number of weights in a draw call, images times groups: unrolled code must be compiled."""
 BUFFERS = 8
-"""Tables of weights in turn, so that none is written while a draw still reads it."""
+"""Number of tables of weights, used in turn, so that none is written while a draw call reads it."""
 Words = npt.NDArray[np.uint32]
 Values = npt.NDArray[np.float64]
 
 
 class Renderer:
-    """The interface of `GoldenRenderer` in shaders, on a GL context of its own (`open_context`) or
-    on the caller's, such as a window's.
+    """The interface of `GoldenRenderer` in shaders, on a new GL context (`open_context`) or on that
+    of the caller, such as a window.
 
-    State, per pixel, in textures: tau and age + 1 (uint32, 0: none yet), the drive's memory (bits
-    of float32) and the emitter's level (uint32 steps). Ages stop at 2^32 - 1; a tau beyond
-    4e6 cycles is exact to 1e-5 of itself. Must be used by the thread that made it. Every method
-    raises InputError if the context is lost or closed, or its memory does not suffice.
+    The state of each pixel is in textures: tau and age + 1 (uint32, 0 for none), the memory of the
+    drive (bits of float32), and the level of the emitter (uint32 steps). Ages are limited to 2^32 -
+    1; the relative error of a tau beyond 4e6 cycles is 1e-5. Only the thread that creates the
+    renderer may use it. Every method raises InputError if the context is lost or closed, or if its
+    memory is not sufficient.
 
     Args:
-        panel: what is shown.
-        batch: planes to a span of light.
-        images: number of images that observers take.
-        context: of the caller, None for one of its own.
+        panel: the panel.
+        batch: number of planes in a span of light.
+        images: number of images of the observers.
+        context: GL context of the caller, None for a new one.
     """
 
     def __init__(
@@ -69,16 +72,16 @@ class Renderer:
             "the panel", height * 4 * self._quads * bytes_a_pixel,
             "make it smaller (display.width, display.height)",
         )  # fmt: skip
-        self._own = context is None
+        self._owns_context = context is None
         self._context = open_context() if context is None else context
         self.name: str = self._context.info["GL_RENDERER"]
         self._check_size()
         with self._alive():
             self._words = [[self._texture("u4") for _ in range(4)] for _ in range(2)]
-            self._held = [[self._texture("u4") for _ in self._names] for _ in range(3)]
+            self._state_textures = [[self._texture("u4") for _ in self._names] for _ in range(3)]
             self._spans: list[moderngl.Texture] = []
             zeros = bytes(height * self._quads * 16)
-            for texture in self._held[0]:
+            for texture in self._state_textures[0]:
                 texture.write(zeros)
             self._tables = [self._context.buffer(reserve=TERMS * 16) for _ in range(BUFFERS)]
             self._exposures = Exposures(self._context, images, panel.shape, self._quads)
@@ -86,7 +89,7 @@ class Renderer:
         self._targets: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._images = images
         self._now = self._start = 0
-        """Of the three sets of state textures: the present one, and the one before the block."""
+        """Numbers of the current set of state textures, and of the set before the block."""
         self._draws = self._uploads = 0
         self._last: tuple[Words, int] | None = None
         self._lit: Values | None = np.zeros((0, *panel.shape))
@@ -108,7 +111,7 @@ class Renderer:
 
     @contextmanager
     def _alive(self) -> Iterator[None]:
-        """Within, the context is there and is the one that calls go to."""
+        """Makes the context current, and checks it before and after."""
         check_alive(self._context)
         with self._context:
             try:
@@ -119,42 +122,40 @@ class Renderer:
             check_alive(self._context)
 
     def step(self, words: Words, cycles: int, views: Views | None) -> None:
-        """Shows `cycles` planes.
+        """Shows `cycles` planes. Raises ValueError for words of another size.
 
         Args:
             words: (ceil(cycles / 32), height, width) uint32, pixel-major.
-            views: for spans of `batch` planes; None for no observer.
+            cycles: number of planes.
+            views: views for spans of `batch` planes; None for no observer.
         """
         if words.shape[1:] != self.panel.shape:
             raise ValueError(f"words must be of {self.panel.shape} pixels, not {words.shape[1:]}")
         self._last, self._lit = (words, cycles), None
         with self._alive():
             self._start = self._now
-            still, moving = _images_of(views)
+            still, moving = split_images(views)
             loaded: tuple[int, int] | None = None
-            for first, planes in _pieces(cycles, self._most(len(still), bool(moving))):
+            for piece in pieces(cycles, self._most(len(still), bool(moving)), self.batch):
                 if not (still or moving or self._states):
                     continue
-                loaded = self._upload(words, first, planes, loaded)
-                self._show(first, planes, views, still, moving)
+                loaded = self._upload(words, piece, loaded)
+                self._show(piece, views, still, moving)
 
     def _most(self, still: int, moving: bool) -> int:
-        """Planes of a draw: as many as its weights and its targets allow."""
-        group = self._group(PLANES)
+        """Maximum number of planes in a draw call, by its weights and its targets."""
+        group = group_size(PLANES, self.batch)
         if moving:
             return min(PLANES, GROUPS * group)
         images = max(1, min(still, DRAW_BUFFERS - self._states))
         return min(PLANES, group * (1 << (TERMS // images).bit_length() - 1))
 
-    def _group(self, planes: int) -> int:
-        """Planes that surely share a span: the largest power of two that divides both."""
-        return min(planes, self.batch & -self.batch)
-
     def _upload(
-        self, words: Words, first: int, planes: int, loaded: tuple[int, int] | None
+        self, words: Words, piece: Piece, loaded: tuple[int, int] | None
     ) -> tuple[int, int]:
-        """The words of a piece in the textures of its turn, unless they are there already."""
-        word, count = first // WORD, -(-planes // WORD)
+        """Uploads the words of a piece to textures, unless they are `loaded`; returns the first
+        word and the number of words."""
+        word, count = piece.first // WORD, -(-piece.planes // WORD)
         if loaded != (word, count):
             self._uploads += 1
             for n in range(count):
@@ -168,48 +169,56 @@ class Renderer:
             self._words[self._uploads % 2][n].use(n)
         return word, count
 
-    def _show(
-        self, first: int, planes: int, views: Views | None, still: list[int], moving: list[int]
-    ) -> None:
-        """A piece of the block, in as many draws as its images need; the state goes on."""
-        group = self._group(planes)
-        spans = [(first + n) // self.batch for n in range(0, planes, group)]
+    def _show(self, piece: Piece, views: Views | None, still: list[int], moving: list[int]) -> None:
+        """Draws a piece of the block, in as many draw calls as its images need; updates the
+        state."""
         if views is not None:
             still, moving = (
-                [n for n in some if _takes_light(views, n, spans)] for some in (still, moving)
+                [n for n in images if takes_light(views, n, piece.spans)]
+                for images in (still, moving)
             )
-        onward = next(n for n in range(3) if n not in (self._start, self._now))
+        following = next(n for n in range(3) if n not in (self._start, self._now))
         room = DRAW_BUFFERS - self._states - (GROUPS if moving else 0)
         rest = list(still)
         while True:
-            some, rest = rest[:room], rest[room:]
-            if some or moving or self._states:
-                self._drive(first, planes, group, views, some, spans, bool(moving), onward)
+            images, rest = rest[:room], rest[room:]
+            if images or moving or self._states:
+                self._drive(piece, views, images, bool(moving), following)
             if moving and views is not None:
                 for image in moving:
-                    self._integrate(image, views, spans)
+                    self._integrate(image, views, piece.spans)
                 moving, room = [], DRAW_BUFFERS - self._states
             if not rest:
                 break
         if self._states:
-            self._now = onward
+            self._now = following
 
     def _drive(
-        self, first: int, planes: int, group: int, views: Views | None, images: list[int],
-        spans: list[int], leave: bool, onward: int,
+        self, piece: Piece, views: Views | None, images: list[int], write_spans: bool,
+        following: int,
     ) -> None:  # fmt: skip
-        panel = self.panel
+        """One draw call for a piece.
+
+        Args:
+            piece: the planes.
+            views: views of all images, None without images.
+            images: numbers of the still images to update.
+            write_spans: whether the light of each group is written to a texture.
+            following: number of the set of textures for the new state.
+        """
+        panel, spans = self.panel, piece.spans
         slopes = views is not None and bool(views.slope[np.ix_(images, spans)].any())
         emits = slow(panel)
         switches = DriveSwitches(
-            panel.scheme, planes, group, len(images), slopes, leave, emits,
+            panel.scheme, piece.planes, piece.group, len(images), slopes, write_spans, emits,
             emits and panel.share < 1,
         )  # fmt: skip
         program, triangle = self._program(switches)
-        for n, texture in enumerate(self._held[self._now]):
+        for n, texture in enumerate(self._state_textures[self._now]):
             texture.use(4 + n)
-        _set(program, "skip", first % WORD)
-        targets = list(self._held[onward]) + (self._span_textures(len(spans)) if leave else [])
+        _set(program, "skip", piece.first % WORD)
+        targets = list(self._state_textures[following])
+        targets += self._span_textures(len(spans)) if write_spans else []
         targets += [self._exposures.target(image) for image in images]
         if views is not None and images:
             table = np.zeros((len(images), len(spans), 4), np.float32)
@@ -219,7 +228,7 @@ class Renderer:
         self._draw(targets, triangle)
 
     def _integrate(self, image: int, views: Views, spans: list[int]) -> None:
-        """What a moving observer takes of the spans that the last draw left."""
+        """Adds the spans of the last draw call to the image of a moving observer."""
         shift = np.array([views.dy[image, spans], views.dx[image, spans]])
         slope = np.array([views.dy_slope[image, spans], views.dx_slope[image, spans]])
         whole = np.floor(shift)
@@ -227,7 +236,7 @@ class Renderer:
         table[:, 0], table[:, 1] = views.weight[image, spans], views.slope[image, spans]
         table[:, 2], table[:, 3] = shift[0] - whole[0], slope[0]
         table[:, 4], table[:, 5] = shift[1] - whole[1], slope[1]
-        # Farther than the panel is wide all is dark, and integers of the shader stay small.
+        # Beyond the width of the panel everything is dark; the integers of the shader stay small.
         table[:, 6:] = np.clip(whole, -(2**20), 2**20).T
         vertical = bool(shift[0].any() or slope[0].any())
         _, triangle = self._program(ObserverSwitches(len(spans), vertical))
@@ -235,7 +244,7 @@ class Renderer:
             texture.use(n)
         self._bind(table)
         self._draw([self._exposures.target(image)], triangle)
-        for n in range(4):  # the words' places again
+        for n in range(4):  # restores the texture units of the words
             self._words[self._uploads % 2][n].use(n)
 
     def _span_textures(self, count: int) -> list[moderngl.Texture]:
@@ -254,7 +263,7 @@ class Renderer:
         if key not in self._targets:
             self._targets[key] = self._context.framebuffer(targets)
         self._targets[key].use()
-        self._context.enable_only(moderngl.BLEND)  # floats only: integer targets are not blended
+        self._context.enable_only(moderngl.BLEND)  # GL blends only float targets
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         triangle.render(moderngl.TRIANGLES, vertices=3)
 
@@ -269,7 +278,7 @@ class Renderer:
         return self._programs[switches]
 
     def _constants(self) -> dict[str, Any]:
-        """Uniforms that stay: which texture is where, and the emitter's."""
+        """Constant uniforms: the texture units, and the constants of the emitter."""
         panel = self.panel
         pulse = panel.share
         return {
@@ -284,8 +293,8 @@ class Renderer:
 
     @property
     def light(self) -> Values:
-        """Of the last block: (spans, height, width) float64, packets Q summed over each span. The
-        block is drawn once more for it, from the array of words that `step` was given."""
+        """Light of the last block, packets Q summed over each span, (spans, height, width) float64.
+        The block is drawn again for it, from the words of the last `step`."""
         if self._lit is None:
             assert self._last is not None
             words, cycles = self._last
@@ -293,15 +302,14 @@ class Renderer:
             with self._alive():
                 self._now = self._start
                 loaded: tuple[int, int] | None = None
-                for first, planes in _pieces(cycles, self._most(0, True)):
-                    loaded = self._upload(words, first, planes, loaded)
-                    onward = next(n for n in range(3) if n not in (self._start, self._now))
-                    group = self._group(planes)
-                    spans = [(first + n) // self.batch for n in range(0, planes, group)]
-                    self._drive(first, planes, group, None, [], spans, True, onward)
-                    for span, texture in zip(spans, self._span_textures(len(spans)), strict=True):
+                for piece in pieces(cycles, self._most(0, True), self.batch):
+                    loaded = self._upload(words, piece, loaded)
+                    following = next(n for n in range(3) if n not in (self._start, self._now))
+                    self._drive(piece, None, [], True, following)
+                    textures = self._span_textures(len(piece.spans))
+                    for span, texture in zip(piece.spans, textures, strict=True):
                         self._lit[span] += self._read(texture).view(np.float32)
-                    self._now = onward if self._states else self._now
+                    self._now = following if self._states else self._now
         return self._lit
 
     def _read(self, texture: moderngl.Texture) -> Words:
@@ -310,25 +318,25 @@ class Renderer:
         return np.ascontiguousarray(quads.reshape(height, 4 * self._quads)[:, :width])
 
     def take(self, image: int) -> Values:
-        """(height, width) float64: the image so far; it begins anew."""
+        """The image so far, (height, width) float64; resets the image to 0."""
         with self._alive():
             return self._exposures.take(image)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on, as `GoldenRenderer` names it; what the drive does
-        not need is zero."""
+        """Everything that the next block depends on, with the names of `GoldenRenderer`; arrays
+        that the drive does not need are zero."""
         with self._alive():
-            textures = zip(self._names, self._held[self._now], strict=True)
-            held = {name: self._read(texture) for name, texture in textures}
+            textures = zip(self._names, self._state_textures[self._now], strict=True)
+            stored = {name: self._read(texture) for name, texture in textures}
             images = self._exposures.all()
         none = np.zeros(self.panel.shape, np.uint32)
-        older = held.get("age", none)
+        older = stored.get("age", none)
         return {
-            "tau": held.get("tau", none),
+            "tau": stored.get("tau", none),
             "age": np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32),
             "started": older > 0,
-            "memory": held.get("memory", none).view(np.float32).astype(np.float64),
-            "level": np.asarray(held.get("level", none) * self._unit, np.float64),
+            "memory": stored.get("memory", none).view(np.float32).astype(np.float64),
+            "level": np.asarray(stored.get("level", none) * self._unit, np.float64),
             "images": images,
         }
 
@@ -337,52 +345,30 @@ class Renderer:
         return 1 / (self.panel.share * LEVELS)
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`, this renderer's or the golden model's."""
+        """Restores a `state` of this renderer or of the golden model."""
         older = np.where(state["age"] < FOREVER, state["age"] + np.uint32(1), FOREVER)
-        held = {
+        stored = {
             "tau": state["tau"],
             "age": np.where(state["started"], older, 0),
             "memory": state["memory"].astype(np.float32).view(np.uint32),
             "level": np.clip(np.rint(state["level"] / self._unit), 0, LEVELS),
         }
         with self._alive():
-            for name, texture in zip(self._names, self._held[self._now], strict=True):
+            for name, texture in zip(self._names, self._state_textures[self._now], strict=True):
                 wide = np.zeros((self.panel.shape[0], 4 * self._quads), np.uint32)
-                wide[:, : self.panel.shape[1]] = held[name]
+                wide[:, : self.panel.shape[1]] = stored[name]
                 texture.write(wide)
             self._exposures.put(state["images"])
         self._last, self._lit = None, np.zeros((0, *self.panel.shape))
 
     def close(self) -> None:
-        """Gives its own context back; what was not taken is gone."""
-        if self._own:
+        """Releases the renderer's own context, with all images that have not been read."""
+        if self._owns_context:
             self._context.release()
 
 
 def _set(program: moderngl.Program, name: str, value: Any) -> None:
-    """A uniform, where the shader has it."""
+    """Sets a uniform if the shader has it."""
     uniform = program.get(name, None)
     if isinstance(uniform, moderngl.Uniform):
         uniform.value = value
-
-
-def _pieces(cycles: int, most: int) -> Iterator[tuple[int, int]]:
-    """(first plane, planes), powers of two that lie at multiples of themselves."""
-    first = 0
-    while first < cycles:
-        planes = min(most, 1 << (cycles - first).bit_length() - 1)
-        yield first, planes
-        first += planes
-
-
-def _images_of(views: Views | None) -> tuple[list[int], list[int]]:
-    """Images of observers that keep still in this block, and of those that move."""
-    if views is None:
-        return [], []
-    shifts = views.dy, views.dx, views.dy_slope, views.dx_slope
-    moves = np.any([shift != 0 for shift in shifts], axis=(0, 2))
-    return [n for n in range(views.images) if not moves[n]], list(np.flatnonzero(moves))
-
-
-def _takes_light(views: Views, image: int, spans: list[int]) -> bool:
-    return bool(views.weight[image, spans].any() or views.slope[image, spans].any())

@@ -1,7 +1,7 @@
-"""The renderer's shaders, put together for what is to be drawn: unrolled, with constants.
+"""Composes the shaders of the renderer for a draw call: unrolled, with constants.
 
-The text is in drive.frag and observe.frag; the level of a drive is the drive's own expression. The
-switches and the calls of each plane are written here.
+The text is in drive.frag and observe.frag; each drive provides the expression of its level. This
+file adds the switches and the calls for each plane.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from display.drives import Drive
 __all__ = ["GROUPS", "DriveSwitches", "ObserverSwitches", "states", "vertex"]
 
 PART = 8
-"""Terms that are summed before they join a longer sum: shorter chains of float32 round less."""
+"""Number of terms in a partial sum: shorter chains of float32 have smaller rounding errors."""
 GROUPS = 4
-"""Groups of planes whose light one draw can leave as textures."""
+"""Maximum number of groups of planes whose light a draw call writes to textures."""
 
 
 def vertex() -> str:
-    """The full-screen triangle."""
+    """The vertex shader of a full-screen triangle."""
     return _text("quad.vert")
 
 
@@ -36,7 +36,7 @@ def _composed(name: str, defines: dict[str, object], body: list[str]) -> str:
 
 
 def states(drive: Drive, emits: bool) -> list[str]:
-    """Names of the textures that hold a panel's state, in the order of their targets."""
+    """Names of the textures with the state of a panel, in the order of their targets."""
     return [
         *(["tau", "age"] if drive.spikes else []),
         *(["memory"] if drive.remember is not None else []),
@@ -46,17 +46,17 @@ def states(drive: Drive, emits: bool) -> list[str]:
 
 @dataclass(frozen=True)
 class DriveSwitches:
-    """The switches of a draw of planes.
+    """The switches of a draw call for planes.
 
     Attributes:
-        drive: of the panel.
-        planes: a power of two up to 128.
-        group: planes that share weights, a power of two that divides `planes`.
-        images: of still observers, taken at once.
-        slopes: whether rows differ in weight.
-        spans: whether the light of each group is left as a texture.
-        emits: whether the emitter is slower than its drive.
-        pulsed: whether a packet is shorter than its plane; only matters with `emits`.
+        drive: drive of the panel.
+        planes: number of planes, a power of two up to 128.
+        group: number of planes that share weights, a power of two that divides `planes`.
+        images: number of images of still observers in this draw call.
+        slopes: whether rows have different weights.
+        spans: whether the light of each group is written to a texture.
+        emits: whether the emitter has a time constant.
+        pulsed: whether a packet is shorter than its plane; only relevant with `emits`.
     """
 
     drive: Drive
@@ -74,7 +74,7 @@ class DriveSwitches:
 
     @property
     def states(self) -> int:
-        """Targets that hold the state."""
+        """Number of targets with the state."""
         return len(states(self.drive, self.emits))
 
     @property
@@ -114,11 +114,11 @@ class DriveSwitches:
 
 @dataclass(frozen=True)
 class ObserverSwitches:
-    """The switches of a draw for a moving observer.
+    """The switches of a draw call for a moving observer.
 
     Attributes:
-        groups: of planes.
-        vertical: whether any shift crosses rows.
+        groups: number of groups of planes.
+        vertical: whether any shift is across rows.
     """
 
     groups: int

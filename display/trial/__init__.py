@@ -1,1 +1,1 @@
-"""What a display costs and what leaving its effects out changes."""
+"""Measurement of a display's costs and of the change by effects that are left out."""

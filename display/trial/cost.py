@@ -1,4 +1,4 @@
-"""What a display costs: a renderer on the words of a few blocks."""
+"""Measures the cost of a display: the time of a renderer for the words of a few blocks."""
 
 from __future__ import annotations
 
@@ -19,32 +19,41 @@ from display.setting import DisplaySetting
 __all__ = ["display_ns", "golden_ns"]
 
 PIECE = 1 << 13
-"""Pixels that the golden model is timed on: it takes the same for each."""
+"""Maximum number of pixels on which the golden model is timed; its cost per pixel is constant."""
 REPEATS = 3
 
 
 def golden_ns(setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]]) -> float:
-    """Nanoseconds a pixel-plane of the golden model."""
+    """Cost of the golden model, ns per pixel and plane."""
     return _time(GoldenRenderer, setting, blocks, PIECE)
 
 
 def display_ns(
     kind: Literal["gl", "numpy"], setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]]
 ) -> float:
-    """The same of the renderer of this kind (`gl`, `numpy`). blocks: words, block by block."""
+    """Cost of a renderer, ns per pixel and plane.
+
+    Args:
+        kind: name of the renderer.
+        setting: the simulated display.
+        blocks: blocks with their words.
+    """
     if kind == "numpy":
         return golden_ns(setting, blocks)
-    return _time(lambda *given: make_renderer(kind, *given), setting, blocks, math.inf)
+    return _time(
+        lambda panel, batch, images: make_renderer(kind, panel, batch, images),
+        setting, blocks, math.inf,
+    )  # fmt: skip
 
 
 def _draws(blocks: Sequence[tuple[Block, Words]]) -> list[tuple[Block, Words]]:
-    """Blocks that follow each other, joined up to what a run draws at once."""
+    """Consecutive blocks, joined up to DRAW planes."""
     draws: list[tuple[Block, Words]] = []
     for block, words in blocks:
         if draws and draws[-1][0].stop == block.start and draws[-1][0].cycles % WORD == 0:
-            before, held = draws[-1]
+            before, earlier = draws[-1]
             if before.cycles + block.cycles <= DRAW:
-                joined = np.concatenate([held, words])
+                joined = np.concatenate([earlier, words])
                 draws[-1] = Block(before.start, before.cycles + block.cycles), joined
                 continue
         draws.append((block, words))
@@ -54,11 +63,11 @@ def _draws(blocks: Sequence[tuple[Block, Words]]) -> list[tuple[Block, Words]]:
 def _time(
     make: Any, setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]], most: float
 ) -> float:
-    """From the first step to an image, by when everything that a renderer has put off is done; the
-    least of several times through the same planes, after one that compiles what they need."""
+    """Time from the first step to an image, which completes all deferred work of the renderer, ns
+    per pixel and plane: the minimum of REPEATS passes, after one pass for compilation."""
     height, width = blocks[0][1].shape[1:]
     rows = height if most == math.inf else max(1, min(height, int(most) // width))
-    # The stream's own size: what a panel of another costs is the same a pixel.
+    # The size of the stream; the cost per pixel does not depend on the size of the panel.
     panel = replace(setting.simulated_panel, shape=(rows, width))
     ready = replace(setting, panel=panel)
     draws = [
@@ -66,14 +75,14 @@ def _time(
         for block, words in _draws(blocks)
     ]
     renderer = make(panel, setting.batch, setting.observer.images)
-    took = []
+    times = []
     try:
         for _ in range(1 + REPEATS):
             begin = time.perf_counter()
             for block, words, views in draws:
                 renderer.step(words, block.cycles, views)
             renderer.take(0)
-            took.append(time.perf_counter() - begin)
+            times.append(time.perf_counter() - begin)
     finally:
         renderer.close()
-    return min(took[1:]) * 1e9 / (rows * width * sum(block.cycles for block, *_ in draws))
+    return min(times[1:]) * 1e9 / (rows * width * sum(block.cycles for block, *_ in draws))

@@ -1,9 +1,9 @@
-"""The paired trial with displays: cameras' words on displays of patches, compared as radiance.
+"""The paired trial with displays: words of cameras on displays of patches, compared as radiance.
 
-Radiance is relative to the panel's white, as the chosen observer integrates it around each of its
-instants. The truth is the reference camera's words on the display with every effect. For a moving
-eye a patch continues periodically at its edges (`display/trial/pixels.py`): the trial measures what
-timing changes between the pixels of a tile, and not what an edge between two tiles would add.
+Radiance is relative to the white of the panel, as the selected observer integrates it around each
+of its instants. The truth is the display with every effect, with the words of the reference camera.
+For a moving eye, a patch is continued periodically at its edges (`display/trial/pixels.py`): the
+trial measures changes between the pixels of a tile, but not those at an edge between two tiles.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class TrialDisplay:
     """A display whose plan is checked.
 
     Attributes:
-        full: with every effect.
-        run: as planned.
-        cycles: of the run.
+        full: the display with every effect.
+        run: the planned display.
+        cycles: length of the run, cycles.
     """
 
     full: DisplaySetting
@@ -64,8 +64,8 @@ class DisplayPatches:
 
     Args:
         plane: the patches.
-        settings: by name, each with the name of the camera whose words the display shows.
-        floor: least rate that an error is relative to, spikes a cycle.
+        settings: displays by name, each with the name of the camera whose words it shows.
+        floor: lower limit of the rate to which errors are relative, spikes a cycle.
     """
 
     def __init__(
@@ -81,19 +81,19 @@ class DisplayPatches:
         self._floor = floor / next(iter(settings.values()))[1].panel.white_rate
 
     def take(self, camera: str, words: Words, cycles: int) -> None:
-        """Takes the next words of a camera, (words, pixels); `show` shows them."""
+        """Stores the next words of a camera, (words, pixels), for `show`."""
         if camera in self._of.values():
             self._waiting.setdefault(camera, []).append((words, cycles))
 
     def show(self, block: Block) -> None:
-        """Shows the words of a whole block: spans of planes begin with it, as in the run."""
+        """Shows the words of a whole block. Spans of planes begin with the block, as in the run."""
         joined = {camera: _joined(parts) for camera, parts in self._waiting.items()}
         self._waiting.clear()
         for name, display in self._displays.items():
             display.step(joined[self._of[name]], block.start, block.cycles)
 
     def images(self, name: str) -> Values:
-        """(images, patches, pixels)."""
+        """Images of a display, (images, patches, pixels), white = 1."""
         return self._plane.split(self._displays[name].images)
 
     def limit(self, name: str, truth: str) -> Values:
@@ -105,7 +105,7 @@ class DisplayPatches:
         return worst(self.images(name), self.images(truth), self._floor)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """Everything that the next block depends on."""
         return {
             f"{name}/{key}": value
             for name, display in self._displays.items()
@@ -113,7 +113,7 @@ class DisplayPatches:
         }
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         for name, display in self._displays.items():
             display.restore({
                 key.removeprefix(f"{name}/"): value
@@ -126,7 +126,7 @@ class DisplayTrial(Paired):
 
     Args:
         plane, cameras, spans: see `Paired`.
-        displays: None for a trial of cameras only.
+        displays: displays on patches, None for a trial of cameras only.
     """
 
     def __init__(
@@ -157,24 +157,23 @@ class DisplayTrial(Paired):
         return super().state() | {f"{PREFIX}{k}": v for k, v in self.displays.state().items()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
-        mine = {k: v for k, v in state.items() if k.startswith(PREFIX)}
-        super().restore({k: v for k, v in state.items() if k not in mine})
+        """Restores a `state`."""
+        inner = {k: v for k, v in state.items() if k.startswith(PREFIX)}
+        super().restore({k: v for k, v in state.items() if k not in inner})
         if self.displays is not None:
-            self.displays.restore({k.removeprefix(PREFIX): v for k, v in mine.items()})
+            self.displays.restore({k.removeprefix(PREFIX): v for k, v in inner.items()})
 
 
 def partial_displays(
     display: TrialDisplay, names: Sequence[str]
 ) -> dict[str, tuple[str, DisplaySetting]]:
-    """The display without each of these effects, with the name of the display to compare it with.
-
-    Names of other effects are ignored. Coarser spans are compared with the next finer ones.
-    """
+    """For each of these effects, the display without it, and the name of the display with which it
+    is compared. Names of other effects are ignored. Coarser spans are compared with the next finer
+    ones."""
     partial: dict[str, tuple[str, DisplaySetting]] = {}
-    own = [effect.name for effect in display.full.acting_effects if effect.name in names]
+    absent = [effect.name for effect in display.full.acting_effects if effect.name in names]
     spans: list[str] = []
-    for name in own:
+    for name in absent:
         if name.startswith(SPAN):
             before = f"without {spans[-1]}" if spans else TRUTH
             spans.append(name)

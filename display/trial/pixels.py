@@ -1,10 +1,11 @@
-"""The light of a panel's pixels and of patches of it, compiled; tests hold it to `GoldenRenderer`.
+"""The light of single pixels and patches of a panel, in compiled code. Tests compare it with
+`GoldenRenderer`.
 
-A patch is a piece of the panel, 16 x 16 pixels, whose surroundings are not known. An eye that keeps
-still needs none. For a moving eye the patch continues periodically at its edges: light that leaves
-it on one side enters at the other. So all of the patch's light is integrated, with the differences
-between its neighbours and one false difference across its edge, within its range of light. An edge
-that lies between two patches is not represented.
+A patch is a part of the panel, 16 x 16 pixels, with unknown surroundings. A still eye does not need
+them. For a moving eye, the patch is continued periodically at its edges: light that leaves it on
+one side enters on the other. All light of the patch is then integrated, with the differences
+between neighbours and one false difference across its edge, within its range of light. An edge
+between two patches is not represented.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ Words = npt.NDArray[np.uint32]
 
 
 class PixelState(NamedTuple):
-    """State of pixels as in `GoldenRenderer`, (pixels,) each."""
+    """The state of pixels, as in `GoldenRenderer`; each array is (pixels,)."""
 
     tau: Words
     age: Words
@@ -41,8 +42,8 @@ class PixelState(NamedTuple):
 
 
 def _show(words, cycles, batch, spikes, emitter, state, out):  # type: ignore[no-untyped-def]
-    """Adds the light of each span of planes of each pixel to `out`, (spans, pixels); compiled for a
-    drive."""
+    """Adds the light of each pixel in each span of planes to `out`, (spans, pixels), packets.
+    `compiled` compiles this kernel for a drive."""
     pulse, rise, decay = emitter
     tau, age, started, memory, emitted = state
     instant = rise == 0.0 and decay == 0.0
@@ -77,7 +78,7 @@ def _show(words, cycles, batch, spikes, emitter, state, out):  # type: ignore[no
 
 
 class PanelPixels:
-    """A number of pixels of a panel, from the dark on."""
+    """A number of pixels of a panel, which are dark at the start."""
 
     def __init__(self, panel: SpikePanel, pixels: int) -> None:
         self.panel = panel
@@ -87,11 +88,17 @@ class PanelPixels:
 
     @property
     def level(self) -> Values:
-        """(pixels,) level of the emitters at the end of the last plane, packets a cycle."""
+        """Level of the emitters at the end of the last plane, packets a cycle, (pixels,)."""
         return self._state.level
 
     def light(self, words: Words, cycles: int, batch: int) -> Values:
-        """(spans, pixels) packets Q of the next `cycles` planes. words: (words, pixels)."""
+        """Light of the next planes, packets Q, (spans, pixels).
+
+        Args:
+            words: words of the planes, (words, pixels).
+            cycles: number of planes.
+            batch: number of planes in a span.
+        """
         scheme, emitter = self.panel.scheme, Emitter.of(self.panel)
         out = np.zeros((-(-cycles // batch), words.shape[1]))
         words = np.ascontiguousarray(words)
@@ -99,23 +106,24 @@ class PanelPixels:
         return out
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """Everything that the next block depends on."""
         return {name: values.copy() for name, values in self._state._asdict().items()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self._state = PixelState(**{name: values.copy() for name, values in state.items()})
 
 
 @njit(cache=True)
 def _integrate_periodic(light, view, row, rows, image):  # type: ignore[no-untyped-def]
-    """Adds a moving eye's image of every patch, each `rows` lines of the plane, to `image` (lines,
-    columns).
+    """Adds the image of a moving eye to `image`, for all patches.
 
     Args:
-        light: (spans, lines, columns).
+        light: light of the spans, (spans, lines, columns).
         view: the arrays of `Views` for this image, in their order.
-        row: (lines,) place on the panel, 0 to 1.
+        row: position of each line on the panel, 0 to 1, (lines,).
+        rows: number of lines of a patch.
+        image: (lines, columns), updated.
     """
     weight, slope, dy, dx, dy_slope, dx_slope = view
     spans, lines, columns = light.shape
@@ -139,10 +147,15 @@ def _integrate_periodic(light, view, row, rows, image):  # type: ignore[no-untyp
 
 
 class PatchDisplay:
-    """A display on patches, and the images of its observer.
+    """A display on patches, with the images of its observer.
 
-    setting: as it is simulated. rows, columns: of a patch. row: (lines,) the panel's row of each
-    line of all patches, stacked.
+    Args:
+        setting: the simulated display.
+        rows, columns: size of a patch, pixels.
+        row: row of the panel of each line of the stacked patches, (lines,).
+
+    Attributes:
+        images: images so far, (images, pixels); the white of the panel is 1.
     """
 
     def __init__(
@@ -152,10 +165,9 @@ class PatchDisplay:
         self._row = np.asarray(row, np.float64) / setting.panel.shape[0]
         self._pixels = PanelPixels(setting.panel, len(self._row) * columns)
         self.images = np.zeros((setting.observer.images, len(self._row) * columns))
-        """(images, pixels) so far; white of the panel gives 1."""
 
     def step(self, words: Words, first: int, cycles: int) -> None:
-        """Shows planes `first` to `first + cycles`. words: (words, pixels)."""
+        """Shows the planes `first` to `first + cycles`, with `words` (words, pixels)."""
         light = self._pixels.light(words, cycles, self.setting.batch)
         self._integrate(light, self.setting.views(first, cycles))
 
@@ -172,10 +184,10 @@ class PatchDisplay:
             _integrate_periodic(shaped, view, self._row, self._rows, image.reshape(shape))
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything the next block depends on."""
+        """Everything that the next block depends on."""
         return {"images": self.images.copy(), **self._pixels.state()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Go on from a `state`."""
+        """Restores a `state`."""
         self.images = state["images"].copy()
         self._pixels.restore({k: v for k, v in state.items() if k != "images"})

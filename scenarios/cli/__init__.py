@@ -1,4 +1,4 @@
-"""The command line `viform COMMAND`, one file for each command.
+"""The command line `viform COMMAND`, one file for each command, in rooms.
 
 A command imports its libraries in its function: they take seconds to load, and `viform --help` does
 not need them.

@@ -3,23 +3,23 @@ line starts fast."""
 
 import typer as _typer
 
-from scenarios.cli.accuracy import accuracy as _accuracy
-from scenarios.cli.bench import bench as _bench
 from scenarios.cli.board.group import board as _board
-from scenarios.cli.compare import compare as _compare
-from scenarios.cli.convert import convert as _convert
 from scenarios.cli.design.group import design as _design
-from scenarios.cli.doctor import doctor as _doctor
-from scenarios.cli.image import image as _image
-from scenarios.cli.laboratory import laboratory as _laboratory
 from scenarios.cli.link.group import link as _link
-from scenarios.cli.listing import list_scenarios as _list
-from scenarios.cli.live import live as _live
-from scenarios.cli.paper import paper as _paper
-from scenarios.cli.plan import plan as _plan
-from scenarios.cli.run import run as _run
-from scenarios.cli.stability import stability as _stability
-from scenarios.cli.test import test as _test
+from scenarios.cli.maintenance.doctor import doctor as _doctor
+from scenarios.cli.maintenance.test import test as _test
+from scenarios.cli.scenario.accuracy import accuracy as _accuracy
+from scenarios.cli.scenario.listing import list_scenarios as _list
+from scenarios.cli.scenario.live import live as _live
+from scenarios.cli.scenario.plan import plan as _plan
+from scenarios.cli.scenario.run import run as _run
+from scenarios.cli.stream.convert import convert as _convert
+from scenarios.cli.stream.image import image as _image
+from scenarios.cli.study.bench import bench as _bench
+from scenarios.cli.study.compare import compare as _compare
+from scenarios.cli.study.laboratory import laboratory as _laboratory
+from scenarios.cli.study.paper import paper as _paper
+from scenarios.cli.study.stability import stability as _stability
 
 __all__ = ["app"]
 

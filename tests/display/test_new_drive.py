@@ -43,17 +43,17 @@ def _remember(memory: Any, tau: Any, interval: Any) -> Any:
     return memory * FADE**interval + 1.0
 
 
-def _flutter(rate: Any, variance: Any, reach: float) -> Any:
+def _fluctuation(rate: Any, variance: Any, reach: float) -> Any:
     """As of packets: what fades slowly is spread over planes, not lessened."""
     return np.sqrt(rate * np.maximum(1 - rate, 0.1))
 
 
-def _unsteadiness(rate: Any, variance: Any, motion: Any, swing: float) -> Any:
+def _variation(rate: Any, variance: Any, motion: Any, swing: float) -> Any:
     return np.full_like(rate, 2 * (1 - FADE))
 
 
 FADING = Drive(
-    "fading", 1, _level, f"{1 - FADE} * memory * pow(vec4({FADE}), AGE)", _flutter, _unsteadiness,
+    "fading", 1, _level, f"{1 - FADE} * memory * pow(vec4({FADE}), AGE)", _fluctuation, _variation,
     _remember, f"memory * pow(vec4({FADE}), run) + 1.0",
 )  # fmt: skip
 

@@ -15,7 +15,7 @@ from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
-from display.effects import SHOWN, effective_planes
+from display.effects import BASE_COST, effective_planes
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.fast.promise import fast_bound
@@ -162,7 +162,7 @@ def plan_run(
         effects += display.acting_effects
     plan = make_plan(
         effects, scene, tolerance, certain=survey.certain, tier_error=tier_error, forced=forced,
-        base_ns=QUIET + (0.0 if display is None else SHOWN),
+        base_ns=QUIET + (0.0 if display is None else BASE_COST),
     )  # fmt: skip
     flags = _flags(plan, survey.grid) if tier == "fast" else None
     absent = [name for name, tiles in plan.kept.items() if not tiles.any()]

@@ -85,7 +85,7 @@ def run_compare(
         for kind, side in compared_imagers().items():
             progress.start(kind, 1)
             scenario = comparison.imagers[kind]
-            section = side.adjust(scenario.imager, white, mean, comparison.given[kind])
+            section = side.adjust(scenario.imager, white, mean, comparison.user_keys[kind])
             scenario = scenario.model_copy(update={"imager": section})
             view = make_view(scenario, SHAPE, LIGHT)
             cameras.append(film_frames(scenario, side, view, motion, white))

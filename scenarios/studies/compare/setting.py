@@ -45,14 +45,14 @@ class SceneComparison:
         name: name of the scene.
         spike: scenario of the spike camera; all cameras share its lens.
         imagers: scenario of each imager with the keys of the user.
-        given: keys that the user has set, by section.
+        user_keys: keys that the user has set, by section.
         notes: notes for the user on the choice of the lens.
     """
 
     name: str
     spike: Scenario
     imagers: dict[str, ImagerScenario]
-    given: dict[str, frozenset[str]]
+    user_keys: dict[str, frozenset[str]]
     notes: tuple[str, ...]
 
 
@@ -137,8 +137,8 @@ def load_comparison(
             "scene": data["scene"], "lens": lens, "imager": {"kind": kind, **section}
         }  # fmt: skip
         imagers[kind] = cast(ImagerScenario, validate(whole))
-    given = {kind: frozenset(data[kind]) for kind in sides}
-    return SceneComparison(short, spike, imagers, given, tuple(notes))
+    user_keys = {kind: frozenset(data[kind]) for kind in sides}
+    return SceneComparison(short, spike, imagers, user_keys, tuple(notes))
 
 
 def _spike(

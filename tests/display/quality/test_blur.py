@@ -84,7 +84,7 @@ def test_cmr_like_of_a_60_hz_hold_is_100():
     ("call", "says"),
     [
         (lambda: blur_edge_width([0, 1, 2, 3], [1, 1, 1, 1]), "have a step"),
-        (lambda: blur_edge_width([0, 1, 1, 3], [0, 0, 1, 1]), "at rising places"),
+        (lambda: blur_edge_width([0, 1, 1, 3], [0, 0, 1, 1]), "at increasing positions"),
         (lambda: blur_edge_width([0, 1, 2], [0, 0, 1]), "4 or more levels"),
         (lambda: blur_edge_width(np.arange(9), np.linspace(0.3, 1, 9), 0.0, 1.0), "run through"),
         (lambda: bet(3, 0), "speed must be positive"),

@@ -92,7 +92,7 @@ def test_a_closed_context_is_one_line_from_every_method() -> None:
         lambda: renderer.take(0), lambda: renderer.light,
     ]  # fmt: skip
     for call in calls:
-        with pytest.raises(InputError, match=r"lost on the way.*--resume"):
+        with pytest.raises(InputError, match=r"lost during the run.*--resume"):
             call()
 
 
@@ -107,7 +107,7 @@ def test_an_error_of_the_driver_is_one_line_and_so_is_its_memory(
     renderer.step(words, 32, None)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(moderngl.Context, "error", property(lambda self: "GL_CONTEXT_LOST"))
-        with pytest.raises(InputError, match=r"lost on the way .GL_CONTEXT_LOST"):
+        with pytest.raises(InputError, match=r"lost during the run .GL_CONTEXT_LOST"):
             renderer.step(words, 32, None)
     monkeypatch.setattr(moderngl.Context, "error", property(lambda self: "GL_OUT_OF_MEMORY"))
     with pytest.raises(InputError, match="the panel must be small enough for the memory"):

@@ -20,7 +20,7 @@ from scenarios.assemble.machine import assemble, assemble_study
 from scenarios.assemble.schema.loading import filmed, linked, load, shipped, to_toml
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.view import make_view
-from scenarios.cli.accuracy import _text
+from scenarios.cli.scenario.accuracy import _text
 from scenarios.scenes.kinds.grid import SceneGrid
 
 SHIPPED = ("adaptive-exposure", "ebaps-night", "emccd-window")
@@ -377,4 +377,4 @@ def test_accuracy_says_that_decisions_are_not_compared(viform, name, told):
         command += ["--set", "imager.rows=16"]
     document = json.loads(viform(*command, "--json").out)
     assert document["reference"]["decisions"] == ("not compared" if told else "none")
-    assert ("decides" in _text(name, document)) == told
+    assert ("decisions" in _text(name, document)) == told

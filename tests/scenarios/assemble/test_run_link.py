@@ -27,7 +27,7 @@ from link.verdict import Cause, Verdict
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
-from scenarios.cli.run import print_result
+from scenarios.cli.scenario.run import print_result
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 

@@ -6,19 +6,18 @@ import json
 
 import pytest
 
-import scenarios.cli.checks
 import scenarios.studies.bench.sensor as bench
 from cosim.compute.opencl import open_device
-from scenarios.cli.checks import Check
 from scenarios.cli.entry import _main
+from scenarios.cli.maintenance import checks
 
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenarios.studies.bench.sensor, "CYCLES", 64)
-    monkeypatch.setattr(scenarios.studies.bench.sensor, "PLAIN_CYCLES", 1)
-    monkeypatch.setattr(scenarios.studies.bench.sensor, "REPEATS", 1)
-    monkeypatch.setattr(scenarios.studies.bench.sensor, "BLOCK", 8)
+    monkeypatch.setattr(bench, "CYCLES", 64)
+    monkeypatch.setattr(bench, "PLAIN_CYCLES", 1)
+    monkeypatch.setattr(bench, "REPEATS", 1)
+    monkeypatch.setattr(bench, "BLOCK", 8)
 
 
 @pytest.mark.usefixtures("quick")
@@ -60,7 +59,7 @@ def test_the_benchmarked_pixels_spike_as_their_picture_says(
         words.append(call())
         return least(call, repeats)
 
-    monkeypatch.setattr(scenarios.studies.bench.sensor, "least", spy)
+    monkeypatch.setattr(bench, "least", spy)
     bench._exact(open_device(), 100_000, noise=True, ramp=False)
     rate = np.bitwise_count(words[0]).sum() / (100_000 * 64)
     assert rate == pytest.approx((bench.DARK + bench.BRIGHT) / 2, rel=0.02)
@@ -85,8 +84,8 @@ def test_doctor_finds_this_machine_fit(capsys: pytest.CaptureFixture[str]) -> No
 def test_doctor_names_what_is_missing_and_the_mend(
     needed: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    missing = Check("opencl", False, "no device", "apt-get install something", needed)
-    monkeypatch.setattr(scenarios.cli.checks, "CHECKS", (lambda: missing,))
+    missing = checks.Check("opencl", False, "no device", "apt-get install something", needed)
+    monkeypatch.setattr(checks, "CHECKS", (lambda: missing,))
     assert _main(["doctor"]) == code
     out = capsys.readouterr().out
     assert "no device" in out and "remedy: apt-get install something" in out
@@ -94,16 +93,16 @@ def test_doctor_names_what_is_missing_and_the_mend(
 
 
 def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenarios.cli.checks, "probe", list)
-    check = scenarios.cli.checks._opencl()
-    assert not check.ok and "pocl-opencl-icd" in check.mend
+    monkeypatch.setattr(checks, "probe", list)
+    check = checks._opencl()
+    assert not check.ok and "pocl-opencl-icd" in check.remedy
 
 
 def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scenarios.cli.checks, "probe_gl", lambda: (False, "the EGL vendor must be"))
-    check = scenarios.cli.checks._gl()
+    monkeypatch.setattr(checks, "probe_gl", lambda: (False, "the EGL vendor must be"))
+    check = checks._gl()
     assert not check.ok and not check.needed
-    assert "libegl-mesa0" in check.mend and "display.renderer=numpy" in check.mend
+    assert "libegl-mesa0" in check.remedy and "display.renderer=numpy" in check.remedy
 
 
 def test_the_test_command_passes_arguments_to_pytest_and_reports_failure(

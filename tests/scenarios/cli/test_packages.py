@@ -12,7 +12,7 @@ import pytest
 
 import cosim.compute.opencl
 import display.render.context
-import scenarios.cli.test
+import scenarios.cli.maintenance.test
 import scenarios.studies.bench.sensor
 from scenarios.cli.entry import _main
 from scenarios.cli.packages import has_launcher, install_and_restart, read_launcher

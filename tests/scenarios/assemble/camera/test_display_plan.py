@@ -14,7 +14,7 @@ import pytest
 from cosim import Block, Bound
 from cosim.run.machine import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
-from display.effects.costs import SHOWN, SPAN_COST
+from display.effects.costs import BASE_COST, SPAN_COST
 from display.trial.paired import TRUTH
 from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.setup import set_up_camera
@@ -118,7 +118,7 @@ def test_camera_and_display_share_one_tolerance(glass):
     both = made.plan(0.0)
     assert alone.display is None and alone.full_display is None
     assert both.plan.cost_ns - alone.plan.cost_ns == pytest.approx(
-        SHOWN + SPAN_COST[1] + 0.005, rel=1e-9
+        BASE_COST + SPAN_COST[1] + 0.005, rel=1e-9
     )
     # A camera that sees four cycles is no judge of a rate over 41.
     brief = replace(made.display, observer=CameraPlane(made.display.observer.instants, 10**8))

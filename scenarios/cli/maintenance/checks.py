@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
@@ -38,30 +38,34 @@ _RENAMED = {
 
 @dataclass(frozen=True)
 class Check:
-    """The result of one check. The attributes are keys of the JSON document.
+    """The result of one check.
 
     Attributes:
         name: name of the check.
         ok: whether the requirement is met.
-        found: description of this computer's state.
-        mend: instruction for a requirement that is not met.
+        state: description of this computer's state.
+        remedy: instruction for a requirement that is not met.
         needed: whether `viform run film` depends on it.
     """
 
     name: str
     ok: bool
-    found: str
-    mend: str = ""
+    state: str
+    remedy: str = ""
     needed: bool = True
 
     def row(self) -> dict[str, Any]:
-        return asdict(self)
+        """The check as an object of the JSON document."""
+        return {
+            "name": self.name, "ok": self.ok, "found": self.state, "mend": self.remedy,
+            "needed": self.needed,
+        }  # fmt: skip
 
 
 def _python() -> Check:
     fine = (3, 11) <= sys.version_info[:2] < (3, 14)
-    found = f"{platform.python_version()} ({sys.executable})"
-    return Check("python", fine, found, "install python 3.11, 3.12 or 3.13")
+    state = f"{platform.python_version()} ({sys.executable})"
+    return Check("python", fine, state, "install python 3.11, 3.12 or 3.13")
 
 
 def _packages() -> Check:
@@ -77,29 +81,29 @@ def _packages() -> Check:
             there += 1
         except (PackageNotFoundError, ImportError, OSError) as exc:
             missing.append(f"{name} ({exc})")
-    found = f"{there} packages" if not missing else f"not usable: {', '.join(missing)}"
-    return Check("packages", not missing, found, "rm -rf .venv and start ./viform again")
+    state = f"{there} packages" if not missing else f"not usable: {', '.join(missing)}"
+    return Check("packages", not missing, state, "rm -rf .venv and start ./viform again")
 
 
 def _opencl() -> Check:
     devices = probe()
     names = "; ".join(f"{d['platform']}: {d['device']} ({d['units']} units)" for d in devices)
-    mend = f"{INSTALL} (or use --device numba, slower)"
+    remedy = f"{INSTALL} (or use --device numba, slower)"
     if not os.path.isdir("/sys/devices/system/cpu") and not devices:
-        mend = "mount /sys, which PoCL needs"
-    return Check("opencl", bool(devices), names or "no device", mend)
+        remedy = "mount /sys, which PoCL needs"
+    return Check("opencl", bool(devices), names or "no device", remedy)
 
 
 def _gl() -> Check:
     works, description = probe_gl()
-    mend = f"{GL_INSTALL} (or --set display.renderer=numpy, slower)"
-    return Check("gl", works, description, mend, needed=False)
+    remedy = f"{GL_INSTALL} (or --set display.renderer=numpy, slower)"
+    return Check("gl", works, description, remedy, needed=False)
 
 
 def _kernel() -> Check:
     """Checks in a child process that the OpenCL kernel of the pixels can be built and agrees with
     its compiled form."""
-    command = [sys.executable, "-m", "scenarios.cli.kernel"]
+    command = [sys.executable, "-m", "scenarios.cli.maintenance.kernel"]
     child = subprocess.run(command, capture_output=True, text=True)
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with the compiled form on every bit")
@@ -122,23 +126,25 @@ def _memory() -> Check:
 
     memory = psutil.virtual_memory()
     free, total = memory.available / _GIB, memory.total / _GIB
-    found = f"{free:.1f} of {total:.1f} GiB free, {os.cpu_count()} cores"
-    mend = f"free some memory: a megapixel run needs {_MEMORY_GIB} GiB"
-    return Check("memory", memory.available >= _MEMORY_GIB * _GIB, found, mend, needed=False)
+    state = f"{free:.1f} of {total:.1f} GiB free, {os.cpu_count()} cores"
+    remedy = f"free some memory: a megapixel run needs {_MEMORY_GIB} GiB"
+    return Check("memory", memory.available >= _MEMORY_GIB * _GIB, state, remedy, needed=False)
 
 
 def _disk() -> Check:
     free = shutil.disk_usage(".").free
-    mend = f"free some disk space: 64 ms of light take about 0.2 GiB, several runs {_DISK_GIB} GiB"
+    remedy = (
+        f"free some disk space: 64 ms of light take about 0.2 GiB, several runs {_DISK_GIB} GiB"
+    )
     return Check(
-        "disk", free >= _DISK_GIB * _GIB, f"{free / _GIB:.1f} GiB free here", mend, needed=False
+        "disk", free >= _DISK_GIB * _GIB, f"{free / _GIB:.1f} GiB free here", remedy, needed=False
     )
 
 
 def _folder() -> Check:
     fine = os.access(".", os.W_OK)
-    mend = "change to a folder you can write to, or give --out"
-    return Check("folder", fine, os.getcwd(), mend, needed=False)
+    remedy = "change to a folder you can write to, or give --out"
+    return Check("folder", fine, os.getcwd(), remedy, needed=False)
 
 
 def _clips() -> Check:

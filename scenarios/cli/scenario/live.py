@@ -18,7 +18,7 @@ def live(
     from display import open_window
     from scenarios.assemble.readout import refuse_leftovers
     from scenarios.assemble.schema.loading import filmed
-    from scenarios.cli.window import show_live
+    from scenarios.cli.scenario.window import show_live
 
     name, any_kind = options.load(scenario)
     loaded = filmed(any_kind, "live")

@@ -11,7 +11,7 @@ __all__ = ["doctor"]
 
 def doctor(json: Json = False) -> None:
     """Check this machine; exit 0 if `viform run film` can work."""
-    from scenarios.cli.checks import run_checks
+    from scenarios.cli.maintenance.checks import run_checks
 
     checks = run_checks()
     ready = all(check.ok for check in checks if check.needed)
@@ -20,9 +20,9 @@ def doctor(json: Json = False) -> None:
     else:
         for check in checks:
             mark = "ok" if check.ok else ("MISSING" if check.needed else "note")
-            print(f"{mark:<8} {check.name:<12} {check.found}")
+            print(f"{mark:<8} {check.name:<12} {check.state}")
             if not check.ok:
-                print(f"{'':<8} {'':<12} remedy: {check.mend}")
+                print(f"{'':<8} {'':<12} remedy: {check.remedy}")
         print("`viform run film` can work" if ready else "`viform run film` cannot work yet")
     if not ready:
         raise typer.Exit(1)

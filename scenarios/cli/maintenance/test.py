@@ -79,7 +79,7 @@ def test(context: typer.Context, json: Json = False) -> None:
     """
     from cosim import InputError
 
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     if not (root / "tests").is_dir():
         raise InputError(
             "viform test", "run from a clone", "from an installed copy", "clone the project"

@@ -1,0 +1,1 @@
+"""Commands of the installation and of the source: doctor and test."""

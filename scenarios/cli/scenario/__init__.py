@@ -1,0 +1,1 @@
+"""Commands on a scenario: run, plan, accuracy, live, list."""

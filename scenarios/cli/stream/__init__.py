@@ -1,0 +1,1 @@
+"""Commands on streams of spikes: convert and image."""

@@ -1,0 +1,1 @@
+"""Commands of studies: bench, compare, laboratory, paper, stability."""
