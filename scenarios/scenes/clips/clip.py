@@ -29,6 +29,8 @@ _AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
 
 _FAR = 8
 """Number of frames ahead from which on a seek to a key frame saves time."""
+_CROPPED = 0.9
+"""Share of the picture below which a note states that it is cropped."""
 # Code values of white. FFmpeg's 16-bit RGB is exact for RGB and grey, but for YUV it has white at
 # 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is accurate to one code.
 _WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
@@ -42,6 +44,11 @@ def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
     # IEC 61966-2-1, sRGB to linear
     linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
     return linear.astype(np.float32)
+
+
+def _is_still(name: str) -> bool:
+    """Whether a container of FFmpeg, by its name, holds a single picture."""
+    return name.endswith("_pipe") or name == "image2"
 
 
 class Clip:
@@ -62,6 +69,7 @@ class Clip:
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
         self._path, self._shape = path, shape
         self.notes: list[str] = []
+        self._strict = True  # damaged pictures are refused first, so that they can be noted
         self._iterator: Iterator[Any] | None = None
         self._next = 0
         self._latest: tuple[int, Any] | None = None
@@ -104,6 +112,8 @@ class Clip:
                 raise self._bad("no picture in it")
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
+            if self._strict and _is_still(container.format.name):
+                stream.codec_context.options = {"err_detect": "explode"}
             self._aspect = float(stream.sample_aspect_ratio or 1)
             self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
         except (av.FFmpegError, OSError, ValueError) as exc:
@@ -122,6 +132,12 @@ class Clip:
             self.ended = True
             return False
         except (av.FFmpegError, OSError, ValueError) as exc:
+            if self._next == 0 and self._strict and _is_still(self._container.format.name):
+                self._strict = False
+                self._start()
+                if self._decode():
+                    self._note(f"{self._path.name} is damaged: only a part of it can be decoded")
+                    return True
             if self._next == 0:
                 raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
             self._note(f"{self._path.name} cannot be decoded beyond frame {self._next - 1}")
@@ -186,6 +202,12 @@ class Clip:
         shrinks = size[0] < luminance.shape[1] and size[1] < luminance.shape[0]
         method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
         scaled = cv2.resize(np.ascontiguousarray(luminance), size, interpolation=method)
+        share = rows * columns / (size[0] * size[1])
+        if share < _CROPPED:
+            self._note(
+                f"{self._path.name}: {share:.0%} of the picture is filmed, cropped at the centre "
+                f"to the sensor's {columns} x {rows}"
+            )
         top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
         cropped = scaled[top : top + rows, left : left + columns]
         return np.ascontiguousarray(np.clip(cropped, 0, 1), dtype=np.float32)

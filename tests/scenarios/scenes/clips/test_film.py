@@ -391,4 +391,5 @@ def test_the_real_clip_opens(shared_data):
     truth = source.truth(0)
     assert 0.05 < truth.mean() < 0.8
     assert truth.std() > 0.1
-    assert source.notes[0].startswith("bikes.mp4: 25 frames/s")
+    assert source.notes[0].startswith("bikes.mp4: 68% of the picture is filmed")
+    assert source.notes[1].startswith("bikes.mp4: 25 frames/s")
