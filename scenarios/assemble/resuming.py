@@ -62,7 +62,7 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
         return None
     for key, path in changed_files(stored_in.read_text(encoding="utf-8")):
         raise InputError(
-            "--resume", f"given for the {key} that {out} was made of",
+            "--resume", f"given for the {key} that {out} was computed from",
             f"for {path}, which has changed since", "give another --out",
         )  # fmt: skip
     return result

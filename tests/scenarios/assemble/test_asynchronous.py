@@ -346,7 +346,7 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
             ("sensor.asynchronous.width=5", "sensor.asynchronous.height=5"),
             "large enough for 26 stars",
         ),
-        (("duration=0.1 ns",), "duration must be at least a period of the timing clock"),
+        (("duration=0.1 ns",), "duration must be at least one period of the timing clock"),
         (("sensor.readout=synchronous",), "sensor.asynchronous must be given with sensor.readout"),
     ],
 )

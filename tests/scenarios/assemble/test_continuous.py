@@ -271,7 +271,7 @@ def test_light_of_pixels_ends_with_the_run():
         (("sensor.continuous.contrast=0",), "sensor.continuous.floor must be given"),
         (("sensor.continuous.bits=5",), "sensor.continuous.exponent_bits must be below"),
         (("sensor.continuous.width=0",), "sensor.continuous.width must be"),
-        (("duration=1 us",), "duration must be at least a cycle"),
+        (("duration=1 us",), "duration must be at least one cycle"),
         (("image.at=[9999]",), "image.at must be cycles below 2560"),
         (("sensor.channel.rate=1 MHz",), "sensor.channel must be given with sensor.readout = a"),
         (("sensor.asynchronous.change=1",), "sensor.asynchronous must be given with"),

@@ -166,8 +166,8 @@ def test_a_run_that_is_done_of_a_file_that_has_changed_is_refused(
     given.write_bytes(b"after")
     before = stamps(folder)
     assert refused(*command) == (
-        f"--resume must be given for the {key} that {folder} was made of, not for {given}, which "
-        "has changed since; give another --out"
+        f"--resume must be given for the {key} that {folder} was computed from, not for {given}, "
+        "which has changed since; give another --out"
     )
     assert stamps(folder) == before
     given.unlink()  # what was found of it stands
