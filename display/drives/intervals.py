@@ -12,8 +12,10 @@ __all__ = ["interval_fluctuation", "interval_variation"]
 def interval_fluctuation(rate: Values, variance: Values, reach: float) -> Values:
     """`Drive.fluctuation` of the light 1 / tau, which is constant for 1 / r planes.
 
-    If the weights change their sign within `reach` planes, a longer interval contributes only its
-    steps, r reach^2 / 5: a step at a random position of a span with linearly rising weights.
+    The observer's weights can change sign within `reach` planes. Within an interval that is longer
+    than `reach` the light is constant and its weights cancel, so only the steps between intervals
+    contribute: r reach^2 / 5, the mean over steps at random positions of a span with linearly
+    rising weights.
     """
     last = np.minimum(1 / np.maximum(rate, 1e-12), rate * reach**2 / 5)
     return np.asarray(rate * np.sqrt(variance * last))

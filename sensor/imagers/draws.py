@@ -1,9 +1,9 @@
-"""Counter-based draws of the laws that imagers need: Poisson, normal, gamma, binomial.
+"""Counter-based random numbers for imagers: Poisson, normal, gamma, binomial.
 
-Every draw is keyed by (seed, stream) and counted by (pixel, frame): it does not depend on how a
-frame is cut, nor on what was drawn before. Rejection takes the counter's fourth word as its
-attempt. A law's mean may differ a little between two runs (an effect left out) and the draws then
-differ a little: methods were chosen so that paired runs stay paired.
+Every draw has the key (seed, stream) and the counter (pixel, frame). It depends neither on how a
+frame is divided nor on earlier draws. Rejection methods count attempts in the fourth word of the
+counter. If the mean differs slightly between two runs (an effect is left out), the draws differ
+slightly: the methods were chosen so that paired runs stay correlated.
 
 Poisson: inversion below a mean of 12, else transformed rejection PTRS (Hoermann, Insurance:
 Mathematics and Economics 12:39, 1993). Gamma: Marsaglia and Tsang, ACM TOMS 26:363 (2000), with
@@ -179,8 +179,8 @@ _PART = 1 << 17
 
 def _draw(law: Callable[..., None], given: tuple[Any, ...], numbers: Numbers, frame: int, seed: int,
           stream: Stream, out: Any) -> None:  # fmt: skip
-    """Draws by a compiled law, large planes on all cores: which thread draws a pixel changes
-    nothing, since each has its own counter. given: the law's own arrays, flat."""
+    """Draws from a compiled distribution, large planes on all cores. The result does not depend on
+    threads, since each pixel has its own counter. given: flat arrays of the parameters."""
     flat = _pixels(numbers)
     parts = min(os.cpu_count() or 1, out.size // _PART)
     if parts < 2:
@@ -220,7 +220,7 @@ def normal(numbers: Numbers, frame: int, seed: int, stream: Stream) -> Values:
 
 
 def gamma(shape: npt.ArrayLike, numbers: Numbers, frame: int, seed: int, stream: Stream) -> Values:
-    """Gamma numbers of unit scale; 0 where the shape is 0."""
+    """Gamma distributed numbers of unit scale; 0 where the shape is 0."""
     out = np.empty(numbers.size)
     _draw(_gamma, (_flat(shape, numbers),), numbers, frame, seed, stream, out)
     return out.reshape(numbers.shape)

@@ -1,5 +1,5 @@
-"""The pixels of any conventional imager: light in, digital numbers out, effects that can be left
-out, and what the effects' bounds read of a scene."""
+"""Interface of the pixels of a conventional imager: from light to digital numbers, with effects
+that can be left out, and the summary of a scene that the bounds of effects read."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Values = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ImagerSummary(Summary):
-    """What bounds of an imager's effects read of a run.
+    """Summary of a run for the bounds of an imager's effects.
 
     A `Summary`'s cycle is one frame here: `darkest` and `brightest` are photoelectrons in a whole
     exposure, `threshold` is the full well, `window` and `cycles` are the frames of the run.
@@ -91,5 +91,5 @@ class PixelModel(Protocol):
 
     def summary(self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
     ) -> ImagerSummary:  # fmt: skip
-        """What bounds read, for a run between these limits of light (lx s) and exposure (s)."""
+        """Summary for the bounds: a run within these ranges of light (lx s) and exposure (s)."""
         ...

@@ -44,8 +44,8 @@ class Scenery(Protocol):
 
 @dataclass(frozen=True)
 class Course:
-    """A factor of all light over time: linear between knots, constant before the first and after
-    the last. A jump is two knots at one instant.
+    """A factor of the light over time: linear between knots, constant before the first and after
+    the last. Two knots at one instant are a jump.
 
     Attributes:
         knots: (ps, factor), in order, factors >= 0.
@@ -72,8 +72,8 @@ class Course:
         return f0 + (f1 - f0) * ((ps - t0) / (t1 - t0))
 
     def integral(self, begin: Instants, end: Instants) -> Values:
-        """Factor x seconds from begin to end, piece by piece: differences of one long integral
-        would lose a short exposure late in a long course."""
+        """Integral of the factor from begin to end, s, piece by piece: the difference of two long
+        integrals would lose the precision of a short exposure late in a run."""
         begin, end = np.asarray(begin, np.int64), np.asarray(end, np.int64)
         total = np.zeros(np.broadcast(begin, end).shape)
         far = 2**62

@@ -1,8 +1,8 @@
 """The judge of the exposure loop.
 
-The loop decides by the mean of a frame. What is left out is taken to move it by the mean difference
-of a strip, plus what the strip's spread leaves open of that mean at 99.9 %; the dark frames that
-are subtracted are counted in.
+The loop decides by the mean of a frame. The effects that are left out are assumed to change it by
+the mean difference of a strip plus the 99.9 % uncertainty of that mean, subtracted dark frames
+included.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class EbapsJudge(JudgeBase):
         return frame.state["exposure_ns"]
 
     def _shown(self, rows: Exposed, pixels: PixelModel, at: slice, kept: frozenset[str]) -> Values:
-        """What the loop takes the mean of, over these rows."""
+        """The values of these rows of which the loop takes the mean."""
         live = pixels.convert(cut_rows(rows, at), self._seed, kept)
         sequencer = self._imager.sequencer
         if sequencer.judged.raw or not sequencer.subtracts():

@@ -1,4 +1,4 @@
-"""The EBAPS board of a scenario: how it is built, what a run may meet, what its frames say."""
+"""The EBAPS board of a scenario: construction, range of its settings in a run, metrics."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class EbapsModel(ImagerModel):
         return imager
 
     def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
-        """At every high voltage that is written."""
+        """Pixel settings at every high voltage that the run writes."""
         assert isinstance(pixels, EbapsPixels)
         volts = {-self.section.high_voltage}
         volts |= {
@@ -70,7 +70,7 @@ class EbapsModel(ImagerModel):
         return [pixels.at(volts=v) for v in sorted(volts)]
 
     def exposures(self, view: View, stop: int) -> ExposureRange:
-        """Exposures from the shortest to the longest where the loop is on."""
+        """Range of exposures; that of the loop if it is on."""
         s, rule, timing = self.section, ExposureRule(), Timing()
         written = [
             value * 1e-9 for _, register, value in s.writes
@@ -107,9 +107,9 @@ class EbapsModel(ImagerModel):
         }
 
     def _seen(self, view: View, imager: Any) -> dict[str, Metric]:
-        """Of the frames in memory: the darks' pattern over the pixels, what their subtraction
-        leaves of a dark frame (its own noise and a quarter of it), and contrast to noise of the
-        chart's largest bar in the last live frame."""
+        """Metrics of the frames in memory: the spatial pattern of the dark frames, the residual
+        after their subtraction from a dark frame (its own noise and a quarter of it), and the
+        contrast-to-noise ratio of the chart's largest bar in the last live frame."""
         if not imager.sequencer.subtracts():
             return {}
         darks = np.stack([imager.memory.read(n) for n in range(DARKS)]).astype(np.float64)
@@ -132,7 +132,7 @@ class EbapsModel(ImagerModel):
         return made
 
     def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
-        """From a row's exposure's beginning to the frame's last pixel read."""
+        """Time from the start of a row's exposure to the last pixel of the frame."""
         spans = [(t.ready - t.begin) * 1e-6 for t in live(frames)]
         if not spans:
             return []
@@ -150,13 +150,13 @@ class EbapsModel(ImagerModel):
 
 
 def live(frames: Sequence[FrameFigures]) -> list[FrameFigures]:
-    """Frames of the scene, those of the dark aside."""
+    """Frames of the scene, without the dark frames."""
     return [t for t in frames if not t.state["key"]]
 
 
 def settled_at(frames: Sequence[FrameFigures]) -> int | None:
-    """Number of the first live frame from which on all say that the loop rests; None where the
-    last does not."""
+    """Number of the first live frame from which the loop stays settled; None if it is not settled
+    at the end."""
     found = None
     for frame in reversed(live(frames)):
         if not frame.state["settled"]:

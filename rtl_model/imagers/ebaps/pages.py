@@ -1,5 +1,5 @@
-"""Figures of the EBAPS circuit: its document's figures 6, 7, 9 and 11, from this run and from
-devices of its kind under other voltages and light."""
+"""Figures of the EBAPS circuit: figures 6, 7, 9 and 11 of its document, from this run and from the
+same device at other voltages and light levels."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Values = npt.NDArray[np.float64]
 
 
 def ebaps_sections(model: EbapsModel, run: ImagerRun) -> str:
-    """The sections of the page, their figures written."""
+    """The sections of the page; writes their figures."""
     folder = run.folder / "figures"
     _loop(run, folder / "loop.png")
     _histogram(run, folder / "histogram.png")
@@ -88,7 +88,7 @@ def _loop(run: ImagerRun, path: Path) -> None:
 
 
 def _pair(run: ImagerRun) -> tuple[Any, Any, Any] | None:
-    """The last live frame, the darks' mean, both as stored, and what came of it."""
+    """The last live frame and the mean of the dark frames as stored, and their difference."""
     memory = run.imager.memory
     shown = live(run.frames)
     if not shown or not run.imager.sequencer.subtracts():
@@ -121,7 +121,7 @@ def _before_after(model: EbapsModel, run: ImagerRun) -> str:
 
 
 def _residual(model: EbapsModel, run: ImagerRun, darks: Any) -> list[list[str]]:
-    """What the mean of four leaves of a dark frame's pattern, beside theory."""
+    """Residual pattern of a dark frame after subtraction of the mean of four, and its theory."""
     seconds = run.imager.sequencer.dark_exposure * 1e-9
     pixels = model.pixels
     rows, columns = pixels.shape
@@ -161,7 +161,7 @@ def _histogram(run: ImagerRun, path: Path) -> None:
 
 
 def _stands(pixels: EbapsPixels, chart: Values, lux: float) -> float:
-    """Exposure (s) at which the loop would stand: its middle, within what it may take."""
+    """Ideal exposure (s) of the loop: the middle of the window, limited to its range."""
     rule = ExposureRule()
     wanted = (rule.low + rule.high) / 2
     mean = float(chart.mean()) * lux

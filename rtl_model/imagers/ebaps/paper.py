@@ -124,13 +124,13 @@ def _exposure() -> list[Row]:
 
 
 def _window(rule: ExposureRule) -> list[int]:
-    """The means, one by one, at which the rule does not move."""
+    """The means, DN, at which the rule keeps the exposure."""
     still = [m for m in range(1 << 16) if rule.after(DEFAULT_EXPOSURE, m, 1) == DEFAULT_EXPOSURE]
     return [still[0], still[-1]]
 
 
 def _loop() -> list[Row]:
-    """What the document's fixed step means: it prints none of this."""
+    """Consequences of the fixed step, which the document does not print."""
     rule = ExposureRule()
     limit = float(settling_exposure(rule)) * 1e-6
     middle = float(settling_exposure(rule, sum(WINDOW) // 2)) * 1e-6

@@ -1,4 +1,4 @@
-"""Measures the blur of moving edges, by the exposure time of an image and the speed of the edges.
+"""Motion blur of an image: its exposure time multiplied by the speed of the edges.
 
 An image of a camera that integrates light for a time w is the mean of the scene over w. An edge
 that moves at the speed v becomes a ramp of v w pixels; its 10 to 90 % width is 0.8 v w. Both are

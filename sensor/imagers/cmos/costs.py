@@ -1,8 +1,8 @@
-"""What effects of a three-transistor pixel cost, in nanoseconds a pixel of a frame.
+"""Run-time costs of the effects of a three-transistor pixel, ns per pixel and frame.
 
-Measured once, on one core at 2.5 GHz, as the difference that leaving the effect out makes to a
-frame of 1024 x 1280 pixels at half scale and 10 ms. The planner's choice goes by this table on any
-machine.
+Each is the difference of run time with and without the effect, measured once on one core at 2.5 GHz
+for a frame of 1024 x 1280 pixels at half scale and 10 ms. The planner uses this table on every
+machine, so a plan does not depend on the machine.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""Effects of a three-transistor pixel: sources, costs, and how far leaving each out moves a value.
+"""Effects of a three-transistor pixel: sources, costs, and the error if each is left out.
 
-A bound compares the law of the converted value with everything and without the one effect: noise
-taken as normal, truncated and clipped as the converter does it. Change of mean over max(mean, 1 DN)
-or of noise over max(noise, 1/sqrt(12) DN), whichever is more; RMS over where between two steps of
-the converter the light happens to stand (and over the pattern), the worst over light and exposure.
-They are estimates: laws are not quite normal, and noises left out together add up to a little more.
+A bound compares the distribution of the converted value with all effects and without the one
+effect. The noise is taken as normal, then truncated and clipped as in the converter. The bound is
+the larger of the change of the mean over max(mean, 1 DN) and the change of the noise over
+max(noise, 1/sqrt(12) DN): RMS over the position of the mean between two steps of the converter (and
+over the pattern), maximum over light and exposure. Bounds are estimates: the distributions are not
+exactly normal, and several noises left out together add up to slightly more.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def truncated(mean: Values, variance: Values) -> tuple[Values, Values]:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Electrons of light, seconds: what a pixel sees. Of one shape."""
+    """Photoelectrons and exposure times (s) of pixels, two arrays of one shape."""
 
     light: Values
     seconds: Values
@@ -79,7 +80,7 @@ def _parts(s: CmosSetting) -> dict[str, Parts]:
 
 
 def _states(scene: Summary, s: CmosSetting) -> _State:
-    """(tiles, levels x exposures): light from the least to the most that is not yet clipped."""
+    """(tiles, levels x exposures): light from the least to the largest that does not clip."""
     assert isinstance(scene, ImagerSummary)
     most = (1 << BITS) * s.step
     low = np.minimum(np.atleast_1d(np.asarray(scene.darkest, np.float64)), most)

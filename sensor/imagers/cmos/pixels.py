@@ -1,13 +1,14 @@
 """`AdaptivePixels`: three-transistor linear pixels with an 8-bit converter, row by row.
 
-Electrons: Poisson of the light's (with the pixel's own response) plus Poisson of the dark current,
-cut at the well; then reset noise, noise of follower and converter, the column's offset, and a
-converter that truncates. Light is in lux seconds and volts are per lux second, so no convention of
-photons is needed: 1.0 V/(lx s) over 20 uV is 50 000 photoelectrons in a lux second.
+Electrons are a Poisson count of the light (with the response of the pixel) plus a Poisson count of
+the dark current, limited by the full well. Reset noise, noise of follower and converter, and the
+offset of the column follow; the converter truncates. Light is in lx s and the response in V/(lx s),
+so no assumption about photons is needed: 1.0 V/(lx s) over 20 uV per electron is 50 000
+photoelectrons per lux second.
 
-The converter truncates: document 001 follows light that falls to 1/2 LSB in one frame and to 1/256
-LSB in two, and its table's factors give just that for a truncating converter (a rounding one would
-need two frames between 1/2 and 1 LSB).
+The converter truncates: document 001 recovers in one frame from light that falls to 1/2 LSB and in
+two from 1/256 LSB, and the factors of its table give exactly this with a truncating converter
+(a rounding one would need two frames between 1/2 and 1 LSB).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _DSNU, _PRNU, _COLUMN = 0, 1, 2
 
 
 class AdaptivePixels:
-    """See the module. setting: of the chain. shape: (H, W)."""
+    """Three-transistor pixels (see the module). setting: of pixel and converter. shape: (H, W)."""
 
     bits = BITS
 
@@ -49,7 +50,8 @@ class AdaptivePixels:
     def digitise(
         self, rows: Exposed, seed: int, kept: frozenset[str]
     ) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
-        """Values and what the comparator beside the converter says: over full scale."""
+        """Values (DN), and whether the comparator beside the converter reports more than full
+        scale."""
         s = self.setting
         count, width = rows.lux_seconds.shape
         index = np.arange(rows.first, rows.first + count, dtype=np.int64)
@@ -90,8 +92,9 @@ class AdaptivePixels:
         return self.digitise(rows, seed, kept)[0]
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
-        """See `PixelModel`. Truncating takes half a DN and adds 1/12 DN^2, which holds to 2 % of a
-        DN once the noise before it is 0.4 DN, and on average over light whatever the noise."""
+        """See `PixelModel`. Truncation lowers the mean by 0.5 DN and adds 1/12 DN^2. This holds to
+        2 % of a DN if the noise before truncation is at least 0.4 DN, and on average over light for
+        any noise."""
         s = self.setting
         photo, dark = lux_seconds * s.sensitivity, s.dark_now * seconds
         variance = photo + dark + s.reset_noise**2 + s.read_noise**2
@@ -119,7 +122,7 @@ class AdaptivePixels:
 
     @cached_property
     def _darkness(self) -> Values:
-        """(H, W) dark current of each pixel over the mean; a normal law, cut at none."""
+        """(H, W) dark current of each pixel over the mean: normal, negative values set to 0."""
         drawn = normal(self._numbers, _DSNU, self.setting.device, Stream.IMAGER_PATTERN)
         return np.maximum(1 + self.setting.dsnu * drawn, 0.0)
 

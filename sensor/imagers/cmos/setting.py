@@ -1,4 +1,4 @@
-"""`CmosSetting`: numbers of a three-transistor pixel with an 8-bit converter, and what follows.
+"""`CmosSetting`: parameters of a three-transistor pixel with an 8-bit converter.
 
 The document is "CMOS image sensor with wide dynamic range and adaptive exposure" (2022, source
 document 001). It prints the response of 1.0 V/(lx s), gain 1 and 8 bits; it prints no full scale.
@@ -113,8 +113,9 @@ class CmosSetting:
         return self.digitised(self.volts(lux, seconds))
 
     def digitised(self, volts: float) -> tuple[int, bool]:
-        """As the converter does it: truncated to 0..255; saturated where the comparator sees more
-        than full scale. What is whole but for the rounding of floats counts as whole."""
+        """Values as the converter gives them: truncated to 0..255, saturated where the comparator
+        sees more than full scale. A number that differs from an integer only by rounding counts as
+        that integer."""
         number = math.floor(min(volts / self.lsb, 1e6) + ROUNDING)
         return max(0, min(number, (1 << BITS) - 1)), volts > self.full_scale * (1 + ROUNDING)
 

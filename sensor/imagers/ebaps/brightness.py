@@ -1,7 +1,7 @@
 """Brightness of an image, Y = k E (D/f)^2 T G: document 002, equation 1.
 
-The document calls k a constant. Here it is what the light passes: the lens takes rho T_l/4 of it,
-the photocathode turns it into electrons, the chain into DN.
+The document calls k a constant. Here it is the product of the optics (rho T_l/4), the photocathode
+(electrons per lux second) and the analog chain (DN per electron).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def brightness(k: float, lux: float, aperture: float, seconds: float, gain: floa
 def brightness_constant(
     pixels: EbapsPixels, reflectance: float = 0.5, transmission: float = 0.9
 ) -> float:
-    """k of light that crosses as photoelectrons, DN / (lx s): what makes equation 1 give the mean
-    signal above black and dark. At infinity a lens passes rho T_l / 4 (D/f)^2 of E."""
+    """k, DN / (lx s), with which equation 1 gives the mean signal of photoelectrons above black
+    level and dark signal. A lens focused at infinity passes rho T_l / 4 (D/f)^2 of E."""
     budget = pixels.budget(1.0, 0.0)
     signal = float(budget.tube_mean(budget.light))
     per_gain = signal / budget.gain if budget.gain > 0 else 0.0
@@ -34,10 +34,11 @@ def brightness_constant(
 
 
 def wanted_exposure(pixels: EbapsPixels, lux: float, target: float, zero: float = 0.0) -> float:
-    """Seconds at which a middling pixel under this many lux on the plane has `target` DN.
+    """Exposure, s, at which a pixel without fixed pattern has a mean of `target` DN; lux: on the
+    photocathode.
 
-    zero: DN with no exposure: 0 for a frame from which darks of its exposure were taken (then dark
-    current has gone as well), the pedestal where one is added.
+    zero: DN without exposure. It is 0 for a frame from which dark frames of the same exposure were
+        subtracted (which also removes the dark current), or the pedestal if one is added.
     """
     # No seconds: the photocathode's own emission is in the darks as well.
     one = pixels.budget(lux, 0.0)

@@ -1,7 +1,8 @@
-"""Closed form of a middling pixel of an EBAPS: what each effect adds to mean and variance.
+"""Closed form of an EBAPS pixel without fixed pattern: mean and variance of each effect.
 
-All are linear in photoelectrons and in time, so the share that one has of the whole is greatest at
-a corner of any box of light and exposure: that is what makes bounds proofs.
+All are linear in photoelectrons and in time. The share of one effect in the sum is therefore
+largest at a corner of a box of light and exposure, so the maximum over the corners is a proved
+bound.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ EMISSION = "photocathode emission"
 
 @dataclass(frozen=True)
 class Part:
-    """Electrons in the silicon, and their square; numbers or arrays."""
+    """Mean (electrons) and variance (electrons^2) of an effect, in the silicon. Any shape."""
 
     mean: Any
     variance: Any
@@ -45,19 +46,19 @@ class Budget:
 
     @property
     def gain(self) -> float:
-        """Of an electron that is absorbed."""
+        """Mean electrons in the silicon per absorbed photoelectron."""
         return self.tube.gain(self.volts)
 
     @property
     def photoelectrons(self) -> Any:
-        """With the photocathode's dark emission."""
+        """Mean photoelectrons, dark emission of the photocathode included."""
         t = self.tube
         emission = t.emission_lux * t.electrons_per_lux * self.silicon.area
         return self.light + emission * self.seconds
 
     @property
     def leaked(self) -> Any:
-        """Electrons of light that reaches the silicon by itself."""
+        """Electrons of light that passes the photocathode and is absorbed in the silicon."""
         ratio = self.silicon.direct * self.silicon.leakage / self.tube.electrons_per_lux
         return self.light * ratio
 
@@ -67,21 +68,21 @@ class Budget:
         return self.silicon.dark_rate(self.kelvin) * self.seconds
 
     def tube_mean(self, photoelectrons: Any) -> Any:
-        """Electrons in the silicon, bursts of ions with them."""
+        """Mean electrons in the silicon from the tube, ion bursts included."""
         t = self.tube
         return photoelectrons * (1 - t.loss) * self.gain * (1 + t.ions * t.burst)
 
     def _tube_variance(self, photoelectrons: Any, ions: float) -> Any:
-        """Each electron that lands brings 1 + X: X sums a Poisson number (mean q) of geometric
-        bursts (mean b), so E[(1 + X)^2] = (1 + q b)^2 + q (2 b^2 + b); and each of these has the
-        gain's own spread."""
+        """Each electron that lands gives 1 + X electrons before the gain. X is a sum of a Poisson
+        number (mean q) of geometric bursts (mean b), so E[(1 + X)^2] = (1 + q b)^2 + q (2 b^2 + b).
+        The variance of the gain is added for each of them."""
         t, g = self.tube, self.gain
         landed, more = photoelectrons * (1 - t.loss), 1 + ions * t.burst
         square = more**2 + ions * t.burst * (2 * t.burst + 1)
         return landed * (g * g * square + g * t.gain_variance * more)
 
     def parts(self) -> dict[str, Part]:
-        """By the effects' names: what leaving each out takes away."""
+        """Mean and variance that vanish if an effect is left out, by the name of the effect."""
         t, g, n = self.tube, self.gain, self.photoelectrons
         landed, more = n * (1 - t.loss), 1 + t.ions * t.burst
         emitted = n - self.light
@@ -102,7 +103,7 @@ class Budget:
 
     @property
     def response(self) -> Any:
-        """Mean electrons of light and photocathode: what PRNU and stripes scale."""
+        """Mean electrons of light and photocathode, which PRNU and stripes multiply."""
         return self.tube_mean(self.photoelectrons) + self.leaked
 
     @property
@@ -112,11 +113,11 @@ class Budget:
 
     @property
     def tube_variance(self) -> Any:
-        """Electrons^2 of what passes the tube."""
+        """Variance of the electrons from the tube, electrons^2."""
         return self._tube_variance(self.photoelectrons, self.tube.ions)
 
     @property
     def variance(self) -> Any:
-        """Temporal, DN^2, with rounding."""
+        """Temporal variance, DN^2, quantization included."""
         electrons = self.tube_variance + self.dark + self.leaked + self.silicon.read_noise**2
         return electrons * self.silicon.dn_per_electron**2 + QUANTUM

@@ -1,18 +1,20 @@
-"""Can it be seen? Contrast to noise of a chart's bar, and Rose's threshold.
+"""Visibility of a chart: contrast-to-noise ratio of a bar against Rose's threshold.
 
 An ideal observer who knows a bar's place averages over it: its contrast to noise is
 
     CNR = |mean_a - mean_b| sqrt(A) / sigma,    sigma^2 = (var_a + var_b)/2
 
-with means and variances of a pixel in the bright and the dark part and A the bar's pixels. Rose (J.
-Opt. Soc. Am. 38:196, 1948) found that what is below about 5 is not seen. The bars are those of the
-USAF 1951 chart: five times as long as wide, three of them with spaces of their own width, so a
-group is five widths square: a group that does not fit on the sensor is no answer.
+with means and variances of a pixel in the bright and the dark part, and A the number of pixels of
+the bar. Rose (J. Opt. Soc. Am. 38:196, 1948) found that a bar below about 5 is not seen. The bars
+are those of the USAF 1951 chart: three bars, five times as long as wide, with spaces of their own
+width, so a group is a square of five widths. A group that does not fit on the sensor does not
+count.
 
-sigma is that of a single corrected frame: temporal noise, the noise of the dark mean (one frame's
-over their number), PRNU of the mean. Stripes of rows are left out: bright and dark part of upright
-bars share their rows. Electrons that land beside a bar take contrast from its edges, the halo from
-all of it. Clipping of the scale is left out, so the figure holds while the loop keeps its target.
+sigma is the noise of one corrected frame: temporal noise, the noise of the dark mean (the variance
+    of one frame over the number of frames), and PRNU at the mean. Row stripes are left out, since
+    the bright and dark parts of upright bars share their rows. Electrons that land beside a bar
+    reduce the contrast at its edges, the halo that of the whole bar. Clipping is left out, so the
+    figure holds while the exposure loop keeps its target.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ ASPECT: Final = 5
 
 @dataclass(frozen=True)
 class Chart:
-    """Light that falls on it (lux), its two reflectances, the lens, a bar's width in pixels.
+    """A bar chart: illuminance (lx), two reflectances, the lens, and the width of a bar in pixels.
 
     The lens is not printed: f/1.4 and T = 0.9 are assumed.
     """
@@ -53,7 +55,7 @@ class Chart:
 
     @property
     def area(self) -> float:
-        """Pixels of a bar."""
+        """Number of pixels of a bar."""
         return ASPECT * self.width**2
 
     @property
@@ -63,8 +65,8 @@ class Chart:
 
 
 def _left(pixels: EbapsPixels, chart: Chart) -> float:
-    """Share of the contrast that is left in the mean over a bar: of what lands across an edge, the
-    bar loses and the space gains, which counts twice."""
+    """Share of the contrast that remains in the mean over a bar. Electrons that cross an edge count
+    twice: the bar loses them and the space gains them."""
     across = float(sum(k * share for k, share in enumerate(pixels.kernel)))
     edges = 1.0
     for length in (chart.width, ASPECT * chart.width):
@@ -73,8 +75,9 @@ def _left(pixels: EbapsPixels, chart: Chart) -> float:
 
 
 def contrast_to_noise(pixels: EbapsPixels, chart: Chart, seconds: float, darks: int = 4) -> float:
-    """CNR of one bar in one frame of this exposure from which the mean of `darks` dark frames of
-    the same exposure was taken; 0 darks: none was, and the offsets' pattern counts as noise."""
+    """CNR of one bar in one frame of this exposure, after subtraction of the mean of `darks` dark
+    frames of the same exposure. With darks = 0 nothing is subtracted, and the offset pattern counts
+    as noise."""
     budgets = [pixels.budget(lux * seconds, seconds) for lux in chart.plane]
     none = pixels.budget(0.0, seconds)
     scale = pixels.silicon.dn_per_electron
@@ -96,8 +99,8 @@ def recognisable(pixels: EbapsPixels, chart: Chart, seconds: float, darks: int =
 
 
 def smallest_bar(pixels: EbapsPixels, chart: Chart, seconds: float, darks: int = 4) -> float | None:
-    """Width in pixels of the smallest bar that can be seen; None where even the largest group that
-    fits on the sensor cannot."""
+    """Width in pixels of the smallest visible bar; None if even the largest group that fits on the
+    sensor is not visible."""
     low, high = 1.0, min(pixels.shape) / 5
     if not recognisable(pixels, replace(chart, width=high), seconds, darks):
         return None

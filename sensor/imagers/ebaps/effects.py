@@ -1,9 +1,9 @@
-"""The effects of an EBAPS: what leaving each out can change of a pixel's mean and noise.
+"""The effects of an EBAPS, and bounds of the error in mean and noise if each is left out.
 
-A bound is the larger of two: the mean's change over the mean above black (or one DN), the noise's
-over the noise (or 1/sqrt(12) DN). Patterns count with their RMS over pixels. Means and variances
-are linear in light and time, so a share is greatest at a corner of the box that the summary gives;
-where the scale clips (or a pattern's tail counts) the bound is an estimate.
+A bound is the larger of two: the change of the mean over the mean above black (at least 1 DN), and
+the change of the noise over the noise (at least 1/sqrt(12) DN). Patterns count with their RMS over
+pixels. Means and variances are linear in light and time, so a share is largest at a corner of the
+box in the summary. If values clip, or the tail of a pattern matters, the bound is an estimate.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ offsets goes below black; ion events make the upper tail a long one."""
 
 
 def _noise(share: Any) -> Any:
-    """Relative change of the noise when this share of its variance goes (or comes).
+    """Relative change of the noise if this share of its variance is removed or added.
 
-    1 - sqrt(1 - a), and .53 a at the least, so that a linear sum of such bounds stays one as long
-    as it is below a tenth: 1 - sqrt(1 - A) <= .53 A for A <= .2.
+    1 - sqrt(1 - a), but at least .53 a: then a sum of such bounds is a bound of the sum as long as
+    it stays below 0.1, since 1 - sqrt(1 - A) <= .53 A for A <= .2.
     """
     a = np.clip(share, 0.0, 1.0)
     return np.maximum(1 - np.sqrt(1 - a), 0.53 * np.asarray(share, np.float64))
@@ -62,7 +62,7 @@ def ebaps_effects(base: Budget, full_scale: int, center: float) -> dict[str, Eff
         return silicon.black > low and silicon.black + high < top
 
     def shares(b: Budget, mean: Any, variance: Any) -> Any:
-        """Electrons and electrons^2 that go, as shares of what a pixel has."""
+        """Mean and variance that are removed, as shares of the pixel's mean and variance."""
         shift = np.abs(mean) * k / np.maximum(b.mean, 1.0)
         return np.maximum(shift, _noise(variance * k * k / b.variance))
 
@@ -87,7 +87,7 @@ def ebaps_effects(base: Budget, full_scale: int, center: float) -> dict[str, Eff
         return lambda b: (spread * b.response, 2 * spread * (b.tube_variance + b.leaked))
 
     def moved(share: float) -> Callable[[Summary], Bound]:
-        """Electrons that come down elsewhere: what a pixel gives and gets is at most this share of
+        """Electrons that land on another pixel. The net change of a pixel is at most this share of
         the difference between the brightest and the darkest."""
 
         def bound(scene: Summary) -> Bound:

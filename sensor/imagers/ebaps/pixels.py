@@ -1,9 +1,10 @@
 """Pixels of an EBAPS: from lux on the photocathode to 16-bit numbers.
 
-Photoelectrons (Poisson) cross the gap, a share is lost, the others land beside where they started,
-each makes some hundred electrons, now and then an ion makes a burst; dark current and leaking
-light gather beside them; the well, the analog chain and the converter end it. At 0 V nothing
-crosses, and the silicon sees only what light leaks through the photocathode.
+Photoelectrons (Poisson) cross the gap. A share is lost, the others land near the point where they
+started, and each makes a few hundred electrons; occasionally an ion adds a burst. Dark current and
+light that passes the photocathode are added in the silicon. Full well, analog chain and converter
+follow. At 0 V no photoelectron crosses, and the silicon sees only the light that passes the
+photocathode.
 
 Not modelled: charge that diffuses between pixels, lag, blooming, the photocathode's warming.
 """
@@ -84,7 +85,7 @@ class EbapsPixels:
         return Pattern(self.silicon, self.shape, self.device)
 
     def at(self, *, volts: float | None = None, kelvin: float | None = None) -> EbapsPixels:
-        """The same device at another voltage or temperature; its pattern is not drawn again."""
+        """The same device at another voltage or temperature, with the same fixed pattern."""
         other = copy.copy(self)
         object.__setattr__(other, "volts", self.volts if volts is None else volts)
         object.__setattr__(other, "kelvin", self.kelvin if kelvin is None else kelvin)
@@ -99,12 +100,12 @@ class EbapsPixels:
         return lux_seconds * self.tube.electrons_per_lux * self.silicon.area
 
     def budget(self, lux_seconds: float, seconds: float) -> Budget:
-        """Closed form of a middling pixel in flat light."""
+        """Closed form of a pixel without fixed pattern in uniform light."""
         light = self.photoelectrons(lux_seconds)
         return Budget(self.tube, self.silicon, self.volts, self.kelvin, light, seconds)
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
-        """See `PixelModel`; the mean has the black level in it."""
+        """See `PixelModel`; the mean includes the black level."""
         budget = self.budget(lux_seconds, seconds)
         return float(self.silicon.black + budget.mean), float(budget.variance)
 
@@ -122,7 +123,7 @@ class EbapsPixels:
 
     def _landed(self, light: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int,
                 kept: frozenset[str]) -> Values:  # fmt: skip
-        """Photoelectrons absorbed in each pixel, from the mean number that leave above it."""
+        """Photoelectrons absorbed in each pixel, from the mean number emitted above it."""
         if "landing spread" in kept:
             light = landing(light, self.kernel)
         if "halo" in kept:
@@ -145,7 +146,7 @@ class EbapsPixels:
 
     def _bursts(self, landed: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int
                 ) -> Values:  # fmt: skip
-        """Electrons that ion events add: geometric counts from 0, each event's by itself."""
+        """Electrons that ion events add: an independent geometric count (from 0) per event."""
         events = poisson(landed * self.tube.ions, numbers, frame, seed, Stream.IMAGER_IONS)
         out = np.zeros(landed.shape)
         at = events > 0
@@ -156,8 +157,8 @@ class EbapsPixels:
         return out
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
-        """See `PixelModel`. Spread reaches into neighbouring rows: give whole frames (or see
-        `spread` for what happens at cuts)."""
+        """See `PixelModel`. Electrons spread into neighbouring rows, so rows should be a whole
+        frame; module `spread` gives the error at the edges of a part."""
         count, width = rows.lux_seconds.shape
         here = slice(rows.first, rows.first + count)
         numbers = np.arange(here.start * width, here.stop * width).reshape(count, width)

@@ -1,10 +1,10 @@
 """The silicon half of an EBAPS: dark current, analog chain, converter, fixed pattern.
 
-None of this is printed for the chip (its table is lost): every figure is assumed, of the size that
-such pixels have. The analog gain was chosen so that the brightness loop finds its target where the
-document shows an image: under a lens f/1.4 (T = 0.9), a chart of mean reflectance 0.5 under
-3e-3 lx at -1500 V puts 7.8 photoelectrons into a pixel in 32.768 ms, which are 1.6e3 electrons in
-the silicon; 20 DN an electron make that 3.1e4 DN, so 24 800 DN come at 26 ms.
+The document does not print these figures of the chip. All are assumed, with values typical of such
+pixels. The analog gain was chosen so that the exposure loop reaches its target where the document
+shows an image: with a lens f/1.4 (T = 0.9), a chart of mean reflectance 0.5 under 3e-3 lx at -1500
+V gives 7.8 photoelectrons per pixel in 32.768 ms, or 1.6e3 electrons in the silicon. At 20 DN per
+electron this is 3.1e4 DN, so 24 800 DN are reached at 26 ms.
 """
 
 from __future__ import annotations
@@ -27,17 +27,28 @@ _DARK, _OFFSET, _RESPONSE, _COLUMNS, _ROWS, _STRIPES = range(6)
 
 @dataclass(frozen=True)
 class Silicon:
-    """pitch: m. direct: electrons / (s m2 lx) of silicon under 2856 K light (back-thinned, 3.3e16).
-    leakage: share of the light that passes the photocathode and reaches it.
+    """The CMOS sensor behind the tube. All values are assumed (see the module).
 
-    dark: electrons a second at `dark_kelvin`, doubling every `doubling` kelvin. read_noise:
-    electrons. dn_per_electron: analog gain. black: DN without signal, six
-    deviations of read noise and offsets. well: electrons.
+    Stripes of the response remain after subtraction of dark frames: the document reports horizontal
+    stripes after the subtraction.
 
-    Fixed pattern, standard deviations: dsnu of the dark current (relative, gamma distributed),
-    offset, column_offset and row_offset in electrons, prnu and stripes (rows) of the response. A
-    stripe of the response is what dark frames cannot take away: the document still sees horizontal
-    stripes after their subtraction.
+    Attributes:
+        pitch: pixel pitch, m.
+        direct: response of back-thinned silicon to light of 2856 K, electrons / (s m2 lx).
+        leakage: share of the light that passes the photocathode and reaches the silicon.
+        dark: dark current at `dark_kelvin`, electrons/s.
+        dark_kelvin: temperature of `dark`, K.
+        doubling: temperature rise that doubles the dark current, K.
+        read_noise: read noise, electrons RMS.
+        dn_per_electron: analog gain, DN per electron.
+        black: black level, DN: six standard deviations of read noise and offsets.
+        well: full well, electrons.
+        dsnu: standard deviation of the dark current over its mean (gamma distributed).
+        offset: standard deviation of the offset of a pixel, electrons.
+        column_offset: standard deviation of the offset of a column, electrons.
+        row_offset: standard deviation of the offset of a row, electrons.
+        prnu: standard deviation of the response of a pixel over its mean.
+        stripes: standard deviation of the response of a row over its mean.
     """
 
     pitch: float = 10.8e-6
@@ -70,7 +81,7 @@ class Silicon:
 
     @property
     def area(self) -> float:
-        """m2 of a pixel, all of it sensitive."""
+        """Area of a pixel, m2; all of it is sensitive."""
         return self.pitch**2
 
     def dark_rate(self, kelvin: float) -> float:
@@ -90,7 +101,7 @@ class Silicon:
 
 @dataclass(eq=False)
 class Pattern:
-    """What stays from frame to frame on one device; drawn once, then kept."""
+    """The fixed pattern of one device, drawn once."""
 
     silicon: Silicon
     shape: tuple[int, int]

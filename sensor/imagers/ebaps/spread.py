@@ -1,12 +1,12 @@
-"""Where photoelectrons come down, as a spread of their mean numbers.
+"""Lateral spread of photoelectrons between cathode and silicon, applied to their means.
 
-A photoelectron takes all of its charge to one pixel, and each lands by itself: counts that are
-Poisson before are Poisson and independent after (thinning and superposition), so spreading the
-means leaves out no correlation of the noise. Not modelled: charge that diffuses from one pixel to
-the next inside the silicon, which would correlate neighbours.
+A photoelectron gives all of its charge to one pixel, and photoelectrons land independently. Poisson
+counts therefore remain Poisson and independent (thinning and superposition), and spreading the
+means is exact also for the noise. Not modelled: diffusion of charge between pixels in the silicon,
+which would correlate neighbours.
 
-Beyond the given rows and the sides of the array the light of the outermost pixel goes on: a frame
-that is cut into bands differs near the cuts from one that is not.
+Outside the given rows and columns the light of the outermost pixel continues. A frame that is
+computed in bands therefore differs from a whole frame near the edges of the bands.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def _landing(means, kernel, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _disc(means, half, out):  # type: ignore[no-untyped-def]
-    """half: of the disc's rows, from its middle outward: pixels to either side."""
+    """Half widths (pixels) of the rows of a disc, from the centre outward."""
     height, width = means.shape
     reach = half.size - 1
     side = half[0]
@@ -70,14 +70,15 @@ def _disc(means, half, out):  # type: ignore[no-untyped-def]
 
 
 def landing(means: Values, kernel: Values) -> Values:
-    """(rows, W) means spread along both axes by a kernel given from its middle outward."""
+    """(rows, W) means, spread along both axes by a symmetric kernel that is given from its centre
+    outward."""
     out = np.empty_like(means)
     _landing(np.ascontiguousarray(means), kernel, out)
     return out
 
 
 def halo(means: Values, radius: float) -> Values:
-    """(rows, W) means spread evenly over a disc, alike within blocks of 2 x 2. radius: pixels."""
+    """(rows, W) means, spread uniformly over a disc, in blocks of 2 x 2 pixels. radius: pixels."""
     height, width = means.shape
     spare = ((0, -height % _BLOCK), (0, -width % _BLOCK))
     full = np.pad(means, spare, mode="edge") if any(n for _, n in spare) else means

@@ -1,13 +1,13 @@
-"""The vacuum half of an EBAPS: photocathode, acceleration, bombardment gain, where electrons land.
+"""The vacuum part of an EBAPS: photocathode, acceleration, bombardment gain, lateral spread.
 
-Light is stated in lux of a 2856 K lamp, as night vision does: a GaAs photocathode of 1910 uA/lm
-gives S/q = 1.19e16 electrons a second, square metre and lux. In the project's convention, where a
-lux counts as 4.09e15 photons of 555 nm, that is an equivalent quantum efficiency of 2.91: above 1,
-since most electrons come from infrared light that carries no lux.
+Light is given in lux of a 2856 K lamp, as is usual in night vision. A GaAs photocathode of 1910
+uA/lm gives S/q = 1.19e16 electrons / (s m2 lx). In the project's convention, where a lux counts as
+4.09e15 photons of 555 nm, this is an equivalent quantum efficiency of 2.91. It is above 1 because
+most electrons come from infrared light, which does not contribute to lux.
 
-An electron that arrives with energy V and is absorbed makes eta_c (V - V_d)/3.6 eV electrons in
-the silicon (3.6 eV a pair; V_d is lost in the layer on top, whose edge is not sharp). A share
-eta_b is lost (scattered back), which alone gives an excess noise F^2 = 1/(1 - eta_b).
+An absorbed electron of energy V makes eta_c (V - V_d)/3.6 eV electrons in the silicon (3.6 eV per
+pair; V_d is lost in the layer on top, with a soft threshold). A share eta_b is scattered back and
+lost, which alone gives the excess noise F^2 = 1/(1 - eta_b).
 """
 
 from __future__ import annotations
@@ -83,14 +83,15 @@ class Tube:
 
     @property
     def quantum_efficiency(self) -> float:
-        """Equivalent, per photon of 555 nm: what makes `photons_per_lux` come out right."""
+        """Equivalent quantum efficiency per photon of 555 nm, for light counted by
+        `photons_per_lux`."""
         return self.electrons_per_lux / photons_per_lux()
 
     def gain(self, volts: float) -> float:
-        """Electrons in the silicon of one photoelectron that is absorbed there.
+        """Electrons in the silicon per absorbed photoelectron.
 
-        eta_c (V - V_d)/3.6 with a soft edge of width `softness`; exactly 0 at 0 V, where nothing
-        drives photoelectrons across. volts: magnitude of the high voltage.
+        eta_c (V - V_d)/3.6 with a soft threshold of width `softness`; exactly 0 at 0 V, where no
+        field accelerates the photoelectrons. volts: magnitude of the high voltage.
         """
         w = self.softness
         edge = np.logaddexp(0, (volts - self.threshold) / w) - np.logaddexp(0, -self.threshold / w)
@@ -103,8 +104,8 @@ class Tube:
         return 1 - self.collection * (1 - FANO)
 
     def excess_noise(self, volts: float, ions: bool = False) -> float:
-        """F^2 = n var/mean^2 of the electrons that n photoelectrons make, Poisson noise and all:
-        1/(1 - eta_b), and a little from the spread of the gain. ions: with their bursts."""
+        """F^2 = n var/mean^2 of the electrons from n photoelectrons, Poisson noise included: 1/(1 -
+        eta_b), plus a small term from the variance of the gain. ions: whether ion bursts count."""
         gain, q, b = self.gain(volts), self.ions if ions else 0.0, self.burst
         if gain <= 0:
             return math.inf
@@ -117,8 +118,8 @@ class Tube:
         return 2 * self.gap * math.sqrt(self.transverse / volts)
 
     def landing_spread(self, volts: float) -> float:
-        """Standard deviation along one axis, m. A transverse energy that is exponentially
-        distributed makes the radius' square so, and the place normal: E[x^2 + y^2] = r^2."""
+        """Standard deviation along one axis, m. With an exponentially distributed transverse energy
+        the squared radius is exponential and the position normal: E[x^2 + y^2] = r^2."""
         return self.landing_radius(volts) / math.sqrt(2)
 
     def landing_kernel(self, volts: float, pitch: float) -> Values:

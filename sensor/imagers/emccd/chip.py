@@ -1,7 +1,7 @@
-"""The CCD97-like chip of the document, in numbers, each with its source.
+"""Parameters of the CCD97-like chip of the document, each with its source.
 
 Document: seed 003 (Wang, Li, Ye: four drive modes of a frame-transfer EMCCD). Data sheet: E2V
-CCD97-00, which the document cites. "Assumed" is said where neither prints a figure.
+CCD97-00, which the document cites. Figures that neither prints are marked "assumed".
 """
 
 from __future__ import annotations

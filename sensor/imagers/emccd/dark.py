@@ -27,7 +27,7 @@ _KELVIN: Final = 9080.0
 def dark_current(kelvin: float, at_20c: float = DARK_AT_20C) -> float:
     """e- / (pixel s): 33.5, 8.5 and 1.93 at 0, -10 and -20 degC for the typical chip.
 
-    The printed factor, rounded, makes 1.012 at 20 degC; here it is exactly 1 there.
+    The printed factor is rounded and gives 1.012 at 20 degC; here it is scaled to exactly 1.
     """
     if not kelvin > 0:
         raise ValueError(f"kelvin must be positive, not {kelvin:g}")

@@ -1,12 +1,13 @@
-"""The effects of an EMCCD's pixels: what leaving each out moves, mean or noise, whichever is more.
+"""The effects of an EMCCD's pixels: bounds of the error in mean or noise if each is left out.
 
 With x photoelectrons, smear share s, dark d and clock-induced c, m = x (1 + s) + d + c electrons
-reach the register. In electrons at the pixel the value's noise power is
-F^2 m + (read/g)^2 + (step/g)^2 / 12; what is left out takes its own term of it away. Relative
-errors of the mean are of the mean over the offset, at least one DN; pattern counts RMS over pixels.
+reach the register. In electrons at the pixel, the variance of a value is F^2 m + (read/g)^2 +
+(step/g)^2 / 12; an effect that is left out removes its own term. Errors of the mean are relative to
+the mean above the offset (at least 1 DN); a pattern counts with its RMS over pixels.
 
-Noise bounds add up to less than what leaving several out does (1 - sqrt(1 - a) is convex), but
-never to less than half of it, and a plan gives bounds half the tolerance.
+1 - sqrt(1 - a) is convex, so the sum of noise bounds is smaller than the change if several effects
+are left out together, but never less than half of it. A plan therefore allows the sum only half the
+tolerance.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ other, are smooth in the gain's logarithm."""
 
 @dataclass(frozen=True)
 class Terms:
-    """What bounds need of the pixels.
+    """Parameters of the pixels that the bounds read.
 
     Attributes:
         excess: F^2 of a mean gain.
@@ -120,7 +121,7 @@ def _noise(lost: Any, whole: Any) -> Values:
 
 
 def _tail(mean: Any, variance: Any, well: float) -> Values:
-    """Mean of what is over a well, of a gamma law of this mean and variance."""
+    """Mean charge above a full well, for a gamma distribution of this mean and variance."""
     from scipy.special import gammaincc
 
     mean = np.maximum(np.asarray(mean, np.float64), 1e-30)
@@ -131,8 +132,9 @@ def _tail(mean: Any, variance: Any, well: float) -> Values:
 
 
 def emccd_effects(terms: Terms) -> dict[str, Effect]:
-    """All effects by name. Bounds are the largest over the gains of the summary. They hold where
-    the wells do not overflow ("proof"); an overflow's own, and all where wells do, are estimates.
+    """All effects by name. Bounds are the largest over the gains of the summary. They are proved
+    ("proof") as long as no well overflows; the bound of overflow itself, and all bounds if wells
+    overflow, are estimates.
     """
     brightest = 1.0 + 5.0 * terms.prnu
 
@@ -157,7 +159,7 @@ def emccd_effects(terms: Terms) -> dict[str, Effect]:
         return Effect(name, source, stream, bound, lambda _: COSTS[name], group=name)
 
     def added(electrons: Callable[[_Scene], Any]) -> Callable[[_Scene], Values]:
-        """Electrons that are no longer there: mean, and their share of the noise."""
+        """Electrons that are removed: their mean, and their share of the variance."""
 
         def value(scene: _Scene) -> Values:
             extra = np.asarray(electrons(scene), np.float64)

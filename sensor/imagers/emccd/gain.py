@@ -1,13 +1,13 @@
-"""Gain against the high-voltage clock: a digital potentiometer, a peak voltage, a gain.
+"""Gain as a function of the high-voltage clock, which a digital potentiometer sets.
 
 The document sets the peak of the clock RPhi2HV by a 256-step potentiometer in parallel with a fixed
 resistor in a feedback network, which softens the exponential: 37 to 45 V in its text (section on
-gain), 37 to 50 V in its summary. The text's is used, since it stands where the circuit is
-described; `SUMMARY_PEAK` keeps the other. The gain is 1 to 1000 at the ends.
+gain), 37 to 50 V in its summary. The range of the text is used, since it belongs to the description
+of the circuit; `SUMMARY_PEAK` is the other. The gain is 1 to 1000 at the ends.
 
-Impact ionisation: p = p_top exp((V - V_top)/v_s) a stage, and g = (1 + p)^S. This law has no
-voltage at which g is exactly 1, so v_s is what makes the lower end read 1 within 1 % (assumed);
-the document itself says only that gain is exponential in the peak (`document_gain`).
+Impact ionisation: p = p_top exp((V - V_top)/v_s) a stage, and g = (1 + p)^S. g is never exactly 1
+in this law, so v_s is chosen to give 1 within 1 % at the lower end (assumed). The document says
+only that the gain is exponential in the peak voltage (`document_gain`).
 """
 
 from __future__ import annotations

@@ -6,10 +6,10 @@ branching recursion (Galton-Watson): g^2 v with v = (1 - 1/g)(1 - p)/(1 + p), so
 electrons come out with F^2 = 1 + v times the noise power of a gain without noise (Robbins and
 Hadwen, IEEE Trans. Electron Devices 50:1227, 2003, in their notation).
 
-Exact tier: `branch`, a binomial draw a stage. Fast tier: `multiply`, one draw of
-m + NegBin(k m, (g - 1)/k): with k = 1 it is the law of infinitely many stages (a Yule process),
-and k = (g - 1)/(g (1 - p)/(1 + p) - 1) gives it the variance of S stages exactly. What it leaves
-out is the third moment on (`laws.py` measures the distance).
+Exact tier: `branch`, a binomial draw a stage. Fast tier: `multiply`, one draw of m + NegBin(k m, (g
+- 1)/k): with k = 1 this is the distribution for infinitely many stages (a Yule process), and k = (g
+- 1)/(g (1 - p)/(1 + p) - 1) gives exactly the variance of S stages. Moments from the third on are
+not exact (`laws.py` measures the distance).
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def excess_noise_squared(gain: float, stages: int = STAGES) -> float:
 def fast_shape(gain: float, stages: int = STAGES) -> float:
     """k of the fast law, a little over 1 for many stages.
 
-    Raises ValueError where one electron's output varies less than a Poisson count would (a gain
-    of few stages): no negative binomial is so narrow, and the exact tier must serve.
+    Raises ValueError if the output of one electron has less variance than a Poisson count (gain of
+    few stages): no negative binomial is so narrow, and the exact tier is needed.
     """
     p = stage_probability(gain, stages)
     if gain == 1.0:
@@ -124,8 +124,8 @@ def branch(
 ) -> npt.NDArray[np.int64]:  # fmt: skip
     """Exact tier: electrons after all stages, each stage a binomial draw. About 40 us a pixel.
 
-    electrons: integers, of the shape of `numbers` or one for all. Draws are keyed by (seed,
-    stream) and counted by (number, frame, stage).
+    electrons: integers, of the shape of `numbers` or one for all. Draws have the key (seed, stream)
+    and the counter (number, frame, stage).
     """
     p = stage_probability(gain, stages)
     held = np.broadcast_to(np.asarray(electrons, np.int64), numbers.shape)
@@ -140,9 +140,9 @@ def multiply(
     electrons: npt.ArrayLike, gain: float, numbers: Numbers, frame: int, seed: int,
     stages: int = STAGES, stream: Stream = Stream.IMAGER_GAIN,
 ) -> Values:  # fmt: skip
-    """Fast tier: one draw of m + NegBin(k m, (g - 1)/k), right in mean and variance.
+    """Fast tier: one draw of m + NegBin(k m, (g - 1)/k), exact in mean and variance.
 
-    electrons: as `branch` has them, fractions allowed (light without shot noise).
+    electrons: as for `branch`; fractions are allowed (light without shot noise).
     """
     held = np.broadcast_to(np.asarray(electrons, np.float64), numbers.shape)
     if gain == 1.0:

@@ -1,9 +1,9 @@
 """`EmccdPixels`: from light on the image area to 16-bit numbers, through storage and gain register.
 
-Light of a row is photoelectrons' mean; Poisson draws make electrons; smear, dark current and
-clock-induced charge join; the image well spills along its column; every packet is multiplied; the
-register's well spills along the line; the amplifier adds its noise and the converter rounds to
-whole DN. Lux count as monochromatic light of 555 nm.
+The light of a row gives the mean of a Poisson count of electrons. Smear, dark current and
+clock-induced charge are added. Charge above the image well spills along its column. Every packet is
+multiplied. Charge above the register's well spills along the line. The amplifier adds its noise,
+and the converter rounds to whole DN. Lux count as monochromatic light of 555 nm.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ _DSNU_KIND, _PRNU_KIND = 0, 1
 
 @lru_cache(maxsize=4)
 def _pattern(first: int, count: int, kind: int, seed: int) -> Values:
-    """Normal numbers of pixels first, first + 1, ...: the same in every frame, so drawn once."""
+    """Normal numbers of pixels first, first + 1, ..., drawn once, since they are the same in every
+    frame."""
     numbers = np.arange(first, first + count, dtype=np.int64)
     return normal(numbers, kind, seed, Stream.IMAGER_PATTERN)
 
@@ -80,7 +81,7 @@ class EmccdExposed(Exposed):
 
 @dataclass(frozen=True)
 class EmccdPixels:
-    """The chip's physics. All fields have the chip's or the document's figures by default.
+    """The pixels of the chip. Defaults are the figures of the chip or of the document.
 
     Attributes:
         gain: mean multiplication, 1 to 1000.
@@ -123,7 +124,7 @@ class EmccdPixels:
 
     @property
     def step(self) -> float:
-        """Electrons of one DN at the output: the register's well meets full scale."""
+        """Electrons of one DN at the output; the register's well is full scale."""
         return self.register_well / ((1 << self.bits) - 1 - self.offset)
 
     @property
@@ -133,8 +134,8 @@ class EmccdPixels:
         return light * self.quantum_efficiency
 
     def lux_seconds(self, electrons: float, seconds: float) -> float:
-        """Exposure to even light at which so many electrons, smear and dark ones included, reach
-        the register: the inverse of `mean_variance`'s mean."""
+        """Exposure (lx s, uniform light) at which this mean number of electrons, smear and dark
+        included, reaches the register: the inverse of the mean of `mean_variance`."""
         dark = dark_current(self.kelvin, self.dark) * seconds
         photo = (electrons - dark - self.clock_induced) / (1.0 + self._shifts / seconds)
         if photo < 0:
@@ -143,12 +144,12 @@ class EmccdPixels:
 
     @property
     def effective_read_noise(self) -> float:
-        """e- RMS at the pixel: what the amplifier adds, over the gain."""
+        """Noise of the amplifier referred to the pixel, e- RMS: read noise over gain."""
         return self.read_noise / self.gain
 
     @property
     def _shifts(self) -> float:
-        """s that a packet spends over the lit rows of its column but its own."""
+        """Time, s, that a packet spends in the lit rows of its column except its own."""
         return (self.shape[0] - 2 * DARK_ROWS - 1) * self.row_shift
 
     def _terms(self) -> Terms:
@@ -168,7 +169,7 @@ class EmccdPixels:
         )
 
     def _lit(self, rows: Exposed) -> npt.NDArray[np.bool_]:
-        """Which of the rows' pixels see light: all but the dark reference."""
+        """Mask of the pixels that see light: all except the dark reference."""
         height, width = self.shape
         y = rows.first + np.arange(rows.lux_seconds.shape[0])
         x = np.arange(width)
@@ -177,9 +178,9 @@ class EmccdPixels:
         return down[:, None] & across
 
     def _smear(self, photo: Values, rows: Exposed, row_shift: float) -> Values:
-        """Light that packets gather on their way: in the first transfer from the rows behind, in
-        the second from those before, so from every row but their own for one row shift. Rows that
-        are not given count as the mean of those that are."""
+        """Light that packets collect during transfer: in the first transfer from the rows behind,
+        in the second from the rows before, so one row shift from every row except their own. Rows
+        that are not given count with the mean of the given rows."""
         seconds = rows.seconds[:, None]
         rate = np.divide(photo, seconds, out=np.zeros_like(photo), where=seconds > 0)
         given = max(int(self._lit(rows).any(axis=1).sum()), 1)
@@ -190,7 +191,7 @@ class EmccdPixels:
         self, rows: Exposed, numbers: npt.NDArray[np.int64], seed: int, kept: frozenset[str],
         kelvin: float, row_shift: float,
     ) -> Values:  # fmt: skip
-        """In the image wells and the storage below them, before multiplication."""
+        """Electrons in the storage area, before multiplication."""
         photo = np.where(self._lit(rows), rows.lux_seconds * self.responsivity, 0.0)
         if "PRNU" in kept:
             pattern = _pattern(int(numbers[0, 0]), numbers.size, _PRNU_KIND, self.pattern_seed)
@@ -235,8 +236,8 @@ class EmccdPixels:
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         """(rows, W) DN; of an `EmccdExposed`, the rows of its window.
 
-        The rows given are neighbours on the chip and, where they overflow, share charge; those
-        read leave one after another by a register that was clear before the first.
+        The given rows are neighbours on the chip and share charge if they overflow. The rows that
+        are read pass the register one after another; it is empty before the first.
         """
         height, width = rows.lux_seconds.shape
         if width != self.shape[1] or rows.first < 0 or rows.first + height > self.shape[0]:
@@ -268,7 +269,7 @@ class EmccdPixels:
         return np.clip(values, 0, (1 << self.bits) - 1).astype(np.uint16)
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
-        """See `PixelModel`: with smear of an even picture, and read at once after its exposure.
+        """See `PixelModel`; for uniform light, read immediately after the exposure.
 
         m = E[electrons]; variance (F^2 g^2 m + read^2)/step^2 + 1/12.
         """
@@ -285,8 +286,8 @@ class EmccdPixels:
     def summary(
         self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
     ) -> ImagerSummary:
-        """See `PixelModel`; where frames have gains or temperatures of their own (`EmccdExposed`),
-        whoever knows them puts their range in the summary's place."""
+        """See `PixelModel`. If frames have their own gain or temperature (`EmccdExposed`), the
+        caller replaces these fields by their ranges."""
         low, high = (value * self.responsivity for value in lux_seconds)
         return ImagerSummary(
             darkest=low,

@@ -1,4 +1,4 @@
-"""Smear of frame transfer, taken off by columns.
+"""Correction of frame-transfer smear, column by column.
 
 No shutter covers the chip: a packet passes every other lit row of its column, for one row shift
 each, in the two transfers together (`EmccdPixels`). With a share a = row shift / exposure a column
@@ -7,10 +7,10 @@ of signals P shows
     M_y = P_y + a (sum P - P_y),    hence    sum P = sum M / (1 + a (n - 1)),
     P_y = (M_y - a sum P) / (1 - a),
 
-n rows of it having been lit. It is the standard correction of frame-transfer cameras, and exact for
-the means as long as the light stands still, no value is clipped, and all rows that were lit are
-read; lit rows that a window leaves out are missing from the sum. The shot noise of the charge that
-is taken off, of variance a (sum P - P_y), stays.
+for n lit rows. This is the standard correction of frame-transfer cameras. It is exact for the means
+if the light is constant, no value is clipped, and all lit rows are read; lit rows outside a window
+are missing from the sum. The shot noise of the subtracted charge, of variance a (sum P - P_y),
+remains.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ Values = npt.NDArray[np.float64]
 
 
 def without_smear(signal: Values, share: float) -> Values:
-    """(rows, W) signal with the smear of its own columns taken off. signal: above black, in any
-    unit, (rows, W), all rows that were lit. share: row shift over exposure, 0 to below 1;
-    ValueError otherwise."""
+    """(rows, W) signal without smear. signal: above black, in any unit, (rows, W), all lit rows.
+    share: row shift over exposure, 0 to below 1; ValueError otherwise."""
     if not 0 <= share < 1:
         raise ValueError(f"share must be 0 to below 1, not {share:g}")
     total = signal.sum(axis=0) / (1 + share * (signal.shape[0] - 1))

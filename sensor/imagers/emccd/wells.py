@@ -1,13 +1,14 @@
-"""Charge that its well cannot hold: along columns of the image area, along lines of the register.
+"""Charge above the full well: spills along columns in the image area and along lines in the
+register.
 
-Image area: no drain takes the excess; half goes up and half down its column to the next places
-that have room, and off the array at its ends.
+Image area: there is no anti-blooming drain. Half of the excess goes up and half down the column to
+the next pixels with room, and leaves the array at its ends.
 
-Multiplication register: a packet that outgrows its cell leaves the excess behind, to the packet
-that follows, which may then be too large itself, and so on: over the line's end, the transition
-cells and into the head of the next line. How many columns a line's head shows white is an outcome
-of that, not a setting. (The excess is taken at the register's end; what it would have gained in
-the last stages after spilling is not modelled.)
+Multiplication register: a packet larger than its cell leaves the excess to the packet that follows,
+which can then overflow as well, and so on across the end of the line and the transition cells into
+the head of the next line. The number of white columns at the head of a line follows from this. (The
+excess is evaluated at the end of the register; its gain in the last stages after spilling is not
+modelled.)
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def _spill_columns(charge, well):  # type: ignore[no-untyped-def]
 
 
 def spill_columns(charge: Values, well: float) -> None:
-    """Spreads what is over `well` along each column, in place. charge: (rows, W), electrons."""
+    """Spreads charge above `well` along each column, in place. charge: (rows, W), electrons."""
     _spill_columns(charge, float(well))
 
 
@@ -75,8 +76,8 @@ def _spill_lines(charge, well, gap):  # type: ignore[no-untyped-def]
 
 
 def spill_lines(charge: Values, well: float = REGISTER_WELL, gap: int = TRANSITION_CELLS) -> float:
-    """Leaves what is over `well` to the packets that follow, in place; returns what is left after
-    the last line.
+    """Moves charge above `well` to the packets that follow, in place; returns the charge that
+    remains after the last line.
 
     Args:
         charge: (rows, W), electrons after multiplication, in the order of their readout from a
@@ -87,8 +88,8 @@ def spill_lines(charge: Values, well: float = REGISTER_WELL, gap: int = TRANSITI
 
 
 def columns_filled(line: Values, well: float = REGISTER_WELL) -> int:
-    """How many columns from the line's head, dark reference included, hold at least half a well
-    without a gap: "turned from black to white"."""
+    """Number of contiguous columns from the head of the line, dark reference included, that hold at
+    least half a well: "turned from black to white"."""
     below = np.flatnonzero(line < well / 2)
     return int(below[0]) if below.size else int(line.size)
 

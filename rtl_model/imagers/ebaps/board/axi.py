@@ -1,11 +1,11 @@
-"""AXI4 of the EBAPS board's memory: bursts of a frame, who asks for them, and the rules of the bus.
+"""AXI4 of the EBAPS board's memory: bursts of a frame, bus masters, and the rules of the bus.
 
 Document 002, section 3.2 and equation 5: address = ADDR_BIAS + offset of the region + a running
-address, which grows by the length of a burst at each address handshake (AWVALID and AWREADY). A
-write burst begins when its FIFO's prog_empty is low. Not printed, so assumed: beats of 128 bits,
-bursts of 64 beats (1 KiB, so none crosses 4 KiB where the bias is a multiple of it), one burst
-under way in each direction. VALID low is None here; a channel's payload is there exactly while it
-is high.
+address, which increases by the length of a burst at each address handshake (AWVALID and AWREADY). A
+write burst begins when prog_empty of its FIFO is low. Assumed, since not printed: beats of 128
+bits, bursts of 64 beats (1 KiB, so none crosses 4 KiB if the bias is a multiple of 4 KiB), one
+outstanding burst in each direction. A channel is None while its VALID is low, and its payload
+otherwise.
 
 Rules: AMBA AXI4 (ARM IHI 0022), A3.2.1 (VALID stays until READY, payload with it), A3.4.1 (1 to 256
 beats, no crossing of 4 KiB, LAST with the last beat), A3.3.1 (a response follows address and data).
@@ -50,10 +50,7 @@ class Burst(NamedTuple):
 class Beat(NamedTuple):
     """A beat of an AXI4 write or read.
 
-    Attributes:
-        data: 128 bits.
-        strobe: a bit a byte that is written.
-        last: WLAST or RLAST.
+    Attributes: data: 128 bits. strobe: one bit per byte that is written. last: WLAST or RLAST.
     """
 
     data: int
@@ -77,7 +74,7 @@ class Signals(NamedTuple):
 
 
 def region_offset(region: int) -> int:
-    """ADDR_offset of a region: five of 2 621 440 bytes, one behind the other."""
+    """ADDR_offset of a region: five contiguous regions of 2 621 440 bytes."""
     if not 0 <= region < REGIONS:
         raise ValueError(f"a region must be 0 to {REGIONS - 1}, not {region}")
     return region * region_bytes()
@@ -100,7 +97,7 @@ def bursts_of(bias: int, region: int, size: int, beats: int = BURST_BEATS) -> It
 
 
 class _Plan:
-    """Bursts of one frame after another, as a master asks for them."""
+    """Bursts of successive frames, in the order in which a master issues them."""
 
     def __init__(self, bias: int, beats: int) -> None:
         if not 1 <= beats <= LONGEST_BURST:
@@ -110,21 +107,21 @@ class _Plan:
         self._region = 0
 
     def begin(self, region: int, beats: int) -> None:
-        """A frame of so many beats; the running address goes back to 0."""
+        """Begins a frame of this number of beats; the running address returns to 0."""
         region_offset(region)  # refuses a wrong one
         self._region, self.left, self.running = region, beats, 0
 
     @property
     def upcoming(self) -> int:
-        """Beats of the burst that comes next."""
+        """Number of beats of the next burst."""
         return min(self.beats, self.left)
 
     def burst(self) -> Burst:
-        """The next burst; the running address does not move yet."""
+        """The next burst; the running address is unchanged until its handshake."""
         return Burst(burst_address(self.bias, self._region, self.running), self.upcoming)
 
     def handshake(self, burst: Burst) -> None:
-        """Its address was taken."""
+        """The address of the burst was accepted."""
         self.running += burst.beats * BEAT_BYTES
         self.left -= burst.beats
 
@@ -144,7 +141,8 @@ class WriteMaster:
         self._strobe = 0
 
     def begin(self, region: int, size: int) -> None:
-        """A frame of `size` bytes goes to a region; bytes beyond it in the last beat are masked."""
+        """Begins to write a frame of `size` bytes to a region; bytes beyond it in the last beat are
+        masked."""
         if not self.idle:
             raise ValueError("the last frame is still under way")
         beats = -(-size // BEAT_BYTES)
@@ -154,7 +152,7 @@ class WriteMaster:
 
     @property
     def idle(self) -> bool:
-        """All beats of the frame have been answered."""
+        """Whether all bursts of the frame have their response."""
         return not self._busy and self.plan.left == 0
 
     def edge(self, now: int, seen: Signals) -> None:
@@ -185,9 +183,9 @@ class WriteMaster:
 
 
 class ReadMaster:
-    """MM2S: from memory into one FIFO for each region that is read, in turn. `ar` and `rready` are
-    its outputs. A burst is asked for where the FIFO's prog_full is low; that must leave room for
-    one, so RREADY can stay high."""
+    """MM2S: from memory into one FIFO per region, in turn. `ar` and `rready` are its outputs. A
+    burst is issued if prog_full of the FIFO is low; the FIFO then has room for a burst, so RREADY
+    can stay high."""
 
     def __init__(self, fifos: list[AsyncFifo], bias: int = 0, beats: int = BURST_BEATS) -> None:
         for fifo in fifos:
@@ -202,7 +200,7 @@ class ReadMaster:
         self._busy = False
 
     def begin(self, regions: list[int], size: int) -> None:
-        """Frames of `size` bytes, one from each region."""
+        """Begins to read frames of `size` bytes, one from each region."""
         for plan, region in zip(self.plans, regions, strict=True):
             plan.begin(region, -(-size // BEAT_BYTES))
 
@@ -230,7 +228,7 @@ class ReadMaster:
 
 
 class AxiRules:
-    """Watches a bus and lists what breaks the rules: `faults`, one line each."""
+    """Checks the signals of a bus against the rules; `faults` has one line per violation."""
 
     def __init__(self) -> None:
         self.faults: list[str] = []

@@ -1,8 +1,8 @@
-"""Frames through the board's memory as AXI4 bursts: what the whole imager stores them in.
+"""Frame memory of the imager: frames cross the board's memory as AXI4 bursts.
 
-Two ways to the same bytes. `cycles=True` runs FIFOs, bus and DDR clock by clock (`crossing`), for
-small frames. Otherwise bursts move at once, at the addresses that the bus would have used: a frame
-of 1280 x 1024 is 2560 bursts. Tests hold the two against each other, bursts and bytes.
+There are two modes with the same result. `cycles=True` runs FIFOs, bus and DDR clock by clock
+(`crossing`), for small frames. Otherwise each burst is one copy to the addresses that the bus would
+have used: a frame of 1280 x 1024 is 2560 bursts. Tests compare bursts and bytes of both modes.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ Bytes = npt.NDArray[np.uint8]
 def _joined(
     bias: int, region: int, size: int, beats: int
 ) -> tuple[int, tuple[tuple[int, int], ...]]:
-    """How many bursts move `size` bytes of a region, and where their bytes lie: (place, size) of
-    each run of bursts that follow each other directly. The same for every frame of one size."""
+    """Number of bursts for `size` bytes of a region, and (address, size) of each contiguous run of
+    bursts. It is the same for every frame of one size."""
     runs: list[tuple[int, int]] = []
     bursts = 0
     for address, count in bursts_of(bias, region, size, beats):
@@ -58,7 +58,7 @@ class BurstMemory:
         cycles: whether transfers run clock by clock.
         stall, clocks, seed: of such transfers, see `Path`; the seed grows by one for each.
 
-    With `cycles`, a frame that the memory is too slow for is an InputError.
+    With `cycles`, InputError if the memory is too slow for a frame.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class BurstMemory:
         return self.read_together([region])[0]
 
     def read_together(self, regions: list[int]) -> list[Image]:
-        """Frames of one shape from several regions, value for value under one rd_en."""
+        """Frames of one shape from several regions, read in parallel under one rd_en."""
         shapes = {self._shapes[region] for region in regions}
         if len(shapes) != 1:
             raise ValueError("frames that are read together must have one shape")
@@ -114,8 +114,7 @@ class BurstMemory:
         return data.view("<u2").astype(np.uint16, copy=False).reshape(shape)
 
     def _moves(self, region: int, data: Bytes) -> Iterator[tuple[slice, Bytes]]:
-        """(place in memory, part of `data`) of each burst; one that follows the last directly, as
-        they do within a region, joins it."""
+        """(address, part of `data`) of each burst; contiguous bursts are joined."""
         bursts, runs = _joined(self.bias, region, data.size, self.beats)
         self.bursts += bursts
         at = 0

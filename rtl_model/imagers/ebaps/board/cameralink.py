@@ -1,10 +1,10 @@
 """Camera Link, base configuration, one tap of 16 bits: the video output of the EBAPS board.
 
-Document 002, section 2: 28 parallel bits and a clock become five serial channels, at 85 MHz. Of
-the 28 (Camera Link specification, TxIN numbers of the channel link chip) 24 are the ports A, B and
-C, three are FVAL, LVAL and DVAL, one is spare. Grey of 16 bits takes A (low byte) and B (high); C
-is tied to 0. Four pairs carry seven bits each a clock, the fifth the clock itself as 1100011, which
-is what tells the receiver where a word begins. Bit order within the pairs is that of channel link
+Document 002, section 2: 28 parallel bits and a clock become five serial channels, at 85 MHz. Of the
+28 (Camera Link specification, TxIN numbers of the channel link chip) 24 are the ports A, B and C,
+three are FVAL, LVAL and DVAL, one is spare. Grey of 16 bits takes A (low byte) and B (high); C is
+tied to 0. Four pairs carry seven bits each per clock. The fifth carries the clock as 1100011, from
+which the receiver finds the start of a word. Bit order within the pairs is that of channel link
 chips' data sheets (DS90CR287); the document prints none.
 """
 
@@ -66,8 +66,8 @@ for _table, _port in zip(_BYTES, PORTS, strict=True):
 class LinkTiming:
     """One tap.
 
-    All lines of a frame take the same whole number of clocks, as many as fit; what is left over
-    comes after the last (the document prints no blanking: assumed).
+    All lines of a frame have the same number of clocks, the largest that fits; the remaining clocks
+    follow the last line (assumed: the document prints no blanking).
 
     Attributes:
         columns, rows: of a frame.
@@ -133,7 +133,7 @@ def words_of(pixels: Image) -> Words:
 
 
 def pixels_of(words: Words) -> Image:
-    """What the ports A and B of such words hold; the inverse of `words_of`."""
+    """Pixels from the ports A and B of words; the inverse of `words_of`."""
     pixels = np.zeros(words.shape, np.uint32)
     for bit, place in enumerate(PORTS[0] + PORTS[1]):
         pixels |= (words >> np.uint32(place) & np.uint32(1)) << np.uint32(bit)
@@ -141,7 +141,7 @@ def pixels_of(words: Words) -> Image:
 
 
 def frame_words(image: Image, timing: LinkTiming, frame: int = 0) -> Iterator[Words]:
-    """The words of a frame's period, line by line, then those with FVAL low."""
+    """The words of a frame period: line by line, then the words with FVAL low."""
     if image.shape != (timing.rows, timing.columns):
         raise ValueError(f"a frame must be {timing.rows} x {timing.columns}, not {image.shape}")
     line = np.zeros(timing.line_clocks, np.uint32)
@@ -165,8 +165,8 @@ def serialise(words: Words) -> Bits:
 def deserialise(bits: npt.ArrayLike) -> Words:
     """The whole words in five channels of bits, which may begin and end within a word.
 
-    The clock pair says where words begin; InputError where it does not hold its pattern throughout,
-    or where this is not five rows of 0 and 1 that are one word long at least.
+    The clock pair gives the start of words. InputError if its pattern is violated anywhere, or if
+    the array is not five rows of 0 and 1 of at least one word.
     """
     given = np.asarray(bits)
     if given.ndim != 2 or given.shape[0] != CHANNELS or given.dtype.kind not in "bui":
@@ -190,7 +190,8 @@ def deserialise(bits: npt.ArrayLike) -> Words:
 
 
 def _aligned(clock: npt.NDArray[np.generic]) -> int:
-    """Where the first whole word begins; all the clock pair must agree, the cut ends included."""
+    """Index of the first whole word; the whole clock pair must agree, partial words at both ends
+    included."""
     pattern = np.array(CLOCK_PATTERN)
     if clock.size >= SERIAL_BITS:
         for begin in range(SERIAL_BITS):
@@ -207,11 +208,11 @@ def _aligned(clock: npt.NDArray[np.generic]) -> int:
 def read_frames(
     parts: Sequence[Words] | Iterator[Words], columns: int, rows: int
 ) -> Iterator[Image]:
-    """(rows, columns) frames in a sequence of words, cut anywhere.
+    """(rows, columns) frames in a sequence of words that begins and ends anywhere.
 
-    A frame is what lies in one FVAL, a line what lies in one LVAL, a pixel a word with DVAL high in
-    it. A frame that had begun before the first word is passed over, one that has not ended with
-    the last is not delivered. InputError for lines or frames of another length.
+    A frame is one interval with FVAL high, a line one interval with LVAL high, a pixel one word
+    with DVAL high. An incomplete frame at the beginning or the end is not returned. InputError for
+    lines or frames of another length.
     """
     lines: list[Words] = []
     line: list[Words] = []

@@ -1,9 +1,9 @@
-"""A frame's way through the board, clock by clock: pixels, FIFO, AXI4, DDR, AXI4, FIFOs, display.
+"""Clock-by-clock model of the frame path: pixels, FIFO, AXI4, DDR, AXI4, FIFOs, display.
 
 Three clocks, in integer ps: the pixel clock writes 16-bit pixels, eight to a word, the memory clock
 moves words, the display clock reads. The FIFOs of all regions that are read together share one
-rd_en, which rises only when each has a value: so a dark mean and its live pixel belong together
-(document 002, section 3.2).
+rd_en, which rises only if each has a value. A live pixel is therefore always combined with its own
+dark values (document 002, section 3.2).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Image = npt.NDArray[np.uint16]
 
 @dataclass(frozen=True)
 class Clocks:
-    """Hz, and the ps of each first edge.
+    """Frequencies, Hz, and the time of the first edge of each clock, ps.
 
     Attributes:
         pixel: document 002.
@@ -60,16 +60,11 @@ class Clocks:
 
 @dataclass
 class Transfer:
-    """What moving frames took.
+    """Result of a transfer of frames.
 
-    Attributes:
-        frames: (H, W) read, by region.
-        writes, reads: bursts in order.
-        clocks: of the memory.
-        overflows, underflows: over all FIFOs.
-        most: words that stood in the write FIFO.
-        faults: of the bus.
-        done: everything arrived.
+    Attributes: frames: (H, W) read, by region. writes, reads: bursts in order. clocks: of the
+    memory. overflows, underflows: over all FIFOs. most: largest number of words in the write FIFO.
+    faults: of the bus. done: whether all words arrived.
     """
 
     frames: dict[int, Image] = field(default_factory=dict)
@@ -84,7 +79,7 @@ class Transfer:
 
 
 class _Source:
-    """Pixels into the write FIFO, one a pixel clock without a pause."""
+    """Writes pixels to the write FIFO, one per pixel clock without pause."""
 
     def __init__(self, fifo: AsyncFifo, frame: Image) -> None:
         self._fifo, self._values = fifo, frame.ravel().tolist()
@@ -100,7 +95,7 @@ class _Source:
 
 
 class _Display:
-    """One rd_en for the FIFOs of all regions; values of each, one a display clock."""
+    """Reads the FIFOs of all regions under one rd_en, one value of each per display clock."""
 
     def __init__(self, fifos: list[AsyncFifo], count: int) -> None:
         self._fifos, self._count = fifos, count
@@ -125,7 +120,7 @@ class _Display:
 
 @dataclass(frozen=True)
 class Path:
-    """The way of frames to and from the memory.
+    """Parameters of the path of frames to and from the memory.
 
     Attributes:
         bias: byte address of region 0 (ADDR_BIAS).
@@ -150,15 +145,12 @@ def transfer(
     ddr: Ddr, path: Path = Path(), *, write: tuple[int, Image] | None = None,
     read: tuple[Sequence[int], tuple[int, int]] | None = None,
 ) -> Transfer:  # fmt: skip
-    """Writes a frame to a region and reads frames of one shape from others, both at once.
+    """Writes a frame to a region and reads frames of one shape from other regions, concurrently.
 
-    Args:
-        ddr: the memory.
-        path: the way to it.
-        write: (region, frame); None for nothing.
-        read: (regions, (H, W)); None for nothing.
+    Args: ddr: the memory. path: parameters of the path to it. write: (region, frame); None for
+        nothing. read: (regions, (H, W)); None for nothing.
 
-    `done` of the result is False if words were lost on the way (a FIFO overflowed).
+    `done` of the result is False if words were lost (a FIFO overflowed).
     """
     at, bias, beats, depth, seed = path.clocks, path.bias, path.beats, path.depth, path.seed
     levels = (min(beats, depth), depth - beats)
@@ -216,8 +208,8 @@ def transfer(
 def burst_clocks(
     beats: int = BURST_BEATS, latency: int = LATENCY_CLOCKS, *, write: bool = True
 ) -> int:
-    """Memory clocks from one burst's start to the next's where nothing stalls: its beats, the
-    latency, and the handshakes of address and, for a write, response."""
+    """Memory clocks between the starts of successive bursts without stalls: beats, latency, and the
+    handshakes of address and (for a write) response."""
     return beats + latency + (3 if write else 2)
 
 
@@ -225,8 +217,8 @@ def memory_load(
     pixels: int = 1280 * 1024, rate: int = FRAME_RATE, writes: int = 1, reads: int = REGIONS,
     beats: int = BURST_BEATS, latency: int = LATENCY_CLOCKS, hertz: int = MEMORY_HZ,
 ) -> float:  # fmt: skip
-    """Share of the memory's clocks that frames need at most, where nothing stalls: each frame
-    written once, and read with its four darks."""
+    """Largest share of the memory's clocks that frames need without stalls: each frame is written
+    once, and read together with its four dark frames."""
     bursts = -(-2 * pixels // (beats * BEAT_BYTES))
     clocks = writes * burst_clocks(beats, latency) + reads * burst_clocks(
         beats, latency, write=False
@@ -235,5 +227,5 @@ def memory_load(
 
 
 def frame_bytes_per_second(pixels: int = 1280 * 1024, rate: int = FRAME_RATE) -> int:
-    """Of one stream of 16-bit frames: 78 643 200 at 30 frames/s."""
+    """Data rate of one stream of 16-bit frames, bytes/s: 78 643 200 at 30 frames/s."""
     return 2 * pixels * rate

@@ -1,8 +1,8 @@
-"""The board's DDR behind its AXI4 port: bytes, latency, and READY low at random.
+"""The board's DDR memory and its AXI4 port, with latency and random stalls.
 
-Reads and writes share one data bus, a beat a clock; bursts take turns. Latency and stalls stand for
-row opening, turning the bus round and refresh; document 002 prints neither: assumed. Stalls are
-drawn by a seed, so a run can be repeated.
+Reads and writes share one data bus of one beat per clock; bursts alternate. Latency and stalls
+stand for row activation, bus turnaround and refresh. Both are assumed, since document 002 prints
+neither. Stalls are random with a seed, so a run can be repeated.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ class Ddr:
 class DdrPort:
     """The memory's side of the bus. `awready`, `wready`, `b`, `arready` and `r` are its outputs.
 
-    stall: share of clocks in which a READY is low, and in which read data pauses, though nothing
-    else is in the way. depth: addresses that it takes ahead, in each direction.
+    stall: share of clocks in which READY is low, and in which read data pauses, without another
+    cause. depth: outstanding addresses that it accepts in each direction.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class DdrPort:
         self.arready = len(self._reads) < self.depth and not self._stalls()
 
     def _turn(self) -> None:
-        """The next burst: of the other direction, if one waits there."""
+        """Selects the next burst: of the other direction if one waits there."""
         if self._writes and (not self._writing or not self._reads):
             self._writing, queue = True, self._writes
         elif self._reads:

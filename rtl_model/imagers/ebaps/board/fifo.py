@@ -1,12 +1,12 @@
-"""A FIFO between two clocks, with Gray-coded pointers over two flip-flops each way.
+"""A FIFO between two clocks, with Gray-coded pointers and two-stage synchronisers.
 
-Document 002, section 3.2: FIFOs cross clock domains and widths, and prog_empty low lets a write
-burst go on. The rest is the usual asynchronous FIFO: each side keeps its own pointer, one bit wider
-than the address, and sees the other's Gray code two of its own clocks later. A flip-flop that
-samples while a bit changes may take either value (`window`): of a Gray code only one bit is open
-then, so the pointer it sees is the old or the new one; of a binary one (`gray=False`, for the
-proof) it may be one that never was. A pointer seen late only makes a FIFO look fuller to its writer
-and emptier to its reader than it is.
+Document 002, section 3.2: FIFOs cross clock domains and widths, and a write burst begins if
+prog_empty is low. The rest is the usual asynchronous FIFO: each side has its own pointer, one bit
+wider than the address, and sees the Gray code of the other pointer two of its own clocks later. A
+flip-flop that samples while a bit changes can take either value (`window`). In a Gray code only one
+bit changes, so the sampled pointer is the old or the new one; a binary pointer (`gray=False`, for
+comparison) can be sampled as a value that never existed. With a late pointer a FIFO only seems
+fuller to its writer and emptier to its reader.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def gray(number: int) -> int:
 
 
 def ungray(code: int) -> int:
-    """The number whose Gray code this is."""
+    """The number of a Gray code; the inverse of `gray`."""
     number = 0
     while code:
         number ^= code
@@ -37,7 +37,7 @@ def ungray(code: int) -> int:
 
 
 class Coin:
-    """Random words in order, by Philox: key (seed, none), counter (n, use)."""
+    """A sequence of random words from Philox: key (seed, 0), counter (n, use)."""
 
     _BLOCK = 1024
 
@@ -61,7 +61,8 @@ class Coin:
 
 
 def edges_of(hertz: dict[str, int], phases: dict[str, int]) -> Iterator[tuple[int, str]]:
-    """(ps, clock) of all rising edges in order of time; at one instant in the order of `hertz`.
+    """(ps, clock) of all rising edges in order of time; edges at the same time in the order of
+    `hertz`.
 
     Edge n of a clock comes at phase + n / f, rounded down to a whole ps.
     """
@@ -75,7 +76,7 @@ def edges_of(hertz: dict[str, int], phases: dict[str, int]) -> Iterator[tuple[in
 
 
 class _Pointer:
-    """A counter and its code as the other side may see it."""
+    """A counter and its code as the other clock domain samples it."""
 
     def __init__(self, coded: bool) -> None:
         self.number = 0
@@ -90,7 +91,7 @@ class _Pointer:
         self._changed = now
 
     def sampled(self, now: int, window: int, coin: Coin) -> int:
-        """Its code as a flip-flop of the other clock takes it; open bits fall either way."""
+        """The code as the other clock domain samples it; changing bits take a random value."""
         open_bits = self._before ^ self._code
         if open_bits and abs(now - self._changed) < window:
             return self._code ^ (coin.word() & open_bits)
@@ -102,8 +103,8 @@ class AsyncFifo:
     prog_full: this many words or more read as nearly full. window: ps around a change in which a
     sample may go either way; it must be shorter than either period.
 
-    The word at the front stands at `front` before it is asked for (first word falls through).
-    A write while full and a read while empty do nothing and are counted.
+    The word at the front is visible in `front` before it is read (first-word fall-through). A write
+    while full and a read while empty have no effect and are counted.
     """
 
     def __init__(
@@ -128,46 +129,46 @@ class AsyncFifo:
 
     @property
     def room_taken(self) -> int:
-        """Words in it, as its writer sees: never fewer than there are."""
+        """Number of words as the writer sees it: never less than the true number."""
         return (self._write.number - self._seen(self._at_write[1])) % self._wrap
 
     @property
     def waiting(self) -> int:
-        """Words in it, as its reader sees: never more than there are."""
+        """Number of words as the reader sees it: never more than the true number."""
         return (self._seen(self._at_read[1]) - self._read.number) % self._wrap
 
     @property
     def inside(self) -> int:
-        """Words in it, as nobody in it can know."""
+        """True number of words, which neither side of the hardware knows."""
         return self._write.number - self._read.number
 
     @property
     def full(self) -> bool:
-        """No room, to its writer."""
+        """Full, as the writer sees it."""
         return self.room_taken >= self.depth
 
     @property
     def prog_full(self) -> bool:
-        """Nearly full, to its writer."""
+        """Nearly full, as the writer sees it."""
         return self.room_taken >= self.prog_full_at
 
     @property
     def empty(self) -> bool:
-        """Nothing there, to its reader."""
+        """Empty, as the reader sees it."""
         return self.waiting == 0
 
     @property
     def prog_empty(self) -> bool:
-        """Nearly empty, to its reader."""
+        """Nearly empty, as the reader sees it."""
         return self.waiting < self.prog_empty_at
 
     @property
     def front(self) -> int:
-        """The word that a read takes."""
+        """The word that the next read returns."""
         return self._words[self._read.number % self.depth]
 
     def write_edge(self, now: int, word: int | None = None) -> bool:
-        """An edge of the write clock, with a word to write or None; True if it was taken."""
+        """An edge of the write clock, with a word to write or None; True if the word was stored."""
         took = word is not None and not self.full
         if word is not None and not took:
             self.overflows += 1
@@ -180,7 +181,7 @@ class AsyncFifo:
         return took
 
     def read_edge(self, now: int, rd_en: bool = False) -> int | None:
-        """An edge of the read clock; the word that rd_en took, None where nothing was taken."""
+        """An edge of the read clock; returns the word that was read, or None."""
         took = None
         if rd_en:
             if self.empty:
@@ -195,7 +196,8 @@ class AsyncFifo:
 
 
 class Packer:
-    """Narrow values into words, the first in the lowest bits (assumed; so is memory's order)."""
+    """Packs narrow values into words, the first in the lowest bits (assumed, as is the order in
+    memory)."""
 
     def __init__(self, narrow: int = 16, wide: int = 128) -> None:
         if narrow <= 0 or wide % narrow:
@@ -204,7 +206,7 @@ class Packer:
         self._word = self._held = 0
 
     def push(self, value: int, last: bool = False) -> int | None:
-        """A word once it is full, or after the last value, its other bits zero; else None."""
+        """Returns a word when it is full or after the last value (other bits zero), else None."""
         self._word |= value << self.narrow * self._held
         self._held += 1
         if self._held < self.count and not last:
@@ -228,11 +230,11 @@ class Unpacker:
         return self._left == 0
 
     def load(self, word: int) -> None:
-        """A word to take apart; what was left of the last one is gone."""
+        """Loads a word; remaining values of the last word are discarded."""
         self._word, self._left = word, self.count
 
     def take(self) -> int:
-        """The next value; ValueError where a word is needed first."""
+        """The next value; ValueError if a word must be loaded first."""
         if not self._left:
             raise ValueError("nothing is left of the word")
         value = self._word & (1 << self.narrow) - 1

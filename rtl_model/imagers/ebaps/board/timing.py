@@ -1,12 +1,11 @@
-"""When rows of an EBAPS are exposed and read, in clocks of 40 MHz, pixels aside.
+"""Exposure and read-out times of the rows of an EBAPS, in clocks of 40 MHz.
 
-VSYNC falls every thirtieth of a second, on the pixel clock's nearest edge before it. It rises
-again as long before its next fall as the exposure is to last: its duty is the exposure. At its rise
-the rows begin to be reset, one every 1280 clocks, and at its fall they begin to be read at the same
-pace: a rolling shutter. So frame k exposes in period k, is read in period k + 1, and its mean is
-known 32.768 ms into it: 0.57 ms before frame k + 2 begins, but after frame k + 1 has begun (unless
-its exposure were below 0.57 ms, and 1 ms is the shortest). What frame k says can change frame k + 2
-at the earliest.
+VSYNC falls 30 times per second, on the last edge of the pixel clock before the nominal time. It is
+high for the exposure time before each fall. From its rise the rows are reset, one every 1280
+clocks; from its fall they are read at the same pace: a rolling shutter. Frame k is exposed in
+period k and read in period k + 1. Its mean is known 32.768 ms into period k + 1: 0.57 ms before
+frame k + 2 begins, but after frame k + 1 has begun (the shortest exposure is 1 ms). The mean of
+frame k can therefore change frame k + 2 at the earliest.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class Timing:
 
     @property
     def readout_clocks(self) -> int:
-        """Of all rows, without blanking."""
+        """Clocks to read all rows, without blanking."""
         return self.columns * self.rows
 
     @property

@@ -1,7 +1,7 @@
-"""The EBAPS board behind a serial line, by itself: its sequencer under steady light, no pixels.
+"""The EBAPS board behind a serial line: its sequencer in steady light, without pixels.
 
-Light: what the window's middle asks an exposure of 20 ms for, with no dark level; so the loop can
-be watched over its registers.
+The light gives the middle of the loop's window at an exposure of 20 ms, without dark level, so that
+the loop can be observed through its registers.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
-"""Suppression of the fixed pattern: the mean of four dark frames is taken from the live frame.
+"""Suppression of the fixed pattern: the mean of four dark frames is subtracted from the live frame.
 
-Document 002, section 3.2. The mean is sum >> 2, as four values need no more: it drops 3/8 DN on
-average, so the difference is that much too large (variance of what is dropped: 5/64 DN^2, once the
-noise is a few DN). The difference has no sign: what falls below zero becomes zero, as it must in
-the unsigned 16 bits of the memory, which lifts a mean near zero (`clipped_mean`); `pedestal` is
-added before where that matters.
+Document 002, section 3.2. The mean is sum >> 2. The truncation lowers it by 3/8 DN on average, so
+the difference is too large by this amount (variance of the truncation: 5/64 DN^2 if the noise is a
+few DN). The difference is unsigned, as the 16 bits of the memory: negative values become zero,
+which raises a mean near zero (`clipped_mean`). `pedestal` can be added before to avoid this.
 
-What is left: the fixed pattern of the dark goes exactly, if the darks were exposed as long as the
-live frame; the noise of their mean stays as a pattern of its own, var_dark/4 + 5/64. With darks of
-another exposure the dark current's pattern stays in proportion to the difference.
+Residual: with dark frames of the same exposure the dark fixed pattern is removed completely, and
+the noise of their mean remains as a fixed pattern of variance var_dark/4 + 5/64. With dark frames
+of another exposure, the pattern of the dark current remains in proportion to the difference.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ def subtract(live: Image, dark: Image, pedestal: int = 0) -> Image:
 
 
 def residual_variance(dark: float, live: float = 0.0, frames: int = 1) -> float:
-    """Spatial variance that is left in the mean of `frames` corrected frames, DN^2, in the dark.
+    """Residual spatial variance of the mean of `frames` corrected frames in the dark, DN^2.
 
     dark, live: temporal variance of a pixel in a dark frame and in a live one, DN^2.
     """
@@ -59,7 +58,7 @@ def residual_variance(dark: float, live: float = 0.0, frames: int = 1) -> float:
 
 
 def stale_variance(spread: float, live: float, dark: float) -> float:
-    """What darks of another exposure leave besides, DN^2.
+    """Additional residual variance with dark frames of another exposure, DN^2.
 
     Args:
         spread: standard deviation over pixels of the dark current, DN/s.
@@ -69,7 +68,7 @@ def stale_variance(spread: float, live: float, dark: float) -> float:
 
 
 def clipped_mean(mean: float, deviation: float) -> float:
-    """Mean of a normal value after what is below 0 has become 0: m Phi(m/s) + s phi(m/s)."""
+    """Mean of a normal value with negative values set to 0: m Phi(m/s) + s phi(m/s)."""
     if deviation <= 0:
         return max(mean, 0.0)
     z = mean / deviation

@@ -1,8 +1,8 @@
-"""The nine drive signals of the EBAPS's sensor, in closed form: a pulse a row, in 40 MHz clocks.
+"""The nine drive signals of the EBAPS's sensor in closed form: pulses per row, in 40 MHz clocks.
 
 Document 002, section 3.1, names VSYNC, HCLK, HSYNC, VCLK, RD1, RD2, RST, SEL and T and says that
-VSYNC's duty sets the exposure of a rolling shutter. It prints no order within a row; what follows
-is assumed, as four transistors a pixel would want it.
+VSYNC's duty sets the exposure of a rolling shutter. It prints no order within a row. The following
+order is assumed; it is that of a four-transistor pixel.
 
 Reading row r begins at b = VSYNC's fall + 1280 r: VCLK moves to the row, SEL connects it, RST
 empties the sense node, RD1 samples that, T carries the charge over (its fall ends the exposure),
@@ -14,9 +14,10 @@ to be reset; RST without T acts on the row under SEL. A row's two instants lie 4
 after those that `Timing.row_times` gives; a frame's last pixel comes 72 clocks after
 `Timing.ready`.
 
-Both sequences share the lines. A reset's T that falls within another row's SEL, but not upon its T,
-moves that row's charge at the wrong time: `disturbed_rows`. Where the exposure is a whole number of
-rows they fall together; the document's step (20 rows), T_default (512) and T_max (1024) are.
+Both sequences share the lines. If T of a reset falls within SEL of another row, but not at the same
+time as T of that row, it transfers the charge of that row at the wrong time: `disturbed_rows`. They
+coincide if the exposure is a whole number of row times, as are the step (20 rows), T_default (512)
+and T_max (1024) of the document.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ Clocks = npt.NDArray[np.int64]
 class Drive:
     """Pulses of frame k: exposed in period k, read in period k + 1. Times are clocks.
 
-    timing: rows of 80 clocks at least, for the pulses of a row to fit.
+    timing: rows of at least 80 clocks, so that the pulses of a row fit.
     """
 
     timing: Timing = field(default_factory=Timing)
@@ -95,21 +96,22 @@ class Drive:
         return self.reading("T", frame)[1] - self.resetting("T", frame, exposure)[1]
 
     def shifting(self, frame: int) -> tuple[int, int]:
-        """HCLK begins and stops; it runs through all rows, one pulse a clock."""
+        """Start and end of HCLK, which runs through all rows with one pulse per clock."""
         begin = self.timing.vsync(frame + 1) + LAG
         return begin, begin + self.timing.readout_clocks
 
     def pulses(self, signal: str, frame: int) -> int:
-        """How often a signal rises in a frame's reading: once a row, HCLK once a pixel."""
+        """Number of rises of a signal during the read-out of a frame: one per row, for HCLK one per
+        pixel."""
         return (
             self.timing.readout_clocks if signal == "HCLK" else self.reading(signal, frame)[0].size
         )
 
     def disturbed_rows(self, frame: int, exposure: int, following: int) -> int:
-        """Rows of a frame whose SEL holds a reset's T at another place than their own T.
+        """Rows of a frame whose SEL contains T of a reset at another time than their own T.
 
-        Resets of the frame itself and of the next one come while it is read. exposure, following:
-        of these two, ns.
+        Resets of the frame itself and of the next one occur during its read-out. exposure,
+        following: exposures of these two frames, ns.
         """
         timing = self.timing
         begin = timing.vsync(frame + 1)
@@ -117,17 +119,19 @@ class Drive:
         return sum(self._disturbed(rise - begin) for rise in rises)
 
     def resets_at_once(self, frame: int, exposure: int, following: int) -> int:
-        """Rows that the next frame's reset begins before this frame's has reached the last row.
+        """Number of rows that the next frame resets before the reset of this frame has reached the
+        last row.
 
-        There are some when the exposure grows by more than the blanking of a period (0.565 ms): a
-        step of 0.64 ms up gives 3. A shift register holds two rows at a time, which are then reset
-        together (`resets`); a counter would need a second one. exposure, following: ns.
+        It is above 0 if the exposure increases by more than the blanking of a period (0.565 ms): 3
+        for a step of 0.64 ms. A shift register then holds two rows, which are reset together
+        (`resets`); with counters a second one would be needed. exposure, following: ns.
         """
         apart = self.timing.rise(frame + 1, following) - self.timing.rise(frame, exposure)
         return max(0, -((apart - self.timing.readout_clocks) // self.timing.columns))
 
     def _disturbed(self, ahead: int) -> int:
-        """Rows that a reset sequence, which begins so many clocks after the reading, disturbs."""
+        """Number of rows that a reset sequence disturbs if it begins this number of clocks after
+        the read-out."""
         columns, (on, off) = self.timing.columns, READING["SEL"]
         rise, fall = RESETTING["T"]
         found = 0
@@ -138,7 +142,7 @@ class Drive:
 
 
 def merged(pulses: Sequence[tuple[Clocks, Clocks]]) -> tuple[Clocks, Clocks]:
-    """Rises and falls of a line that is high where any pulse is; touching ones become one."""
+    """Rises and falls of the union of all pulses; adjacent pulses are joined."""
     begins = np.concatenate([begin for begin, _ in pulses])
     ends = np.concatenate([end for _, end in pulses])
     order = np.argsort(begins, kind="stable")

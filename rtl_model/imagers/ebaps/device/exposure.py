@@ -1,13 +1,13 @@
 """The exposure loop of an EBAPS: mean brightness of a frame, a fixed step, integers throughout.
 
-Document 002, section 3.1: inside [24 000, 25 600] the exposure stays, above it loses a step of
-640 000 ns, below it gains one; what would leave [T_min, T_max] becomes T_min or T_max.
+Document 002, section 3.1: with a mean inside [24 000, 25 600] the exposure stays; above, it
+decreases by a step of 640 000 ns; below, it increases by one. It is limited to [T_min, T_max].
 
-The sum of all pixels is held against limit x pixels, so nothing is divided and nothing rounded:
-1280 x 1024 values of 16 bits need an accumulator of 37 bits. What a frame says reaches the frame
-after next (`timing`), so a loop that acts on every frame steps once more before it sees what it
-did. With `wait` (here the default; the document says nothing of it) only frames count that were
-exposed with the exposure that now stands: then the loop rests wherever an ideal one does.
+The sum of all pixels is compared with limit x pixels, so there is no division and no rounding; 1280
+x 1024 values of 16 bits need an accumulator of 37 bits. The mean of a frame affects the frame after
+next (`timing`), so a loop that acts on every frame makes one more step before it sees the result of
+the last. With `wait` (the default here; the document does not mention it) only frames count that
+were exposed with the present exposure; the loop then settles whenever an ideal one does.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ ACCUMULATOR_BITS = (1280 * 1024 * 65_535).bit_length()
 class ExposureRule:
     """Limits in DN and ns.
 
-    Attributes:
-        wait: acts only on frames that show what the loop last did.
+    Attributes: wait: whether to act only on frames that were exposed after the last action of the
+        loop.
     """
 
     low: int = WINDOW[0]
@@ -73,7 +73,7 @@ class ExposureRule:
         return self.clip(exposure - self.side(total, pixels) * self.step)
 
     def judged(self, standing: int, exposed: int, total: int | Fraction, pixels: int) -> int:
-        """The exposure that will stand after a frame that was exposed for `exposed`."""
+        """The exposure after judgement of a frame that was exposed for `exposed`."""
         if self.wait and exposed != standing:
             return standing
         return self.after(standing, total, pixels)
@@ -105,11 +105,11 @@ def follow(
     rule: ExposureRule, brightness: Callable[[int, int], int | Fraction], frames: int, *,
     start: int = DEFAULT_EXPOSURE, latency: int = LATENCY, pixels: int = 1,
 ) -> list[int]:  # fmt: skip
-    """Exposures of successive frames, ns, as the hardware's pipeline makes them.
+    """Exposures of successive frames, ns, with the latency of the hardware.
 
-    Args:
-        brightness: sum over `pixels` pixels, DN, of a frame by number and exposure.
-        latency: 1 for a loop that changes the very next frame, as the document's text has it.
+    Args: brightness: sum over `pixels` pixels, DN, of a frame by number and exposure. latency:
+        frames from a mean to the exposure that it changes; 1 for the next frame, as in the text of
+        the document.
     """
     standing = rule.clip(start)
     exposed: list[int] = []

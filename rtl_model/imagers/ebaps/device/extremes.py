@@ -1,7 +1,7 @@
-"""What the exposure loop must bear: light that jumps by 1e7, none at all, light that swings.
+"""Stress tests of the exposure loop: light that jumps by 1e7, darkness, oscillating light.
 
-Each check takes the loop under test and returns one number that must be 0 for a sound one. The
-light is clipped to the converter's 16 bits, so the loop sees no more than a real one.
+Each check takes the loop under test and returns one number, which must be 0 for a correct loop.
+Means are clipped to the 16 bits of the converter, as in the hardware.
 """
 
 from __future__ import annotations
@@ -51,8 +51,9 @@ def _outside(rule: ExposureRule, exposures: list[int]) -> int:
 
 
 def light_steps(loop: Loop, factor: float = 1e7, turns: int = 4) -> float:
-    """Light jumps by `factor` up and down around what the default exposure wants. Returns ns: worst
-    distance from the range, or from where analysis says the loop ends before each next jump."""
+    """Light jumps by `factor` up and down around the light of the default exposure. Returns the
+    largest deviation, ns, from the range or from the closed form of the final exposure before each
+    jump."""
     rule = ExposureRule()
     levels = [factor**0.5, factor**-0.5]
 
@@ -68,8 +69,9 @@ def light_steps(loop: Loop, factor: float = 1e7, turns: int = 4) -> float:
 
 
 def dark_then_light(loop: Loop, dark: int = 2000) -> float:
-    """So many frames without any light, then light that wants 20 ms. Returns ns: worst distance
-    from the range, or from where analysis says the loop ends once it has had time to cross it."""
+    """A number of frames in darkness, then light for an exposure of 20 ms. Returns the largest
+    deviation, ns, from the range, or from the closed form of the final exposure after the time that
+    the loop needs to cross the range."""
     rule = ExposureRule()
     wanted = 20_000_000
 
@@ -83,8 +85,9 @@ def dark_then_light(loop: Loop, dark: int = 2000) -> float:
 
 
 def swinging(loop: Loop, factor: float = 1e7, frames: int = 2000) -> float:
-    """Light between two levels, for 1, 2, 4, ... 256 frames at a time. Returns ns: worst distance
-    from the range, or by which an exposure moved further than one step between two frames."""
+    """Light alternates between two levels every 1, 2, 4, ... 256 frames. Returns the largest
+    deviation, ns, from the range, or by which an exposure changed more than one step between two
+    frames."""
     rule = ExposureRule()
     runs = np.repeat(np.arange(9), 2 ** np.arange(9))
 
@@ -98,8 +101,8 @@ def swinging(loop: Loop, factor: float = 1e7, frames: int = 2000) -> float:
 
 
 def accumulated(total: Accumulator, pixels: int = 1280 * 1024) -> float:
-    """Frames that miss the window by one DN in one pixel, and a frame at full scale. Returns the
-    worst error of the sum, DN: from one on a decision can be wrong."""
+    """Frames that miss the window by 1 DN in one pixel, and a frame at full scale. Returns the
+    largest error of the sum, DN; a decision can be wrong from 1 DN."""
     worst = 0
     for level, last in ((24_000, 23_999), (25_600, 25_601), (_FULL, _FULL)):
         frame = np.full(pixels, level, np.uint16)

@@ -1,4 +1,4 @@
-"""The whole EBAPS imager: pixels behind the sequencer, frames through the board's memory."""
+"""The complete EBAPS imager: pixels, sequencer, and the board's frame memory."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ TRACED = 8
 
 
 class Ebaps:
-    """See `Imager`. pixels: of any size up to the timing's; smaller ones are the array's upper left
-    corner, at its row times, and the mean is theirs alone. memory: where frames are stored;
-    as bursts at once when None.
+    """See `Imager`. pixels: at most the size of the timing; a smaller array is the upper left
+    corner, with its row times, and the mean is over its pixels only. memory: frame memory;
+    `BurstMemory` without clock-by-clock transfers if None.
 
-    A dark frame (KEY = 1) is delivered as it was read; a live one with the mean of four darks taken
-    away once four are stored. A frame's `state` has, besides its exposure and voltage, the mean,
-    `raw_mean`, what the loop says of it, and how many rows were reset late (`resets`).
+    A dark frame (KEY = 1) is delivered unchanged; from a live frame the mean of four dark frames is
+    subtracted if four are stored. The `state` of a frame has its exposure, voltage, mean,
+    `raw_mean`, the judgement of the loop, and the number of rows with a late reset (`resets`).
     """
 
     name = "ebaps"
@@ -65,8 +65,8 @@ class Ebaps:
         self._film: tuple[Scenery, int, frozenset[str]] | None = None
 
     def write(self, register: str, value: int, at: int | None = None) -> None:
-        """See `Imager`; names may leave out the `ebaps_`. InputError for no such register, one that
-        is only read, a value that does not fit, a time that has passed."""
+        """See `Imager`; the prefix `ebaps_` of a name is optional. InputError for an unknown or
+        read-only register, a value that does not fit, or a time in the past."""
         registers = self.sequencer.registers
         entry = register_of(registers, register)
         when = write_instant(entry, register, value, at, self.now)
@@ -78,12 +78,12 @@ class Ebaps:
         heapq.heappush(self._writes, (when, self._order, entry.name, value))
 
     def read(self, register: str) -> int:
-        """See `Imager`. InputError for no such register."""
+        """See `Imager`. InputError for an unknown register."""
         registers = self.sequencer.registers
         return registers.read(register_of(registers, register).name)
 
     def store_darks(self, at: int | None = None) -> None:
-        """KEY goes to 1 at this instant (ps; now when None), for four frames, then to 0."""
+        """Sets KEY to 1 at this time (ps; now if None) for four frames, then to 0."""
         when = self.now if at is None else at
         self.write("ebaps_key", 1, when)
         first = self.sequencer.upcoming
@@ -121,7 +121,7 @@ class Ebaps:
             write_trace(trace, SIGNALS, sorted(records, key=lambda r: r[0]), top="ebaps")
 
     def _until(self, instant: int) -> None:
-        """Writes that are due by then; one at the instant of a VSYNC comes before it."""
+        """Applies the writes up to this time; a write at the time of a VSYNC precedes it."""
         while self._writes and self._writes[0][0] <= instant:
             _, _, register, value = heapq.heappop(self._writes)
             self.sequencer.registers.write(register, value)
@@ -132,7 +132,7 @@ class Ebaps:
         return self._at[volts]
 
     def _expose(self, shot: Shot) -> Read:
-        """Pixels of a frame whose last row has been read, through the memory."""
+        """Computes the pixels of a frame whose last row was read, and stores them in the memory."""
         assert self._film is not None
         scene, seed, kept = self._film
         height, width = self.pixels.shape

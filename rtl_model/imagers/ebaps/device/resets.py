@@ -1,15 +1,15 @@
-"""When the rows of an EBAPS frame are really reset: once, or a second time with a neighbour's.
+"""Reset times of the rows of an EBAPS frame, with overlapping resets of neighbouring frames.
 
-One shift register says which row is reset (`drive`): a frame's reset moves it on by a row every
-1280 clocks, with a pulse of RST and T in each. A frame's reset lasts 32.768 ms and begins anew
-every 33.3 ms, less by how much the exposure has grown. Where it grows by more than the blanking
-(0.565 ms: every step up of the loop, 0.64 ms), the next reset begins before this one has ended. The
-register then holds two rows, and each pulse resets both. A row gathers from the last pulse that
-falls while it is in the register, so the last rows of the former frame and the first of the latter
-begin late, by less than a row's time (32 us).
+A shift register selects the row to be reset (`drive`). It advances by one row every 1280 clocks,
+with a pulse of RST and T in each row. The reset of a frame takes 32.768 ms, and resets begin every
+33.3 ms minus the increase of the exposure. If the exposure increases by more than the blanking
+(0.565 ms; a step of the loop is 0.64 ms), the next reset begins before this one has ended. The
+register then holds two rows, and each pulse resets both. The exposure of a row begins with the last
+pulse while the row is in the register, so the last rows of the earlier frame and the first rows of
+the later one begin late, by less than a row time (32 us).
 
-That the reset uses a shift register, as opposed to a counter (which would lose its place), is
-assumed, as is the place of the pulse in a row (`drive.RESETTING`).
+Assumed: a shift register rather than a counter (a single counter could not hold two rows), and the
+position of the pulse in a row (`drive.RESETTING`).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Clocks = npt.NDArray[np.int64]
 
 def late_resets(timing: Timing, frame: int, exposures: tuple[int | None, int, int | None]
                 ) -> Clocks:  # fmt: skip
-    """(rows,) clocks by which each row's last reset comes after its own frame's. exposures: of the
-    frame before, of `frame` and of the one after, ns; None where there is none.
+    """(rows,) clocks between the reset of each row by its own frame and its last reset. exposures:
+    of the previous frame, of `frame` and of the next frame, ns; None if there is no such frame.
 
     Only neighbours can overlap: two periods are longer than two readouts.
     """
@@ -55,7 +55,7 @@ def row_times(
     timing: Timing, frame: int, exposures: tuple[int | None, int, int | None], rows: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """(rows,) ps each: begin and end of the exposure of a frame's first rows, as `Timing.row_times`
-    with late resets. A row that would be reset after its reading gathers nothing."""
+    with late resets. A row whose last reset follows its read-out has no exposure."""
     begin, end = timing.row_times(frame, exposures[1], rows)
     late = late_resets(timing, frame, exposures)[:rows]
     start = timing.rise(frame, exposures[1])

@@ -1,8 +1,8 @@
-"""The EBAPS board's sequencer: VSYNC, exposure, KEY, loop and darks, without any pixels.
+"""The EBAPS board's sequencer: VSYNC, exposure, KEY, exposure loop and dark frames, without pixels.
 
-Two things happen to a frame: at its VSYNC it takes exposure, KEY, voltage and shutter; when its
-last pixel has been read its mean is judged. Pixels come in through one function, so that the
-sequencer runs by itself (registers over serial, counts of clocks) and under a whole imager alike.
+A frame has two events: at its VSYNC it takes exposure, KEY, voltage and shutter from the registers;
+after its last pixel was read, the loop judges its mean. A function provides the pixels, so that the
+sequencer also runs without them (registers over a serial line, clock counts).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ON, _EVERY, _RAW = 1, 2, 4
 
 @dataclass(frozen=True)
 class Shot:
-    """What a frame took at its VSYNC.
+    """Settings of a frame at its VSYNC.
 
     Attributes:
         number: from 0.
@@ -43,7 +43,7 @@ class Shot:
 
 @dataclass(frozen=True)
 class Read:
-    """What reading a frame gave.
+    """Sums over a frame that was read.
 
     Attributes:
         raw, total: sums of all values before and after subtraction of darks, DN.
@@ -59,12 +59,9 @@ class Read:
 class Judged:
     """How a live frame was judged.
 
-    Attributes:
-        rule: the loop as its registers stood.
-        standing: exposure of the register at that time, ns.
-        exposed: exposure of the frame, ns.
-        raw: before subtraction of darks.
-        acts: whether the loop may set the exposure.
+    Attributes: rule: the loop with the register values of that time. standing: exposure of the
+    register at that time, ns. exposed: exposure of the frame, ns. raw: before subtraction of darks.
+    acts: whether the loop sets the exposure.
     """
 
     rule: ExposureRule
@@ -74,7 +71,7 @@ class Judged:
     acts: bool
 
     def chosen(self, total: int, pixels: int) -> int:
-        """The exposure that stands after it, ns. total: sum of its values, DN."""
+        """The exposure after this judgement, ns. total: sum of the values of the frame, DN."""
         if not self.acts:
             return self.standing
         return self.rule.judged(self.standing, self.exposed, total, pixels)
@@ -99,7 +96,7 @@ class Sequencer:
         self.reset(0)
 
     def reset(self, clock: int) -> None:
-        """Frames begin anew at number 0; time goes on. Darks must be stored again."""
+        """Restarts frames at number 0; time continues. Dark frames must be stored again."""
         self._origin = clock
         self._next = 0  # frame whose VSYNC comes next
         self._waiting: list[Shot] = []
@@ -112,7 +109,7 @@ class Sequencer:
 
     @property
     def rule(self) -> ExposureRule:
-        """The loop as its registers stand."""
+        """The loop with the present register values."""
         at = self._at
         return ExposureRule(
             at("window_low"), at("window_high"), at("step"), at("shortest"),
@@ -126,13 +123,13 @@ class Sequencer:
 
     @property
     def stale(self) -> bool:
-        """Whether they are of another exposure or voltage than what stands now (or not there)."""
+        """Whether dark frames are missing, or have another exposure or voltage than now."""
         now = (self._at("exposure"), self._volts())
         return not self.has_darks or any(dark != now for dark in self._darks)
 
     @property
     def status(self) -> int:
-        """As its register reads."""
+        """Value of the status register."""
         return self._told["status"]
 
     @property
@@ -142,22 +139,22 @@ class Sequencer:
 
     @property
     def dark_exposure(self) -> int:
-        """ns; 0 where four darks of one exposure are not stored."""
+        """Exposure of the dark frames, ns; 0 unless four of one exposure are stored."""
         return self._told["dark_exposure"]
 
     @property
     def upcoming(self) -> int:
-        """Number of the frame whose VSYNC comes next."""
+        """Number of the frame of the next VSYNC."""
         return self._next
 
     def around(self, shot: Shot) -> tuple[int | None, int, int | None]:
-        """Exposures (ns) of the frame before the one that is being read, of that and of the next,
-        whose period has begun by then; None where there is none."""
+        """Exposures (ns) of the frame that is being read, of the one before and of the next, whose
+        period has begun; None if there is no such frame."""
         before = None if self.last is None else self.last.exposure
         return before, shot.exposure, self._waiting[0].exposure if self._waiting else None
 
     def subtracts(self) -> bool:
-        """Whether a live frame read now has darks taken from it."""
+        """Whether dark frames are subtracted from a live frame that is read now."""
         return bool(self._at("subtract")) and self.has_darks
 
     def pedestal(self) -> int:
@@ -165,19 +162,19 @@ class Sequencer:
         return self._at("pedestal")
 
     def next_event(self) -> int:
-        """Clock of what happens next."""
+        """Clock of the next event."""
         vsync = self.timing.vsync(self._next)
         if self._waiting:
             vsync = min(vsync, self.timing.ready(self._waiting[0].number))
         return self._origin + vsync
 
     def advance(self, clock: int) -> None:
-        """Runs all that happens before `clock`."""
+        """Runs all events before `clock`."""
         while self.next_event() < clock:
             self.step()
 
     def step(self) -> Shot | None:
-        """Does what comes next; returns the frame that was read, if one was."""
+        """Runs the next event; returns the frame if one was read."""
         clock = self.next_event() - self._origin
         if self._waiting and self.timing.ready(self._waiting[0].number) == clock:
             shot = self._waiting.pop(0)

@@ -1,8 +1,8 @@
-"""Where the exposure loop rests and where it hunts: closed form.
+"""Steady states and limit cycles of the exposure loop, in closed form.
 
 Under steady light the mean is Y(T) = Y0 + b T. The exposures that satisfy the loop are the interval
-[T_lo, T_hi] = [(Y_min - Y0)/b, (Y_max - Y0)/b], as long as (Y_max - Y_min)/b. The loop visits
-T0 + k s and, once it has been there, the ends of its range. It therefore
+[T_lo, T_hi] = [(Y_min - Y0)/b, (Y_max - Y0)/b], as long as (Y_max - Y_min)/b. The loop visits T0 +
+k s and the ends of its range. It therefore
 
 - rests for certain where the interval is at least a step long: b s <= Y_max - Y_min, which is
   T_lo >= s (Y_min - Y0)/(Y_max - Y_min) = 9.6 ms for Y0 = 0. In terms of the exposure that gives
@@ -54,14 +54,14 @@ def spans(rule: ExposureRule, light: Linear, steps: int = 1) -> bool:
 def settling_exposure(
     rule: ExposureRule, level: int | Fraction | None = None, steps: int = 1, zero: int = 0
 ) -> Fraction:
-    """Under the brightest light in which resting is certain, the exposure (ns) that gives `level`
-    DN: the window's lower limit when None (9.6 ms)."""
+    """Exposure (ns) that gives `level` DN in the brightest light in which the loop is certain to
+    settle; the lower limit of the window if None (9.6 ms)."""
     level = rule.low if level is None else level
     return Fraction(steps * rule.step) * (level - zero) / (rule.high - rule.low)
 
 
 def settle(rule: ExposureRule, light: Linear, start: int = DEFAULT_EXPOSURE) -> Rest:
-    """Where a loop that waits ends under steady light; no step is simulated."""
+    """Final state in steady light of a loop with `wait`, without simulation."""
     here = rule.clip(start)
     side = rule.side(light.mean(here), 1)
     if side == 0:
@@ -87,8 +87,8 @@ def settle(rule: ExposureRule, light: Linear, start: int = DEFAULT_EXPOSURE) -> 
 def resting(
     rule: ExposureRule, start: int = DEFAULT_EXPOSURE, zero: int = 0
 ) -> list[tuple[Fraction, Fraction]]:
-    """Wanted exposures (those that give the window's middle), ns, under which the loop comes to
-    rest inside the window: closed intervals, in order, those that touch made one."""
+    """Ideal exposures (middle of the window), ns, for which the loop settles inside the window:
+    closed intervals in order, adjacent ones joined."""
     low, high = rule.low - zero, rule.high - zero
     middle = Fraction(low + high, 2)
     start = rule.clip(start)
@@ -107,7 +107,7 @@ def resting(
 def settling_share(
     rule: ExposureRule, first: int, last: int, start: int = DEFAULT_EXPOSURE
 ) -> Fraction:
-    """Share of the wanted exposures between `first` and `last`, ns, under which it rests."""
+    """Share of the ideal exposures between `first` and `last`, ns, for which the loop settles."""
     inside = Fraction(0)
     for a, b in resting(rule, start):
         inside += max(min(b, Fraction(last)) - max(a, Fraction(first)), Fraction(0))
@@ -115,6 +115,5 @@ def settling_share(
 
 
 def last_hunting(rule: ExposureRule, start: int = DEFAULT_EXPOSURE) -> Fraction:
-    """Longest wanted exposure at whose approach there is still a gap, ns: from here on every one
-    up to the longest settles."""
+    """Upper end, ns, of the last gap: for every longer ideal exposure the loop settles."""
     return resting(rule, start)[-1][0]
