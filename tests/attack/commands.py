@@ -14,7 +14,7 @@ def _sets(*assignments: str) -> tuple[str, ...]:
 RUNS: dict[str, tuple[str, ...]] = {
     "latched": ("film", *SMALL, *_sets("duration=4 ms")),
     "display": ("glass", *SMALL, *_sets(
-        "duration=3 ms", "image.at=[60]", 'display.beside=["120 Hz"]',
+        "duration=3 ms", "image.at=[60]", "display.beside=[]",
     )),
     "asynchronous": ("film", *SMALL, *_sets("sensor.readout=asynchronous", "duration=2 ms")),
     "continuous": ("film", *SMALL, *_sets("sensor.readout=continuous", "duration=2 ms")),

@@ -61,10 +61,19 @@ REFUSED = [
     ("LANES", 48), ("LANES", 128), ("CAPTURE_WORDS", 3000), ("SINK_WORDS", 1000), ("ROWS", 0),
     ("ROWS", 4096), ("COLUMNS", 4097), ("BIT_CLOCKS", 3),
 ]  # fmt: skip
+YOSYS = [("LANES", 48), ("BIT_CLOCKS", 3)]
+"""For yosys in the ordinary suite, since it elaborates for 8 s before it refuses."""
 
 
-@pytest.mark.parametrize(("name", "value"), REFUSED)
-@pytest.mark.parametrize("tool", ["verilator", "iverilog", "yosys"])
+@pytest.mark.parametrize(
+    ("tool", "name", "value"),
+    [
+        pytest.param(tool, *case, marks=[pytest.mark.slow] if late else [])
+        for case in REFUSED
+        for tool in ("verilator", "iverilog", "yosys")
+        for late in [tool == "yosys" and case not in YOSYS]
+    ],
+)
 def test_a_parameter_that_is_not_supported_is_refused(tool, name, value):
     if shutil.which(tool) is None:
         pytest.skip(f"needs the system package {tool}")

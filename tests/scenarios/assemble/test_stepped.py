@@ -30,7 +30,7 @@ SINKS = {"asynchronous": Output, "continuous": continuous._Sink}
 def content(folder: Path) -> dict[str, Any]:
     (stream,) = folder.glob("stream.*")
     with np.load(stream) as arrays:
-        return {name: arrays[name].tolist() for name in arrays.files}
+        return {name: arrays[name].tobytes() for name in arrays.files}
 
 
 @pytest.mark.parametrize("case", CASES)
