@@ -16,26 +16,6 @@ settings.register_profile(
 settings.load_profile("viform")
 
 
-LONG = (
-    "test_recorded.py", "test_kills.py", "test_new_drive.py", "test_stability.py", "test_joint.py",
-    "test_full_disk.py", "test_fast.py",
-    "test_run_link.py", "test_receiving.py", "test_new_effect.py", "test_new_imager.py",
-    "test_laboratory.py", "test_convert_image.py", "test_pixel.py", "test_link_plan.py",
-    "test_cli.py",
-    "test_asynchronous.py", "test_transmission.py", "test_boxes.py", "test_run.py",
-    "test_probes.py", "test_chain.py", "test_link_theory.py", "test_capacity.py", "test_glass.py",
-    "test_coding.py", "test_comparison.py", "test_shockwave.py",
-)  # fmt: skip
-"""Files that take longest, the longest first."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files begin first: one that began last would leave the other cores idle. Order within a
-    file stays."""
-    place = {name: n for n, name in enumerate(LONG)}
-    items.sort(key=lambda item: place.get(item.path.name, len(place)))
-
-
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of recordings and clips that are too large for the repository."""

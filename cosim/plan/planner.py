@@ -20,13 +20,25 @@ import numpy.typing as npt
 
 from cosim.plan.effects import Effect, Kind, Summary
 
-__all__ = ["ESTIMATE_WEIGHT", "SHARE", "Plan", "Row", "make_plan"]
+__all__ = ["ESTIMATE_WEIGHT", "SHARE", "Plan", "Row", "accepted_error", "make_plan"]
 
 SHARE = 0.5
 """Share of the tolerance for the bounds of all effects that are left out."""
 ESTIMATE_WEIGHT = 2.0
 """Weight of an estimate."""
+FINEST = 1e-3
+"""Largest error that is accepted at tolerance 0, which is the default tolerance of a scenario."""
 Values = npt.NDArray[np.float64]
+
+
+def accepted_error(tolerance: float) -> float:
+    """The largest relative error with which a run is "ok".
+
+    Tolerance 0 keeps every effect, but the error of the tier itself remains. A run at tolerance 0
+    must not be called "ok" with an error that is refused at a looser tolerance, so it has the
+    limit of the default tolerance.
+    """
+    return tolerance if tolerance > 0 else FINEST
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from typing import Final
 from cosim import Light
 from cosim.files import write_events
 from cosim.light.steps import light_steps
+from cosim.plan.planner import accepted_error
 from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
@@ -139,7 +140,7 @@ class AsynchronousMachine:
         output: Output = recording.chain.sink
         recovered, error = views.recovered, checked.error
         files = [STREAM, *write_images(recording.folder, views.shots, METHOD)]
-        beyond = spec.tolerance > 0 and error.high > spec.tolerance
+        beyond = error.high > accepted_error(spec.tolerance)
         fidelity = (
             dynamic_range(recovered, spec.model, spec.stop)
             if recovered

@@ -48,17 +48,22 @@ class Tape:
             size = self._check(head)
             self._file = path.open("r+b")
             self._file.truncate(size)
-            self._file.seek(len(head))
         else:
-            self._file = path.open("w+b")
+            size, self._file = 0, path.open("w+b")
+        if size == 0:
             self._file.write(head)
+            self._file.flush()  # the head of a killed run then tells that the tape is its own
+        self._file.seek(len(head))
 
     def _check(self, head: bytes) -> int:
-        """Size of the head and all complete records, bytes. Raises InputError for the tape of
-        another run."""
+        """Size of the head and all complete records, bytes; 0 if the run was killed before it had
+        written the head. Raises InputError for the tape of another run."""
         size = self._path.stat().st_size
         with self._path.open("rb") as file:
-            if file.read(len(head)) != head:
+            found = file.read(len(head))
+            if len(found) < len(head) and head.startswith(found):
+                return 0
+            if found != head:
                 raise InputError(
                     "the checkpoint", "one of this same scenario", "one of another, or damaged",
                     f"remove {self._path} to start afresh, or give the run another --out",

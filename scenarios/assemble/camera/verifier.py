@@ -17,6 +17,7 @@ from cosim import Block, Light
 from cosim.compute.opencl import Device
 from cosim.plan.paired import Measured, Span, Values, compare, worst
 from cosim.plan.patches import PatchPlane
+from cosim.plan.planner import accepted_error
 from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
 from display.trial.paired import (
@@ -196,11 +197,13 @@ class Verifier(DisplayTrial):
     def beyond(self) -> list[str]:
         """A note if the error exceeds the tolerance with every effect kept."""
         error, tolerance = self.error(), self._plan.tolerance
-        if tolerance == 0 or error.high <= tolerance:
+        accepted = accepted_error(tolerance)
+        if error.high <= accepted:
             return []
+        limit = "" if tolerance > 0 else f" (at most {accepted:g} is accepted)"
         return [
             f"the error is {error.value:.2g} (up to {error.high:.2g}) where the tolerance is "
-            f"{tolerance:g}, with every effect kept: it is the limit of the exact tier"
+            f"{tolerance:g}{limit}, with every effect kept: it is the limit of the exact tier"
         ]
 
     def full_physics_s(self, pixels: int, cycles: int) -> float | None:

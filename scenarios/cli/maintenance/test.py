@@ -20,9 +20,9 @@ from scenarios.cli.packages import has_launcher, install_and_restart
 
 __all__ = ["test"]
 
-# The tests of a file run in one worker, because they share fixtures, and in the order that
-# tests/conftest.py sets.
-_SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "loadfile", "--no-loadscope-reorder"]
+# Each worker has a contiguous part of the tests, because those of a file share fixtures and
+# compiled kernels. A worker that is done takes over tests of another.
+_SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "worksteal"]
 _STATIC = {"ruff": ["ruff", "check", "."], "mypy": ["mypy"]}
 
 

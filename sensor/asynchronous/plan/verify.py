@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Light
+from cosim.plan.planner import accepted_error
 from cosim.run.machine import Finding
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.reference import follow
@@ -278,7 +279,7 @@ def check_plan(
         )
         return [Finding(EVERYTHING, message, tolerance, error.high, error.tile)], None
     notes = []
-    if not plan.left_out.any() and error.high > tolerance > 0:
+    if not plan.left_out.any() and error.high > accepted_error(tolerance):
         notes.append(
             f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
             f"tile's rate, more than the tolerance {tolerance:g}"

@@ -1,6 +1,7 @@
 """Runs of imagers, by a small linear one: frames on disk, resuming, the plan and its check."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -113,11 +114,17 @@ def test_a_tape_cut_anywhere_or_of_another_run_is_met(tmp_path):
     whole = tape.read_bytes()
     with pytest.raises(InputError, match="the checkpoint must be one of this same scenario"):
         run(tmp_path / "cut", LinearModel(), scenario(seed=9), resume=True)
-    tape.write_bytes(whole[:-700])
-    run(tmp_path / "cut", LinearModel(), resume=True)
     run(tmp_path / "whole", LinearModel())
-    both = [zarr.open_group(tmp_path / n / "frames.zarr", mode="r") for n in ("whole", "cut")]
-    np.testing.assert_array_equal(both[0]["values"][:], both[1]["values"][:])
+    expected = zarr.open_group(tmp_path / "whole" / "frames.zarr", mode="r")["values"][:]
+    (tmp_path / "cut").rename(tmp_path / "interrupted")
+    # A killed run may have written no more than a part of the head.
+    for kept in (whole[:-700], whole[:53], whole[:10], b""):
+        shutil.rmtree(tmp_path / "cut", ignore_errors=True)
+        shutil.copytree(tmp_path / "interrupted", tmp_path / "cut")
+        tape.write_bytes(kept)
+        run(tmp_path / "cut", LinearModel(), resume=True)
+        values = zarr.open_group(tmp_path / "cut" / "frames.zarr", mode="r")["values"][:]
+        np.testing.assert_array_equal(values, expected)
 
 
 def test_a_tape_gives_back_windows_and_what_a_comparator_said(tmp_path):

@@ -162,3 +162,16 @@ def test_what_is_broken_is_raised_at_the_window_that_shows_it(device, monkeypatc
     assert finding.effect == "PRNU" and finding.tile in verifier.plane.tiles
     # The RMS over 256 pixels of a gain of spread 0.05, and its upper limit.
     assert 0.04 < finding.measured < 0.08 and finding.promised == 1e-9
+
+
+@pytest.mark.parametrize("tolerance", ["0", "0.001"])
+def test_an_error_that_a_looser_tolerance_refuses_is_not_ok_at_tolerance_0(
+    film, tmp_path, tolerance
+):
+    result, folder = film(
+        "film", tmp_path / "run", "sensor.reset=hard", "sensor.dead_time=1 us", "duration=3 ms",
+        "sensor.crosstalk=0.01", "sensor.threshold=500 e", f"tolerance={tolerance}",
+        report=write_report,
+    )  # fmt: skip
+    assert result.error.ci[1] > 1e-3 and result.outcome == "degraded"
+    assert "it is the limit of the exact tier" in (folder / "report.html").read_text()
