@@ -100,6 +100,10 @@ class DisplayPatches:
         """Upper limit of the change from one display to another, (images, patches)."""
         return compare(self.images(name), self.images(truth), self._floor)[2]
 
+    def errors(self, name: str, truth: str = TRUTH) -> Values:
+        """Relative RMS difference of a display, (images, patches)."""
+        return compare(self.images(name), self.images(truth), self._floor)[0]
+
     def error(self, name: str, truth: str = TRUTH) -> Measured:
         """The largest error of a display, over images and patches."""
         return worst(self.images(name), self.images(truth), self._floor)

@@ -59,9 +59,12 @@ FADING = Drive(
 
 @pytest.fixture(autouse=True)
 def fading(monkeypatch: pytest.MonkeyPatch) -> Iterator[SpikePanel]:
-    """The catalogue has one drive more; the panel shows it."""
+    """The catalogue has one drive more; the panel shows it. The exported schema is cached, so it
+    is forgotten before and after."""
     monkeypatch.setitem(DRIVES, "fading", FADING)
+    scenario._export.cache_clear()
     yield replace(PANEL, drive="fading")
+    scenario._export.cache_clear()
 
 
 @pytest.fixture
@@ -127,7 +130,6 @@ def _half(views: Any, which: int) -> Any:
 
 
 def test_the_schema_names_it():
-    scenario._export.cache_clear()  # another test may have exported it before
     fields = export()["$defs"]["DisplaySection"]["properties"]
     names = fields["drive"]["enum"]
     assert names[:3] == ["impulse", "hold", "causal"] and names[-1] == "fading"

@@ -28,7 +28,7 @@ from scenarios.assemble.camera.pages.stream import stream_page
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
-from scenarios.assemble.camera.verifier import ARITHMETIC, Verifier
+from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import SpikeCamera
@@ -132,11 +132,7 @@ class LatchedMachine:
 
     def keep(self, effects: Sequence[str]) -> LatchedMachine:
         setup = self.setup
-        plan = setup.plan(
-            self.scenario.tolerance,
-            forced=[name for name in effects if name != ARITHMETIC],
-            tier="exact" if ARITHMETIC in effects else None,
-        )  # fmt: skip
+        plan = setup.plan_keeping(self.scenario.tolerance, effects)
         camera, verifier = _planned(plan, setup, self.boards)
         display = self.display
         if display is not None and plan.display is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,10 @@ from sensor.latched.patches import PatchCamera
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier
 
-__all__ = ["RunPlan", "plan_run"]
+__all__ = ["ARITHMETIC", "RunPlan", "plan_run"]
+
+ARITHMETIC: Final = "32-bit arithmetic"
+"""Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
 
 RANDOM = 4
 """Number of patches that are chosen at random, from the seed of the run."""

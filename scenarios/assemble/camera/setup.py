@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,7 +13,7 @@ from cosim.light.lens import Lens
 from cosim.light.source import Source
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
-from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan, plan_run
 from scenarios.assemble.camera.stages import LensStage, SceneStage
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
@@ -21,6 +22,7 @@ from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.survey import SceneSurvey, survey_scene
+from sensor.latched.tiers import Tier
 
 __all__ = ["CameraSetup", "set_up_camera"]
 
@@ -112,6 +114,13 @@ class CameraSetup:
             self.survey, self.setting, tolerance, self.instants, self.device, display=self.display,
             **choice,
         )  # fmt: skip
+
+    def plan_keeping(self, tolerance: float, reinstated: Sequence[str]) -> RunPlan:
+        """Plans the run with effects that a check has reinstated; `ARITHMETIC` among them means
+        the exact tier."""
+        effects = [name for name in reinstated if name != ARITHMETIC]
+        tier: Tier | None = "exact" if ARITHMETIC in reinstated else None
+        return self.plan(tolerance, forced=effects, tier=tier)
 
 
 def set_up_camera(

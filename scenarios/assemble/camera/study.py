@@ -6,6 +6,7 @@ from typing import Any
 
 from cosim.run.progress import Progress
 from scenarios.assemble.camera.boards import refuse_boards
+from scenarios.assemble.camera.every_tile import every_tile
 from scenarios.assemble.camera.forecast import forecast
 from scenarios.assemble.camera.ladder import accuracy
 from scenarios.assemble.camera.setup import set_up_camera
@@ -26,3 +27,7 @@ class LatchedStudy:
 
     def ladder(self, progress: Progress) -> dict[str, Any]:
         return accuracy(self._setup, progress)
+
+    def every_tile(self, progress: Progress) -> dict[str, Any]:
+        """The document of `viform accuracy --every-tile`."""
+        return every_tile(self._setup, progress)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -27,16 +27,12 @@ from display.trial.paired import (
     TrialDisplay,
     partial_displays,
 )
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan
 from sensor import CameraSetting
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
-__all__ = ["ARITHMETIC", "Verifier"]
-
-
-ARITHMETIC: Final = "32-bit arithmetic"
-"""Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
+__all__ = ["Verifier"]
 
 
 def _finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:

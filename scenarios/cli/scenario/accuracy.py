@@ -18,6 +18,10 @@ def accuracy(
     scenario: ScenarioName,
     options: ScenarioOptions,
     figure: Annotated[Path | None, typer.Option(help="PNG to draw, error against run time")] = None,
+    every_tile: Annotated[
+        bool,
+        typer.Option("--every-tile", help="Measure all tiles, not a few"),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Measure error against run time, for every tier at a ladder of tolerances."""
@@ -28,11 +32,27 @@ def accuracy(
     study = assemble_study("accuracy", name, loaded, options.device)
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
+    measure = getattr(study, "every_tile", None) if every_tile else study.ladder
+    if measure is None:
+        raise InputError(
+            "--every-tile", "given with sensor.readout = synchronous", "with another scenario",
+            "leave it out",
+        )  # fmt: skip
+    if every_tile and figure is not None:
+        raise InputError("--figure", "given without --every-tile", "with it", "leave one out")
     progress = make_progress()
     try:
-        document = study.ladder(progress)
+        document = measure(progress)
     finally:
         progress.close()
+    if every_tile:
+        if json:
+            print_document(document)
+        else:
+            print(_tiles_text(name, document))
+        if not all(row["holds"] for row in document["rows"]):
+            raise typer.Exit(1)
+        return
     if figure is not None:
         from cosim.report.accuracy import accuracy_figure
 
@@ -55,6 +75,26 @@ def _error(row: dict[str, Any]) -> str:
     low, high = row["ci"] or (None, None)
     span = "" if high is None else f" [{_number(low)}, {_number(high)}]"
     return f"{row['error']:.3g}{span}"
+
+
+def _tiles_text(name: str, document: dict[str, Any]) -> str:
+    """The document of `--every-tile` as text."""
+    rows = document["rows"]
+    lines = [
+        f"{name}: error of the {document['error_of']} against full physics, in {rows[0]['tiles']} "
+        "tiles",
+        "",
+        f"{'tolerance':>9}  {'tier':<6}{'stated error':<32}{'outcome':<10}{'worst tile':>18}"
+        f"{'above limit':>13}{'above tolerance':>17}",
+    ]
+    for row in rows:
+        over = row["over_tolerance"]
+        lines.append(
+            f"{_number(row['tolerance']):>9}  {row['tier']:<6}{_error(row):<32}"
+            f"{row['outcome']:<10}{row['worst_error']:>10.3g} ({row['worst_tile']:>5})"
+            f"{row['over_limit']:>13}{'' if over is None else over:>17}"
+        )
+    return "\n".join(lines)
 
 
 def _text(name: str, document: dict[str, Any]) -> str:
