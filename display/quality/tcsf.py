@@ -80,7 +80,7 @@ def sensitivity(
     width, height = field
     if not (width > 0 and height > 0):
         raise ValueError(f"field must be wider and higher than 0 degrees, not {width} x {height}")
-    node, weight = np.polynomial.legendre.leggauss(NODES[max(field) > 1])
+    node, weight = np.polynomial.legendre.leggauss(NODES[int(max(field) > 1)])
     x, y = (node + 1) * width / 4, (node + 1) * height / 4
     apart = np.hypot(x[:, None], y[None, :]).ravel()
     area = (weight[:, None] * weight[None, :]).ravel() * width * height / 4

@@ -104,6 +104,13 @@ def test_critical_frequencies_of_elatcsf(peak, hz):
     assert critical_frequency(0.1, 0.1 * peak, (110, 96)) == pytest.approx(hz, abs=6e-4)
 
 
+def test_a_critical_frequency_of_numpy_numbers():
+    field = tuple(np.array([110.0, 96.0]))
+    assert critical_frequency(np.float64(0.1), np.float64(1.0), field) == critical_frequency(
+        0.1, 1.0, (110, 96)
+    )
+
+
 def test_visibility_of_a_sine_is_contrast_times_sensitivity():
     for hz in (10, 30.4, 60):
         wanted = 0.2 * sensitivity(hz, 300, (16.7, 16.7))[0]
