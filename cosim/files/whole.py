@@ -21,11 +21,11 @@ NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def refusal(path: Path, exc: OSError) -> InputError | OSError:
-    """The exception to raise if `path` cannot be written: an InputError. For a full disk it is the
+    """The exception to raise if `path` cannot be written: an InputError. For a full disk it is an
     OSError with the name of the file, because only the command knows how to continue."""
     if exc.errno in NO_ROOM:
-        exc.filename = exc.filename or str(path)
-        return exc
+        # Not `exc` itself: FFmpeg's errors are a subclass, whose file name cannot be set.
+        return OSError(exc.errno, exc.strerror, exc.filename or str(path))
     return InputError(
         f"{path}", "a name that can be written", f"refused ({exc.strerror or exc})",
         "choose another name",

@@ -43,6 +43,16 @@ def test_a_full_disk_is_said_by_who_knows_what_then(tmp_path: Path) -> None:
     assert caught.value.filename == str(path) and not list(tmp_path.iterdir())
 
 
+def test_a_full_disk_is_an_error_of_the_file_in_a_clip_too(tmp_path: Path) -> None:
+    """FFmpeg's error is an OSError whose file name cannot be set, and not one of the format."""
+    import av
+
+    with pytest.raises(OSError, match="No space left") as found, whole(tmp_path / "a.mp4") as part:
+        raise av.error.OSError(errno.ENOSPC, "No space left on device", str(part))
+    assert found.value.errno == errno.ENOSPC and "a.mp4" in found.value.filename
+    assert not isinstance(found.value, av.FFmpegError)
+
+
 def test_a_name_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     path = tmp_path / ("a" * 250)  # its temporary name is too long
     refused = pytest.raises(InputError, match="must be a name that can be written, not refused")
