@@ -109,15 +109,17 @@ def test_events_that_planes_cannot_hold_are_refused(
 
 @pytest.mark.usefixtures("small_parts")
 @settings(max_examples=30)
-@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 60))
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 60), apart=st.sampled_from([1, 997]))
 def test_widths_that_planes_do_not_keep_are_counted(
-    tmp_path_factory, seed: int, count: int
+    tmp_path_factory, seed: int, count: int, apart: int
 ) -> None:
+    """apart: ticks between two times at which pixels may fire; most words are 0 where it is large,
+    and the others alone are kept."""
     rng = np.random.default_rng(seed)
     cell = rng.choice(6 * 50, min(count, 300), replace=False)  # one a pixel and tick
     time, pixel = np.divmod(np.sort(cell), 6)
     order = np.lexsort((rng.random(len(time)), time))  # those of one tick in any order
-    time, pixel = time[order] - 5, pixel[order]
+    time, pixel = time[order] * apart - 5, pixel[order]
     width = np.empty(len(time), np.int64)
     last = dict.fromkeys(range(6), -6)
     for n, (t, p) in enumerate(zip(time.tolist(), pixel.tolist(), strict=True)):
@@ -125,7 +127,7 @@ def test_widths_that_planes_do_not_keep_are_counted(
     other = rng.random(len(time)) < 0.3
     width[other] += 1
     row, column = (x.astype(np.uint16) for x in np.divmod(pixel, 3))
-    events = Events(row, column, time, width, (2, 3), 50, CLOCK, -5)
+    events = Events(row, column, time, width, (2, 3), 50 * apart, CLOCK, -5)
     path = tmp_path_factory.mktemp("events") / NAME
     write_events(events, path)
     stream = open_stream(path)
@@ -166,7 +168,7 @@ def test_what_memory_cannot_hold_is_refused_before_it_is_made(
     with pytest.raises(InputError) as refused:
         open_stream(path).read_words(0, 1)
     assert str(refused.value) == (
-        f"the planes of {path} {must}2.98e-05 GiB; keep its events, or cut them into shorter files"
+        f"the planes of {path} {must}1.79e-05 GiB; keep its events, or cut them into shorter files"
     )
     with pytest.raises(InputError, match=r"^the \d+ events of .* must be small enough for"):
         read_events(path)
