@@ -69,6 +69,8 @@ _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _POWER = r"(?:\ ?(?:\*\*|\^)\ ?-?[1-9]|[²³]|⁻[¹²³])?"
 _NAME = rf"[A-Za-zµμ_]+{_POWER}"
 _UNIT = rf"(?:1\ ?/\ ?)?{_NAME}(?:(?:\ ?[*/·]\ ?|\ ){_NAME})*"
+_LONGEST = 200
+"""Characters of a quantity. Time grows with the square of the digits, and in pint of a name."""
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
 
 
@@ -100,7 +102,7 @@ def parse_quantity(text: str, kind: Kind) -> float:
     Raises ValueError ("must be a frequency such as '40 kHz', not '40 lux'") if the text is not a
     finite number with a unit of this kind.
     """
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
     if match is None:
         raise ValueError(f"must be {kind}, not {text!r}")
     ureg = _registry()
