@@ -24,6 +24,8 @@ __all__ = ["TAPE", "NoTape", "Tape", "Taped"]
 TAPE = "checkpoint.tape"
 _MAGIC = b"viform imager tape 1\n"
 _OVER = 15
+_LARGEST = 2**20
+"""Upper limit of rows and of columns; a record that states more is damaged."""
 _HEAD = struct.Struct("<4q")
 """Frame, first row, rows, columns; the values follow."""
 
@@ -73,7 +75,7 @@ class Tape:
                 file.seek(at)
                 *_, rows, columns = _HEAD.unpack(file.read(_HEAD.size))
                 next_one = at + _HEAD.size + 2 * rows * columns
-                if rows < 0 or columns < 0 or next_one > size:
+                if not (0 <= rows <= _LARGEST and 0 <= columns <= _LARGEST) or next_one > size:
                     break
                 at, self.remaining = next_one, self.remaining + 1
         return at
