@@ -32,6 +32,8 @@ CONFIG = "config.yaml"
 """Name of such a file."""
 _LARGEST = 2**13
 """Upper limit of the size of a config.yaml, bytes; public ones have 150."""
+_BRACKETS = 100
+"""Upper limit of brackets. The time of the YAML reader grows with the square of their depth."""
 _MOST_PIXELS = 10**9
 
 
@@ -70,6 +72,8 @@ def _load(path: Path) -> dict[str, Any] | None:
         raise _bad(path, f"one that cannot be read ({exc.strerror})") from exc
     if len(content) > _LARGEST:
         raise _bad(path, f"more than {_LARGEST} bytes")
+    if content.count(b"[") + content.count(b"{") > _BRACKETS:
+        raise _bad(path, f"one of more than {_BRACKETS} lists and mappings")
     try:
         document = yaml.safe_load(content)
     except Exception as exc:  # YAML errors, and those of numbers, dates and nesting in it

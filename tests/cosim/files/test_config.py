@@ -124,9 +124,10 @@ def test_a_length_against_the_config_names_it(folder: Path) -> None:
         ("spike_w: 8\n\tspike_h: 3", "broken in line 2 ("),
         ("filename: !!python/object/apply:os.getcwd []\nspike_w: 8", "broken in line 1 ("),
         ("spike_w: 2024-13-45", "broken (month must be in 1..12)"),
-        ("spike_w: " + "[" * 1000, "broken ("),
+        ("spike_w: " + "[" * 100, "broken in line 1 ("),
         ("spike_w: " + "9" * 5000, "broken ("),
         ("a" * 2**13 + "a", "more than 8192 bytes"),
+        ("spike_w: " + "[" * 101, "one of more than 100 lists and mappings"),
     ],
 )  # fmt: skip
 def test_a_bad_config_is_one_line(folder: Path, text: str, given: str) -> None:
