@@ -18,7 +18,7 @@ import pytest
 __all__ = ["Command", "call"]
 
 _CONTEXT = multiprocessing.get_context("forkserver")
-_CONTEXT.set_forkserver_preload(["tests.attack.warm"])
+_CONTEXT.set_forkserver_preload(["tests.survival.warm"])
 
 
 class Command:

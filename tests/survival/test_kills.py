@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from tests.attack.commands import RUNS
-from tests.attack.forked import Command
 from tests.recorded.recording import left_behind, plain
+from tests.survival.commands import RUNS
+from tests.survival.forked import Command
 
 QUICK = {"latched": 3, "asynchronous": 3, "continuous": 3, "emccd": 3, "ebaps": 3, "adaptive": 2,
          "display": 2, "link": 1}  # fmt: skip

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from tests.attack.commands import RUNS
-from tests.attack.forked import call
-from tests.attack.small_disk import mount_private, resize
-from tests.attack.test_kills import state
+from tests.survival.commands import RUNS
+from tests.survival.forked import call
+from tests.survival.small_disk import mount_private, resize
+from tests.survival.test_kills import state
 
 STEPS = 40
 """Sizes of the disk behind the marker, from nothing to all that a run writes."""
