@@ -109,7 +109,7 @@ def _cards(report: Report) -> str:
 
 def _stages(report: Report) -> str:
     rows = [
-        [stage.name, stage.outcome, f"{stage.seconds:.2f} s", summary(stage)]
+        [stage.name, stage.outcome, f"{stage.seconds:.2f}\N{NO-BREAK SPACE}s", summary(stage)]
         for stage in report.stages
     ]
     return "<h2>Stages</h2>" + table(["stage", "outcome", "time", "result"], rows)
