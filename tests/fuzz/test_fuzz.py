@@ -25,3 +25,17 @@ def test_damaged_input_is_read_or_refused_in_a_line(target: Target, tmp_path: Pa
 @each_target
 def test_a_million_damaged_inputs(target: Target, tmp_path: Path) -> None:
     assert run(target, QUICK, SLOW // len(TARGETS) // target.weight + 1, tmp_path) == []
+
+
+KEPT = {"event arrays": (17152, 44517), "settings": (23662,), "tape": (13387,), "config": (41457,)}
+"""Numbers of cases that failed once: time or memory out of proportion, or an error of numpy."""
+AROUND = 5
+"""Cases before and after, whose time is the usual one."""
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [(k, n) for k, numbers in KEPT.items() for n in numbers]
+)
+def test_a_case_that_failed_once_does_not_again(name: str, number: int, tmp_path: Path) -> None:
+    (target,) = (t for t in TARGETS if t.name == name)
+    assert run(target, number - AROUND, 2 * AROUND + 1, tmp_path) == []
