@@ -143,7 +143,8 @@ def read_log(path: Path) -> tuple[list[Opened | Request | Answer | Stray | Dropp
         raise InputError(
             f"{path}", "a log of a line", f"unreadable ({exc})", "give one written with --log"
         ) from exc
-    *lines, rest = text.split("\n")
+    every = text.split("\n")
+    *lines, rest = every  # a whole log ends with a line break
     events = [_parsed(path, number, line) for number, line in enumerate(lines, 1)]
     if rest:
         try:
@@ -153,10 +154,10 @@ def read_log(path: Path) -> tuple[list[Opened | Request | Answer | Stray | Dropp
             if not events:
                 raise
     if not events or not isinstance(events[0], Opened):
-        raise _bad(path, 1, (lines or [rest])[0])
+        raise _bad(path, 1, every[0])
     for number, event in enumerate(events[1:], 2):
         if isinstance(event, Opened):
-            raise _bad(path, number, lines[number - 1])
+            raise _bad(path, number, every[number - 1])
     return events, bool(rest)
 
 

@@ -27,7 +27,8 @@ def test_a_million_damaged_inputs(target: Target, tmp_path: Path) -> None:
     assert run(target, QUICK, SLOW // len(TARGETS) // target.weight + 1, tmp_path) == []
 
 
-KEPT = {"event arrays": (17152, 44517), "settings": (23662,), "tape": (13387,), "config": (41457,)}
+KEPT = {"event arrays": (17152, 44517), "settings": (23662,), "tape": (13387,), "config": (41457,),
+        "log": (10339,), "judged log": (14783,)}  # fmt: skip
 """Numbers of cases that failed once: time or memory out of proportion, or an error of numpy."""
 AROUND = 5
 """Cases before and after, whose time is the usual one."""
