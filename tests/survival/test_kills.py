@@ -52,7 +52,7 @@ def check(untouched: Any, first: int, kills: int, place: Path) -> None:
     while killed < kills:
         rng = random.Random(f"{kind}:{number}")
         folder, log = place / str(number), place / "log"
-        for _ in range(min(rng.randint(1, MOST), kills - killed)):
+        for _ in range(min(MOST, kills - killed)):
             command = run(RUNS[kind], folder, log)
             if command.wait(rng.random() * 1.05 * seconds) is not None:
                 break
