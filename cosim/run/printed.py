@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any, Literal
 
-__all__ = ["Relation", "Row", "agreement", "listed", "number", "unprinted"]
+__all__ = ["By", "Relation", "Row", "agreement", "listed", "number", "unprinted"]
 
 Relation = Literal["=", "<", "<=", ">", ">="]
 """Relation of the computed to the printed number, as the document states it."""
+By = Literal["run", "component", "formula", "constant"]
+"""What computed a number: a scenario that ran, simulation code that ran, a formula, or a constant
+of the program."""
 _ROUNDING = 1e-9
 """Relative rounding error that is allowed at a limit."""
 
@@ -30,6 +33,7 @@ class Row:
         holds: whether the relation holds to the printed digits, or a calculation has proved an
             error of the document, which `note` states.
         note: remark for the reader.
+        by: what computed the number.
     """
 
     source: str
@@ -40,6 +44,7 @@ class Row:
     unit: str
     holds: bool
     note: str
+    by: By
 
 
 def agreement(printed: str, computed: float) -> Literal["rounded", "cut"] | None:
@@ -75,6 +80,7 @@ def number(
     computed: float,
     unit: str = "1",
     *,
+    by: By,
     relation: Relation = "=",
     note: str = "",
     proof: bool | None = None,
@@ -87,6 +93,7 @@ def number(
         printed: the digits as printed, such as "4.09e10".
         computed: the number that the simulation computes.
         unit: unit of both.
+        by: what computed the number.
         relation: relation of `computed` to `printed`.
         note: remark for the reader.
         proof: for an error of the document, whether a calculation proves it; None otherwise. The
@@ -104,23 +111,23 @@ def number(
         good = proof and not good
     printed_value = int(value) if value.is_integer() and abs(value) < 1e15 else value
     finite = computed if math.isfinite(computed) else None
-    return Row(source, what, printed_value, relation, finite, unit, good, note)
+    return Row(source, what, printed_value, relation, finite, unit, good, note, by)
 
 
 def listed(
     source: str, what: str, printed: Sequence[Any], computed: Sequence[Any], unit: str = "1",
-    note: str = "",
+    *, by: By, note: str = "",
 ) -> Row:  # fmt: skip
     """A row of several numbers, all of which must be equal."""
     one, other = list(printed), list(computed)
-    return Row(source, what, one, "=", other, unit, one == other, note)
+    return Row(source, what, one, "=", other, unit, one == other, note, by)
 
 
 def unprinted(
-    source: str, what: str, computed: Any, unit: str = "1", *, holds: bool, note: str
+    source: str, what: str, computed: Any, unit: str = "1", *, by: By, holds: bool, note: str
 ) -> Row:
     """A row of a number that follows from the document and is not printed there, or is lost.
 
     holds: result of a second calculation, which `note` describes.
     """
-    return Row(source, what, None, "=", computed, unit, holds, note)
+    return Row(source, what, None, "=", computed, unit, holds, note, by)

@@ -48,20 +48,21 @@ def _light() -> list[Row]:
     longest = longest_exposure()
     value, _ = _SETTING.value(0.1, longest)
     return [
-        number("001 abstract", "shortest exposure", "1", shortest_exposure() * 1e6, "us"),
+        number("001 abstract", "shortest exposure", "1", shortest_exposure() * 1e6, "us",
+               by="constant"),
         number("001 abstract", "longest exposure", "65", longest * 1e3, "ms",
-               note="2^16 T = 65.536 ms"),
+               note="2^16 T = 65.536 ms", by="formula"),
         number("001 §1", "response", "1.0", _SETTING.volts(1.0, 1.0), "V/(lx s)",
-               note="gain 1, as printed"),
+               note="gain 1, as printed", by="formula"),
         number("001 abstract", "brightest light", "1e6", brightest_lux(), "lx",
-               note="full scale at 1 us; a full scale of 1 V is assumed"),
+               note="full scale at 1 us; a full scale of 1 V is assumed", by="formula"),
         number("001 abstract", "darkest light", "1e-1", darkest_lux(), "lx", relation="<=",
-               note=f"one DN at the longest exposure; 0.1 lx gives {value} DN"),
+               note=f"one DN at the longest exposure; 0.1 lx gives {value} DN", by="formula"),
         number("001 abstract", "light range of 1e-1 to 1e6 lux in powers of ten", "7",
-               light_range_db() / 20, relation=">="),
+               light_range_db() / 20, relation=">=", by="formula"),
         number("001 §3.1", "value above which a pixel is saturated", "255",
                _SETTING.value(brightest_lux(), shortest_exposure())[0], "DN",
-               note="not yet saturated at exactly full scale"),
+               note="not yet saturated at exactly full scale", by="component"),
     ]  # fmt: skip
 
 
@@ -73,13 +74,15 @@ def _decision() -> list[Row]:
     return [
         listed("001 table 1", "factor for largest values " + ", ".join(t for t, *_ in _TABLE),
                [f for *_, f in _TABLE], factors,
-               note="the table is lost; its text fixes both ends"),
+               note="the table is lost; its text fixes both ends", by="component"),
         number("001 §2", "least value that keeps the exposure: half of the scale", "128",
-               min(v for v in range(256) if lengthening(v) == 1), "DN"),
+               min(v for v in range(256) if lengthening(v) == 1), "DN", by="component"),
         number("001 §2", "fall of light that one frame follows, power of two", "8",
-               math.log2(once), note="light that rises that far saturates: the searches' case"),
+               math.log2(once), note="light that rises that far saturates: the searches' case",
+               by="component"),
         number("001 §2", "frames for light of 1/2 to 1/256 LSB", "2", _dim(), "frames",
-               note="a value of 0 must ask for x256, one step beyond the table's x128"),
+               note="a value of 0 must ask for x256, one step beyond the table's x128",
+               by="component"),
     ]  # fmt: skip
 
 
@@ -106,11 +109,13 @@ def _searches() -> list[Row]:
     span = light_for(1 << 3) / light_for(1 << 24)
     return [
         listed("001 §2", "exposure after saturation at 2^16 T: t/256, root, t/2",
-               [1 << 8, 1 << 8, 1 << 15], [shortened(start, s) for s in Search], "T"),
+               [1 << 8, 1 << 8, 1 << 15], [shortened(start, s) for s in Search], "T",
+               by="component"),
         listed("001 §2", "frames of the three searches from 2^24 T to 2^3 T", [4, 3, 21], counts,
-               "frames", note="one a decision; by the clock a decision shows two frames later"),
+               "frames", note="one a decision; by the clock a decision shows two frames later",
+               by="component"),
         number("001 §2", "light of that search, 1e0 to 1e6 lux, in powers of ten", "6",
-               math.log10(span), note=f"2^21 = {span:.3g}"),
+               math.log10(span), note=f"2^21 = {span:.3g}", by="formula"),
     ]  # fmt: skip
 
 
@@ -120,18 +125,19 @@ def _registers() -> list[Row]:
     needed = max(search_path(Search.HALF)).bit_length()
     seconds = (1 << 24) * shortest_exposure()
     return [
-        number("001 §3.3", "bits of the minimum-exposure register", "8", least.width, "bit"),
+        number("001 §3.3", "bits of the minimum-exposure register", "8", least.width, "bit",
+               by="constant"),
         number("001 §3.3", "its value for 1 us at 20 MHz (14H)", "20", int(least.reset), "clocks",
-               note=f"{MINIMUM_CLOCKS} clocks of {CLOCK_HZ / 1e6:g} MHz"),
+               note=f"{MINIMUM_CLOCKS} clocks of {CLOCK_HZ / 1e6:g} MHz", by="constant"),
         number("001 §3.3", "bits of the multiplier register", "24", register.width, "bit",
                proof=needed == MULTIPLIER_BITS == PRINTED_MULTIPLIER_BITS + 1,
                note="the document's error: the search of section 2 starts at 2^24 T, a number of "
-               f"{needed} bits ({seconds:.1f} s); {register.width} are used"),
+               f"{needed} bits ({seconds:.1f} s); {register.width} are used", by="constant"),
         number("001 §3.3", "values below half scale, each of which a table would hold", "128",
-               sum(lengthening(v) > 1 for v in range(1 << BITS))),
+               sum(lengthening(v) > 1 for v in range(1 << BITS)), by="component"),
         number("001 §3.3", "bits of the table that powers of two save (128 x 8)", "1024",
                sum(lengthening(v) > 1 for v in range(1 << BITS)) * least.width, "bit",
-               note="8 bits an entry, as the minimum-exposure register has"),
+               note="8 bits an entry, as the minimum-exposure register has", by="component"),
     ]  # fmt: skip
 
 
@@ -146,16 +152,20 @@ def _sequence() -> list[Row]:
     rate = CLOCK_HZ / timing.period(long)
     both = {f.counter for f in frames}
     return [
-        listed("001 §4", "bits that a step of a counter changes", [1], sorted(steps), "bit"),
-        number("001 §4.2", "reset counters in turn", "2", len(both)),
-        listed("001 §4.1", "frame time less hold less exposure", [0], sorted(whole), "clocks"),
+        listed("001 §4", "bits that a step of a counter changes", [1], sorted(steps), "bit",
+               by="component"),
+        number("001 §4.2", "reset counters in turn", "2", len(both), by="component"),
+        listed("001 §4.1", "frame time less hold less exposure", [0], sorted(whole), "clocks",
+               by="component"),
         number("001 §4.1", "frames from N to the first with the new exposure, at the latest", "3",
-               most, "frames", note="on the sensor: 36 instants, exposures, falls of light"),
-        number("001 §5", "frames a second", "100", CLOCK_HZ / timing.period(20), "1/s"),
+               most, "frames", note="on the sensor: 36 instants, exposures, falls of light",
+               by="component"),
+        number("001 §5", "frames a second", "100", CLOCK_HZ / timing.period(20), "1/s",
+               by="formula"),
         number("001 §5", "frames a second at an exposure of 65 ms", "100", rate, "1/s",
                proof=longest_exposure() > 1 / FRAME_RATE,
                note="the document's error: 65 ms do not fit into the 10 ms of a frame; a frame of "
-               f"a long exposure is longer, which is used: {rate:.1f} frames/s"),
+               f"a long exposure is longer, which is used: {rate:.1f} frames/s", by="formula"),
     ]  # fmt: skip
 
 
@@ -179,11 +189,12 @@ def _response() -> list[Row]:
     ends = [p.exponent for p in points]
     deviation = exponential_deviation(points)
     return [
-        number("001 fig. 6", "exposure of 2^16 T", "65", longest_exposure(max(ends)) * 1e3, "ms"),
+        number("001 fig. 6", "exposure of 2^16 T", "65", longest_exposure(max(ends)) * 1e3, "ms",
+               by="component"),
         number("001 fig. 6", "exposure of 2^12 T", "4", longest_exposure(12) * 1e3, "ms",
-               note=f"where the loop rests: from 2^{max(ends)} to 2^{min(ends)} T"),
+               note=f"where the loop rests: from 2^{max(ends)} to 2^{min(ends)} T", by="formula"),
         unprinted("001 fig. 6", "how far the combined response is off an exponential",
                   100 * deviation, "%", holds=deviation <= 0.05,
                   note="the document says close to one, here taken for 5 %; straight lines "
-                  "between octaves are 3 % off"),
+                  "between octaves are 3 % off", by="component"),
     ]  # fmt: skip

@@ -56,19 +56,23 @@ def _chip() -> list[Row]:
     bright, _ = pixels.mean_variance(1e-6, 1e-3)
     dark, _ = EbapsPixels(volts=0.0).mean_variance(1e-6, 1e-3)
     return [
-        listed("002 §1", "columns and rows", [1280, 1024], [width, height], "pixels"),
+        listed("002 §1", "columns and rows", [1280, 1024], [width, height], "pixels",
+               by="constant"),
         number("002 §1", "pixel clock at the most", "80", fast.readout_clocks * 60 * 1e-6, "MHz",
-               relation="<=", note="60 frames/s would still fit into it; what pixels take"),
-        number("002 §3.1", "pixel clock", "40", CLOCK_HZ * 1e-6, "MHz"),
+               relation="<=", note="60 frames/s would still fit into it; what pixels take",
+               by="constant"),
+        number("002 §3.1", "pixel clock", "40", CLOCK_HZ * 1e-6, "MHz", by="constant"),
         number("002 §1", "frames a second", "30", per_second, "1/s",
-               note=f"of VSYNC's falling edges; {100 * timing.blanking:.1f} % are blank"),
-        number("002 §2", "bits of a value", "16", pixels.bits, "bit"),
+               note=f"of VSYNC's falling edges; {100 * timing.blanking:.1f} % are blank",
+               by="formula"),
+        number("002 §2", "bits of a value", "16", pixels.bits, "bit", by="constant"),
         number("002 §2", "samples a second of the converter", "80e6", CLOCK_HZ, "1/s",
-               relation="<=", note="what the pixel clock asks of it; its 80 MS/s allow twice that"),
+               relation="<=", note="what the pixel clock asks of it; its 80 MS/s allow twice that",
+               by="constant"),
         listed("002 §5", "high voltage, volts", [0, 1500],
                [_least_volts(pixels), HIGH_VOLTAGE], "V",
                note=f"gain {pixels.tube.gain(1500):.0f} at 1500 V, {pixels.tube.gain(0):.0f} at 0: "
-               f"{bright:.0f} and {dark:.0f} DN"),
+               f"{bright:.0f} and {dark:.0f} DN", by="component"),
     ]  # fmt: skip
 
 
@@ -86,21 +90,21 @@ def _link() -> list[Row]:
     return [
         number("002 §1", "drive signals of the sensor", "9",
                len({r[1] for r in drive_records([(0, DEFAULT_EXPOSURE)])} & _NAMES),
-               note="those that a frame's waveforms hold: " + ", ".join(DRIVES)),
+               note="those that a frame's waveforms hold: " + ", ".join(DRIVES), by="component"),
         number("002 §2", "parallel bits of a Camera Link word", "28", WORD_BITS, "bit",
                note="of each clock, carried and read back the same"
-               if np.array_equal(back, words) else "not read back"),
+               if np.array_equal(back, words) else "not read back", by="constant"),
         number("002 §2", "serial channels", "5", CHANNELS,
-               note=f"four of {SERIAL_BITS} bits a clock and the clock's own"),
+               note=f"four of {SERIAL_BITS} bits a clock and the clock's own", by="constant"),
         number("002 §2", "clock of the link", "85", LINK_HZ * 1e-6, "MHz",
                note=f"pixels take {100 * timing.utilisation:.1f} % of its clocks; "
                f"{timing.pair_rate * 1e-6:.0f} Mbit/s on a pair, "
-               f"{timing.bits_per_second * 1e-9:.2f} Gbit/s in all"),
+               f"{timing.bits_per_second * 1e-9:.2f} Gbit/s in all", by="constant"),
         number("002 §0", "frames a second that the link's lines allow", "30", frames, "1/s",
-               note="1280 x 1024, lines of whole clocks"),
+               note="1280 x 1024, lines of whole clocks", by="formula"),
         listed("002 §2", "clock range of the link's chip, least and most", [True, True],
                [LINK_HZ >= 10e6, LINK_HZ <= 90e6],
-               note="10 to 90 MHz, as printed, hold the 85 MHz"),
+               note="10 to 90 MHz, as printed, hold the 85 MHz", by="constant"),
     ]  # fmt: skip
 
 
@@ -111,15 +115,18 @@ def _exposure() -> list[Row]:
     top = follow(rule, lambda *_: 0, 200)[-1]
     steps = np.abs(np.diff(follow(rule, lambda *_: 65_535, 20)))
     return [
-        number("002 eq. 3", "T_max = m n / f", "32768000", timing.longest_exposure, "ns"),
-        number("002 §3.1", "T_max, where the loop stops in the dark", "32768000", top, "ns"),
-        number("002 §3.1", "T_min, where it stops in bright light", "1000000", bottom, "ns"),
-        number("002 §3.1", "T_default, where it begins", "16384000", first, "ns"),
-        number("002 §3.1", "step", "640000", int(steps.max()), "ns"),
+        number("002 eq. 3", "T_max = m n / f", "32768000", timing.longest_exposure, "ns",
+               by="formula"),
+        number("002 §3.1", "T_max, where the loop stops in the dark", "32768000", top, "ns",
+               by="component"),
+        number("002 §3.1", "T_min, where it stops in bright light", "1000000", bottom, "ns",
+               by="component"),
+        number("002 §3.1", "T_default, where it begins", "16384000", first, "ns", by="component"),
+        number("002 §3.1", "step", "640000", int(steps.max()), "ns", by="component"),
         number("002 §3.1", "T_min, its register", "1000000", _reset("shortest"), "ns",
-               note=f"{SHORTEST_EXPOSURE} ns"),
+               note=f"{SHORTEST_EXPOSURE} ns", by="constant"),
         listed("002 §3.1", "window of the mean", [24_000, 25_600], _window(rule), "DN",
-               note="least and most mean that the loop leaves as it is"),
+               note="least and most mean that the loop leaves as it is", by="component"),
     ]  # fmt: skip
 
 
@@ -139,10 +146,10 @@ def _loop() -> list[Row]:
         unprinted("002 §3.1", "shortest exposure from which a step is sure to meet the window",
                   limit, "ms", holds=abs((limit + STEP * 1e-6) / limit - WINDOW[1] / WINDOW[0])
                   < 1e-9, note=f"for shorter ones a fixed step of {STEP} ns hunts or meets it by "
-                  f"chance; {middle:.2f} ms in terms of the window's middle"),
+                  f"chance; {middle:.2f} ms in terms of the window's middle", by="formula"),
         listed("002 fig. 6 and 7", "the loop rests from below (20 ms) and above (10 ms)",
                ["rest", "rest"], kinds[:2],
-               note=f"where 2.1 ms are wanted it ends in a {kinds[2]}"),
+               note=f"where 2.1 ms are wanted it ends in a {kinds[2]}", by="component"),
     ]  # fmt: skip
 
 
@@ -150,13 +157,15 @@ def _memory() -> list[Row]:
     imager, made = Ebaps(), region_bytes()
     columns, rows = imager.timing.columns, imager.timing.rows
     return [
-        number("002 §3.2", "regions in memory", "5", REGIONS),
-        number("002 §3.2", "of them dark frames", "4", LIVE, note=f"a mean of {DARKS}"),
-        number("002 §3.2", "bytes of a region, 1280 x 1024 x 2", str(1280 * 1024 * 2), made, "B"),
+        number("002 §3.2", "regions in memory", "5", REGIONS, by="constant"),
+        number("002 §3.2", "of them dark frames", "4", LIVE, note=f"a mean of {DARKS}",
+               by="constant"),
+        number("002 §3.2", "bytes of a region, 1280 x 1024 x 2", str(1280 * 1024 * 2), made, "B",
+               by="constant"),
         number("002 §3.2", "bytes from the base to the live frame's region",
                str(4 * 1280 * 1024 * 2), region_offset(LIVE), "B",
-               note="address = base + region's offset + running burst"),
-        number("002 §3.2", "bytes of a value", "2", made / (columns * rows), "B"),
+               note="address = base + region's offset + running burst", by="formula"),
+        number("002 §3.2", "bytes of a value", "2", made / (columns * rows), "B", by="constant"),
     ]  # fmt: skip
 
 
@@ -164,9 +173,10 @@ def _board() -> list[Row]:
     dynamic, static = 1.185, 0.076
     return [
         number("002 §5", "power of the logic: dynamic 1.185 W and static 0.076 W", "1.261",
-               dynamic + static, "W", note="the sum of the printed parts; no power is simulated"),
+               dynamic + static, "W", note="the sum of the printed parts; no power is simulated",
+               by="constant"),
         number("002 §5", "power of the whole board", "4.8", dynamic + static, "W", relation="<=",
-               note="the logic's share of it"),
+               note="the logic's share of it", by="constant"),
     ]  # fmt: skip
 
 
@@ -184,6 +194,6 @@ def _night() -> list[Row]:
             "002 fig. 11", f"recognisable at {lux:g} lx with {-pixels.volts + 0.0:g} V", [seen],
             [recognisable(pixels, chart, longest)],
             note=f"contrast to noise {ratio:.3g} of a bar of 6 x 30 pixels (Rose: 5 is seen); "
-            f"smallest bar {text}; f/1.4 assumed",
+            f"smallest bar {text}; f/1.4 assumed", by="formula",
         ))  # fmt: skip
     return rows

@@ -52,13 +52,14 @@ def _exposure() -> list[Row]:
     beyond = Settings((1 << register.width) - 1).within(timing).steps
     return [
         number("003 §0", "shortest exposure", "10", shortest, "us",
-               note="edges between two frame transfers of the sequence"),
+               note="edges between two frame transfers of the sequence", by="component"),
         number("003 §0", "shortest exposure of another design, cited", str(_CITED_MS), least * 1e3,
-               "ms", relation="<", note="ours lies below it; theirs has no first transfer"),
-        number("003 §2", "longest exposure", "40.96", most * 1e3, "ms"),
-        number("003 §2", "step of exposure", "10", step * 1e6, "us"),
+               "ms", relation="<", note="ours lies below it; theirs has no first transfer",
+               by="component"),
+        number("003 §2", "longest exposure", "40.96", most * 1e3, "ms", by="formula"),
+        number("003 §2", "step of exposure", "10", step * 1e6, "us", by="formula"),
         unprinted("003 §2", "steps of exposure", beyond, holds=beyond == round(most / step),
-                  note="40.96 ms in 10 us; what is written beyond is cut to it"),
+                  note="40.96 ms in 10 us; what is written beyond is cut to it", by="component"),
     ]  # fmt: skip
 
 
@@ -74,25 +75,29 @@ def _chip() -> list[Row]:
     cycle = Cycle(0, 0, timing, Settings(1).within(timing))
     return [
         listed("003 §1", "image rows and columns", [512, 512], [rows.size, columns.size], "pixels",
-               note="those of the simulated chip that see light"),
+               note="those of the simulated chip that see light", by="component"),
         listed("003 §1", "rows and columns of image and storage area", [528, 536],
-               list(pixels.shape), "pixels"),
+               list(pixels.shape), "pixels", by="constant"),
         listed("003 §1", "dark reference rows at head and tail", [8, 8],
-               [int(rows[0]), pixels.shape[0] - 1 - int(rows[-1])], "rows"),
+               [int(rows[0]), pixels.shape[0] - 1 - int(rows[-1])], "rows", by="component"),
         listed("003 §1", "dark reference columns left and right", [12, 12],
-               [int(columns[0]), pixels.shape[1] - 1 - int(columns[-1])], "columns"),
-        number("003 §1", "cells of the horizontal register", "536", timing.columns),
+               [int(columns[0]), pixels.shape[1] - 1 - int(columns[-1])], "columns",
+               by="component"),
+        number("003 §1", "cells of the horizontal register", "536", timing.columns, by="constant"),
         number("003 §1", "cells between it and the multiplication register", "16",
-               timing.transition, "clocks", note="clocks from a line's start to its first pixel"),
-        number("003 §1", "pixel clocks of a line", "552", timing.line, "clocks"),
-        number("003 §1", "row shifts of a frame transfer", "528", cycle.transfer / timing.transfer),
+               timing.transition, "clocks", note="clocks from a line's start to its first pixel",
+               by="constant"),
+        number("003 §1", "pixel clocks of a line", "552", timing.line, "clocks", by="constant"),
+        number("003 §1", "row shifts of a frame transfer", "528", cycle.transfer / timing.transfer,
+               by="component"),
         number("003 abstract", "quantum efficiency, at the most", "93",
-               100 * pixels.responsivity / photons, "%", note=f"at {chip.WAVELENGTH:g} nm"),
-        number("003 §1", "bits of a value", "16", pixels.bits, "bit"),
+               100 * pixels.responsivity / photons, "%", note=f"at {chip.WAVELENGTH:g} nm",
+               by="formula"),
+        number("003 §1", "bits of a value", "16", pixels.bits, "bit", by="constant"),
         number("003 §0", "effective output noise", "1",
                EmccdPixels(gain=200.0).effective_read_noise, "e", relation="<",
                note=f"{pixels.read_noise:g} e at the output (assumed) over the gain of figure 4, "
-               "200; from a gain of 30 on"),
+               "200; from a gain of 30 on", by="formula"),
     ]  # fmt: skip
 
 
@@ -104,17 +109,18 @@ def _gain() -> list[Row]:
     other = HighVoltage(peak=SUMMARY_PEAK)
     steps = [HighVoltage(p).step_for(200.0) for p in (TEXT_PEAK, SUMMARY_PEAK)]
     return [
-        number("003 §2", "steps of gain", "256", table.size),
+        number("003 §2", "steps of gain", "256", table.size, by="constant"),
         listed("003 §2", "peak of the high-voltage clock at the first and last step", [37, 45],
-               [round(v, 9) for v in ends], "V", note="the text's range, which is used"),
+               [round(v, 9) for v in ends], "V", note="the text's range, which is used",
+               by="formula"),
         number("003 §3", "peak at the last step, as the summary has it", "50", ends[1], "V",
                proof=TEXT_PEAK[1] != SUMMARY_PEAK[1] and round(other.volts(last), 9) == 50
                and abs(other.gain(last) / voltage.gain(last) - 1) < 1e-9,
                note="the document contradicts itself: 45 V in its text, 50 V in its summary; the "
                "text's is used, where the circuit stands. The gains by step are the same either "
-               f"way: 200 is step {steps[0]} and {steps[1]}"),
-        number("003 §2", "gain at the first step", "1", float(table[0])),
-        number("003 §2", "gain at the last step", "1000", float(table[-1])),
+               f"way: 200 is step {steps[0]} and {steps[1]}", by="formula"),
+        number("003 §2", "gain at the first step", "1", float(table[0]), by="formula"),
+        number("003 §2", "gain at the last step", "1000", float(table[-1]), by="formula"),
     ]  # fmt: skip
 
 
@@ -129,7 +135,7 @@ def _rows() -> list[Row]:
         rows.append(number(
             source, f"rows {first + 1} to {first + count} of the window", printed, _read(cycle),
             "rows", note=f"counted in the sequence; {cycle.before} dumped before, {cycle.after} "
-            "after",
+            "after", by="component",
         ))  # fmt: skip
     whole = [Settings(200, 0, k).within(timing).rows for k in (0, 1, 512, 600)]
     cycle = Cycle(0, 0, timing, Settings(200, 100, 128).within(timing))
@@ -139,14 +145,14 @@ def _rows() -> list[Row]:
     dumped = _shifts(timing, cycle.settings)
     rows += [
         listed("003 §2", "least and most rows of a window", [1, 512], [whole[0], whole[-1]],
-               "rows"),
+               "rows", by="component"),
         number("003 §2", "rows dumped after the window of figure 5b, 527 - M - N",
                str(printed_after), cycle.after, "rows",
                proof=left == cycle.after == printed_after + 1 and dumped == timing.rows
                and before + read + printed_after == timing.rows - 1,
                note=f"the document's error: M + K + (527 - M - K) is 527 of {timing.rows} rows, "
                f"and its N is the K of its next page; 528 - M - K is used: {dumped} rows leave "
-               "the store in the clock-by-clock sequence"),
+               "the store in the clock-by-clock sequence", by="component"),
     ]  # fmt: skip
     return rows
 
@@ -187,7 +193,7 @@ def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Ro
     return [
         number("003 fig. 4", "columns at the head that turn white at a gain of 200", "42", white,
                "columns", note=f"{electrons:.0f} e a pixel on {lit} columns: the light is not "
-               "printed, so it was chosen; the spilling does the rest"),
+               "printed, so it was chosen; the spilling does the rest", by="component"),
     ]  # fmt: skip
 
 
@@ -205,12 +211,14 @@ def _frame() -> list[Row]:
     return [
         number("003 eq. of T_frame", "clocks of a cycle, closed form over counted clock by clock",
                "1", frame_clocks(small, settings) / counted,
-               note="the formula is lost; ours follows from the sequence that the text tells"),
+               note="the formula is lost; ours follows from the sequence that the text tells",
+               by="component"),
         unprinted("003 table 2", "frames a second at 2 ms with " + ", ".join(
             str(rows) for rows, _ in table) + " rows", [round(rate, 2) for _, rate in table],
             "1/s", holds=all(
                 math.isclose(rate, timing.clock_hz / _clocks(timing, rows)) for rows, rate in table
-            ), note="the table is lost; ours at a pixel clock of 10 MHz, which is assumed"),
+            ), note="the table is lost; ours at a pixel clock of 10 MHz, which is assumed",
+                  by="component"),
     ]  # fmt: skip
 
 
@@ -225,4 +233,5 @@ def _cold() -> list[Row]:
     run = run_cooling(Cooler(lambda _: 298.15), 900.0)
     last = float(run.chip[-1]) - chip.ZERO_CELSIUS
     return [number("003 §1", "temperature that the cooling loop holds", "-10", last, "degC",
-                   note="900 s after it was switched on in air of 25 degC")]  # fmt: skip
+                   note="900 s after it was switched on in air of 25 degC",
+                   by="component")]  # fmt: skip

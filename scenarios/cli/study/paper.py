@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -43,9 +44,14 @@ def paper(
         for name in chosen:
             selected = [row for row in rows if row.source.startswith(name)]
             print(_table(f"{name}: {DOCUMENTS[name].title}", selected))
-        print(f"{sum(row.holds for row in rows)} of {len(rows)} rows hold")
+        print(f"{sum(row.holds for row in rows)} of {len(rows)} rows hold; {_sources(rows)}")
     if not all(row.holds for row in rows):
         raise typer.Exit(1)
+
+
+def _sources(rows: list[Row]) -> str:
+    """How many rows each kind of computation gives."""
+    return ", ".join(f"{count} by {by}" for by, count in Counter(r.by for r in rows).most_common())
 
 
 def _text(value: Any) -> str:
@@ -57,21 +63,22 @@ def _text(value: Any) -> str:
 
 
 def _table(title: str, rows: list[Row]) -> str:
-    """The rows of one document as text: place, quantity, printed value, simulated value, and the
-    reason for a difference."""
+    """The rows of one document as text: place, quantity, printed value, computed value, what
+    computed it, and the reason for a difference."""
     cells = [
         (
             row.source[4:],
             row.what,
             "-" if row.printed is None else f"{_WORDS[row.relation]} {_text(row.printed)}".strip(),
             f"{_text(row.computed)} {'' if row.unit == '1' else row.unit}".strip(),
+            row.by,
             "" if row.holds else "FAILS",
             row.note,
         )
         for row in rows
     ]
-    heads = ("place", "quantity", "printed", "simulated", "")
-    widths = [max(len(c[n]) for c in (heads, *cells)) for n in range(4)]
+    heads = ("place", "quantity", "printed", "computed", "by")
+    widths = [max(len(c[n]) for c in (heads, *cells)) for n in range(5)]
     lines = [title, "  " + "  ".join(h.ljust(w) for h, w in zip(heads, widths, strict=False))]
     for *columns, mark, note in cells:
         lines.append("  " + "  ".join(c.ljust(w) for c, w in zip(columns, widths, strict=True)))

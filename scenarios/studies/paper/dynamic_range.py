@@ -38,19 +38,22 @@ def _example() -> list[Row]:
     rule = converter_rule(db, Converter(16, 2.0))
     return [
         number("004 §1", "noise of the example at 27 MHz", "25", noise, "e",
-               note="white and transfer noise in quadrature; their shares are assumed"),
-        number("004 §1", "electrons at saturation", "40000", as_ratio(db) * noise, "e"),
-        number("004 §1", "dynamic range of the example", "64.08", db, "dB"),
+               note="white and transfer noise in quadrature; their shares are assumed",
+               by="formula"),
+        number("004 §1", "electrons at saturation", "40000", as_ratio(db) * noise, "e",
+               by="formula"),
+        number("004 §1", "dynamic range of the example", "64.08", db, "dB", by="formula"),
         number("004 fig. 2", "pixel clock of the example, in the figure's title", "28",
                part.noise.hertz * 1e-6, "MHz",
                proof=round(db, 2) == 64.08 and round(at_28, 2) != 64.08,
                note="the document contradicts itself: 27 MHz in its text. With its own square "
-               f"root of frequency 28 MHz would give {at_28:.2f} dB; 27 MHz is used"),
+               f"root of frequency 28 MHz would give {at_28:.2f} dB; 27 MHz is used",
+               by="constant"),
         number("004 claim 1", "dynamic range of the converter over the sensor's, more than", "2",
                as_ratio(rule.as_ratio - rule.sensor),
                note=f"as a ratio: {rule.as_ratio:.2f} dB, {bits_for(rule.as_ratio)} bits; twice "
                f"the decibels would be {rule.as_decibels:.1f} dB, {bits_for(rule.as_decibels)} "
-               "bits, which no converter at such a clock has"),
+               "bits, which no converter at such a clock has", by="formula"),
     ]  # fmt: skip
 
 
@@ -71,12 +74,12 @@ def _laws() -> list[Row]:
     dark = _power("dark", True)
     return [
         number("004 §1", "power of the temperature by which reset noise grows", "0.500",
-               _power("reset", True)),
+               _power("reset", True), by="formula"),
         number("004 §1", "power of the temperature by which white noise grows", "0.500",
-               _power("white", True)),
-        number("004 §1", "the same of dark noise: more", "0.500", dark, relation=">"),
+               _power("white", True), by="formula"),
+        number("004 §1", "the same of dark noise: more", "0.500", dark, relation=">", by="formula"),
         number("004 §1", "power of the clock by which transfer noise grows", "0.500",
-               _power("transfer", False)),
+               _power("transfer", False), by="formula"),
     ]  # fmt: skip
 
 
@@ -86,10 +89,10 @@ def _wells() -> list[Row]:
     linear = max(x for x in levels if float(DALSA.response(x)) == x) * 1e3
     return [
         number("004 §1", "full well of the DALSA example", "3400", full, "mV",
-               note="the maximum of its response"),
+               note="the maximum of its response", by="component"),
         number("004 §1", "its linear full well", "2500", linear, "mV",
                note="the end of the linear response; the two differ by "
-               f"{DALSA.output_gain:.2f} dB"),
+               f"{DALSA.output_gain:.2f} dB", by="component"),
     ]  # fmt: skip
 
 
@@ -101,7 +104,7 @@ def _converter() -> list[Row]:
     return [
         number("004 formula", "no circuit, no converter noise, gains of 1: the sensor's", "64.08",
                alone, "dB",
-               note="the printed formula is garbled; read as 20 log10 of both parts"),
+               note="the printed formula is garbled; read as 20 log10 of both parts", by="formula"),
     ]  # fmt: skip
 
 
@@ -122,10 +125,11 @@ def _formula(m: float = 2.0, n: float = 2.0) -> list[Row]:
                and abs(twice.over_noise - right) < 1e-3,
                note="the document's error: it counts the gain in the signal and in the noise, "
                f"{decibels(n * m):.2f} dB too low; a chain of such gains has the computed value, "
-               "which is used"),
+               "which is used", by="formula"),
         number("004 formula", "circuit noise as large as the sensor's, gains of 1",
                f"{chain.document:.2f}", chain.over_noise, "dB",
                proof=math.isclose(chain.over_noise - chain.document, decibels(math.sqrt(2)),
                                   abs_tol=1e-3),
-               note="the document's error: independent noises add in quadrature, which is used"),
+               note="the document's error: independent noises add in quadrature, which is used",
+               by="formula"),
     ]  # fmt: skip

@@ -31,9 +31,10 @@ def _rates() -> list[Row]:
     two = CHIPS["spiketwo"]
     return [
         number("000 §5.2", "most spikes a second of a pixel whose shortest width is 1 us", "1e6",
-               rate, "1/s", note="an asynchronous pixel that the light fills in a shorter time"),
+               rate, "1/s", note="an asynchronous pixel that the light fills in a shorter time",
+               by="component"),
         number("000 §5.2", "of a million such pixels", "1e12", rate * two.width * two.height,
-               "1/s"),
+               "1/s", by="component"),
     ]  # fmt: skip
 
 
@@ -45,16 +46,20 @@ def _chips() -> list[Row]:
     pixels = one.width * one.height
     return [
         number("000 §6", "pixels of SpikeOne", "100000", pixels, "pixels",
-               note=f"{one.width} x {one.height}, as every public recording has it"),
+               note=f"{one.width} x {one.height}, as every public recording has it", by="constant"),
         number("000 §6", "450 x 200", "100000", product, "pixels",
                proof=product != 100_000 and pixels == 100_000,
                note=f"the document's error: the product is {product}; the size that is used, "
-               f"{one.width} x {one.height}, has the 100 000"),
-        number("000 §6", "pixels of SpikeTwo", "1000000", two.width * two.height, "pixels"),
-        number("000 §6", "shortest width at 40 kHz", "25", fast.edge(1) * 1e-6, "us"),
-        number("000 §6", "bits a second of a pixel", "40000", fast.cycles_in(PS), "bit/s"),
-        number("000 §6", "shortest width at 20 kHz", "50", slow.edge(1) * 1e-6, "us"),
-        number("000 §6", "levels of the threshold", "16", two.threshold_levels),
+               f"{one.width} x {one.height}, has the 100 000", by="constant"),
+        number("000 §6", "pixels of SpikeTwo", "1000000", two.width * two.height, "pixels",
+               by="constant"),
+        number("000 §6", "shortest width at 40 kHz", "25", fast.edge(1) * 1e-6, "us",
+               by="constant"),
+        number("000 §6", "bits a second of a pixel", "40000", fast.cycles_in(PS), "bit/s",
+               by="constant"),
+        number("000 §6", "shortest width at 20 kHz", "50", slow.edge(1) * 1e-6, "us",
+               by="constant"),
+        number("000 §6", "levels of the threshold", "16", two.threshold_levels, by="constant"),
     ]  # fmt: skip
 
 
@@ -71,9 +76,11 @@ def _figures() -> list[Row]:
     brightness = int(tau_image(stream, last - 1)[0, 1])
     return [
         listed("000 fig. 3", "spikes counted in each window of the brightest pixel", WINDOWS,
-               counts, "cycles"),
-        number("000 §6", "exposure of the fifth picture, 200 cycles", "10", spans[4], "ms"),
-        number("000 §6", "exposure of the sixth picture, 800 cycles", "40", spans[5], "ms"),
+               counts, "cycles", by="component"),
+        number("000 §6", "exposure of the fifth picture, 200 cycles", "10", spans[4], "ms",
+               by="formula"),
+        number("000 §6", "exposure of the sixth picture, 800 cycles", "40", spans[5], "ms",
+               by="formula"),
         number("000 fig. 4", "brightness 255 - tau at cycle 800 for tau = 5", "250", brightness,
-               "DN"),
+               "DN", by="component"),
     ]  # fmt: skip

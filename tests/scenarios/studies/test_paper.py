@@ -23,6 +23,13 @@ def test_every_row_holds(rows: list[Row]) -> None:
         assert sum(row.source.startswith(name) for row in rows) >= 10
 
 
+def test_every_row_says_what_computed_it(rows: list[Row]) -> None:
+    assert {row.by for row in rows} <= {"run", "component", "formula", "constant"}
+    for name in DOCUMENTS:
+        simulated = [r for r in rows if r.source.startswith(name) and r.by in ("run", "component")]
+        assert simulated, name
+
+
 def test_a_document_s_errors_are_proved_and_told(rows: list[Row]) -> None:
     wrong = {
         (r.source, r.printed, r.computed) for r in rows
@@ -52,17 +59,17 @@ def test_a_document_s_errors_are_proved_and_told(rows: list[Row]) -> None:
 )  # fmt: skip
 def test_digits_agree_as_printed(printed: str, computed: float, how: str | None) -> None:
     assert agreement(printed, computed) == how
-    assert number("", "", printed, computed).holds is (how is not None)
+    assert number("", "", printed, computed, by="formula").holds is (how is not None)
 
 
 def test_a_proof_is_needed_where_the_document_errs_and_only_there() -> None:
-    assert number("", "", "10", 100.0, proof=True).holds
-    assert not number("", "", "10", 100.0, proof=False).holds
-    assert not number("", "", "10", 10.0, proof=True).holds  # then there is no error
-    assert not listed("", "", [1, 5], [1, 6]).holds
-    assert not number("", "", "5.165", 6.0, relation="<").holds
-    assert number("", "", "0.1", 0.06, relation="<=").holds
-    assert not unprinted("", "", 1.0, holds=False, note="").holds
+    assert number("", "", "10", 100.0, by="formula", proof=True).holds
+    assert not number("", "", "10", 100.0, by="formula", proof=False).holds
+    assert not number("", "", "10", 10.0, by="formula", proof=True).holds  # then there is no error
+    assert not listed("", "", [1, 5], [1, 6], by="formula").holds
+    assert not number("", "", "5.165", 6.0, by="formula", relation="<").holds
+    assert number("", "", "0.1", 0.06, by="formula", relation="<=").holds
+    assert not unprinted("", "", 1.0, by="formula", holds=False, note="").holds
 
 
 @pytest.mark.parametrize(
