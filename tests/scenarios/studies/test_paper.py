@@ -105,7 +105,7 @@ def test_the_command_prints_both_forms(
     found = json.loads(answer.out)["rows"]
     assert answer.code == 0
     assert set(found[0]) == {
-        "source", "what", "printed", "relation", "computed", "unit", "holds", "note",
+        "source", "what", "printed", "relation", "computed", "unit", "holds", "note", "by",
     }  # fmt: skip
     text = viform("paper", "004")
     assert text.code == 0 and "64.08" in text.out and "rows hold" in text.out
