@@ -194,7 +194,8 @@ def _cause_is_memory(exc: BaseException | None) -> bool:
     while exc is not None:
         if isinstance(exc, MemoryError):
             return True
-        exc = exc.__cause__ or exc.__context__
+        hidden = exc.__suppress_context__  # the library's own limit, and not the machine's
+        exc = exc.__cause__ or (None if hidden else exc.__context__)
     return False
 
 

@@ -100,6 +100,13 @@ class Clip:
             "check the file, or leave scene.path out for the built-in scene",
         )  # fmt: skip
 
+    def _undecodable(self, exc: Exception) -> InputError:
+        """The refusal of a file in which decoding failed. FFmpeg reports sizes beyond its limits,
+        which a damaged file states, as a lack of memory."""
+        if isinstance(exc, MemoryError):
+            return self._bad("damaged: it states more data than a clip can have")
+        return self._bad(str(getattr(exc, "strerror", None) or exc))
+
     def _start(self) -> None:
         import av
 
@@ -117,7 +124,7 @@ class Clip:
             self._aspect = float(stream.sample_aspect_ratio or 1)
             self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
         except (av.FFmpegError, OSError, ValueError) as exc:
-            raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
+            raise self._undecodable(exc) from None
         self._iterator, self._next, self.ended = container.decode(stream), 0, False
         self._container, self._stream = container, stream
 
@@ -139,7 +146,7 @@ class Clip:
                     self._note(f"{self._path.name} is damaged: only a part of it can be decoded")
                     return True
             if self._next == 0:
-                raise self._bad(str(getattr(exc, "strerror", None) or exc)) from exc
+                raise self._undecodable(exc) from None
             self._note(f"{self._path.name} cannot be decoded beyond frame {self._next - 1}")
             self.ended = True
             return False
