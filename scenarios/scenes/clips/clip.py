@@ -191,11 +191,23 @@ class Clip:
         white = (_WHITE_16 if grey_or_rgb else _WHITE_16_FROM_YUV) if deep else _WHITE_8
         if (code, white) not in self._curves:
             self._curves[code, white] = _curve(code, white)
-        rgb = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
-        luminance: npt.NDArray[np.float32] = self._curves[code, white][rgb] @ _LUMINANCE
-        if any(part.is_alpha for part in parts):
+        curve, clear = self._curves[code, white], any(part.is_alpha for part in parts)
+        luminance: npt.NDArray[np.float32]
+        if deep:
+            luminance = curve[frame.to_ndarray(format="rgb48le")] @ _LUMINANCE
+            if clear:
+                luminance *= frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
+        else:  # OpenCV takes a fifth of numpy's time
+            curves = np.stack([curve, curve, curve, np.arange(256, dtype=np.float32) / 255], axis=1)
+            channels = 4 if clear else 3
+            lit = cv2.LUT(
+                frame.to_ndarray(format="rgba" if clear else "rgb24"), curves[None, :, :channels]
+            )
+            luminance = np.asarray(cv2.transform(lit, np.append(_LUMINANCE, 0)[None, :channels]))
+            if clear:
+                luminance *= lit[..., 3]
+        if clear:
             self._note(f"{self._path.name}: transparent parts are black")
-            luminance *= frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
         height, width = luminance.shape
         wide = max(1, round(width * self._aspect)) if 0.1 < self._aspect < 10 else width
