@@ -39,6 +39,7 @@ class Summary:
         planes: new planes of light a cycle, 0 if the light is constant.
         slack: largest factor by which all effects together can reduce a pixel's light.
         dead: dead time of a spike, cycles.
+        uneven: relative standard deviation of the gains of pixels.
     """
 
     darkest: Any
@@ -51,6 +52,7 @@ class Summary:
     planes: Any = 1.0
     slack: float = 1.25
     dead: float = 0.0
+    uneven: float = 0.0
 
     @property
     def base(self) -> Values:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cosim.plan.planner import Plan
+import numpy as np
+
+from cosim.plan.planner import Plan, Values
 
 __all__ = ["Speeds", "forecast_document"]
 
@@ -44,7 +46,7 @@ class Speeds:
 
 
 def forecast_document(
-    name: str, plan: Plan, *, tier: str, device: str, tier_error: float, speeds: Speeds,
+    name: str, plan: Plan, *, tier: str, device: str, tier_error: Values | float, speeds: Speeds,
     pixel_cycles: float, kept: Sequence[str] | None = None, **others: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The document of a plan.
@@ -53,7 +55,7 @@ def forecast_document(
         name: name of the scenario.
         plan: plan of the run.
         tier, device: tier and device of the run.
-        tier_error: bound of the error of the tier's arithmetic, relative.
+        tier_error: bound of the error of the tier's arithmetic, relative; a number, or one a tile.
         speeds: predicted run times.
         pixel_cycles: size of the run.
         kept: effects that some tile keeps; by default, those of the plan.
@@ -72,8 +74,8 @@ def forecast_document(
             {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}
             for r in plan.rows if r.effect in plan.left_out
         ],
-        "promised": float(plan.total.max()) + tier_error,
-        "promised_kind": plan.kind if tier_error == 0 else "estimate",
+        "promised": float(np.max(plan.total + tier_error)),
+        "promised_kind": "estimate" if np.any(tier_error) else plan.kind,
         "rows": [asdict(row) for row in plan.rows],
         "sets": [
             {"effects": list(effects), "tiles": count} for effects, count in plan.sets.items()

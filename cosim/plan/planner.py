@@ -10,7 +10,7 @@ out the most, and skips sets that cannot be cheaper than the best so far.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
@@ -146,7 +146,7 @@ class _Search:
     """
 
     def __init__(
-        self, effects: Sequence[Effect], costs: Values, promise: Values, room: float,
+        self, effects: Sequence[Effect], costs: Values, promise: Values, room: Values | float,
         plane: Sequence[int], local: Sequence[tuple[int, ...]],
     ) -> None:  # fmt: skip
         self._effects, self._costs, self._promise, self._room = effects, costs, promise, room
@@ -207,8 +207,9 @@ def make_plan(
     *,
     certain: npt.NDArray[np.bool_] | bool = True,
     base_ns: float = 0.0,
-    tier_error: float = 0.0,
+    tier_error: Values | float = 0.0,
     forced: Sequence[str] = (),
+    exempt: Mapping[str, npt.NDArray[np.bool_]] | None = None,
 ) -> Plan:
     """Plans a scene. The tiles are those of the arrays of `scene`.
 
@@ -219,10 +220,12 @@ def make_plan(
         certain: (tiles,) whether the ranges of the scene are proven. Elsewhere all bounds count as
             estimates.
         base_ns: cost without effects, ns per pixel-cycle.
-        tier_error: relative error of the tier's arithmetic, which uses a part of the tolerance.
+        tier_error: relative error of the tier's arithmetic, which uses a part of the tolerance; a
+            number, or one a tile.
         forced: names of effects to keep in any case.
+        exempt: (tiles,) tiles that have an effect whatever the plan, by the name of the effect.
     """
-    tiles = np.broadcast(scene.darkest, scene.brightest).size
+    tiles, exempt = np.broadcast(scene.darkest, scene.brightest).size, exempt or {}
     sure = np.broadcast_to(np.asarray(certain), tiles)
     costs = _costs(effects, scene, tiles)
     promise, kinds = np.zeros(costs.shape), []
@@ -232,6 +235,8 @@ def make_plan(
         twice = ~sure if bound.kind == "proof" else np.ones(tiles, bool)
         value = np.broadcast_to(np.asarray(bound.value, float), tiles)
         promise[n] = np.where(twice, ESTIMATE_WEIGHT * value, value)
+        if effect.name in exempt:
+            promise[n, exempt[effect.name]] = 0.0
     room = SHARE * tolerance - tier_error
     able = [
         n for n, e in enumerate(effects)
@@ -248,6 +253,8 @@ def make_plan(
             kept[n, chosen == m] = False
     rows = []
     for n, effect in enumerate(effects):
+        if effect.name in exempt:
+            kept[n, exempt[effect.name]] = True
         gone = ~kept[n]
         at = gone if gone.any() else np.ones(tiles, bool)
         kind: Kind = "proof" if kinds[n] == "proof" and sure[at].all() else "estimate"

@@ -57,12 +57,17 @@ class Error:
     Attributes:
         value: relative error, None if unknown.
         kind: quantity, and the method by which it is known.
-        ci: (low, high) limits at 99.9 %.
+        ci: (low, high) limits at 99.9 %. `high` holds for all tiles together, where an error is one
+            of tiles.
+        tiles_checked: number of tiles in which pixels were measured, None if there are no tiles.
+        tiles_over: number of them whose error is above the tolerance.
     """
 
     value: float | None
     kind: str | None
     ci: tuple[float, float] | None
+    tiles_checked: int | None = None
+    tiles_over: int | None = None
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,12 @@ class Result:
     throughput: list[Throughput] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
 
+    def _error(self) -> dict[str, Any]:
+        """The error in its documented order, in which the tolerance precedes the tiles."""
+        fields = asdict(self.error)
+        tiles = {key: fields.pop(key) for key in ("tiles_checked", "tiles_over")}
+        return fields | {"tolerance": self.tolerance} | tiles
+
     def document(self) -> dict[str, Any]:
         """The fields of the JSON document, in their documented order."""
         return {
@@ -126,7 +137,7 @@ class Result:
             "renderer": self.renderer,
             "simulated_s": self.simulated_s,
             "run_time_s": self.run_time_s,
-            "error": asdict(self.error) | {"tolerance": self.tolerance},
+            "error": self._error(),
             "plan": {"kept": self.kept, "left_out": self.left_out},
             "metrics": {name: asdict(metric) for name, metric in self.metrics.items()},
             "latency": [asdict(row) for row in self.latency],

@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.light.light import Light
-from cosim.spikes.viform import Viform
+from cosim.spikes.viform import Viform, words_for
 from cosim.stage import Block
+from sensor.latched.fine_tiles import FineTiles
 from sensor.latched.setting import CameraSetting
-from sensor.latched.tiers import Tier, tier_pixels
+from sensor.latched.tiers import Tier, TierPixels, tier_pixels
 
 __all__ = ["SpikeCamera"]
 
@@ -28,6 +29,8 @@ class SpikeCamera:
             rows as at their edge.
         tier: arithmetic of the pixels.
         flags: effects that each group of pixels keeps in the fast tier; see `PixelArray`.
+        fine: full physics on some tiles of the whole chip, None for no tile. It takes the place of
+            the tier there.
         row_delay: (height of the chip,) int64 ps, time by which the light reaches each row later
             than `step` is given it, such as that of a source with a rolling shutter; at most a few
             cycles. It moves the sampling instant of each row. None for 0.
@@ -41,16 +44,19 @@ class SpikeCamera:
         tier: Tier = "exact",
         flags: npt.NDArray[np.uint8] | None = None,
         row_delay: npt.NDArray[np.int64] | None = None,
+        fine: FineTiles | None = None,
     ) -> None:
         chip = setting.chip
         first, stop = rows or (0, chip.height)
         self.shape = (stop - first, chip.width)
         self._clock = setting.clock
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
-        self._light_map = setting.light_map
-        self._pixels = tier_pixels(
-            tier, setting, self.shape, numbers, np.arange(first, stop), device, flags, row_delay
-        )
+        self._light_map, self._fine = setting.light_map, fine
+        self._pixels: TierPixels | None = None
+        if fine is None or not fine.everywhere:
+            self._pixels = tier_pixels(
+                tier, setting, self.shape, numbers, np.arange(first, stop), device, flags, row_delay
+            )
 
     def step(self, light: Light, block: Block) -> Viform:
         """Latched bits of one block.
@@ -65,15 +71,25 @@ class SpikeCamera:
         """
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        if self._light_map is not None:
-            light = self._light_map(light)
-        words = self._pixels.expose(light, block.start, block.cycles).reshape(-1, *self.shape)
-        return Viform(words, block.cycles, self._clock, block.start)
+        start, cycles = block.start, block.cycles
+        if self._pixels is None:
+            words = np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
+        else:
+            mapped = light if self._light_map is None else self._light_map(light)
+            words = self._pixels.expose(mapped, start, cycles)
+        if self._fine is not None:
+            words = np.array(words)
+            self._fine.step(light, start, cycles, words)
+        return Viform(words.reshape(-1, *self.shape), cycles, self._clock, start)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next block depends on."""
-        return self._pixels.state()
+        state = {} if self._pixels is None else self._pixels.state()
+        return state | ({} if self._fine is None else self._fine.state())
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
-        self._pixels.restore(state)
+        if self._fine is not None:
+            self._fine.restore(state)
+        if self._pixels is not None:
+            self._pixels.restore({k: v for k, v in state.items() if not k.startswith("fine")})

@@ -134,11 +134,17 @@ class CameraSetting:
         return math.sqrt(shot + self.model.threshold_noise**2) / self.threshold
 
     @property
+    def uneven(self) -> float:
+        """Relative standard deviation of the gains of pixels: an upper limit, as those of all
+        effects are added."""
+        return float(sum(effect.gain_spread(self) for effect in acting(self)))
+
+    @property
     def slack(self) -> float:
         """Largest factor by which dead time, overshoot, leak, transfers and the spread of gains
         (six standard deviations) together can reduce a pixel's light; infinite if they can remove
         all of it."""
-        uneven = sum(effect.gain_spread(self) for effect in acting(self))
+        uneven = self.uneven
         least = math.prod(transfer.least for transfer in self.model.transfers)
         if 6 * uneven >= 1 or least <= 0:
             return math.inf

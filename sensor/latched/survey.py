@@ -81,7 +81,7 @@ def survey_scene(
     scene = Summary(
         darkest, brightest, setting.threshold, window, cycles, floor,
         setting.spread, np.where(moving, light.planes, 0.0), setting.slack,
-        setting.dead_time * clock.hz,
+        setting.dead_time * clock.hz, setting.uneven,
     )  # fmt: skip
     certain = light.certain
     if setting.crosstalk > 0:

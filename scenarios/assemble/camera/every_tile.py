@@ -14,12 +14,13 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import BLOCK, Block
-from cosim.plan.paired import Measured, Values, compare, windows
+from cosim.plan.paired import Measured, TrialCamera, Values, compare, windows
 from cosim.plan.patches import PatchPlane
 from cosim.run.machine import BrokenPromise
 from cosim.run.progress import Progress
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
 from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.samples import sample_tiles
 from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.camera.verifier import Verifier
 from sensor.latched.patches import PatchCamera
@@ -64,7 +65,10 @@ def _stated(setup: CameraSetup, tolerance: float, progress: Progress) -> _Stated
     while True:
         plan = setup.plan_keeping(tolerance, reinstated)
         tiles = plan.patches(setup.scenario.seed)
-        verifier = Verifier(plan, setup.setting, tiles, setup.device)
+        samples = (
+            None if setup.display else sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
+        )
+        verifier = Verifier(plan, setup.setting, tiles, setup.device, samples)
         try:
             _expose(setup, verifier, f"check at tolerance {tolerance:g}", progress)
             findings = verifier.shortfall(plan.tier)
@@ -80,7 +84,7 @@ def _trial(setup: CameraSetup, stated: dict[str, _Stated]) -> DisplayTrial:
     """The reference and the cameras of all plans on every tile of full size."""
     survey, display = setup.survey, setup.display
     plane = PatchPlane(survey.grid, np.flatnonzero(survey.grid.whole).tolist())
-    cameras = {REFERENCE: PatchCamera(setup.setting, plane, REFERENCE)}
+    cameras: dict[str, TrialCamera] = {REFERENCE: PatchCamera(setup.setting, plane, REFERENCE)}
     cameras |= {name: each.plan.on_patches(plane, setup.device) for name, each in stated.items()}
     patches = None
     if display is not None:
@@ -122,7 +126,8 @@ def every_tile(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
         rows.append({
             "tier": each.plan.tier, "tolerance": tolerance, "error": each.error.value,
             "ci": (each.error.low, each.error.high), "outcome": each.outcome,
-            "reinstated": each.reinstated, "tiles": tiles, "over_limit": over_limit,
+            "reinstated": each.reinstated, "tiles": tiles,
+            "full_physics_tiles": int(each.plan.fine.sum()), "over_limit": over_limit,
             "over_tolerance": over_tolerance, "worst_tile": trial.plane.tiles[worst],
             "worst_error": float(errors[worst]),
             "holds": not over_limit and (each.outcome != "ok" or not over_tolerance),

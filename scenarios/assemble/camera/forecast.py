@@ -13,7 +13,6 @@ from cosim.plan.forecast import Speeds, forecast_document
 from cosim.plan.patches import PatchPlane
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
-from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 
 __all__ = ["forecast"]
@@ -32,10 +31,7 @@ def _measure(setup: CameraSetup, plan: RunPlan, everything: RunPlan) -> Speeds:
     plane = PatchPlane(grid, whole[:: max(len(whole) // REFERENCE_TILES, 1)].tolist())
     cut = PlaneMap(plane.cut, None)
     reference = PatchCamera(setup.setting, plane, "reference")
-    cameras = [
-        SpikeCamera(run.setting, setup.device, tier=run.tier, flags=run.flags)
-        for run in (plan, everything)
-    ]
+    cameras = [run.camera(setup.device) for run in (plan, everything)]
     spent = [0.0] * 4
     pixels = grid.height * grid.width
     for start in range(0, BLOCKS * size, size):
@@ -66,7 +62,7 @@ def _display(setup: CameraSetup, plan: RunPlan) -> dict[str, Any] | None:
 def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
     """The document of `viform plan --json`."""
     plan = setup.plan(setup.scenario.tolerance)
-    everything = setup.plan(0.0, tier=plan.tier)
+    everything = setup.plan(0.0, tier=plan.tier, mixed=False)
     return forecast_document(
         name, plan.plan, tier=plan.tier, device=setup.device_name, tier_error=plan.tier_error,
         speeds=_measure(setup, plan, everything),

@@ -23,7 +23,7 @@ import numpy as np
 
 from cosim import BLOCK, Block
 from cosim.plan.ladder import Row, distinct_plans, fit_rows
-from cosim.plan.paired import Paired, windows, worst
+from cosim.plan.paired import Paired, TrialCamera, windows, worst
 from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
@@ -73,7 +73,7 @@ def _ladder(setup: CameraSetup) -> list[_Rung]:
         _Rung(tier, tolerances, plan)
         for tier in tiers
         for tolerances, plan in distinct_plans(
-            lambda tolerance, tier=tier: setup.plan(tolerance, tier=tier),  # type: ignore[misc]
+            lambda tolerance, tier=tier: setup.plan(tolerance, tier=tier, mixed=False),  # type: ignore[misc]
             _signature,
         )
     ]
@@ -102,7 +102,7 @@ def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayTrial:
     """The trial of the reference and of every rung on the same patches."""
     survey, setting, display = setup.survey, setup.setting, setup.display
     plane = PatchPlane(survey.grid, _tiles([r.plan for r in rungs], setup.scenario.seed))
-    cameras = {"reference": PatchCamera(setting, plane, "reference")}
+    cameras: dict[str, TrialCamera] = {"reference": PatchCamera(setting, plane, "reference")}
     for rung in rungs:
         cameras[rung.name] = rung.plan.on_patches(plane, setup.device)
     patches = None
@@ -199,10 +199,7 @@ def _film(
         paired.step(light, block)
         if n in timed:
             if not cameras:
-                cameras = [
-                    SpikeCamera(r.plan.setting, setup.device, tier=r.tier, flags=r.plan.flags)
-                    for r in rungs
-                ]
+                cameras = [rung.plan.camera(setup.device) for rung in rungs]
             again = 2 if len(timed) == 1 else 1  # the only block: its first call warms up
             for camera, took in [*zip(cameras, each, strict=True)] * again:
                 begin = time.perf_counter()

@@ -27,6 +27,7 @@ from scenarios.assemble.camera.pages.display_tables import display_lines
 from scenarios.assemble.camera.pages.stream import stream_page
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
+from scenarios.assemble.camera.samples import sample_tiles
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import to_toml
@@ -174,6 +175,7 @@ class LatchedMachine:
         content of the clip."""
         text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
         text += self.plan.tier + ("" if self.display is None else self.display.identity())
+        text += hashlib.sha256(self.plan.fine.tobytes()).hexdigest()
         for name, tiles in self.plan.plan.kept.items():
             text += name + hashlib.sha256(tiles.tobytes()).hexdigest()
         path = getattr(self.scenario.scene, "path", None)
@@ -315,6 +317,9 @@ def _planned(
     board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
     if board is not None:
         return board, None
-    camera = SpikeCamera(plan.setting, setup.device, tier=plan.tier, flags=plan.flags)
+    camera = plan.camera(setup.device)
     tiles = plan.patches(setup.scenario.seed)
-    return camera, Verifier(plan, setup.setting, tiles, setup.device)
+    samples = None
+    if plan.display is None:  # a display is checked by radiance, which needs whole tiles
+        samples = sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
+    return camera, Verifier(plan, setup.setting, tiles, setup.device, samples)

@@ -11,15 +11,16 @@ import numpy.typing as npt
 
 from cosim import Summary
 from cosim.compute.opencl import Device
-from cosim.plan.paired import windows
+from cosim.plan.paired import TrialCamera, windows
 from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import SHARE, Plan, make_plan
+from cosim.plan.planner import SHARE, Plan, accepted_error, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
 from display.effects import BASE_COST, effective_planes
-from sensor import CameraSetting
-from sensor.latched.effects.costs import QUIET
-from sensor.latched.fast.promise import fast_bound
+from sensor import CameraSetting, SpikeCamera
+from sensor.latched.arithmetic import exact_error, fast_error
+from sensor.latched.effects.costs import EXACT, QUIET, reference_cost
+from sensor.latched.fine_tiles import FineTiles, MixedPatches
 from sensor.latched.patches import PatchCamera
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier
@@ -29,6 +30,8 @@ __all__ = ["ARITHMETIC", "RunPlan", "plan_run"]
 ARITHMETIC: Final = "32-bit arithmetic"
 """Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
 
+FAST_PART: Final = 0.6
+"""Part of what left-out effects may use that the fast tier's arithmetic may use."""
 RANDOM = 4
 """Number of patches that are chosen at random, from the seed of the run."""
 FAULT = 2
@@ -45,7 +48,9 @@ class RunPlan:
         tier: tier of the camera.
         setting: the simulated camera, with the effects that at least one tile keeps.
         flags: flags of the fast tier's work-items, (height, groups) uint8; None in the exact tier.
-        tier_error: bound of the error of the tier itself, relative.
+        tier_error: (tiles,) bound of the error of the arithmetic, relative.
+        fine: (tiles,) bool, tiles that the reference simulates with every effect.
+        full: the camera with every effect.
         spans: windows of cycles that are checked.
         display: the simulated display, None without one.
         full_display: the display with every effect, None without one.
@@ -56,7 +61,9 @@ class RunPlan:
     tier: Tier
     setting: CameraSetting
     flags: npt.NDArray[np.uint8] | None
-    tier_error: float
+    tier_error: npt.NDArray[np.float64]
+    fine: npt.NDArray[np.bool_]
+    full: CameraSetting
     spans: list[tuple[int, int]]
     display: DisplaySetting | None = None
     full_display: DisplaySetting | None = None
@@ -66,7 +73,9 @@ class RunPlan:
         and the one with the largest contrast over time; those with the largest bound of each effect
         left out; some at random; and one for every further set of effects."""
         scene, grid = self.survey.scene, self.survey.grid
-        whole = np.flatnonzero(grid.whole)
+        whole = np.flatnonzero(grid.whole & ~self.fine)
+        if not whole.size:
+            whole = np.flatnonzero(grid.whole)
         low, high = (np.asarray(x)[whole] for x in (scene.darkest, scene.brightest))
         steep = (high - low) / np.maximum(low, max(scene.floor, 1e-300) * scene.threshold)
         order = [int(np.argmax(high)), int(np.argmin(low)), int(np.argmax(steep))]
@@ -91,16 +100,31 @@ class RunPlan:
         missing = np.setdiff1d(which[whole], which[chosen])
         return [int(rng.choice(whole[which[whole] == one])) for one in missing]
 
-    def on_patches(self, plane: PatchPlane, device: Device | None) -> PatchCamera:
+    @property
+    def promised(self) -> npt.NDArray[np.float64]:
+        """(tiles,) bound of the whole error, relative: of what is left out, and of arithmetic."""
+        return self.plan.total + self.tier_error
+
+    def camera(self, device: Device | None) -> SpikeCamera:
+        """The planned camera."""
+        fine = np.flatnonzero(self.fine)
+        tiles = FineTiles(self.full, self.survey.grid, fine) if fine.size else None
+        return SpikeCamera(self.setting, device, tier=self.tier, flags=self.flags, fine=tiles)
+
+    def on_patches(self, plane: PatchPlane, device: Device | None) -> TrialCamera:
         """The planned camera on patches that are tiles of the survey's grid."""
         flags = None
         if self.flags is not None:
             rows = plane.row.reshape(len(plane.tiles), -1)
             columns = np.array(plane.tiles) % self.survey.grid.shape[1]
             flags = self.flags[rows, columns[:, None]].reshape(-1, 1)
-        return PatchCamera(
+        camera = PatchCamera(
             self.setting, plane, self.tier, device if self.tier == "fast" else None, flags
         )
+        fine = self.fine[plane.tiles]
+        if not fine.any():
+            return camera
+        return MixedPatches(camera, self.full, self.survey.grid, plane, fine)
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
@@ -119,6 +143,41 @@ def _through_observer(scene: Summary, display: DisplaySetting) -> Summary:
     return replace(scene, window=max(1, min(scene.window, round(planes))))
 
 
+@dataclass(frozen=True, eq=False)
+class _Arithmetic:
+    """A tier, and the tiles in which it is not good enough.
+
+    Attributes:
+        tier: tier of most tiles.
+        error: (tiles,) bound of its error, relative; 0 in the fine tiles.
+        fine: (tiles,) bool, tiles that the reference simulates.
+    """
+
+    tier: Tier
+    error: npt.NDArray[np.float64]
+    fine: npt.NDArray[np.bool_]
+
+    def cost(self, scene: Summary) -> float:
+        """Mean cost of the arithmetic, ns per pixel-cycle."""
+        main = EXACT if self.tier == "exact" else QUIET
+        fine = np.broadcast_to(reference_cost(scene), self.fine.shape)
+        return float(np.where(self.fine, fine, main).mean())
+
+
+def _arithmetic(
+    setting: CameraSetting, scene: Summary, tier: Tier, tolerance: float, mixed: bool
+) -> _Arithmetic:
+    """The arithmetic of a tier, with the reference in the tiles in which it could use more than its
+    part of the tolerance: in the exact tier as much as all left-out effects together may use, in
+    the fast tier less, as the exact tier can take its place."""
+    if tier == "fast":
+        error, part = fast_error(setting, scene), FAST_PART * SHARE
+    else:
+        error, part = exact_error(setting, scene), SHARE
+    fine = error > part * accepted_error(tolerance) if mixed else np.zeros(error.shape, bool)
+    return _Arithmetic(tier, np.where(fine, 0.0, error + setting.lumped_error), fine)
+
+
 def plan_run(
     survey: SceneSurvey,
     setting: CameraSetting,
@@ -129,6 +188,7 @@ def plan_run(
     forced: Sequence[str] = (),
     tier: Tier | None = None,
     display: DisplaySetting | None = None,
+    mixed: bool = True,
 ) -> RunPlan:
     """Plans the run of a camera over a scene.
 
@@ -149,29 +209,31 @@ def plan_run(
         forced: names of effects that are kept for any bound.
         tier: tier of the camera; None to choose it by the tolerance.
         display: the display with every effect, None without one.
+        mixed: whether the reference simulates the tiles in which the arithmetic of the tier could
+            change the rates too much.
     """
     scene = survey.scene if display is None else _through_observer(survey.scene, display)
-    tier_error = setting.lumped_error
-    if tier is None:
-        tier = "exact"
-        if device is not None and tolerance > 0:
-            fast = fast_bound(setting, scene)
-            tier = "fast" if fast <= SHARE * tolerance / 2 else "exact"
-    if tier == "fast":
-        tier_error += fast_bound(setting, scene)
+    tiers: list[Tier] = ["exact"] if tier is None else [tier]
+    if tier is None and device is not None and tolerance > 0:
+        tiers.append("fast")
+    found = [_arithmetic(setting, scene, each, tolerance, mixed) for each in tiers]
+    arithmetic = min(found, key=lambda each: each.cost(scene))
+    tier, fine = arithmetic.tier, arithmetic.fine
     effects = setting.acting_effects
     if tier != "fast":  # the exact tier simulates all tiles with the same effects
         effects = tuple(replace(effect, scope="plane") for effect in effects)
+    exempt = {effect.name: fine for effect in effects}
     if display is not None:
         effects += display.acting_effects
     plan = make_plan(
-        effects, scene, tolerance, certain=survey.certain, tier_error=tier_error, forced=forced,
-        base_ns=QUIET + (0.0 if display is None else BASE_COST),
+        effects, scene, tolerance, certain=survey.certain, tier_error=arithmetic.error,
+        forced=forced, exempt=exempt, base_ns=QUIET + (0.0 if display is None else BASE_COST),
     )  # fmt: skip
     flags = _flags(plan, survey.grid) if tier == "fast" else None
     absent = [name for name, tiles in plan.kept.items() if not tiles.any()]
+    coarse = [name for name in exempt if not plan.kept[name][~fine].any()]
     spans = windows(instants, survey.scene.window, scene.cycles)
     return RunPlan(
-        plan, survey, tier, setting.without(absent), flags, tier_error, spans,
+        plan, survey, tier, setting.without(coarse), flags, arithmetic.error, fine, setting, spans,
         None if display is None else display.without(absent), display,
     )  # fmt: skip

@@ -2,22 +2,26 @@
 
 It is a stage between lens and chip. It exposes the patches with several cameras at once: the
 reference with every effect, the planned camera, and, in the exact tier, one camera with every
-effect and one without each effect that is left out.
+effect and one without each effect that is left out. In all other tiles it exposes a few pixels
+(`samples`). The stated error is the largest that was measured; its upper limit is that of the
+patches or, if larger, the bound of the plan in the tiles that were not measured as a whole.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
 from cosim.plan.paired import Measured, Span, Values, compare, worst
 from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import accepted_error
+from cosim.plan.planner import ESTIMATE_WEIGHT, accepted_error
+from cosim.plan.tiles import TILE
 from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
 from display.trial.paired import (
@@ -28,11 +32,15 @@ from display.trial.paired import (
     partial_displays,
 )
 from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan
+from scenarios.assemble.camera.samples import TileSamples
 from sensor import CameraSetting
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
 __all__ = ["Verifier"]
+
+_SAMPLES: Final = "samples/"
+"""Prefix of the state of the samples."""
 
 
 def _finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:
@@ -57,18 +65,18 @@ class Verifier(DisplayTrial):
         full: the camera with every effect.
         tiles: numbers of the tiles that are the patches, all of one size.
         device: OpenCL device of the fast tier, None without one.
-        stop_early: whether `step` raises BrokenPromise at the end of the window in which a bound is
-            exceeded.
+        samples: samples of other tiles, None without any.
     """
 
     def __init__(
         self, run: RunPlan, full: CameraSetting, tiles: Sequence[int], device: Device | None,
-        stop_early: bool = True,
+        samples: TileSamples | None = None,
     ) -> None:  # fmt: skip
         plan, display = run.plan, None
+        self._promised, self._fine, self._samples = run.promised, run.fine, samples
         if run.display is not None and run.full_display is not None:
             display = TrialDisplay(run.full_display, run.display, run.survey.scene.cycles)
-        self._plan, self._floor, self._stop_early = plan, run.survey.scene.floor, stop_early
+        self._plan, self._floor = plan, run.survey.scene.floor
         plane = PatchPlane(run.survey.grid, sorted(tiles))
         absent = [name for name in plan.left_out if not plan.kept[name][plane.tiles].all()]
         self._partial = {} if display is None else partial_displays(display, absent)
@@ -90,8 +98,10 @@ class Verifier(DisplayTrial):
         super().__init__(plane, cameras, run.spans, patches)
 
     def step(self, light: Light, block: Block) -> Light:
+        if self._samples is not None:
+            self._samples.step(light, block)
         out = super().step(light, block)
-        if self._display is not None and block.stop == self._display.cycles and self._stop_early:
+        if self._display is not None and block.stop == self._display.cycles:
             findings = self._broken_by_display()  # the display's images are complete
             if findings:
                 raise BrokenPromise(findings)
@@ -99,7 +109,7 @@ class Verifier(DisplayTrial):
 
     def reached(self, cycle: int) -> None:
         done = [span for span in self.spans if span[1] == cycle]
-        findings = self._broken(done) if done and self._stop_early else []
+        findings = self._broken(done) if done else []
         if findings:
             raise BrokenPromise(findings)
 
@@ -151,20 +161,57 @@ class Verifier(DisplayTrial):
         """Exceeded bounds over the whole run."""
         return self._broken(self.spans) + self._broken_by_display()
 
-    def error(self) -> Measured:
-        """The error of the run against the reference: of the radiance that the observer of the
+    def patches_error(self) -> Measured:
+        """The error of the patches against the reference: of the radiance that the observer of the
         display integrates, or of rates without a display."""
         if self.displays is not None:
             return self.displays.error("run")
         return worst(self.rates("run"), self.rates("reference"), self._floor)
 
+    def error(self) -> Measured:
+        """The error of the run. The upper limit holds for all tiles: for those that are not patches
+        it is their bound. Where a sample exceeds it, the limit is twice the RMS of the sample."""
+        error, others = self.patches_error(), self._promised.copy()
+        others[self.plane.tiles] = 0.0
+        least = self._sampled()
+        sampled = float(least.max(initial=0.0))
+        if self._samples is not None:
+            tiles, whole = self._samples.tiles, math.sqrt(TILE**2 / self._samples.pixels)
+            others[tiles] = np.where(
+                least > others[tiles], ESTIMATE_WEIGHT * whole * least, others[tiles]
+            )
+        return Measured(
+            max(error.value, sampled), max(error.low, sampled),
+            max(error.high, sampled, float(others.max(initial=0.0))),
+        )  # fmt: skip
+
+    def _sampled(self) -> Values:
+        """Least error that each sampled tile can have, (tiles of the samples,)."""
+        return np.zeros(0) if self._samples is None else self._samples.least_errors()
+
+    def _tiles_over(self) -> int:
+        """Number of measured tiles whose error is above the tolerance."""
+        if self.displays is not None:
+            errors = self.displays.errors("run")
+        else:
+            errors = compare(self.rates("run"), self.rates("reference"), self._floor)[0]
+        limit = accepted_error(self._plan.tolerance)
+        return int((errors.max(axis=0) > limit).sum() + (self._sampled() > limit).sum())
+
     def result_error(self) -> Error:
         """The error for `result.json`."""
-        error, patches = self.error(), len(self.plane.tiles)
+        error, patches, samples = self.error(), len(self.plane.tiles), self._samples
         kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
+        checked = patches
+        if samples is not None:
+            kind += f" and {samples.pixels} pixels in each of {samples.tiles.size} other tiles"
+            checked += samples.tiles.size
+        fine = int(self._fine.sum())
+        if fine:
+            kind += f"; {fine} of {self._fine.size} tiles have full physics"
         if self._display is not None:
             kind = f"radiance as {self._display.observer_name} integrates it, {kind}"
-        return Error(error.value, kind, (error.low, error.high))
+        return Error(error.value, kind, (error.low, error.high), checked, self._tiles_over())
 
     def measured(self) -> dict[str, float]:
         """Upper limit of the change without each effect that is left out, over the patches that
@@ -176,11 +223,14 @@ class Verifier(DisplayTrial):
         } | {name: float(high.max()) for name, high in self._display_changes().items()}
 
     def shortfall(self, tier: Tier) -> list[Finding]:
-        """Findings if the total error exceeds the tolerance: the effect whose absence changes the
-        rate most, or the arithmetic of the fast tier."""
-        error, tolerance = self.error(), self._plan.tolerance
-        if tolerance == 0 or error.high <= tolerance:
+        """Findings if the error of the patches exceeds the tolerance, or that of a sample the bound
+        of its tile: the effect whose absence changes the rate most, or the arithmetic of the fast
+        tier."""
+        error, tolerance = self.patches_error(), self._plan.tolerance
+        if tolerance == 0:
             return []
+        if error.high <= tolerance:
+            return self._broken_in_samples(tier)
         measured = self.measured()
         # Effects that no patch leaves out are not measured; all of them are reinstated then.
         names = (
@@ -189,6 +239,28 @@ class Verifier(DisplayTrial):
         if not names and tier == "fast":
             names = [ARITHMETIC]
         return [_finding(name, tolerance, error.high, None) for name in names]
+
+    def _broken_in_samples(self, tier: Tier) -> list[Finding]:
+        """The finding of the sample that exceeds the bound of its tile most: the effect with the
+        largest bound that this tile leaves out, or the arithmetic of the fast tier."""
+        if self._samples is None:
+            return []
+        tiles, least = self._samples.tiles, self._samples.least_errors()
+        excess = least / np.maximum(self._promised[tiles], 1e-12)
+        if excess.max() <= 1:
+            return []
+        at, plan = int(np.argmax(excess)), self._plan
+        tile = int(tiles[at])
+        promises = {
+            n: float(plan.promise[n][tile]) for n in plan.left_out if not plan.kept[n][tile]
+        }
+        if promises:
+            name = max(promises, key=lambda n: promises[n])
+        elif tier == "fast":
+            name = ARITHMETIC
+        else:
+            return []
+        return [_finding(name, float(self._promised[tile]), float(least[at]), tile)]
 
     def beyond(self) -> list[str]:
         """A note if the error exceeds the tolerance with every effect kept."""
@@ -201,6 +273,18 @@ class Verifier(DisplayTrial):
             f"the error is {error.value:.2g} (up to {error.high:.2g}) where the tolerance is "
             f"{tolerance:g}{limit}, with every effect kept: it is the limit of the exact tier"
         ]
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        state = super().state()
+        if self._samples is not None:
+            state |= {_SAMPLES + key: value for key, value in self._samples.state().items()}
+        return state
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        own = {k.removeprefix(_SAMPLES): v for k, v in state.items() if k.startswith(_SAMPLES)}
+        if self._samples is not None:
+            self._samples.restore(own)
+        super().restore({k: v for k, v in state.items() if not k.startswith(_SAMPLES)})
 
     def full_physics_s(self, pixels: int, cycles: int) -> float | None:
         """Predicted run time of the reference for `pixels` and `cycles`, s, from its time on the

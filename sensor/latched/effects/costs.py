@@ -9,15 +9,19 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import numpy as np
+
 from cosim.plan.effects import Summary
 
 __all__ = [
+    "EXACT",
     "QUIET",
     "circuit_cost",
     "crosstalk_cost",
     "dead_time_cost",
     "noise_cost",
     "pattern_cost",
+    "reference_cost",
     "sampling_cost",
 ]
 
@@ -35,6 +39,14 @@ SAMPLING_PLANE: Final = 1.0
 """Row-wise sums in the cycle in which planes meet, a pixel of a new plane."""
 CROSSTALK_PLANE: Final = 8.0
 """Nine neighbours, a pixel of a new plane."""
+
+
+EXACT: Final = 6.0
+"""A pixel-cycle of the exact tier, whatever its effects."""
+REFERENCE_CYCLE: Final = 4.0
+"""The reference tier, a cycle without spikes."""
+REFERENCE_SPIKE: Final = 60.0
+"""The reference tier, a spike."""
 
 
 def _rate(scene: Summary) -> Any:
@@ -65,6 +77,11 @@ def sampling_cost(scene: Summary) -> Any:
 def crosstalk_cost(scene: Summary) -> Any:
     """Cost of the light of neighbours."""
     return 1e-6 + CROSSTALK_PLANE * scene.planes
+
+
+def reference_cost(scene: Summary) -> Any:
+    """Cost of full physics."""
+    return REFERENCE_CYCLE + REFERENCE_SPIKE * np.minimum(_rate(scene), 1)
 
 
 def circuit_cost(scene: Summary) -> Any:

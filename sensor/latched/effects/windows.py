@@ -14,18 +14,29 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.plan.effects import Bound, Summary
+from cosim.plan.tiles import TILE
 
 __all__ = [
     "bound_of",
     "clipped_tiles",
+    "crossing_error",
+    "ends_error",
+    "latch_error",
     "light_contrast",
     "lost_spikes",
     "noise_error",
+    "rare_error",
     "saturated_tiles",
+    "share_of_window",
     "shift_error",
 ]
 
 Values = npt.NDArray[np.float64]
+_CHANCE = 1e-4
+"""Chance that a scene has a tile with more changed spikes than a bound takes."""
+_SCORES = 81
+"""Gains of pixels, from 5 standard deviations below the mean to 5 above, over which the lost spikes
+are averaged."""
 _CLEAR = 8.0
 """Standard deviations by which light exceeds the threshold of a pixel that fires in every cycle."""
 
@@ -48,22 +59,50 @@ def clipped_tiles(scene: Summary) -> npt.NDArray[np.bool_]:
 
 
 def lost_spikes(scene: Summary) -> Values:
-    """Spikes a cycle that are lost because another spike falls in the same cycle, at the brightest.
+    """Spikes a cycle that are lost because another spike falls in the same cycle, at the
+    brightest, (tiles,)."""
+    return _lost_at(np.asarray(scene.brightest, np.float64) / scene.threshold, scene.spread)
+
+
+def _lost_at(mu: Values, spread: float) -> Values:
+    """Spikes a cycle that are lost where `mu` thresholds fall on a pixel in a cycle.
 
     For a stationary pixel with Gamma(shape) intervals, shape = 1 / spread^2, this is the integral
     of their distribution over the light of a cycle, divided by the mean interval.
     """
     from scipy.special import gammainc
 
-    mu = np.asarray(scene.brightest, np.float64) / scene.threshold
-    if scene.spread == 0:
+    if spread == 0:
         return np.maximum(mu - 1, 0.0)
-    shape = 1 / scene.spread**2
+    shape = 1 / spread**2
     x = mu * shape
     return np.asarray(mu * gammainc(shape, x) - gammainc(shape + 1, x))
 
 
-def _share(amount: Any, scene: Summary, total: Any = None) -> Values:
+def rare_error(scene: Summary, events: Any, size: Any = 1.0) -> Values:
+    """Relative error of a tile some of whose pixels have a rare event, such as a spike more or
+    less in the window.
+
+    Such pixels are few, and a tile may have several where most tiles have none. Their number in a
+    tile is Poisson distributed; it exceeds the number that is taken here in _CHANCE of all scenes,
+    in any of their tiles.
+
+    Args:
+        scene: summary of the scene.
+        events: expected number of events of a pixel; a number, or one a tile.
+        size: change of a pixel by one event, spikes; a number, or one a tile.
+    """
+    from scipy.special import pdtrik
+
+    mean = np.asarray(events, np.float64) * TILE**2
+    chance = _CHANCE / max(mean.size, 1)
+    with np.errstate(all="ignore"):  # pdtrik has no value where 0 is already enough
+        most = np.ceil(pdtrik(1 - chance, np.maximum(mean, 1e-300)))
+    number = np.where(mean <= -np.log1p(-chance), 0.0, np.maximum(most, 1))
+    return share_of_window(size * np.sqrt(number) / TILE, scene)
+
+
+def share_of_window(amount: Any, scene: Summary, total: Any = None) -> Values:
     """A number of spikes relative to the spikes of a window.
 
     Args:
@@ -83,28 +122,69 @@ def _share(amount: Any, scene: Summary, total: Any = None) -> Values:
 def shift_error(scene: Summary, spikes: Any) -> Values:
     """Relative error of a window whose spikes are shifted against their noisy thresholds.
 
-    The window contains other draws at its ends. The error is sqrt(2) spread x shift for shifts
-    within an interval, grows with the root of the shift beyond, and is at most that of two
-    independent windows. The latch also loses other spikes: a share of the lost spikes that grows
-    with the shift in cycles.
-
     Args:
         scene: summary of the scene.
         spikes: the shift, in spikes; a number, or one a tile.
     """
+    rare = crossing_error(scene, spikes) + latch_error(scene, spikes)
+    return ends_error(scene, spikes) + rare
+
+
+def ends_error(scene: Summary, spikes: Any) -> Values:
+    """The part of `shift_error` at the ends of the window, which contains other draws there.
+
+    The error is sqrt(2) spread x shift for shifts within an interval, grows with the root of the
+    shift beyond, and is at most that of two independent windows.
+    """
     shift = np.asarray(spikes, np.float64)
-    n = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.window
+    light = np.asarray(scene.brightest, np.float64) / scene.threshold
     # For Q < 2 the mean of 1 / interval^2 of Gamma(Q) diverges: the shift counts to the power Q /
     # 2.
     power = float(np.clip(0.5 / max(scene.spread, 1e-9) ** 2, 0.5, 1))
     ends = np.where(shift < 1, shift**power, np.sqrt(shift))
-    ends = np.minimum(ends, np.sqrt(np.maximum(n, 1)))
-    noise = np.sqrt(2) * scene.spread * ends
-    cycles = np.minimum(2 * shift * scene.window / np.maximum(n, 1e-300), 1)
-    latch = np.sqrt(2 * lost_spikes(scene) * scene.window * cycles) if scene.spread else 0.0
-    # The light lost in dead time counts at the spike, and moves with it over a window's end.
-    cost = np.asarray(scene.brightest, np.float64) / scene.threshold * scene.dead
-    return _share(noise + latch + cost * np.sqrt(2 * np.minimum(shift, 1)), scene)
+    ends = np.minimum(ends, np.sqrt(np.maximum(light * scene.window, 1)))
+    return share_of_window(np.sqrt(2) * scene.spread * ends, scene)
+
+
+def crossing_error(scene: Summary, spikes: Any, share: Any = 1.0) -> Values:
+    """The part of `shift_error` from spikes that move over an end of the window.
+
+    The light lost in dead time counts at the spike, and moves with it. Such spikes are rare.
+
+    Args:
+        scene: summary of the scene.
+        spikes: the shift, in spikes; a number, or one a tile.
+        share: share of the pixels of a tile that have its brightest light.
+    """
+    if scene.dead == 0:
+        return np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
+    light = np.asarray(scene.brightest, np.float64) / scene.threshold
+    return rare_error(scene, 2 * share * np.minimum(spikes, 1), light * scene.dead)
+
+
+def latch_error(scene: Summary, spikes: Any) -> Values:
+    """The part of `shift_error` from the latch, which loses other spikes if they are shifted.
+
+    A share of the lost spikes changes, which grows with the shift in cycles. A moved spike changes
+    the count only next to an empty cycle. Above one threshold a cycle empty cycles are rarer than
+    lost spikes, so most changes occur at one. They are rare (`rare_error`). Gains of pixels spread
+    the light of a tile further.
+    """
+    if scene.spread == 0:
+        return np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
+    low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
+        scene.darkest, scene.brightest
+    ))  # fmt: skip
+    cycles = np.minimum(2 * np.asarray(spikes, np.float64) / np.maximum(high, 1e-300), 1)
+    likely = np.minimum(np.maximum(low, 1.0), high)
+    score = np.linspace(-5, 5, _SCORES) if scene.uneven else np.zeros(1)
+    weight = np.exp(-score * score / 2)
+    lost = np.zeros(likely.shape)
+    for gain, share in zip(1 + scene.uneven * score, weight / weight.sum(), strict=True):
+        mu = np.maximum(likely * gain, 0.0)
+        shared = _lost_at(mu, scene.spread)
+        lost = lost + share * np.minimum(shared, np.maximum(1 - mu + shared, 0))
+    return rare_error(scene, 2 * lost * scene.window * cycles)
 
 
 def noise_error(scene: Summary, spread: float) -> Values:
@@ -119,7 +199,7 @@ def noise_error(scene: Summary, spread: float) -> Values:
     # the mean square is therefore at most mean(n) min(high, 1) spread^2. Relative to the mean or
     # the floor it is largest where the mean equals the floor.
     mean = np.clip(scene.floor * scene.window, low, high)
-    return _share(spread * np.sqrt(np.minimum(high, 1) * mean), scene, mean)
+    return share_of_window(spread * np.sqrt(np.minimum(high, 1) * mean), scene, mean)
 
 
 def light_contrast(scene: Summary) -> Values:
@@ -145,7 +225,7 @@ def bound_of(scene: Summary, value: Any, proof: bool, held: bool = True) -> Boun
             their bound is 0.
     """
     value = np.asarray(value, np.float64)
-    value = value + np.where(clipped_tiles(scene) & (value > 0), _share(1.0, scene), 0.0)
+    value = value + np.where(clipped_tiles(scene) & (value > 0), share_of_window(1.0, scene), 0.0)
     if held:
         value = np.where(saturated_tiles(scene), 0.0, value)
     smooth = scene.spread == 0 and scene.dead == 0

@@ -1,12 +1,12 @@
 """The exact distribution of an interval's threshold in float64.
 
 All tiers take the quantile of the same random word. With shot noise alone the threshold is
-Gamma(Q), which scipy inverts for each draw; with threshold noise alone it is normal. The sum of
-both has no inverse in closed form. It is inverted to full precision at nodes of the normal score,
-in which it is nearly linear, and interpolated between them (`mixed_quantiles`). A word w stands for
-the probability (w + 1/2) / 2^32. Beyond the median the probability is counted from the upper end,
-as in the table of the exact tier (sensor/latched/pixel/interval.py), so both tails keep their
-digits.
+Gamma(Q), with threshold noise alone it is normal, and the sum of both has no inverse in closed form
+(`mixed_quantiles`). Inversion takes a microsecond a draw, so Gamma(Q) and the sum are inverted at
+nodes of the normal score, in which they are nearly linear, and interpolated between them. A word w
+stands for the probability (w + 1/2) / 2^32. Beyond the median the probability is counted from the
+upper end, as in the table of the exact tier (sensor/latched/pixel/interval.py), so both tails keep
+their digits.
 """
 
 from __future__ import annotations
@@ -27,7 +27,11 @@ Values = npt.NDArray[np.float64]
 
 LEAST: Final = 2.0**-40
 """Lowest threshold in electrons, as in the exact tier. It prevents an endless burst of spikes."""
-_FIXED, _GAMMA, _NORMAL, _MIXED = 0, 1, 2, 3
+_FIXED, _GAMMA, _NORMAL, _TABLE = 0, 1, 2, 3
+_LEAST_TABLED: Final = 5.0
+"""Threshold in electrons below which Gamma(Q) is inverted for each draw. The lower tail of smaller
+thresholds spans many decades, in which a cubic would lose digits. At 5 and 20 000 electrons the
+table agrees with scipy's inverse to 2e-14 and 1e-15 of the threshold."""
 _SCORE: Final = 6.5
 """Range of normal scores; those of 32-bit words end at 6.34."""
 _NODES: Final = 261
@@ -129,12 +133,20 @@ def mixed_quantiles(q: float, sigma: float, score: Values) -> Values:
     return x
 
 
+def _gamma_quantiles(q: float, score: Values) -> Values:
+    """Quantiles of Gamma(q, 1) at normal scores, (n,) electrons, from the nearer tail."""
+    from scipy.special import gammainccinv, gammaincinv, ndtr
+
+    below = gammaincinv(q, ndtr(score))
+    return np.asarray(np.where(score < 0, below, gammainccinv(q, ndtr(-score))))
+
+
 @dataclass(frozen=True, eq=False)
 class Law:
     """Distribution of a threshold, in the form that compiled loops take.
 
     Attributes:
-        kind: 0 constant, 1 gamma, 2 normal, 3 sum of gamma and normal.
+        kind: 0 constant, 1 gamma, 2 normal, 3 tabulated: gamma, or sum of gamma and normal.
         q: threshold, electrons.
         sigma: threshold noise, electrons.
         table: (2, cells + 1) quantiles and their change a cell, for kind 3 only.
@@ -153,12 +165,16 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True) -> Law:
     """Distribution of G + Normal(0, sigma); G is Gamma(q) with shot noise, else the constant q."""
     functions = np.array([address(f) for f in ("gammaincinv", "gammainccinv", "ndtri")], np.int64)
     table = np.zeros((2, 1))
-    kind = (_MIXED if sigma > 0 else _GAMMA) if shot else (_NORMAL if sigma > 0 else _FIXED)
-    if kind == _MIXED:
+    if shot:
+        kind = _TABLE if sigma > 0 or q >= _LEAST_TABLED else _GAMMA
+    else:
+        kind = _NORMAL if sigma > 0 else _FIXED
+    if kind == _TABLE:
         from scipy.interpolate import make_interp_spline
 
         nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
-        spline = make_interp_spline(nodes, mixed_quantiles(q, sigma, nodes), k=7)
+        values = mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
+        spline = make_interp_spline(nodes, values, k=7)
         fine = np.linspace(-_SCORE, _SCORE, _CELLS + 1)
         table = np.stack([spline(fine), spline(fine, 1) * (2 * _SCORE / _CELLS)])
     return Law(kind, q, sigma, table, functions)
@@ -213,13 +229,13 @@ def law_error(law: Law, words: npt.NDArray[np.uint32]) -> float:
     from scipy.special import gammainc, gammaincc, gammaln, ndtri
 
     rounding = float(np.finfo(np.float64).eps)
-    if law.kind not in (_GAMMA, _MIXED):
+    if law.kind not in (_GAMMA, _TABLE):
         return rounding
     words = np.sort(words)
     x = draw_all(law, words)
     below = (words + 0.5) * 2.0**-32
     above = (0xFFFFFFFF - words.astype(np.int64) + 0.5) * 2.0**-32
-    if law.kind == _MIXED:
+    if law.sigma > 0:
         score = np.where(below < above, ndtri(below), -ndtri(above))
         unique, first = np.unique(score, return_index=True)
         off = x[first] / mixed_quantiles(law.q, law.sigma, unique) - 1

@@ -76,7 +76,7 @@ def _rows(run: LatchedRun) -> list[list[str]]:
 def _summary(run: LatchedRun) -> str:
     """Tolerance, tier, sum of the bounds, kinds of tiles, and checked tiles."""
     plan, survey = run.plan.plan, run.plan.survey
-    promised = float(plan.total.max()) + run.plan.tier_error
+    promised = float(run.plan.promised.max())
     classes = ", ".join(f"{count} {kind}" for kind, count in survey.classes.items() if count)
     if plan.tolerance == 0:
         opening = f"Tolerance 0 keeps every effect; {run.plan.tier} tier."

@@ -34,23 +34,36 @@ def test_the_stated_error_is_that_of_the_run(film, tmp_path, capsys):
         assert row["worst_error"] >= row["error"]
 
 
-def test_an_error_in_one_tile_is_found(capsys, monkeypatch):
+def plant(monkeypatch: pytest.MonkeyPatch, sampled: bool) -> None:
+    """Rates of the tile FAULTY are 5 % too high, in the samples of a run only if `sampled`."""
     on_patches = RunPlan.on_patches
 
     def planted(self: RunPlan, plane: Any, device: Any) -> Any:
-        camera = on_patches(self, plane, device)
-        if FAULTY in plane.tiles:
-            fault = np.repeat(np.array(plane.tiles) == FAULTY, 256)
+        camera, pixels = on_patches(self, plane, device), plane.rows * plane.columns
+        if FAULTY in plane.tiles and (sampled or pixels == 256):
+            fault = np.repeat(np.array(plane.tiles) == FAULTY, pixels)
             phase = camera.phase
             monkeypatch.setattr(camera, "phase", lambda: phase() * np.where(fault, 1.05, 1.0))
         return camera
 
     monkeypatch.setattr(RunPlan, "on_patches", planted)
+
+
+def test_an_error_in_one_tile_is_found(capsys, monkeypatch):
+    plant(monkeypatch, sampled=False)
     code, found = document(capsys, "step", *WORDS)
     assert code == 1
     for row in found["rows"][:3]:
         assert row["worst_tile"] == FAULTY and row["over_limit"] == 1 and not row["holds"]
         assert 0.01 < row["worst_error"] < 0.06
+
+
+def test_a_run_finds_it_by_its_samples(film, tmp_path, monkeypatch):
+    plant(monkeypatch, sampled=True)
+    result, _ = film("step", tmp_path / "run", *SETS)
+    error = result.error
+    assert result.outcome == "degraded" and error.tiles_checked == 400 and error.tiles_over == 1
+    assert 0.005 < error.value < 0.06 < error.ci[1]
 
 
 def test_a_display_is_compared_by_its_radiance(capsys):

@@ -120,7 +120,7 @@ def test_tolerance_0_keeps_everything_in_the_exact_tier(device):
 
 
 def test_every_set_of_effects_is_checked_somewhere(device):
-    plan = planned(device, "star", "sensor.dead_time=1 us", "duration=10 ms", tolerance=0.0)
+    plan = planned(device, "star", "sensor.dead_time=50 ns", "duration=10 ms", tolerance=0.0)
     kept = {name: tiles.copy() for name, tiles in plan.plan.kept.items()}
     kept["shot noise"][[205, 206]] = False  # in the middle, where nothing else calls for a check
     kept["reset dead time"][[206, 207]] = False

@@ -169,9 +169,8 @@ def test_an_error_that_a_looser_tolerance_refuses_is_not_ok_at_tolerance_0(
     film, tmp_path, tolerance
 ):
     result, folder = film(
-        "film", tmp_path / "run", "sensor.reset=hard", "sensor.dead_time=1 us", "duration=3 ms",
-        "sensor.crosstalk=0.01", "sensor.threshold=500 e", f"tolerance={tolerance}",
-        report=write_report,
+        "wave", tmp_path / "run", "duration=3 ms", "sensor.circuit.bandwidth=100 MHz",
+        f"tolerance={tolerance}", report=write_report,
     )  # fmt: skip
     assert result.error.ci[1] > 1e-3 and result.outcome == "degraded"
     assert "it is the limit of the exact tier" in (folder / "report.html").read_text()

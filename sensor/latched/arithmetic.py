@@ -1,0 +1,165 @@
+"""Error of the exact and of the fast tier against full physics, tile by tile, before a run.
+
+Both tiers take the dead time of a spike by the mean light of its cycle, and thresholds from a
+table. Where light changes, and with every spike, their phase (spikes so far, with the fraction of
+the current interval) shifts by a little against that of the reference. A shift as such changes a
+rate by next to nothing. However, it moves a few spikes into a neighbouring cycle. Near one spike a
+cycle two spikes then share a latch and one of them is lost; under a hard reset the next interval
+begins a cycle later. A single such pixel changes the rate of its tile by about 1 / (16 window).
+
+All values are estimates. Expected sizes are returned at twice their size, and limits as they are.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.plan.effects import Summary
+from cosim.plan.planner import ESTIMATE_WEIGHT
+from sensor.latched.effects.windows import (
+    crossing_error,
+    ends_error,
+    latch_error,
+    rare_error,
+    saturated_tiles,
+    share_of_window,
+)
+from sensor.latched.fast.bound import rate_bound
+from sensor.latched.fast.units import units_of
+from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.setting import CameraSetting
+
+__all__ = ["exact_error", "fast_error"]
+
+Values = npt.NDArray[np.float64]
+
+_SWEEPS: Final = 4
+"""Number of times in a run that the light of a pixel sweeps from one end of its range to the
+other."""
+TABLE_RMS: Final = 1.2e-6
+"""RMS error of a threshold from the exact tier's table, in standard deviations of the threshold.
+tests/sensor/latched/test_arithmetic.py measures it for thresholds of 10 to 20 000 electrons."""
+TABLE_BIAS: Final = 1.7e-6
+"""Mean of that error, in squares of the relative standard deviation."""
+
+
+def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
+    """RMS phase by which dead time is off after a number of cycles, in spikes, (tiles,).
+
+    Dead time d is a multiple of 2^-16 of a cycle. Where light changes by s a cycle, a spike loses
+    the light of the middle of its cycle instead of that of its own instant, which is off by up to
+    d s / 2 with either sign, RMS d s / sqrt(12). The sum of s^2 over the spikes of one sweep of the
+    light is at most the square of its range times the spikes of a cycle, if the sweep takes a
+    cycle. _SWEEPS of them are assumed in the run.
+
+    This is a limit rather than an expected size, and counts once: it is returned at half its size.
+    """
+    model = setting.model
+    if model.dead_time == 0:
+        return np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
+    low, high = (np.asarray(x, np.float64) / model.mean for x in (scene.darkest, scene.brightest))
+    spikes = np.minimum(high, 1)
+    rounding = abs(model.dead / 65536 - model.dead_time) * high * spikes * cycles
+    sweeps = max(_SWEEPS * cycles / scene.cycles, 1)
+    lost = model.dead_time * (high - low) * np.maximum(high, 1) * np.sqrt(spikes * sweeps / 12)
+    return rounding + np.where(np.asarray(scene.planes) > 0, lost / ESTIMATE_WEIGHT, 0.0)
+
+
+def _table_walk(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
+    """Phase by which the exact tier's table of thresholds and its rounding are off after a number
+    of cycles, in spikes, (tiles,)."""
+    mean, spread = setting.model.mean, setting.spread
+    light = np.asarray(scene.brightest, np.float64) / mean
+    spikes = np.minimum(light, 1) * cycles
+    walk: Values = TABLE_RMS * spread * np.sqrt(spikes) + TABLE_BIAS * spread**2 * spikes
+    return walk + cycles / (ONE * mean)
+
+
+def _phase_error(
+    setting: CameraSetting, scene: Summary, rate: npt.NDArray[np.float64] | float
+) -> Values:
+    """Relative error of the rates of each tile, (tiles,), if the rate is off by `rate` spikes a
+    cycle, and phases by the table and by the dead time. Rare events are limits, and count once."""
+    walk = _table_walk(setting, scene, scene.cycles) + rate * scene.cycles
+    inside = _table_walk(setting, scene, scene.window) + rate * scene.window
+    dead = _dead_shift(setting, scene, scene.cycles)
+    # The RMS over a tile is relative to its mean light or the floor. It is largest if only a share
+    # of the pixels reaches the brightest light.
+    low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
+        scene.darkest, scene.brightest
+    ))  # fmt: skip
+    reaching = np.maximum(low, scene.floor - low) / np.maximum(high - low, 1e-300)
+    share = np.minimum(reaching, 1)
+    part = np.sqrt(share)
+    inside = inside + part * _dead_shift(setting, scene, scene.window)
+    smooth = share_of_window(inside, scene) + ends_error(scene, walk + part * dead)
+    rare = latch_error(scene, walk + dead) + crossing_error(scene, walk + dead, share)
+    return np.where(saturated_tiles(scene), 0.0, ESTIMATE_WEIGHT * smooth + rare)
+
+
+def exact_error(setting: CameraSetting, scene: Summary) -> Values:
+    """Relative RMS error of the rates of each tile in the exact tier against the reference,
+    (tiles,)."""
+    if setting.model.reset != "hard":
+        return _phase_error(setting, scene, 0.0)
+    low, high = np.broadcast_arrays(
+        np.asarray(scene.darkest, np.float64), np.asarray(scene.brightest, np.float64)
+    )
+    mean, spread = setting.model.mean, setting.spread
+    # Errors end with the interval.
+    charge = 4 * TABLE_RMS * spread + scene.cycles / (ONE * mean) + _dead_shift(setting, scene, 1)
+    moved = _moved_spikes(spread, low / mean, high / mean, charge, scene.cycles)
+    value = ESTIMATE_WEIGHT * share_of_window(2 * charge, scene) + rare_error(scene, moved)
+    return np.where(saturated_tiles(scene), 0.0, value)
+
+
+def _moved_spikes(spread: float, low: Values, high: Values, charge: Values, cycles: int) -> Values:
+    """Spikes of a pixel that fall into another cycle in a run, under a hard reset.
+
+    These are the spikes whose threshold lies within `charge` of the accumulated charge at some
+    edge. The densities of a threshold at points at least `low` apart sum to at most its peak plus
+    1 / low. All in nominal thresholds.
+    """
+    peak = np.inf if spread == 0 else 1 / (np.sqrt(2 * np.pi) * spread)
+    density = peak + 1 / np.maximum(low, 1e-12)
+    return cycles * np.minimum(high, 1) * np.minimum(2 * charge * density, 1)
+
+
+def fast_error(setting: CameraSetting, scene: Summary) -> Values:
+    """Relative RMS error of the rates of each tile in the fast tier against the reference,
+    (tiles,); infinite where there is no bound.
+
+    It is the error of the exact tier, and the smaller of two values. The proof against the exact
+    tier (sensor/latched/fast/bound.py) holds for the nominal pixel and assumes that all rounding
+    errors of the run have the same sign. The estimate takes the rounding errors of a cycle
+    (float32, and half a unit) and the quantile's error a spike as an error of the rate, and their
+    sum over the run as a shift of the spikes against their draws.
+    """
+    proof = ESTIMATE_WEIGHT * _fast_proof(setting, scene) + exact_error(setting, scene)
+    if setting.reset != "residual":  # the rate is not smooth in the charge
+        return proof
+    units, q = units_of(setting.model), setting.model.mean
+    unit = 2.0**-units.bits
+    spikes = np.asarray(scene.brightest, np.float64) / q
+    roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))  # a transfer adds about four
+    cycle = unit / 2 + roundings * spikes + units.error * unit * spikes
+    return np.minimum(proof, _phase_error(setting, scene, cycle))
+
+
+def _fast_proof(setting: CameraSetting, scene: Summary) -> Values:
+    """The proven bound, (tiles,): one for all tiles below the nominal threshold a cycle, one for
+    all above. It exists for light below the shortest threshold and above the longest, but not in
+    between."""
+    model = setting.model
+    low, high = np.broadcast_arrays(scene.darkest, scene.brightest)
+    bright = low > model.mean
+    out = np.zeros(low.shape)
+    for tiles in (bright, ~bright):
+        if tiles.any():
+            least, most = float(low[tiles].min()), float(high[tiles].max())
+            bound = rate_bound(model, least, most, scene.window, scene.floor, scene.cycles)
+            out[tiles] = float(bound.value)
+    return out
