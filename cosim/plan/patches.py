@@ -35,6 +35,7 @@ class PatchPlane:
         tiles: numbers of the boxes that become patches.
 
     Attributes:
+        grid, tiles: the arguments.
         rows, columns: size of a patch.
         shape: (patches x rows, columns).
         row: (patches x rows,) row on the plane of each row here.
@@ -49,7 +50,7 @@ class PatchPlane:
         sizes = {(y1 - y0, x1 - x0) for y0, y1, x0, x1 in boxes}
         if len(sizes) != 1:
             raise ValueError(f"patches must be of one size, not {sorted(sizes)}")
-        self.tiles = tiles
+        self.grid, self.tiles = grid, tiles
         ((self.rows, self.columns),) = sizes
         self.shape = (len(tiles) * self.rows, self.columns)
         y = np.stack([np.arange(b[0] - 1, b[1] + 1) for b in boxes])

@@ -68,6 +68,12 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     return rounding + np.where(np.asarray(scene.planes) > 0, lost / ESTIMATE_WEIGHT, 0.0)
 
 
+def _rounding(mean: float, cycles: int) -> float:
+    """Rounding of the charge of a number of cycles, and of a fraction in float64, in spikes. Levels
+    and slopes are whole units of 2^-40 electrons."""
+    return 4 * cycles / (ONE * mean) + 2.0**-50
+
+
 def _table_walk(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     """Phase by which the exact tier's table of thresholds and its rounding are off after a number
     of cycles, in spikes, (tiles,)."""
@@ -75,7 +81,7 @@ def _table_walk(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     light = np.asarray(scene.brightest, np.float64) / mean
     spikes = np.minimum(light, 1) * cycles
     walk: Values = TABLE_RMS * spread * np.sqrt(spikes) + TABLE_BIAS * spread**2 * spikes
-    return walk + cycles / (ONE * mean)
+    return walk + _rounding(mean, cycles)
 
 
 def _phase_error(
@@ -110,7 +116,8 @@ def exact_error(setting: CameraSetting, scene: Summary) -> Values:
     )
     mean, spread = setting.model.mean, setting.spread
     # Errors end with the interval.
-    charge = 4 * TABLE_RMS * spread + scene.cycles / (ONE * mean) + _dead_shift(setting, scene, 1)
+    interval = 4 * TABLE_RMS * spread + _rounding(mean, scene.cycles)
+    charge = interval + _dead_shift(setting, scene, 1)
     moved = _moved_spikes(spread, low / mean, high / mean, charge, scene.cycles)
     value = ESTIMATE_WEIGHT * share_of_window(2 * charge, scene) + rare_error(scene, moved)
     return np.where(saturated_tiles(scene), 0.0, value)

@@ -94,7 +94,6 @@ class MixedPatches:
     Args:
         camera: camera on all patches of `plane`.
         setting: the camera with every effect.
-        grid: tiles of the chip.
         plane: the patches.
         fine: (patches,) bool, patches that the reference simulates; at least one.
 
@@ -106,13 +105,12 @@ class MixedPatches:
         self,
         camera: PatchCamera,
         setting: CameraSetting,
-        grid: TileGrid,
         plane: PatchPlane,
         fine: npt.NDArray[np.bool_],
     ) -> None:
         tiles = [tile for tile, each in zip(plane.tiles, fine, strict=True) if each]
         self._camera = camera
-        self._fine = PatchCamera(setting, PatchPlane(grid, tiles), "reference")
+        self._fine = PatchCamera(setting, PatchPlane(plane.grid, tiles), "reference")
         self._inside = np.repeat(fine, plane.rows * plane.columns)
         size = plane.rows + 2, plane.columns + 2
 

@@ -128,6 +128,11 @@ class CameraSetting:
         return replace(self, parameters={**self.parameters, **sizes})
 
     @property
+    def lumped(self) -> CameraSetting:
+        """The setting with the lumped form of its circuit in all tiers."""
+        return self if self.circuit is None else self.changed(circuit=None)
+
+    @property
     def spread(self) -> float:
         """Relative standard deviation of an interval's threshold, from all noise sources."""
         shot = self.threshold if SHOT_NOISE in self.effects else 0.0

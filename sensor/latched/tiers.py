@@ -120,7 +120,8 @@ def tier_pixels(
         if row_delay.shape != (setting.chip.height,):
             raise ValueError(f"row_delay must be ({setting.chip.height},), not {row_delay.shape}")
         offsets = (0 if offsets is None else offsets) - row_delay[rows].astype(np.int64)
-    pattern = setting.fixed_pattern(numbers, lumped=tier != "reference")
+    lumped = tier != "reference" or setting.circuit is None
+    pattern = setting.fixed_pattern(numbers, lumped=lumped)
     gain, model = setting.electrons_per_lux, setting.model
     if tier == "exact":
         return _Exact(setting, numbers, pattern, offsets, device)
@@ -136,6 +137,7 @@ def tier_pixels(
     each = None if offsets is None else np.repeat(offsets, shape[1])
     if setting.circuit is not None:  # the circuit itself takes the place of its lumped form
         model = replace(model, dead_time=0.0, shift=0.0)
+    overshoot = 0.0 if lumped else setting.overshoot
     return ReferencePixels(
-        model, numbers, setting.clock, gain, pattern, each, setting.circuit, setting.overshoot
+        model, numbers, setting.clock, gain, pattern, each, setting.circuit, overshoot
     )

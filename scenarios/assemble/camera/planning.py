@@ -49,7 +49,8 @@ class RunPlan:
         setting: the simulated camera, with the effects that at least one tile keeps.
         flags: flags of the fast tier's work-items, (height, groups) uint8; None in the exact tier.
         tier_error: (tiles,) bound of the error of the arithmetic, relative.
-        fine: (tiles,) bool, tiles that the reference simulates with every effect.
+        fine: (tiles,) bool, tiles that the reference simulates with every effect, and with the
+            lumped form of a circuit.
         full: the camera with every effect.
         spans: windows of cycles that are checked.
         display: the simulated display, None without one.
@@ -108,7 +109,7 @@ class RunPlan:
     def camera(self, device: Device | None) -> SpikeCamera:
         """The planned camera."""
         fine = np.flatnonzero(self.fine)
-        tiles = FineTiles(self.full, self.survey.grid, fine) if fine.size else None
+        tiles = FineTiles(self.full.lumped, self.survey.grid, fine) if fine.size else None
         return SpikeCamera(self.setting, device, tier=self.tier, flags=self.flags, fine=tiles)
 
     def on_patches(self, plane: PatchPlane, device: Device | None) -> TrialCamera:
@@ -124,7 +125,7 @@ class RunPlan:
         fine = self.fine[plane.tiles]
         if not fine.any():
             return camera
-        return MixedPatches(camera, self.full, self.survey.grid, plane, fine)
+        return MixedPatches(camera, self.full.lumped, plane, fine)
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
@@ -149,7 +150,7 @@ class _Arithmetic:
 
     Attributes:
         tier: tier of most tiles.
-        error: (tiles,) bound of its error, relative; 0 in the fine tiles.
+        error: (tiles,) bound of its error, relative; in the fine tiles that of a lumped circuit alone.
         fine: (tiles,) bool, tiles that the reference simulates.
     """
 
@@ -175,7 +176,7 @@ def _arithmetic(
     else:
         error, part = exact_error(setting, scene), SHARE
     fine = error > part * accepted_error(tolerance) if mixed else np.zeros(error.shape, bool)
-    return _Arithmetic(tier, np.where(fine, 0.0, error + setting.lumped_error), fine)
+    return _Arithmetic(tier, np.where(fine, 0.0, error) + setting.lumped_error, fine)
 
 
 def plan_run(

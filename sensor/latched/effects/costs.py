@@ -47,6 +47,8 @@ REFERENCE_CYCLE: Final = 4.0
 """The reference tier, a cycle without spikes."""
 REFERENCE_SPIKE: Final = 60.0
 """The reference tier, a spike."""
+REFERENCE_MOST: Final = 6.0
+"""Most spikes a cycle that the reference simulates one by one."""
 
 
 def _rate(scene: Summary) -> Any:
@@ -81,7 +83,7 @@ def crosstalk_cost(scene: Summary) -> Any:
 
 def reference_cost(scene: Summary) -> Any:
     """Cost of full physics."""
-    return REFERENCE_CYCLE + REFERENCE_SPIKE * np.minimum(_rate(scene), 1)
+    return REFERENCE_CYCLE + REFERENCE_SPIKE * np.minimum(_rate(scene), REFERENCE_MOST)
 
 
 def circuit_cost(scene: Summary) -> Any:

@@ -53,6 +53,6 @@ def initial_deficit(first: Charge, pixels: npt.NDArray[np.uint32], seed: int) ->
         seed: of the run.
     """
     word = philox4x32((pixels, 0, 0, 0), (seed, Stream.INITIAL_CHARGE))[0].astype(np.int64)
-    high, low = first >> 32, first & 0xFFFFFFFF
-    charge = high * word + ((low * word) >> 32)
-    return first - charge - 1
+    high, low = first >> 32, (first & 0xFFFFFFFF).astype(np.uint64)
+    rest = (low * word.astype(np.uint64)) >> np.uint64(32)  # the product may exceed int64
+    return np.asarray(first - high * word - rest.astype(np.int64) - 1)

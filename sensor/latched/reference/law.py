@@ -147,7 +147,7 @@ class Law:
 
     Attributes:
         kind: 0 constant, 1 gamma, 2 normal, 3 tabulated: gamma, or sum of gamma and normal.
-        q: threshold, electrons.
+        q: mean threshold, electrons.
         sigma: threshold noise, electrons.
         table: (2, cells + 1) quantiles and their change a cell, for kind 3 only.
         functions: (3,) int64, addresses of gammaincinv, gammainccinv and ndtri.
@@ -161,12 +161,13 @@ class Law:
 
 
 @lru_cache(maxsize=8)
-def law_of(q: float, sigma: float = 0.0, shot: bool = True) -> Law:
-    """Distribution of G + Normal(0, sigma); G is Gamma(q) with shot noise, else the constant q."""
+def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) -> Law:
+    """Distribution of G + Normal(0, sigma) + shift; G is Gamma(q) with shot noise, else the
+    constant q."""
     functions = np.array([address(f) for f in ("gammaincinv", "gammainccinv", "ndtri")], np.int64)
     table = np.zeros((2, 1))
     if shot:
-        kind = _TABLE if sigma > 0 or q >= _LEAST_TABLED else _GAMMA
+        kind = _TABLE if sigma > 0 or shift or q >= _LEAST_TABLED else _GAMMA
     else:
         kind = _NORMAL if sigma > 0 else _FIXED
     if kind == _TABLE:
@@ -176,8 +177,8 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True) -> Law:
         values = mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
         spline = make_interp_spline(nodes, values, k=7)
         fine = np.linspace(-_SCORE, _SCORE, _CELLS + 1)
-        table = np.stack([spline(fine), spline(fine, 1) * (2 * _SCORE / _CELLS)])
-    return Law(kind, q, sigma, table, functions)
+        table = np.stack([spline(fine) + shift, spline(fine, 1) * (2 * _SCORE / _CELLS)])
+    return Law(kind, q + shift, sigma, table, functions)
 
 
 @njit(cache=True, error_model="numpy")

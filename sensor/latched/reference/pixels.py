@@ -17,7 +17,7 @@ from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.transfer import transfer_light
 from sensor.latched.reference.engine import expose
-from sensor.latched.reference.law import draw_all, law_of
+from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
 
 __all__ = ["ReferencePixels"]
@@ -88,7 +88,7 @@ class ReferencePixels:
             circuit.swing(2 * model.threshold)  # raises if the capacitance nears zero
         self._overshoot = overshoot
         shot = model.shot
-        self._law = law_of(model.threshold, model.threshold_noise, shot)
+        self._law = law_of(model.threshold, model.threshold_noise, shot, model.shift)
         self._levels: list[tuple[Plane, Values]] = []
         goal, charge = self._initial(shot)
         self._state: dict[str, Any] = {
@@ -104,12 +104,12 @@ class ReferencePixels:
         model, numbers, law = self._model, self._numbers, self._law
         if model.random_start and model.noisy:
             longer = model.threshold + shot + model.threshold_noise**2 / model.threshold
-            law = law_of(longer, model.threshold_noise, shot)
+            law = law_of(longer, model.threshold_noise, shot, model.shift)
         goal = draw_all(law, philox4x32((numbers, 0, 0, 0), (model.seed, Stream.SHOT_NOISE))[0])
         if not model.random_start:
             return goal, np.zeros(goal.size)
         words = philox4x32((numbers, 0, 0, 0), (model.seed, Stream.INITIAL_CHARGE))[0]
-        return goal, goal * (words / 2.0**32)
+        return goal, np.maximum(goal - model.shift, LEAST) * (words / 2.0**32)
 
     def _level(self, plane: Plane) -> Values:
         """Electrons a picosecond under a steady plane before transfers, (n,); cached by plane.

@@ -87,6 +87,7 @@ def random_scene(seed: int) -> Scene:
     summary = Summary(
         np.array([low.min() * per_lux]), np.array([high.max() * per_lux + dark]), q, width, cycles,
         1 / width, setting.spread, slack=setting.slack, dead=setting.dead_time * CLOCK.hz,
+        uneven=setting.uneven,
     )  # fmt: skip
     return Scene(setting, plane, Light(pieces), (start, start + width), cycles, summary)
 

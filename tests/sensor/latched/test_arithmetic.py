@@ -1,0 +1,101 @@
+"""The bounds of the tiers' arithmetic against the reference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim import Clock, Summary
+from sensor import CHIPS, CameraSetting
+from sensor.latched.arithmetic import TABLE_BIAS, TABLE_RMS, exact_error, fast_error
+from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.interval import interval_table, threshold
+from sensor.latched.reference.law import draw_all, law_of
+from tests.sensor.latched.random_scenes import Scene, random_scene, rates
+
+CLOCK = Clock.from_hz(40e3)
+
+
+def setting(**more: object) -> CameraSetting:
+    return CameraSetting(CHIPS["spiketwo"], CLOCK, 1000.0, 3, **more)  # type: ignore[arg-type]
+
+
+def scene(camera: CameraSetting, low: object, high: object, planes: float = 0.1) -> Summary:
+    """Tiles whose light lies between `low` and `high` thresholds a cycle."""
+    least, most = (np.atleast_1d(np.asarray(x, float)) * 1000.0 for x in (low, high))
+    return Summary(
+        least, most, 1000.0, 41, 400, 1 / 41, camera.spread, planes, camera.slack,
+        camera.dead_time * CLOCK.hz, camera.uneven,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("q", "sigma"), [(10.0, 0.0), (1000.0, 0.0), (20_000.0, 0.0), (1000.0, 5.8), (200.0, 20.0)]
+)
+def test_the_table_of_thresholds_errs_as_stated(q: float, sigma: float) -> None:
+    words = np.random.default_rng(1).integers(0, 2**32, 500_000, dtype=np.uint32)
+    off = threshold(interval_table(q, sigma), words) / ONE - draw_all(law_of(q, sigma), words)
+    spread = np.hypot(np.sqrt(q), sigma) / q
+    assert 0.7 * TABLE_RMS < off.std() / (spread * q) < 1.1 * TABLE_RMS
+    assert abs(off.mean()) / q < TABLE_BIAS * spread**2
+
+
+def _actual(case: Scene) -> float:
+    """RMS error of the exact tier, relative to the mean rate or the floor."""
+    truth = rates(case, case.setting, "reference")
+    error = rates(case, case.setting) - truth
+    return float(np.sqrt((error**2).mean()) / max(truth.mean(), case.summary.floor))
+
+
+def _exceeded(seeds: range) -> list[int]:
+    return [
+        seed for seed in seeds
+        if _actual(case := random_scene(seed)) > exact_error(case.setting, case.summary).max()
+    ]  # fmt: skip
+
+
+def test_the_exact_tier_keeps_its_bound() -> None:
+    assert len(_exceeded(range(100))) <= 1
+
+
+@pytest.mark.slow
+def test_the_exact_tier_keeps_its_bound_in_a_thousand_scenes() -> None:
+    assert len(_exceeded(range(100, 1100))) <= 5
+
+
+def test_light_that_changes_near_one_spike_a_cycle_is_out_of_reach() -> None:
+    camera = setting(dead_time=1e-7)
+    steady = scene(camera, [0.5, 0.95], [0.5, 0.95], planes=0.0)
+    assert exact_error(camera, steady).max() < 1e-2 > exact_error(camera, steady)[0] > 0
+    moving = exact_error(camera, scene(camera, [0.1, 0.1], [0.5, 0.95]))
+    assert moving[0] < 1e-3 < moving[1]
+    # Without dead time only the tables differ, and a spike is lost in few tiles.
+    still = setting()
+    assert exact_error(still, scene(still, 0.1, 0.6)).max() < 1e-5
+
+
+def test_gains_bring_pixels_of_dimmer_tiles_near_one_spike_a_cycle() -> None:
+    camera = setting(dead_time=1e-7)
+    tile = scene(camera, 0.1, 0.75)
+    assert exact_error(camera, tile)[0] < 1e-3 < exact_error(camera, replace(tile, uneven=0.08))[0]
+
+
+def test_saturated_tiles_have_no_error() -> None:
+    camera = setting(dead_time=1e-7)
+    assert exact_error(camera, scene(camera, 20.0, 30.0)).tolist() == [0.0]
+    assert fast_error(camera, scene(camera, 20.0, 30.0)).tolist() == [0.0]
+
+
+def test_the_fast_tier_errs_more_than_the_exact_one() -> None:
+    camera = setting(dead_time=1e-7)
+    tiles = scene(camera, [0.01, 0.1, 0.3], [0.02, 0.5, 0.6])
+    fast, exact = fast_error(camera, tiles), exact_error(camera, tiles)
+    assert (fast > exact).all() and (fast < 1e-3).all()
+
+
+def test_a_hard_reset_with_dead_time_under_moving_light_is_out_of_reach() -> None:
+    camera = setting(dead_time=1e-6, reset="hard")
+    assert exact_error(camera, scene(camera, 0.1, 0.5)).max() > 1e-3
+    assert np.isinf(fast_error(setting(reset="hard"), scene(setting(), 0.0, 0.5))).all()
