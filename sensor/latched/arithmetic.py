@@ -55,7 +55,8 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     light is at most the square of its range times the spikes of a cycle, if the sweep takes a
     cycle. _SWEEPS of them are assumed in the run.
 
-    This is a limit rather than an expected size, and counts once: it is returned at half its size.
+    Under the other reset rules dead time begins at the latch, and a spike loses light of the next
+    cycle: up to d s more or less. This is a limit rather than an expected size, and counts once.
     """
     model = setting.model
     if model.dead_time == 0:
@@ -64,14 +65,15 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     spikes = np.minimum(high, 1)
     rounding = abs(model.dead / 65536 - model.dead_time) * high * spikes * cycles
     sweeps = max(_SWEEPS * cycles / scene.cycles, 1)
-    lost = model.dead_time * (high - low) * np.maximum(high, 1) * np.sqrt(spikes * sweeps / 12)
-    return rounding + np.where(np.asarray(scene.planes) > 0, lost / ESTIMATE_WEIGHT, 0.0)
+    off = 1 / np.sqrt(12) if model.reset == "residual" else 1.0
+    lost = model.dead_time * off * (high - low) * np.maximum(high, 1) * np.sqrt(spikes * sweeps)
+    return rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0)
 
 
 def _rounding(mean: float, cycles: int) -> float:
     """Rounding of the charge of a number of cycles, and of a fraction in float64, in spikes. Levels
     and slopes are whole units of 2^-40 electrons."""
-    return 4 * cycles / (ONE * mean) + 2.0**-50
+    return 8 * cycles / (ONE * mean) + 2.0**-48
 
 
 def _table_walk(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
@@ -93,16 +95,15 @@ def _phase_error(
     inside = _table_walk(setting, scene, scene.window) + rate * scene.window
     dead = _dead_shift(setting, scene, scene.cycles)
     # The RMS over a tile is relative to its mean light or the floor. It is largest if only a share
-    # of the pixels reaches the brightest light.
+    # of the pixels reaches the brightest light. The shift of the dead time is a limit already.
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
         scene.darkest, scene.brightest
     ))  # fmt: skip
     reaching = np.maximum(low, scene.floor - low) / np.maximum(high - low, 1e-300)
-    share = np.minimum(reaching, 1)
-    part = np.sqrt(share)
+    part = np.sqrt(np.minimum(reaching, 1)) / ESTIMATE_WEIGHT
     inside = inside + part * _dead_shift(setting, scene, scene.window)
     smooth = share_of_window(inside, scene) + ends_error(scene, walk + part * dead)
-    rare = latch_error(scene, walk + dead) + crossing_error(scene, walk + dead, share)
+    rare = latch_error(scene, walk + dead) + crossing_error(scene, walk + dead)
     return np.where(saturated_tiles(scene), 0.0, ESTIMATE_WEIGHT * smooth + rare)
 
 

@@ -150,7 +150,7 @@ class _Arithmetic:
 
     Attributes:
         tier: tier of most tiles.
-        error: (tiles,) bound of its error, relative; in the fine tiles that of a lumped circuit alone.
+        error: (tiles,) bound of its error, relative; in fine tiles that of a lumped circuit alone.
         fine: (tiles,) bool, tiles that the reference simulates.
     """
 

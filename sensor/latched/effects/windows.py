@@ -34,6 +34,8 @@ __all__ = [
 Values = npt.NDArray[np.float64]
 _CHANCE = 1e-4
 """Chance that a scene has a tile with more changed spikes than a bound takes."""
+_SHARES = 4.0 ** -np.arange(5)
+"""Shares of the pixels of a tile that have its brightest light, from all to one of 256."""
 _SCORES = 81
 """Gains of pixels, from 5 standard deviations below the mean to 5 above, over which the lost spikes
 are averaged."""
@@ -80,12 +82,13 @@ def _lost_at(mu: Values, spread: float) -> Values:
 
 
 def rare_error(scene: Summary, events: Any, size: Any = 1.0) -> Values:
-    """Relative error of a tile some of whose pixels have a rare event, such as a spike more or
-    less in the window.
+    """Relative error of a tile some of whose brightest pixels have a rare event, such as a spike
+    more or less in the window.
 
     Such pixels are few, and a tile may have several where most tiles have none. Their number in a
     tile is Poisson distributed; it exceeds the number that is taken here in _CHANCE of all scenes,
-    in any of their tiles.
+    in any of their tiles. A share of the pixels has the brightest light, and the others the
+    darkest; the error is that of the worst share.
 
     Args:
         scene: summary of the scene.
@@ -94,12 +97,20 @@ def rare_error(scene: Summary, events: Any, size: Any = 1.0) -> Values:
     """
     from scipy.special import pdtrik
 
-    mean = np.asarray(events, np.float64) * TILE**2
-    chance = _CHANCE / max(mean.size, 1)
-    with np.errstate(all="ignore"):  # pdtrik has no value where 0 is already enough
-        most = np.ceil(pdtrik(1 - chance, np.maximum(mean, 1e-300)))
-    number = np.where(mean <= -np.log1p(-chance), 0.0, np.maximum(most, 1))
-    return share_of_window(size * np.sqrt(number) / TILE, scene)
+    low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
+        scene.darkest, scene.brightest
+    ))  # fmt: skip
+    chance = _CHANCE / np.broadcast(low, high).size
+    enough = -np.log1p(-chance)  # below this mean, no event is exceeded by chance
+    worst = np.zeros(np.broadcast(low, high).shape)
+    for share in _SHARES:
+        mean = np.asarray(events, np.float64) * share * TILE**2
+        with np.errstate(all="ignore"):  # pdtrik has no value where 0 is already enough
+            most = np.maximum(np.ceil(pdtrik(1 - chance, np.maximum(mean, 1e-300))), 1)
+        changed = size * np.sqrt(np.where(mean <= enough, 0.0, most)) / TILE
+        light = low + share * (np.minimum(high, 1) - np.minimum(low, 1))
+        worst = np.maximum(worst, share_of_window(changed, scene, light * scene.window))
+    return worst
 
 
 def share_of_window(amount: Any, scene: Summary, total: Any = None) -> Values:
@@ -146,7 +157,7 @@ def ends_error(scene: Summary, spikes: Any) -> Values:
     return share_of_window(np.sqrt(2) * scene.spread * ends, scene)
 
 
-def crossing_error(scene: Summary, spikes: Any, share: Any = 1.0) -> Values:
+def crossing_error(scene: Summary, spikes: Any) -> Values:
     """The part of `shift_error` from spikes that move over an end of the window.
 
     The light lost in dead time counts at the spike, and moves with it. Such spikes are rare.
@@ -154,12 +165,11 @@ def crossing_error(scene: Summary, spikes: Any, share: Any = 1.0) -> Values:
     Args:
         scene: summary of the scene.
         spikes: the shift, in spikes; a number, or one a tile.
-        share: share of the pixels of a tile that have its brightest light.
     """
     if scene.dead == 0:
         return np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
     light = np.asarray(scene.brightest, np.float64) / scene.threshold
-    return rare_error(scene, 2 * share * np.minimum(spikes, 1), light * scene.dead)
+    return rare_error(scene, 2 * np.minimum(spikes, 1), light * scene.dead)
 
 
 def latch_error(scene: Summary, spikes: Any) -> Values:

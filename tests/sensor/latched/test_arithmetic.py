@@ -78,7 +78,7 @@ def test_light_that_changes_near_one_spike_a_cycle_is_out_of_reach() -> None:
 
 def test_gains_bring_pixels_of_dimmer_tiles_near_one_spike_a_cycle() -> None:
     camera = setting(dead_time=1e-7)
-    tile = scene(camera, 0.1, 0.75)
+    tile = scene(camera, 0.1, 0.85)
     assert exact_error(camera, tile)[0] < 1e-3 < exact_error(camera, replace(tile, uneven=0.08))[0]
 
 
