@@ -67,5 +67,6 @@ def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
         name, plan.plan, tier=plan.tier, device=setup.device_name, tier_error=plan.tier_error,
         speeds=_measure(setup, plan, everything),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
-        tiles=setup.survey.classes, display=_display(setup, plan),
+        tiles=setup.survey.classes, full_physics_tiles=int(plan.fine.sum()),
+        display=_display(setup, plan),
     )  # fmt: skip

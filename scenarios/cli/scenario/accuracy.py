@@ -85,7 +85,7 @@ def _tiles_text(name: str, document: dict[str, Any]) -> str:
         "tiles",
         "",
         f"{'tolerance':>9}  {'tier':<6}{'stated error':<32}{'outcome':<10}{'worst tile':>18}"
-        f"{'above limit':>13}{'above tolerance':>17}",
+        f"{'above limit':>13}{'above tolerance':>17}{'full physics':>14}",
     ]
     for row in rows:
         over = row["over_tolerance"]
@@ -93,6 +93,7 @@ def _tiles_text(name: str, document: dict[str, Any]) -> str:
             f"{_number(row['tolerance']):>9}  {row['tier']:<6}{_error(row):<32}"
             f"{row['outcome']:<10}{row['worst_error']:>10.3g} ({row['worst_tile']:>5})"
             f"{row['over_limit']:>13}{'' if over is None else over:>17}"
+            f"{row['full_physics_tiles']:>14}"
         )
     return "\n".join(lines)
 

@@ -106,6 +106,11 @@ def _text(document: dict[str, Any]) -> str:
             "this exceeds the tolerance: the cause is the lumped form of the circuit or the "
             "arithmetic of this tier, not an effect left out; the run measures it"
         )
+    if document.get("full_physics_tiles"):
+        lines.append(
+            f"{document['full_physics_tiles']} of {sum(tiles.values())} tiles are simulated with "
+            "full physics: there the arithmetic of this tier could use too much of the tolerance"
+        )
     if document.get("display"):
         display = document["display"]
         lines.append(

@@ -25,7 +25,7 @@ def error_card(run: LatchedRun) -> tuple[str, str]:
     error = run.result.error
     if error.value is None:
         return "unknown", "error against full physics"
-    high = "" if error.ci is None else f", at most {error.ci[1]:.2g} (99.9 %)"
+    high = "" if error.ci is None else f", at most {error.ci[1]:.2g} in any tile (99.9 %)"
     return (
         f"{error.value:.2g}",
         f"error against full physics{high}, {error.kind}; tolerance {run.scenario.tolerance:g}",
@@ -78,6 +78,11 @@ def _summary(run: LatchedRun) -> str:
     plan, survey = run.plan.plan, run.plan.survey
     promised = float(run.plan.promised.max())
     classes = ", ".join(f"{count} {kind}" for kind, count in survey.classes.items() if count)
+    fine = int(run.plan.fine.sum())
+    exact = (
+        f" {fine} tiles are simulated with full physics, because the arithmetic of this tier could "
+        "use too much of the tolerance there." if fine else ""
+    )  # fmt: skip
     if plan.tolerance == 0:
         opening = f"Tolerance 0 keeps every effect; {run.plan.tier} tier."
     else:
@@ -87,10 +92,12 @@ def _summary(run: LatchedRun) -> str:
             "is allowed."
         )
     return (
-        f"{opening} The plane consists of {len(survey.grid)} tiles of 16 x 16 pixels: {classes}. "
-        f"{len(run.plan.patches(run.scenario.seed))} of them were checked: they were simulated "
-        "with the reference (every effect), with the planned camera, and without one effect at a "
-        "time, all with the same random numbers."
+        f"{opening}{exact} The plane consists of {len(survey.grid)} tiles of 16 x 16 pixels: "
+        f"{classes}. {len(run.plan.patches(run.scenario.seed))} of them were checked as a whole: "
+        "they were simulated with the reference (every effect), with the planned camera, and "
+        "without one effect at a time, all with the same random numbers. In others a few pixels "
+        "were checked. The upper limit of the error holds for all tiles: for those that were not "
+        "checked as a whole it is the bound of the plan."
     )
 
 
@@ -116,7 +123,7 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     tiles; returns the rows of its legend."""
     plan, grid = run.plan.plan, run.plan.survey.grid
     names = list(plan.kept)
-    kept = np.stack([np.broadcast_to(plan.kept[n], len(grid)) for n in names])
+    kept = np.stack([np.broadcast_to(plan.kept[n], len(grid)) for n in names] + [run.plan.fine])
     sets, which, counts = np.unique(kept, axis=1, return_inverse=True, return_counts=True)
     order = np.argsort(-counts, kind="stable")
     place = np.empty(len(order), int)
@@ -138,14 +145,14 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
         axes.add_patch(Rectangle(corner, side, side, fill=False, edgecolor=MARK, linewidth=1.6))
     legend, handles = [], []
     for n, index in enumerate(order):
-        out = [name for name, k in zip(names, sets[:, index], strict=True) if not k]
+        *has, fine = sets[:, index]
+        out = [name for name, k in zip(names, has, strict=True) if not k]
         absent = ", ".join(out) or "nothing"
-        legend.append([str(n + 1), f"{counts[index]}", absent])
+        legend.append([str(n + 1), f"{counts[index]}", "full physics" if fine else absent])
         if n < len(_COLOURS):
             short = f"without {absent}" if len(absent) <= 40 else f"without {len(out)}, see table"
-            handles.append(
-                Patch(color=_COLOURS[n], label=f"{n + 1}: {short if out else 'every effect'}")
-            )
+            label = "full physics" if fine else short if out else "every effect"
+            handles.append(Patch(color=_COLOURS[n], label=f"{n + 1}: {label}"))
     handles.append(Patch(fill=False, edgecolor=MARK, label="checked"))
     axes.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1), fontsize=8, frameon=False
