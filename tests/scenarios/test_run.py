@@ -158,10 +158,14 @@ def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):
     assert document["simulated_s"] == 0.0025
     assert document["run_time_s"] > 0
     error = document["error"]
-    assert list(error) == ["value", "kind", "ci", "tolerance"]
+    assert list(error) == ["value", "kind", "ci", "tolerance", "tiles_checked", "tiles_over"]
     low, high = error["ci"]
     assert 0 <= low <= error["value"] <= high <= error["tolerance"] == 1e-3
-    assert re.fullmatch(r"measured on \d+ patches of \d+ pixels", error["kind"])
+    patches, others = re.fullmatch(
+        r"measured on (\d+) patches of \d+ pixels and 16 pixels in each of (\d+) other tiles",
+        error["kind"],
+    ).groups()  # type: ignore[union-attr]
+    assert error["tiles_checked"] == int(patches) + int(others) and error["tiles_over"] == 0
     assert document["plan"] == {"kept": list(EFFECTS), "left_out": []}
     assert list(document["metrics"]) == [
         "tfp_psnr", "tfp_ssim", "tfi_psnr", "tfi_ssim", "spike_rate", "white_rate", "f_number",

@@ -135,7 +135,10 @@ def test_the_page_holds_the_resolved_scenario_and_how_to_make_it_again(page, ste
 def test_error_run_time_and_what_was_left_out_come_first(page, step_run):
     cards, error = page.text["b"][:6], step_run.result.error
     assert cards[0] == f"{error.value:.2g}"
-    assert f"at most {error.ci[1]:.2g} (99.9 %), {error.kind}; tolerance 0.001" in page.source
+    assert (
+        f"at most {error.ci[1]:.2g} in any tile (99.9 %), {error.kind}; tolerance 0.001"
+        in page.source
+    )
     assert re.fullmatch(r"\d+\.\d s", cards[1])
     assert cards[2] == f"{step_run.result.metrics['full_physics'].value:.3g} s"
     assert cards[3] == str(len(step_run.result.left_out))
