@@ -104,7 +104,11 @@ def _phase_error(
     inside = inside + part * _dead_shift(setting, scene, scene.window)
     smooth = share_of_window(inside, scene) + ends_error(scene, walk + part * dead)
     rare = latch_error(scene, walk + dead) + crossing_error(scene, walk + dead)
-    return np.where(saturated_tiles(scene), 0.0, ESTIMATE_WEIGHT * smooth + rare)
+    # A saturated pixel fires in every cycle; the fractions at the ends of a window remain.
+    least = share_of_window(walk, scene)
+    return ESTIMATE_WEIGHT * np.where(
+        saturated_tiles(scene), least, smooth + rare / ESTIMATE_WEIGHT
+    )
 
 
 def exact_error(setting: CameraSetting, scene: Summary) -> Values:
@@ -120,8 +124,8 @@ def exact_error(setting: CameraSetting, scene: Summary) -> Values:
     interval = 4 * TABLE_RMS * spread + _rounding(mean, scene.cycles)
     charge = interval + _dead_shift(setting, scene, 1)
     moved = _moved_spikes(spread, low / mean, high / mean, charge, scene.cycles)
-    value = ESTIMATE_WEIGHT * share_of_window(2 * charge, scene) + rare_error(scene, moved)
-    return np.where(saturated_tiles(scene), 0.0, value)
+    value = ESTIMATE_WEIGHT * share_of_window(2 * charge, scene)
+    return value + np.where(saturated_tiles(scene), 0.0, rare_error(scene, moved))
 
 
 def _moved_spikes(spread: float, low: Values, high: Values, charge: Values, cycles: int) -> Values:
