@@ -235,6 +235,8 @@ def make_plan(
         twice = ~sure if bound.kind == "proof" else np.ones(tiles, bool)
         value = np.broadcast_to(np.asarray(bound.value, float), tiles)
         promise[n] = np.where(twice, ESTIMATE_WEIGHT * value, value)
+    bounds = promise.copy()
+    for n, effect in enumerate(effects):
         if effect.name in exempt:
             promise[n, exempt[effect.name]] = 0.0
     room = SHARE * tolerance - tier_error
@@ -258,7 +260,7 @@ def make_plan(
         gone = ~kept[n]
         at = gone if gone.any() else np.ones(tiles, bool)
         kind: Kind = "proof" if kinds[n] == "proof" and sure[at].all() else "estimate"
-        largest = float(promise[n][at].max())
+        largest = float(bounds[n][at].max())
         rows.append(Row(effect.name, float(kept[n].mean()), largest, kind, float(costs[n].mean())))
     names = [e.name for e in effects]
     return Plan(

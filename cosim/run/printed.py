@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any, Literal
 
-__all__ = ["By", "Relation", "Row", "agreement", "listed", "number", "unprinted"]
+__all__ = [
+    "By", "Relation", "Row", "agreement", "listed", "number", "turning_point", "unprinted",
+]  # fmt: skip
 
 Relation = Literal["=", "<", "<=", ">", ">="]
 """Relation of the computed to the printed number, as the document states it."""
@@ -131,3 +133,14 @@ def unprinted(
     holds: result of a second calculation, which `note` describes.
     """
     return Row(source, what, None, "=", computed, unit, holds, note, by)
+
+
+def turning_point(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """The positive argument from which on a condition holds, by bisection of its logarithm to 1e-7.
+    Raises ValueError if it holds at `low` or does not hold at `high`."""
+    if holds(low) or not holds(high):
+        raise ValueError(f"the turning point must lie between {low:g} and {high:g}")
+    while high / low > 1 + 1e-7:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return math.sqrt(low * high)

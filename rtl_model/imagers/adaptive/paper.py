@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cosim import PS
-from cosim.run.printed import Row, listed, number, unprinted
+from cosim.run.printed import Row, listed, number, turning_point, unprinted
 from rtl_model.imagers.adaptive.device.codes import changed_bits, ring
 from rtl_model.imagers.adaptive.device.decision import (
     HALF_SCALE,
@@ -17,14 +17,18 @@ from rtl_model.imagers.adaptive.device.decision import (
     shortened,
 )
 from rtl_model.imagers.adaptive.device.latency import latency
-from rtl_model.imagers.adaptive.device.loop import light_for, search_path, shortest_exposure
-from rtl_model.imagers.adaptive.device.registers import DESIGN
+from rtl_model.imagers.adaptive.device.loop import (
+    from_judged,
+    light_for,
+    search_path,
+    settled,
+    shortest_exposure,
+)
+from rtl_model.imagers.adaptive.device.registers import DEFAULT_LONGEST, DESIGN
 from rtl_model.imagers.adaptive.device.response import (
     brightest_lux,
     combined_response,
-    darkest_lux,
     exponential_deviation,
-    light_range_db,
     longest_exposure,
 )
 from rtl_model.imagers.adaptive.device.sequencer import frames_of
@@ -45,23 +49,32 @@ def adaptive_rows() -> list[Row]:
 
 
 def _light() -> list[Row]:
-    longest = longest_exposure()
+    """Exposures at which the loop rests, and the least and most light that they measure."""
+    rule, unit = from_judged(Search.HALF), shortest_exposure()
+    shortest, longest = (
+        settled(lux, rule, start=start).multiplier * unit
+        for lux, start in ((1e9, 1 << DEFAULT_LONGEST), (0.0, 1))
+    )
+    brightest = turning_point(lambda lux: _SETTING.value(lux, shortest)[1], 1e3, 1e9)
+    darkest = turning_point(lambda lux: _SETTING.value(lux, longest)[0] >= 1, 1e-6, 1e3)
+    half = turning_point(lambda lux: _SETTING.value(lux, shortest)[0] >= HALF_SCALE, 1e3, 1e9)
     value, _ = _SETTING.value(0.1, longest)
     return [
-        number("001 abstract", "shortest exposure", "1", shortest_exposure() * 1e6, "us",
-               by="constant"),
+        number("001 abstract", "shortest exposure", "1", shortest * 1e6, "us",
+               note="where the loop rests in far too much light", by="component"),
         number("001 abstract", "longest exposure", "65", longest * 1e3, "ms",
-               note="2^16 T = 65.536 ms", by="formula"),
-        number("001 §1", "response", "1.0", _SETTING.volts(1.0, 1.0), "V/(lx s)",
-               note="gain 1, as printed", by="formula"),
-        number("001 abstract", "brightest light", "1e6", brightest_lux(), "lx",
-               note="full scale at 1 us; a full scale of 1 V is assumed", by="formula"),
-        number("001 abstract", "darkest light", "1e-1", darkest_lux(), "lx", relation="<=",
-               note=f"one DN at the longest exposure; 0.1 lx gives {value} DN", by="formula"),
+               note="2^16 T, where the loop rests in the dark", by="component"),
+        number("001 §1", "response", "1.0", HALF_SCALE * _SETTING.lsb / (half * shortest),
+               "V/(lx s)", note="from the light that gives half of the scale", by="component"),
+        number("001 abstract", "brightest light", "1e6", brightest, "lx",
+               note="above it the shortest exposure saturates; a full scale of 1 V is assumed",
+               by="component"),
+        number("001 abstract", "darkest light", "1e-1", darkest, "lx", relation="<=",
+               note=f"one DN at the longest exposure; 0.1 lx gives {value} DN", by="component"),
         number("001 abstract", "light range of 1e-1 to 1e6 lux in powers of ten", "7",
-               light_range_db() / 20, relation=">=", by="formula"),
+               math.log10(brightest / darkest), relation=">=", by="component"),
         number("001 §3.1", "value above which a pixel is saturated", "255",
-               _SETTING.value(brightest_lux(), shortest_exposure())[0], "DN",
+               _SETTING.value(brightest_lux(), shortest)[0], "DN",
                note="not yet saturated at exactly full scale", by="component"),
     ]  # fmt: skip
 
@@ -149,7 +162,10 @@ def _sequence() -> list[Row]:
     whole = {f.period - f.hold - f.exposure for f in frames}
     most = _latest(timing)
     long = round(longest_exposure() * CLOCK_HZ)
-    rate = CLOCK_HZ / timing.period(long)
+    short_rate, rate = (
+        CLOCK_HZ / (pair[1].start - pair[0].start)
+        for pair in (frames_of(timing, [exposure] * 3)[1:] for exposure in (20, long))
+    )
     both = {f.counter for f in frames}
     return [
         listed("001 §4", "bits that a step of a counter changes", [1], sorted(steps), "bit",
@@ -160,12 +176,12 @@ def _sequence() -> list[Row]:
         number("001 §4.1", "frames from N to the first with the new exposure, at the latest", "3",
                most, "frames", note="on the sensor: 36 instants, exposures, falls of light",
                by="component"),
-        number("001 §5", "frames a second", "100", CLOCK_HZ / timing.period(20), "1/s",
-               by="formula"),
+        number("001 §5", "frames a second", "100", short_rate, "1/s",
+               note="between two samples of the sequence", by="component"),
         number("001 §5", "frames a second at an exposure of 65 ms", "100", rate, "1/s",
                proof=longest_exposure() > 1 / FRAME_RATE,
                note="the document's error: 65 ms do not fit into the 10 ms of a frame; a frame of "
-               f"a long exposure is longer, which is used: {rate:.1f} frames/s", by="formula"),
+               f"a long exposure is longer, which is used: {rate:.1f} frames/s", by="component"),
     ]  # fmt: skip
 
 

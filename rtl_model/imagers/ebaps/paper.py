@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
+from cosim.clock import PS
 from cosim.run.printed import Row, listed, number, unprinted
 from rtl_model.imagers.ebaps.board.axi import region_offset
 from rtl_model.imagers.ebaps.board.cameralink import (
-    CHANNELS,
     LINK_HZ,
-    SERIAL_BITS,
     WORD_BITS,
     LinkTiming,
     deserialise,
@@ -28,9 +28,9 @@ from rtl_model.imagers.ebaps.device.exposure import (
     Linear,
     follow,
 )
-from rtl_model.imagers.ebaps.device.imager import Ebaps
 from rtl_model.imagers.ebaps.device.registers import DESIGN, HIGH_VOLTAGE
 from rtl_model.imagers.ebaps.device.settling import settle, settling_exposure
+from sensor.imagers import Exposed
 from sensor.imagers.ebaps import Chart, EbapsPixels, contrast_to_noise, recognisable, smallest_bar
 
 __all__ = ["ebaps_rows"]
@@ -48,24 +48,35 @@ def _reset(name: str) -> int:
     return int(next(r.reset for r in DESIGN.specific if r.name == f"ebaps_{name}"))
 
 
+def _bright_frame() -> npt.NDArray[np.uint16]:
+    """A frame of the sensor in far too much light, without noise."""
+    pixels = EbapsPixels()
+    rows = pixels.shape[0]
+    light = Exposed(np.full(pixels.shape, 1e6), np.full(rows, 1e-2), np.zeros(rows), 0, 0)
+    return pixels.convert(light, 1, frozenset())
+
+
 def _chip() -> list[Row]:
-    timing, pixels = Timing(), EbapsPixels()
+    timing, pixels, frame = Timing(), EbapsPixels(), _bright_frame()
     fast = Timing(clock_hz=80_000_000, rate=60)
-    height, width = pixels.shape
-    per_second = CLOCK_HZ / (timing.vsync(30) - timing.vsync(0)) * 30
+    height, width = frame.shape
+    records = drive_records([(0, DEFAULT_EXPOSURE), (1, DEFAULT_EXPOSURE), (2, DEFAULT_EXPOSURE)])
+    falls = [r.ps for r in records if r.signal == "vsync" and r.value == 0]
+    per_second = (len(falls) - 1) * PS / (falls[-1] - falls[0])
     bright, _ = pixels.mean_variance(1e-6, 1e-3)
     dark, _ = EbapsPixels(volts=0.0).mean_variance(1e-6, 1e-3)
     return [
         listed("002 §1", "columns and rows", [1280, 1024], [width, height], "pixels",
-               by="constant"),
+               note="of a simulated frame", by="component"),
         number("002 §1", "pixel clock at the most", "80", fast.readout_clocks * 60 * 1e-6, "MHz",
                relation="<=", note="60 frames/s would still fit into it; what pixels take",
                by="constant"),
         number("002 §3.1", "pixel clock", "40", CLOCK_HZ * 1e-6, "MHz", by="constant"),
         number("002 §1", "frames a second", "30", per_second, "1/s",
-               note=f"of VSYNC's falling edges; {100 * timing.blanking:.1f} % are blank",
-               by="formula"),
-        number("002 §2", "bits of a value", "16", pixels.bits, "bit", by="constant"),
+               note=f"of VSYNC's falling edges in the waveforms; {100 * timing.blanking:.1f} % are "
+               "blank", by="component"),
+        number("002 §2", "bits of a value", "16", int(frame.max()).bit_length(), "bit",
+               note="of the largest value of a simulated frame", by="component"),
         number("002 §2", "samples a second of the converter", "80e6", CLOCK_HZ, "1/s",
                relation="<=", note="what the pixel clock asks of it; its 80 MS/s allow twice that",
                by="constant"),
@@ -87,15 +98,18 @@ def _link() -> list[Row]:
     made = serialise(words)
     frames = timing.clock_hz / (timing.line_clocks * timing.rows)
     back = deserialise(made)
+    full = deserialise(serialise(np.array([0xFFFFFFFF], np.uint32)))
+    channels, places = made.shape
     return [
         number("002 §1", "drive signals of the sensor", "9",
                len({r[1] for r in drive_records([(0, DEFAULT_EXPOSURE)])} & _NAMES),
                note="those that a frame's waveforms hold: " + ", ".join(DRIVES), by="component"),
-        number("002 §2", "parallel bits of a Camera Link word", "28", WORD_BITS, "bit",
-               note="of each clock, carried and read back the same"
-               if np.array_equal(back, words) else "not read back", by="constant"),
-        number("002 §2", "serial channels", "5", CHANNELS,
-               note=f"four of {SERIAL_BITS} bits a clock and the clock's own", by="constant"),
+        number("002 §2", "parallel bits of a Camera Link word", "28",
+               int(full[0]).bit_count() if np.array_equal(back, words) else 0, "bit",
+               note="that the serial channels carry, and are read back the same", by="component"),
+        number("002 §2", "serial channels", "5", channels,
+               note=f"four of {places // words.size} bits a clock and the clock's own",
+               by="component"),
         number("002 §2", "clock of the link", "85", LINK_HZ * 1e-6, "MHz",
                note=f"pixels take {100 * timing.utilisation:.1f} % of its clocks; "
                f"{timing.pair_rate * 1e-6:.0f} Mbit/s on a pair, "
@@ -154,18 +168,19 @@ def _loop() -> list[Row]:
 
 
 def _memory() -> list[Row]:
-    imager, made = Ebaps(), region_bytes()
-    columns, rows = imager.timing.columns, imager.timing.rows
+    made, frame = region_bytes(), _bright_frame()
     return [
         number("002 §3.2", "regions in memory", "5", REGIONS, by="constant"),
         number("002 §3.2", "of them dark frames", "4", LIVE, note=f"a mean of {DARKS}",
                by="constant"),
-        number("002 §3.2", "bytes of a region, 1280 x 1024 x 2", str(1280 * 1024 * 2), made, "B",
-               by="constant"),
+        number("002 §3.2", "bytes of a region, 1280 x 1024 x 2", str(1280 * 1024 * 2),
+               frame.nbytes, "B", proof=None if made == frame.nbytes else False,
+               note="of a simulated frame", by="component"),
         number("002 §3.2", "bytes from the base to the live frame's region",
                str(4 * 1280 * 1024 * 2), region_offset(LIVE), "B",
                note="address = base + region's offset + running burst", by="formula"),
-        number("002 §3.2", "bytes of a value", "2", made / (columns * rows), "B", by="constant"),
+        number("002 §3.2", "bytes of a value", "2", frame.nbytes / frame.size, "B",
+               note="of a simulated frame", by="component"),
     ]  # fmt: skip
 
 

@@ -46,21 +46,29 @@ def emccd_rows() -> list[Row]:
 def _exposure() -> list[Row]:
     timing = Timing()
     least, most, step = exposure_range(timing)
-    counted = Cycle(0, 0, timing, Settings(1).within(timing))
-    shortest = (counted.exposure_end - counted.exposure_begin) / timing.clock_hz * 1e6
     register = next(r for r in DESIGN.specific if r.name == "emccd_exposure")
     beyond = Settings((1 << register.width) - 1).within(timing).steps
+    shortest, second, longest = (_exposed(timing, steps) for steps in (1, 2, beyond))
     return [
-        number("003 §0", "shortest exposure", "10", shortest, "us",
+        number("003 §0", "shortest exposure", "10", shortest * 1e6, "us",
                note="edges between two frame transfers of the sequence", by="component"),
         number("003 §0", "shortest exposure of another design, cited", str(_CITED_MS), least * 1e3,
                "ms", relation="<", note="ours lies below it; theirs has no first transfer",
                by="component"),
-        number("003 §2", "longest exposure", "40.96", most * 1e3, "ms", by="formula"),
-        number("003 §2", "step of exposure", "10", step * 1e6, "us", by="formula"),
+        number("003 §2", "longest exposure", "40.96", longest * 1e3, "ms",
+               note="edges of the sequence, for the largest value of the register",
+               by="component"),
+        number("003 §2", "step of exposure", "10", (second - shortest) * 1e6, "us",
+               note="edges of the sequence", by="component"),
         unprinted("003 §2", "steps of exposure", beyond, holds=beyond == round(most / step),
                   note="40.96 ms in 10 us; what is written beyond is cut to it", by="component"),
     ]  # fmt: skip
+
+
+def _exposed(timing: Timing, steps: int) -> float:
+    """Seconds between the two frame transfers of a cycle."""
+    cycle = Cycle(0, 0, timing, Settings(steps).within(timing))
+    return (cycle.exposure_end - cycle.exposure_begin) / timing.clock_hz
 
 
 def _chip() -> list[Row]:
@@ -73,11 +81,17 @@ def _chip() -> list[Row]:
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     photons = photons_per_lux(chip.WAVELENGTH) * chip.PITCH**2
     cycle = Cycle(0, 0, timing, Settings(1).within(timing))
+    full = EmccdPixels(gain=1000.0).convert(
+        Exposed(np.full(pixels.shape, 1e6), np.full(pixels.shape[0], 1e-2),
+                np.zeros(pixels.shape[0]), 0, 0), 1, frozenset(),
+    )  # fmt: skip
+    reading = np.diff(cycle.leaving())
+    line = int(reading[reading > timing.line].min()) - timing.shift
     return [
         listed("003 §1", "image rows and columns", [512, 512], [rows.size, columns.size], "pixels",
                note="those of the simulated chip that see light", by="component"),
         listed("003 §1", "rows and columns of image and storage area", [528, 536],
-               list(pixels.shape), "pixels", by="constant"),
+               list(dark.shape), "pixels", note="of a simulated frame", by="component"),
         listed("003 §1", "dark reference rows at head and tail", [8, 8],
                [int(rows[0]), pixels.shape[0] - 1 - int(rows[-1])], "rows", by="component"),
         listed("003 §1", "dark reference columns left and right", [12, 12],
@@ -87,13 +101,15 @@ def _chip() -> list[Row]:
         number("003 §1", "cells between it and the multiplication register", "16",
                timing.transition, "clocks", note="clocks from a line's start to its first pixel",
                by="constant"),
-        number("003 §1", "pixel clocks of a line", "552", timing.line, "clocks", by="constant"),
+        number("003 §1", "pixel clocks of a line", "552", line, "clocks",
+               note="between two rows of the sequence, less the shift", by="component"),
         number("003 §1", "row shifts of a frame transfer", "528", cycle.transfer / timing.transfer,
                by="component"),
         number("003 abstract", "quantum efficiency, at the most", "93",
                100 * pixels.responsivity / photons, "%", note=f"at {chip.WAVELENGTH:g} nm",
                by="formula"),
-        number("003 §1", "bits of a value", "16", pixels.bits, "bit", by="constant"),
+        number("003 §1", "bits of a value", "16", int(np.max(full)).bit_length(), "bit",
+               note="of the largest value of a simulated frame", by="component"),
         number("003 §0", "effective output noise", "1",
                EmccdPixels(gain=200.0).effective_read_noise, "e", relation="<",
                note=f"{pixels.read_noise:g} e at the output (assumed) over the gain of figure 4, "

@@ -13,7 +13,7 @@ from sensor.imagers.cmos import CmosSetting
 
 __all__ = [
     "Point", "brightest_lux", "combined_response", "darkest_lux", "exponential_deviation",
-    "half_scale_lux", "light_range_db", "longest_exposure",
+    "half_scale_lux", "longest_exposure",
 ]  # fmt: skip
 
 _SETTING = CmosSetting()
@@ -53,11 +53,6 @@ def darkest_lux(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING
 def half_scale_lux(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING) -> float:
     """Illuminance of half scale at the longest exposure; below it, values stay below half."""
     return HALF_SCALE * darkest_lux(exponent, setting)
-
-
-def light_range_db(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING) -> float:
-    """20 log10 of the brightest over the darkest illuminance, dB."""
-    return 20 * math.log10(brightest_lux(setting) / darkest_lux(exponent, setting))
 
 
 def combined_response(
