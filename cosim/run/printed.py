@@ -51,6 +51,8 @@ class Row:
 
 def agreement(printed: str, computed: float) -> Literal["rounded", "cut"] | None:
     """Whether a number agrees with printed digits "rounded", "cut" (truncated), or not (None)."""
+    if not math.isfinite(computed):
+        return None
     text = Decimal(printed)
     exponent = text.as_tuple().exponent
     assert isinstance(exponent, int)

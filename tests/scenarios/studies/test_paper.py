@@ -28,6 +28,7 @@ def test_every_row_says_what_computed_it(rows: list[Row]) -> None:
     for name in DOCUMENTS:
         simulated = [r for r in rows if r.source.startswith(name) and r.by in ("run", "component")]
         assert simulated, name
+    assert sum(row.by in ("run", "component") for row in rows) >= 90
 
 
 def test_a_document_s_errors_are_proved_and_told(rows: list[Row]) -> None:
@@ -55,6 +56,7 @@ def test_a_document_s_errors_are_proved_and_told(rows: list[Row]) -> None:
         ("64.08", 64.0824, "rounded"), ("64.08", 64.07, None), ("65", 66.01, None),
         ("65", 64.4, None), ("4.09e10", 4.0907e10, "rounded"), ("4.09e10", 4.11e10, None),
         ("-10", -10.4, "rounded"), ("-10", -10.7, "cut"), ("-10", -9.4, None), ("3", 2.0, None),
+        ("3", float("inf"), None), ("3", float("nan"), None),
     ],
 )  # fmt: skip
 def test_digits_agree_as_printed(printed: str, computed: float, how: str | None) -> None:
@@ -70,32 +72,6 @@ def test_a_proof_is_needed_where_the_document_errs_and_only_there() -> None:
     assert not number("", "", "5.165", 6.0, by="formula", relation="<").holds
     assert number("", "", "0.1", 0.06, by="formula", relation="<=").holds
     assert not unprinted("", "", 1.0, by="formula", holds=False, note="").holds
-
-
-@pytest.mark.parametrize(
-    ("module", "name", "wrong", "document"),
-    [
-        ("sensor.dynamic_range.spike", "photons_per_lux", lambda nm: 4.2e15, "000"),
-        ("rtl_model.imagers.adaptive.paper", "lengthening", lambda value: 2, "001"),
-        ("sensor.imagers.cmos.setting", "ROUNDING", 2.0, "001"),
-        ("rtl_model.imagers.ebaps.paper", "region_bytes", lambda: 1280 * 1024, "002"),
-        ("rtl_model.imagers.emccd.paper", "frame_clocks", lambda *_: 10**5, "003"),
-        ("scenarios.studies.paper.dynamic_range", "decibels", lambda ratio: 10.0, "004"),
-    ],
-)  # fmt: skip
-def test_another_simulation_gives_other_numbers(
-    module: str, name: str, wrong: Any, document: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A row that stood on a copied constant would still hold."""
-    from importlib import import_module
-
-    assert all(row.holds for row in paper_rows((document,)))
-    monkeypatch.setattr(import_module(module), name, wrong)
-    try:
-        held = all(row.holds for row in paper_rows((document,)))
-    except ValueError:  # a loop that gets nowhere says so
-        held = False
-    assert not held
 
 
 def test_the_command_prints_both_forms(
