@@ -9,7 +9,6 @@ from sensor.dynamic_range.mapping import Mapping
 from sensor.dynamic_range.monte_carlo import measure_chain
 from sensor.dynamic_range.noise import DarkLaw, SensorNoise
 from sensor.dynamic_range.spike import (
-    filling_time,
     interval_rsd,
     level_step,
     levels_for,
@@ -40,7 +39,6 @@ __all__ = [
     "converter_rule",
     "decibels",
     "document_dynamic_range",
-    "filling_time",
     "gain_counted_once",
     "interval_rsd",
     "level_step",

@@ -13,7 +13,6 @@ from cosim.light.radiometry import photons_per_lux
 from sensor.dynamic_range.decibels import as_ratio, decibels
 
 __all__ = [
-    "filling_time",
     "interval_rsd",
     "level_step",
     "levels_for",
@@ -39,11 +38,6 @@ def levels_for(db: float, longest: float, shortest: float) -> float:
 def photons_per_second(lux: float, square_micrometres: float) -> float:
     """Photons a second on a pixel, as of 555 nm (section 4.3)."""
     return photons_per_lux(555) * lux * square_micrometres * 1e-12
-
-
-def filling_time(threshold: float, electrons_per_second: float) -> float:
-    """Seconds in which Q gathers: 3.5 ns at 1e5 lux on 100 um2 with QE 0.7 and Q = 100."""
-    return threshold / electrons_per_second
 
 
 def threshold_for(electrons_per_second: float, shortest: float) -> float:

@@ -19,14 +19,14 @@ from cosim.plan.paired import Paired, Values
 from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TILE, TileGrid
 from scenarios.assemble.camera.planning import RunPlan
-from sensor.latched.effects.costs import reference_cost
+from sensor.latched.effects.costs import REFERENCE_CIRCUIT, reference_cost
 from sensor.latched.patches import PatchCamera
 
 __all__ = ["TileSamples", "sample_tiles"]
 
 _BOXES: Final = ((2, 8), (1, 8), (1, 4), (1, 2), (1, 1))
 """Rows and columns of a sample, by falling cost."""
-_LEAST_S: Final = 0.25
+_LEAST_S: Final = 0.15
 """Time that samples may take in any case, seconds."""
 _SHARE: Final = 0.1
 """Part of the predicted time of the chip that they may take."""
@@ -67,7 +67,8 @@ def _affordable(run: RunPlan, tiles: int) -> tuple[tuple[int, int], int]:
     """The largest box for which the samples of all tiles take the time that they may, and the
     number of tiles: fewer than all if even one pixel a tile takes longer."""
     scene, grid = run.survey.scene, run.survey.grid
-    pixel = float(np.mean(reference_cost(scene))) * scene.cycles * 1e-9
+    cost = REFERENCE_CIRCUIT if run.full.circuit else float(np.mean(reference_cost(scene)))
+    pixel = cost * scene.cycles * 1e-9
     chip = run.plan.cost_ns * grid.height * grid.width * scene.cycles * 1e-9
     most = int(max(_LEAST_S, _SHARE * chip) / pixel)
     for rows, columns in _BOXES:

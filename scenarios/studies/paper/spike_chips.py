@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 
@@ -50,8 +51,7 @@ def _filmed(chip: str, hertz: float) -> Viform:
         "scene.at=0 s", "scene.illuminance=1e5 lux", "sensor.lens.f_number=1", "image.at=[20]",
         "image.window=21",
     ]  # fmt: skip
-    _, scenario = load("step", sets)
-    assert isinstance(scenario, Scenario)
+    scenario = cast(Scenario, load("step", sets)[1])
     setup = set_up_camera(scenario, "numba")
     scene, lens = setup.stages(setup.source()).values()
     block = Block(0, 32)

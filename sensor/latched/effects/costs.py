@@ -16,6 +16,7 @@ from cosim.plan.effects import Summary
 __all__ = [
     "EXACT",
     "QUIET",
+    "REFERENCE_CIRCUIT",
     "circuit_cost",
     "crosstalk_cost",
     "dead_time_cost",
@@ -47,6 +48,8 @@ REFERENCE_CYCLE: Final = 4.0
 """The reference tier, a cycle without spikes."""
 REFERENCE_SPIKE: Final = 60.0
 """The reference tier, a spike."""
+REFERENCE_CIRCUIT: Final = 1000.0
+"""The reference tier, a cycle of a pixel whose circuit it integrates."""
 REFERENCE_MOST: Final = 6.0
 """Most spikes a cycle that the reference simulates one by one."""
 
