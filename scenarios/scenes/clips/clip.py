@@ -29,6 +29,8 @@ _AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
 
 _FAR = 8
 """Number of frames ahead from which on a seek to a key frame saves time."""
+_BAND = 1 << 14
+"""Pixels of a picture that are converted at once."""
 _CROPPED = 0.9
 """Share of the picture below which a note states that it is cropped."""
 # Code values of white. FFmpeg's 16-bit RGB is exact for RGB and grey, but for YUV it has white at
@@ -44,6 +46,33 @@ def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
     # IEC 61966-2-1, sRGB to linear
     linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
     return linear.astype(np.float32)
+
+
+def _luminance(
+    picture: npt.NDArray[np.uint8], curve: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    """Linear luminance of an 8-bit picture, transparent parts black: (H, W) float32.
+
+    OpenCV takes a fifth of numpy's time for it, and in bands that fit in the cache again a half.
+
+    Args:
+        picture: (H, W, 3 or 4) uint8, red, green, blue, and alpha.
+        curve: (256,) float32, linear light of each code value.
+    """
+    import cv2
+
+    height, width, channels = picture.shape
+    curves = np.stack([curve, curve, curve, np.arange(256, dtype=np.float32) / 255], axis=1)
+    weights = np.append(_LUMINANCE, np.float32(0))[None, :channels]
+    luminance = np.empty((height, width), np.float32)
+    step = max(_BAND // width, 1)
+    for top in range(0, height, step):
+        lit = cv2.LUT(picture[top : top + step], curves[None, :, :channels])
+        band = luminance[top : top + step]
+        band[...] = cv2.transform(lit, weights)
+        if channels == 4:
+            band *= lit[..., 3]
+    return luminance
 
 
 def _is_still(name: str) -> bool:
@@ -197,15 +226,8 @@ class Clip:
             luminance = curve[frame.to_ndarray(format="rgb48le")] @ _LUMINANCE
             if clear:
                 luminance *= frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
-        else:  # OpenCV takes a fifth of numpy's time
-            curves = np.stack([curve, curve, curve, np.arange(256, dtype=np.float32) / 255], axis=1)
-            channels = 4 if clear else 3
-            lit = cv2.LUT(
-                frame.to_ndarray(format="rgba" if clear else "rgb24"), curves[None, :, :channels]
-            )
-            luminance = np.asarray(cv2.transform(lit, np.append(_LUMINANCE, 0)[None, :channels]))
-            if clear:
-                luminance *= lit[..., 3]
+        else:
+            luminance = _luminance(frame.to_ndarray(format="rgba" if clear else "rgb24"), curve)
         if clear:
             self._note(f"{self._path.name}: transparent parts are black")
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
