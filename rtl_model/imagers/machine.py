@@ -166,7 +166,9 @@ def _error(chain: FrameChain) -> Error:
     )
     if chain.decisions is not None:
         kind += f"; {chain.decisions.text()}"
-    return Error(error.value, kind, (error.low, error.high))
+    # The upper limit holds for the whole frame: where no patch was, the bound of the plan does.
+    promised = float(np.max(chain.planned.plan.total))
+    return Error(error.value, kind, (error.low, max(error.high, promised)))
 
 
 def _throughput(frames: Sequence[FrameFigures], seconds: dict[str, float]) -> list[Throughput]:

@@ -151,7 +151,9 @@ class AsynchronousMachine:
         return Outcome(
             outcome="degraded" if spec.source.degraded or beyond else "ok",
             simulated_s=spec.duration,
-            error=Error(error.value, KIND, (error.low, error.high)),
+            error=Error(
+                error.value, KIND, (error.low, error.high), len(checked.tiles), checked.over
+            ),
             kept=checked.plan.acting(channel=output.channel is not None),
             left_out=checked.left_out,
             metrics={

@@ -81,8 +81,10 @@ class Checked:
 
     Attributes:
         plan: the plan.
-        error: of the worst tile.
+        error: of the worst tile that was compared. Its upper limit holds for all tiles: for the
+            others it is the sum of the bounds of what is left out.
         tiles: that were compared.
+        over: number of them whose error is above the tolerance.
         left_out: as result.json has it.
         notes: what the user must know.
         full_physics: time that full physics would take for the run, s; None if not measured.
@@ -91,6 +93,7 @@ class Checked:
     plan: EventPlan
     error: Distance
     tiles: list[int]
+    over: int
     left_out: list[dict[str, Any]]
     notes: list[str] = field(default_factory=list)
     full_physics: float | None = None
@@ -216,15 +219,23 @@ def _scale(plan: EventPlan, rates: Reals) -> float:
     return max(float(np.nanmean(rates[:, 0])), plan.scene.floor)
 
 
-def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
-    """The plan against the reference; the worst of these tiles."""
-    worst = Distance(-1.0, 0.0, 0.0, -1)
+def _measured(plan: EventPlan, view: View, tiles: list[int]) -> list[Distance]:
+    """The plan against the reference, tile by tile."""
+    found = []
     for tile in tiles:
         truth = _followed(plan, view, tile)
-        distance = _distance(_planned(plan, view, tile), truth, _scale(plan, truth), tile)
-        high = max(worst.high, distance.high)
-        worst = replace(max(worst, distance, key=lambda d: d.value), high=high)
-    return worst
+        found.append(_distance(_planned(plan, view, tile), truth, _scale(plan, truth), tile))
+    return found
+
+
+def _worst(found: list[Distance]) -> Distance:
+    """The largest of some distances, with the largest of their upper limits."""
+    return replace(max(found, key=lambda d: d.value), high=max(d.high for d in found))
+
+
+def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
+    """The plan against the reference; the worst of these tiles."""
+    return _worst(_measured(plan, view, tiles))
 
 
 def _left_out(
@@ -271,7 +282,8 @@ def check_plan(
     rows, findings = _left_out(plan, view, tiles)
     if findings:
         return findings, None
-    error = measure(plan, view, tiles)
+    found = _measured(plan, view, tiles)
+    error = _worst(found)
     if plan.left_out.any() and error.high > tolerance:
         message = (
             f"together, what was left out changes up to {error.high:.2g} of a tile's rate, "
@@ -284,7 +296,10 @@ def check_plan(
             f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
             f"tile's rate, more than the tolerance {tolerance:g}"
         )
-    return [], Checked(plan, error, tiles, rows, notes)
+    others = np.delete(plan.total, tiles)
+    whole = replace(error, high=max(error.high, float(others.max(initial=0.0))))
+    over = sum(distance.value > accepted_error(tolerance) for distance in found)
+    return [], Checked(plan, whole, tiles, over, rows, notes)
 
 
 def verify(plan: EventPlan, view: View, tolerance: float) -> Checked:
