@@ -104,6 +104,11 @@ class DisplaySection(Section):
         examples=["16 kHz"],
         description="binary planes per second of the reference projector; none for no projector",
     )
+    colour: Literal["as-camera"] | None = Field(
+        default=None,
+        description="as-camera: a pixel of the panel emits the colour of the camera's filter in "
+        "its place (sensor.colour); without it the panel has one colour",
+    )
     renderer: Literal["gl", "numpy"] = Field(
         default="gl", description="gl: shaders; numpy: the golden model, exact and slow"
     )

@@ -23,6 +23,7 @@ from link.report.page import link_page
 from link.sending import Transmission
 from link.setup.setup import LinkSetup
 from link.trial.planned import PlannedLink, check_plan, plan_link
+from sensor.latched.readout import readout_stages
 
 __all__ = ["LinkMachine", "PanelLoop"]
 
@@ -118,8 +119,12 @@ class LinkMachine:
         recorder = Recorder(folder / STREAM, sensor.shape, setup.cycles, clock)
         return LinkChain(
             f"{self._name}: {setup.cycles} cycles of {chip.width} x {chip.height}",
-            {"air": air, "sensor": sensor, "recorder": recorder}, setup.cycles, self._identity(),
-            folder, before=setup.seconds, sent=setup.sent, loop=self._loop,
+            {
+                "air": air, "sensor": sensor,
+                **readout_stages(setup.scenario.sensor.duplicated_rows), "recorder": recorder,
+            },
+            setup.cycles, self._identity(), folder, before=setup.seconds, sent=setup.sent,
+            loop=self._loop,
         )  # fmt: skip
 
     def _identity(self) -> str:
@@ -152,7 +157,7 @@ class LinkMachine:
         return Outcome(
             outcome="failed" if faults or not link.delivered else outcome,
             simulated_s=setup.cycles / setup.setting.camera.clock.hz,
-            error=link.check.error,
+            error=link.check.error(plan.promised),
             kept=plan.simulated,
             left_out=link.left_out,
             metrics={

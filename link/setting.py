@@ -169,7 +169,15 @@ def check_receiver(sensor: SensorSection) -> None:
     """Raises InputError for a camera that cannot receive a link."""
     if sensor.readout != "synchronous":
         raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
-    for name in ("source", "asynchronous", "continuous", "channel"):
+    for name in (
+        "source",
+        "asynchronous",
+        "continuous",
+        "channel",
+        "sub_threshold",
+        "dark_limit",
+        "colour",
+    ):
         if getattr(sensor, name) is not None:
             raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
     _refuse_lens(sensor.lens)

@@ -22,6 +22,12 @@ class Stream(IntEnum):
     INITIAL_CHARGE = 2
     METASTABILITY = 3
     """Settling time of a metastable latch."""
+    CHARGE = 4
+    """Latched pixels: electrons of readings below threshold."""
+    ROW_TIMING = 5
+    """Sampling instants of rows."""
+    DRIFT = 6
+    """Gain that all pixels have in common."""
     PATTERN = 16
     """Fixed pattern of pixels; keyed by the seed of the device, not of the run."""
     SKIPPED = 48
@@ -57,3 +63,11 @@ class Stream(IntEnum):
     """Fixed pattern; keyed by the seed of the device."""
     IMAGER_THERMAL = 122
     """Temperature sensor and surroundings of a cooler."""
+    IMAGER_LINES = 123
+    """Data lines of a converter: delays (keyed by the seed of the device) and jitter of edges."""
+    IMAGER_WHITE = 124
+    """White noise of a sensor's output."""
+    IMAGER_TRANSFER = 125
+    """Noise of the clocks that transfer charge."""
+    IMAGER_CIRCUIT = 126
+    """Noise of the circuit between sensor and converter."""

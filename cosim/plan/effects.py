@@ -40,6 +40,7 @@ class Summary:
         slack: largest factor by which all effects together can reduce a pixel's light.
         dead: dead time of a spike, cycles.
         uneven: relative standard deviation of the gains of pixels.
+        timing: RMS of the noise of the sampling instants, cycles.
     """
 
     darkest: Any
@@ -53,6 +54,7 @@ class Summary:
     slack: float = 1.25
     dead: float = 0.0
     uneven: float = 0.0
+    timing: Any = 0.0
 
     @property
     def base(self) -> Values:

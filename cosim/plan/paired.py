@@ -33,9 +33,13 @@ Span = tuple[int, int]
 """First cycle of a window, and the cycle after its last."""
 
 
-def windows(instants: Sequence[int], window: int, cycles: int) -> list[tuple[int, int]]:
-    """The span of `window` cycles around each cycle in `instants`, moved to lie within the run."""
-    starts = [min(max(at - window // 2, 0), cycles - window) for at in instants]
+def windows(
+    instants: Sequence[int], window: int, cycles: int, *, preceding: bool = False
+) -> list[tuple[int, int]]:
+    """The span of `window` cycles around each cycle in `instants`, or up to it, moved to lie within
+    the run."""
+    before = window - 1 if preceding else window // 2
+    starts = [min(max(at - before, 0), cycles - window) for at in instants]
     return [(s, s + window) for s in starts]
 
 

@@ -12,7 +12,10 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from cosim.files.whole import whole
 
-__all__ = ["Levels", "encode", "for_display", "to_linear_bytes", "write_linear_png", "write_png"]
+__all__ = [
+    "Levels", "coloured", "encode", "for_display", "to_linear_bytes", "write_linear_png",
+    "write_png",
+]  # fmt: skip
 
 Grey = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.floating[Any]]
@@ -37,6 +40,12 @@ def for_display(x: Levels) -> Grey:
     return _display_curve()[level]
 
 
+def coloured(rgb: Levels) -> Grey:
+    """sRGB codes of linear red, green and blue, (H, W, 3), in the order that OpenCV encodes: blue,
+    green, red."""
+    return np.ascontiguousarray(for_display(rgb)[..., ::-1])
+
+
 def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90) -> bytes:
     """Bytes of a picture file.
 
@@ -54,7 +63,8 @@ def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90
 
 
 def write_png(path: Path, image: Grey) -> None:
-    """Writes an 8-bit grey PNG atomically. Raises InputError unless the name ends in .png."""
+    """Writes an 8-bit PNG, grey or as of `coloured`, atomically. Raises InputError unless the name
+    ends in .png."""
     if path.suffix.lower() != ".png":
         named = path.with_suffix(".png") if path.name else path / "image.png"
         raise InputError("--out", "a name ending in .png", str(path), f"try {named}")

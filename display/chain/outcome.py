@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cosim.report.png import write_linear_png
+from cosim.light.demosaic import balanced
+from cosim.light.mosaic import Mosaic
+from cosim.report.png import coloured, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from display.chain.display import SPIKE, DisplayChain
 from display.panels.panel import metric_key
 from display.probes.latency import PARTS
 from display.probes.metrics import GREY, Probes, display_metrics
+from display.quality.colorvideovdp import color_video_vdp
 from display.quality.fidelity import Fidelity, ImagesByObserver, display_fidelity
 from display.references.stage import TRUTH
 
@@ -31,6 +34,7 @@ class DisplayOutcome:
         frames: slow motion by display, (frames, h, w) uint8 with the sRGB curve applied.
         total_light: emitted light over the displayed spikes, packets; None without a spike.
         probes: latency, blur and flicker.
+        jod: ColorVideoVDP by display, by `color_video_vdp`.
     """
 
     chain: DisplayChain
@@ -39,12 +43,15 @@ class DisplayOutcome:
     frames: dict[str, npt.NDArray[np.uint8]]
     total_light: float | None
     probes: Probes
+    jod: dict[str, float]
 
     @classmethod
     def of(cls, chain: DisplayChain, fidelity: list[Fidelity], probes: Probes) -> DisplayOutcome:
         emitted, spikes = chain.panel_stage.emitted, chain.panel_stage.spikes
         total = emitted / spikes if emitted is not None and spikes else None
-        return cls(chain, chain.images(), fidelity, chain.frames(), total, probes)
+        frames, section = chain.frames(), chain.section
+        jod = color_video_vdp(frames, TRUTH, chain.motion, section.distance, section.luminance)
+        return cls(chain, chain.images(), fidelity, frames, total, probes, jod)
 
     @property
     def displays(self) -> list[str]:
@@ -65,6 +72,7 @@ class DisplayOutcome:
         out: dict[str, Metric] = {}
         for fidelity in self.fidelity:
             out |= fidelity.metrics()
+        out |= {f"jod_{metric_key(name)}": Metric(jod, "JOD") for name, jod in self.jod.items()}
         total = Metric(self.total_light, "emitted/expected")
         return display_metrics(self.probes) | out | {"total_light": total}
 
@@ -86,13 +94,24 @@ def chain_fidelity(chain: DisplayChain) -> list[Fidelity]:
     return display_fidelity(chain.images(), list(chain.observers))
 
 
-def write_observer_images(folder: Path, outcome: DisplayOutcome) -> list[str]:
+def write_observer_images(
+    folder: Path, outcome: DisplayOutcome, mosaic: Mosaic | None = None
+) -> list[str]:
     """Writes the linear images of the middle instant, white = 255: images/eye-60hz.png,
-    images/pursuit-truth.png, ... Returns their names."""
+    images/pursuit-truth.png, ... Returns their names.
+
+    mosaic: colours of the panel's pixels, None for one colour. The images at rest are then written
+    in colour too: images/colour-eye-60hz.png, ... The panel emits what the camera's pixels see, so
+    these are the camera's colours, balanced to white.
+    """
     (folder / "images").mkdir(exist_ok=True)
     names = []
     for display, by_observer in outcome.images.items():
         for observer, images in by_observer.items():
             names.append(f"images/{observer}-{metric_key(display)}.png")
-            write_linear_png(folder / names[-1], images[len(images) // 2])
+            image = images[len(images) // 2]
+            write_linear_png(folder / names[-1], image)
+            if mosaic is not None and observer != "pursuit":
+                names.append(f"images/colour-{observer}-{metric_key(display)}.png")
+                write_png(folder / names[-1], coloured(balanced(mosaic, image)))
     return names

@@ -1,5 +1,6 @@
-"""Causal: as hold, but darker when the current interval exceeds the last one. x = 1 / max(tau,
-age).
+"""Causal: as hold, but darker when the current interval exceeds the last one.
+x = p / max(tau, age), at most 1, where p is a packet and the repayment of the balance
+(`intervals.py`).
 
 Only past spikes enter; without another spike, the light decays as 1 / age.
 """
@@ -11,13 +12,23 @@ from typing import Any
 import numpy as np
 
 from display.drives.drive import Drive
-from display.drives.intervals import interval_fluctuation, interval_variation
+from display.drives.intervals import (
+    GLSL_LEVEL,
+    GLSL_REPAID,
+    interval_fluctuation,
+    interval_variation,
+    packets_at,
+    repaid,
+)
 
 __all__ = ["CAUSAL"]
 
 
 def _level(age: Any, tau: Any, memory: Any) -> Any:
-    return 1.0 / np.maximum(tau, age)
+    return packets_at(np.maximum(tau, age), memory)
 
 
-CAUSAL = Drive("causal", 2, _level, "min(held, inverse)", interval_fluctuation, interval_variation)
+CAUSAL = Drive(
+    "causal", 2, _level, GLSL_LEVEL.format(rate="min(held, inverse)"), interval_fluctuation,
+    interval_variation, repaid, GLSL_REPAID,
+)  # fmt: skip

@@ -25,25 +25,27 @@ def level(age: float, tau: float, memory: float) -> float:
     raise NotImplementedError
 
 
-def remember(memory: float, tau: float, interval: float) -> float:
+def remember(memory: float, interval: float, emitted: float) -> float:
     """Placeholder of the drive's `remember` in a kernel."""
     raise NotImplementedError
 
 
-def _unchanged(memory: float, tau: float, interval: float) -> float:
+def _unchanged(memory: float, interval: float, emitted: float) -> float:
     return memory
 
 
 def _fingerprint(*functions: Callable[..., Any]) -> str:
-    """Hexadecimal digest of the code and the constants of functions."""
+    """Hexadecimal digest of the code and the constants of functions, and of those that they
+    call."""
     parts = []
     for function in functions:
         assert isinstance(function, FunctionType)
         code = function.__code__
-        constants = [function.__globals__.get(name) for name in code.co_names]
-        numbers = [value for value in constants if isinstance(value, int | float)]
-        parts.append((code.co_code, code.co_consts, code.co_names, numbers))
-    return sha256(repr(parts).encode()).hexdigest()[:8]
+        used = [function.__globals__.get(name) for name in code.co_names]
+        numbers = [value for value in used if isinstance(value, int | float)]
+        called = _fingerprint(*(value for value in used if isinstance(value, FunctionType)))
+        parts.append((code.co_code, code.co_consts, code.co_names, numbers, called))
+    return sha256(repr(parts).encode()).hexdigest()[:8] if parts else ""
 
 
 @cache

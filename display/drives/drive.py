@@ -43,10 +43,10 @@ class Drive:
         variation: (rate, variance, motion, swing) -> total variation of the light for each
             spike, packets. motion: range of the light over its mean if it moves, else 0. swing:
             change of the emitter's level by a packet.
-        remember: (memory, tau, interval) -> memory after a spike, 0 before the first. tau: value
-            before this spike. interval: planes since the previous spike, 0 at the first. None: no
-            memory.
-        glsl_remember: `remember` in GLSL, of `memory`, `held` (before this spike) and `run`.
+        remember: (memory, interval, emitted) -> memory after a spike, 0 before the first. interval:
+            planes since the previous spike, 0 at the first. emitted: sum of the levels since then,
+            packets. None: no memory.
+        glsl_remember: `remember` in GLSL, of `memory`, `run` and `emitted`.
     """
 
     name: str

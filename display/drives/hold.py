@@ -1,17 +1,29 @@
-"""Hold: the light follows the last interval until the next spike. x = 1 / tau."""
+"""Hold: the light follows the last interval until the next spike.
+x = p / tau, at most 1, where p is a packet and the repayment of the balance (`intervals.py`).
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 from display.drives.drive import Drive
-from display.drives.intervals import interval_fluctuation, interval_variation
+from display.drives.intervals import (
+    GLSL_LEVEL,
+    GLSL_REPAID,
+    interval_fluctuation,
+    interval_variation,
+    packets_at,
+    repaid,
+)
 
 __all__ = ["HOLD"]
 
 
 def _level(age: Any, tau: Any, memory: Any) -> Any:
-    return 1.0 / tau
+    return packets_at(tau, memory)
 
 
-HOLD = Drive("hold", 2, _level, "held", interval_fluctuation, interval_variation)
+HOLD = Drive(
+    "hold", 2, _level, GLSL_LEVEL.format(rate="held"), interval_fluctuation, interval_variation,
+    repaid, GLSL_REPAID,
+)  # fmt: skip

@@ -4,7 +4,7 @@ from display.effects.costs import BASE_COST
 from display.effects.emission import emission_effect
 from display.effects.rows import row_timing_effect
 from display.effects.spans import SPANS, planes_effect
-from display.effects.weights import effective_planes
+from display.effects.weights import effective_planes, weight_steps
 
 __all__ = [
     "BASE_COST",
@@ -13,4 +13,5 @@ __all__ = [
     "emission_effect",
     "planes_effect",
     "row_timing_effect",
+    "weight_steps",
 ]

@@ -35,12 +35,18 @@ import numpy.typing as npt
 from display.observe.views import Observer, Values
 from display.panels.panel import SpikePanel
 
-__all__ = ["Change", "delay_change", "effective_planes", "span_change", "steps"]
+__all__ = [
+    "Change", "delay_change", "effective_planes", "span_change", "steps", "weight_steps",
+]  # fmt: skip
 
 _CHUNK: Final = 1 << 14
 """Number of planes that are evaluated together; a multiple of 64."""
 _NOTHING: Final = 1e-6
 """Weight below which an image counts as without light of the run."""
+_STEP_CLASS: Final = 2.0
+"""Ratio of the sizes of neighbouring classes of `weight_steps`."""
+_STEP_CLASSES: Final = 26
+"""Number of classes: the smallest size is 3e-8."""
 Instants = npt.NDArray[np.int64]
 
 
@@ -213,3 +219,40 @@ def steps(observer: Observer, panel: SpikePanel, planes: int) -> Change:
         for delay in _rows(panel)
     )
     return _worse(first, last)
+
+
+@_cached
+def weight_steps(
+    observer: Observer, panel: SpikePanel, planes: int, held: int, end: bool
+) -> tuple[tuple[float, float], ...]:
+    """Differences between the weights of consecutive planes, relative to the sum of all weights,
+    for light that is held for `held` planes: classes of similar size, (largest size, number of
+    planes in the image with most). end: only those of the end of the run, where the weights step to
+    zero; else all others."""
+    rows = [_step_classes(observer, panel, planes, held, end, delay) for delay in _rows(panel)]
+    sizes = _STEP_CLASS ** -np.arange(float(_STEP_CLASSES))
+    counts = np.maximum(*rows)
+    return tuple((float(s), float(n)) for s, n in zip(sizes, counts, strict=True) if n > 0)
+
+
+def _step_classes(
+    observer: Observer, panel: SpikePanel, planes: int, held: int, end: bool, row: int
+) -> Values:
+    """Number of planes in each class of `weight_steps` for rows with this delay, ps: class k has
+    sizes up to _STEP_CLASS^-k, the last one all smaller sizes."""
+    plane, last = panel.start(1) - panel.start(0), panel.start(planes - held) + row
+    whole, found = np.zeros(observer.images), []
+    for _, edges in _chunks(observer, panel, planes):
+        at = edges + row
+        weight = observer.weights(at[:-1], at[1:])
+        whole += weight.sum(axis=1)
+        later = at + held * plane
+        change = np.abs(observer.weights(later[:-1], later[1:]) - weight) / held
+        found.append(change[:, (at[1:] > last) == end])
+    if not found:
+        return np.zeros(_STEP_CLASSES)
+    share = np.concatenate(found, axis=1) / np.where(whole > _NOTHING, whole, np.inf)[:, None]
+    power = np.floor(-np.log(np.maximum(share, 1e-300)) / np.log(_STEP_CLASS) + 1e-9)
+    power = np.clip(power, 0, _STEP_CLASSES - 1)
+    counts = [(power == k).sum(axis=1) for k in range(_STEP_CLASSES)]
+    return np.asarray(np.stack(counts, axis=1).max(axis=0), np.float64)

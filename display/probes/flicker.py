@@ -36,8 +36,9 @@ PATCH: Final = 16
 """Side of the patch, pixels."""
 SECONDS: Final = 1.0
 """Length of the waveform, s, as SVM requires."""
-SETTLING: Final = 4
-"""Settling time before the waveform, mean intervals; held light settles after two."""
+SETTLING: Final = 24
+"""Settling time before the waveform, mean intervals: the balance of the dark start is repaid to
+0.2 %."""
 SAMPLES: Final = 40_000
 """Sampling rate of the light of frames, Hz."""
 SUMMED: Final = 32

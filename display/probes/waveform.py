@@ -51,6 +51,15 @@ def _next_spike(words, pixel, n, stop):  # type: ignore[no-untyped-def]
     return stop
 
 
+@njit(cache=True, nogil=True, fastmath={"reassoc"})
+def _total(line, first, stop):  # type: ignore[no-untyped-def]
+    """The sum of line[first:stop], in any order, so that it is vectorised."""
+    total = 0.0
+    for n in range(first, stop):
+        total += line[n]
+    return total
+
+
 @njit(cache=True, nogil=True)
 def _add_sums(line, count, span, row):  # type: ignore[no-untyped-def]
     """Adds the sum of each span of the line to `row`. Every sum is in order; four sums are
@@ -98,7 +107,7 @@ def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[n
     up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
     for pixel in range(words.shape[0]):
         row = light[group[pixel]]
-        tau, age, memory, emitted = 1.0, 0.0, 0.0, 0.0
+        tau, age, memory, emitted, glow = 1.0, 0.0, 0.0, 0.0, 0.0
         count, lit = 0, False  # lit: between spikes
         for first in range(0, cycles, reach):
             stop = min(first + reach, cycles)
@@ -119,24 +128,24 @@ def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[n
                     for k in range(_SHORT, m - n):
                         line[at + k] = 0.0
                 age += m - n
+                emitted += _total(line, at, m - first)
                 if m < stop:
                     age += 1.0
-                    if count == 0:
-                        memory = remember(memory, 0.0, 0.0)
-                    else:
-                        memory = remember(memory, tau if count > 1 else 0.0, age)
+                    memory = remember(memory, age if count > 0 else 0.0, emitted)
+                    if count > 0:
                         tau = age
                     age = 0.0
                     if count < 2:
                         count += 1
                         lit = 0 < spikes <= count
-                    line[m - first] = level(age, tau, memory) if count >= spikes else 0.0
+                    emitted = level(age, tau, memory) if count >= spikes else 0.0
+                    line[m - first] = emitted
                 n = m + 1
             if slow:
                 for k in range(stop - first):
-                    total, emitted = relax(line[k] / pulse, pulse, emitted, up, down)
+                    total, glow = relax(line[k] / pulse, pulse, glow, up, down)
                     if pulse < 1.0:
-                        after, emitted = relax(0.0, 1.0 - pulse, emitted, up_after, down_after)
+                        after, glow = relax(0.0, 1.0 - pulse, glow, up_after, down_after)
                         total += after
                     line[k] = total
             slot = first // span

@@ -15,8 +15,9 @@ layout(location = 0) out uvec4 tau_after;
 layout(location = 1) out uvec4 age_after;
 #endif
 #if MEMORY
-uniform usampler2D memory_before;                    // bits of floats, as for spans
+uniform usampler2D memory_before, emitted_before;    // bits of floats, as for spans
 layout(location = 2) out uvec4 memory_after;
+layout(location = 3) out uvec4 emitted_after;
 #endif
 #if EMITS
 uniform usampler2D level_before;
@@ -74,8 +75,10 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
 // 1 / tau. LEVEL and REMEMBER are expressions of the drive.
 #if MEMORY
 #define UPDATE memory = mix(memory, REMEMBER, spike);
+#define ADD_EMITTED emitted = mix(emitted, vec4(0.0), spike) + x;
 #else
 #define UPDATE
+#define ADD_EMITTED
 #endif
 #define AGE mix(run, vec4(0.0), spike)
 #if INTERVALS
@@ -86,6 +89,7 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
     UPDATE \
     held = mix(held, inverse, spike); \
     vec4 x = LEVEL; \
+    ADD_EMITTED \
     run = mix(run + 1.0, vec4(1.0), spike); \
     EMIT(x) }
 #else
@@ -142,6 +146,7 @@ void main() {
 #endif
 #if MEMORY
     vec4 memory = uintBitsToFloat(texelFetch(memory_before, at, 0));
+    vec4 emitted = uintBitsToFloat(texelFetch(emitted_before, at, 0));
 #endif
 #if EMITS
     uvec4 level = texelFetch(level_before, at, 0);
@@ -158,6 +163,7 @@ void main() {
 #endif
 #if MEMORY
     memory_after = floatBitsToUint(memory);
+    emitted_after = floatBitsToUint(emitted);
 #endif
 #if EMITS
     level_after = level;

@@ -35,6 +35,7 @@ class GoldenRenderer:
             before the second spike, age counts from the first spike on.
         started: whether the pixel has fired, (height, width) bool.
         memory: memory of the drive, (height, width) float64.
+        emitted: sum of the drive's levels since the last spike, packets, (height, width) float64.
         level: level of the emitter at the end of the last plane, packets a cycle, (height, width).
         light: light of the last block, packets Q summed over each span, (spans, height, width)
             float64.
@@ -46,7 +47,7 @@ class GoldenRenderer:
         self.panel, self.batch = panel, batch
         self.tau, self.age = (np.zeros(panel.shape, np.uint32) for _ in range(2))
         self.started = np.zeros(panel.shape, np.bool_)
-        self.level, self.memory = np.zeros(panel.shape), np.zeros(panel.shape)
+        self.level, self.memory, self.emitted = (np.zeros(panel.shape) for _ in range(3))
         self._images = np.zeros((images, *panel.shape))
         self.light = np.zeros((0, *panel.shape))
 
@@ -74,7 +75,7 @@ class GoldenRenderer:
         scheme = self.panel.scheme
         older = np.where(self.age < FOREVER, self.age + self.started.astype(np.uint32), FOREVER)
         if scheme.remember is not None:
-            after = scheme.remember(self.memory, self.tau, np.where(self.started, older, 0))
+            after = scheme.remember(self.memory, np.where(self.started, older, 0), self.emitted)
             self.memory = np.where(spike, after, self.memory)
         self.tau = np.where(spike & self.started, older, self.tau).astype(np.uint32)
         self.age = np.where(spike, np.uint32(0), older).astype(np.uint32)
@@ -82,6 +83,7 @@ class GoldenRenderer:
         lit = self.started if scheme.spikes < 2 else self.tau > 0
         level = scheme.level(self.age, np.maximum(self.tau, np.uint32(1)), self.memory)
         drive, pulse = np.where(lit, level, 0.0), self.panel.share
+        self.emitted = np.where(spike, 0.0, self.emitted) + drive
         if self.panel.rise == 0 and self.panel.decay == 0:
             self.level = drive if pulse == 1 else np.zeros_like(drive)
             return drive
@@ -129,6 +131,7 @@ class GoldenRenderer:
         return {
             "tau": self.tau.copy(), "age": self.age.copy(), "started": self.started.copy(),
             "level": self.level.copy(), "memory": self.memory.copy(),
+            "emitted": self.emitted.copy(),
             "images": self._images.copy(),
         }  # fmt: skip
 
@@ -136,7 +139,7 @@ class GoldenRenderer:
         """Restores a `state`."""
         self.tau, self.age = state["tau"].copy(), state["age"].copy()
         self.started, self.level = state["started"].copy(), state["level"].copy()
-        self.memory = state["memory"].copy()
+        self.memory, self.emitted = state["memory"].copy(), state["emitted"].copy()
         self._images = state["images"].copy()
 
     def close(self) -> None:

@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from display.drives import DRIVES
 from display.render.context import open_context
 from display.render.shader import vertex
 
@@ -21,29 +22,45 @@ __all__ = ["PlaneByPlane"]
 KEEP = 1 - 2**-10
 """Weight of the previous mean in the exponential mean."""
 _HEAD = """#version 330
+#extension GL_ARB_shader_bit_encoding : enable
 uniform usampler2D plane, state; uniform sampler2D bytes;
 uniform float keep; uniform vec2 shift;
 layout(location = 0) out vec4 mean;
 """
 _MEAN = "mean = vec4(x, 0.0, 0.0, keep);"
-_STATE = """layout(location = 1) out uvec2 held;
+_STATE = """layout(location = 1) out uvec4 after;
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    uvec2 s = texelFetch(state, at, 0).xy;  // tau, age + 1
+    uvec4 s = texelFetch(state, at, 0);  // tau, age + 1, bits of the balance, of the emitted light
     bool spike = texelFetch(plane, at, 0).x != 0u;
-    if (spike) s = uvec2(s.y, 1u); else if (s.y != 0u) s.y++;
-    held = s;
-    float x = s.x == 0u ? 0.0 : 1.0 / float(SPAN);
+    vec4 held = vec4(s.x == 0u ? 0.0 : 1.0 / float(s.x));
+    vec4 run = vec4(s.y == 0u ? uintBitsToFloat(0x7F800000u) : float(s.y));
+    vec4 inverse = 1.0 / run, memory = vec4(uintBitsToFloat(s.z));
+    vec4 emitted = vec4(uintBitsToFloat(s.w));
+    if (spike) {
+        memory = REMEMBER;
+        held = inverse;
+        s = uvec4(s.y, 1u, floatBitsToUint(memory.x), 0u);
+    } else if (s.y != 0u) s.y++;
+    float x = (LEVEL).x;
+    s.w = floatBitsToUint(uintBitsToFloat(s.w) + x);
+    after = s;
 """
-_SHADERS = {
+_OTHERS = {
     "impulse": "void main() { ivec2 at = ivec2(gl_FragCoord.xy);"
     " float x = float(texelFetch(plane, at, 0).x);",
-    "hold": _STATE.replace("SPAN", "s.x"),
-    "causal": _STATE.replace("SPAN", "max(s.x, s.y - 1u)"),
     "pursuit": "void main() { ivec2 at = ivec2(gl_FragCoord.xy); float x = 255.0 *"
     " texture(bytes, (gl_FragCoord.xy + shift) / vec2(textureSize(bytes, 0))).x;",
 }
 Kind = Literal["impulse", "hold", "causal", "pursuit"]
+
+
+def _shader(kind: Kind) -> str:
+    if kind in _OTHERS:
+        return f"{_HEAD}{_OTHERS[kind]}{_MEAN} }}"
+    drive = DRIVES[kind]
+    state = _STATE.replace("REMEMBER", drive.glsl_remember).replace("LEVEL", drive.glsl)
+    return f"{_HEAD}{state}{_MEAN} }}"
 
 
 class PlaneByPlane:
@@ -63,15 +80,13 @@ class PlaneByPlane:
         if not moves:
             self._plane.filter = moderngl.NEAREST, moderngl.NEAREST
         self._mean = self._context.texture(size, 1, dtype="f4")
-        self._state = [self._context.texture(size, 2, dtype="u4") for _ in range(2 * holds)]
+        self._state = [self._context.texture(size, 4, dtype="u4") for _ in range(2 * holds)]
         self._targets = [
             self._context.framebuffer([self._mean, *self._state[n : n + 1]]) for n in range(2)
         ]
         for target in self._targets:
             target.clear()
-        self._program = self._context.program(
-            vertex_shader=vertex(), fragment_shader=f"{_HEAD}{_SHADERS[kind]}{_MEAN} }}"
-        )
+        self._program = self._context.program(vertex_shader=vertex(), fragment_shader=_shader(kind))
         places = {"plane": 0, "bytes": 0, "state": 1, "keep": KEEP}
         for name, value in places.items():
             uniform = self._program.get(name, None)

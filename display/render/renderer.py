@@ -45,7 +45,8 @@ class Renderer:
     of the caller, such as a window.
 
     The state of each pixel is in textures: tau and age + 1 (uint32, 0 for none), the memory of the
-    drive (bits of float32), and the level of the emitter (uint32 steps). Ages are limited to 2^32 -
+    drive and its light since the last spike (bits of float32), and the level of the emitter (uint32
+    steps). Ages are limited to 2^32 -
     1; the relative error of a tau beyond 4e6 cycles is 1e-5. Only the thread that creates the
     renderer may use it. Every method raises InputError if the context is lost or closed, or if its
     memory is not sufficient.
@@ -67,6 +68,8 @@ class Renderer:
         self._quads = -(-width // 4)
         self._names = states(panel.scheme, slow(panel))
         self._states = len(self._names)
+        # A draw call has a limited number of targets: the state, and the light of groups.
+        self._groups = min(GROUPS, 1 << (DRAW_BUFFERS - self._states).bit_length() - 1)
         bytes_a_pixel = 4 * (3 * self._states + 8 + GROUPS) + 12 * images
         check_memory(
             "the panel", height * 4 * self._quads * bytes_a_pixel,
@@ -146,7 +149,7 @@ class Renderer:
         """Maximum number of planes in a draw call, by its weights and its targets."""
         group = group_size(PLANES, self.batch)
         if moving:
-            return min(PLANES, GROUPS * group)
+            return min(PLANES, self._groups * group)
         images = max(1, min(still, DRAW_BUFFERS - self._states))
         return min(PLANES, group * (1 << (TERMS // images).bit_length() - 1))
 
@@ -178,7 +181,7 @@ class Renderer:
                 for images in (still, moving)
             )
         following = next(n for n in range(3) if n not in (self._start, self._now))
-        room = DRAW_BUFFERS - self._states - (GROUPS if moving else 0)
+        room = DRAW_BUFFERS - self._states - (self._groups if moving else 0)
         rest = list(still)
         while True:
             images, rest = rest[:room], rest[room:]
@@ -336,6 +339,7 @@ class Renderer:
             "age": np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32),
             "started": older > 0,
             "memory": stored.get("memory", none).view(np.float32).astype(np.float64),
+            "emitted": stored.get("emitted", none).view(np.float32).astype(np.float64),
             "level": np.asarray(stored.get("level", none) * self._unit, np.float64),
             "images": images,
         }
@@ -351,6 +355,7 @@ class Renderer:
             "tau": state["tau"],
             "age": np.where(state["started"], older, 0),
             "memory": state["memory"].astype(np.float32).view(np.uint32),
+            "emitted": state["emitted"].astype(np.float32).view(np.uint32),
             "level": np.clip(np.rint(state["level"] / self._unit), 0, LEVELS),
         }
         with self._alive():

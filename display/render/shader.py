@@ -39,7 +39,7 @@ def states(drive: Drive, emits: bool) -> list[str]:
     """Names of the textures with the state of a panel, in the order of their targets."""
     return [
         *(["tau", "age"] if drive.spikes else []),
-        *(["memory"] if drive.remember is not None else []),
+        *(["memory", "emitted"] if drive.remember is not None else []),
         *(["level"] if emits else []),
     ]
 

@@ -38,6 +38,7 @@ class PixelState(NamedTuple):
     age: Words
     started: npt.NDArray[np.bool_]
     memory: Values
+    emitted: Values
     level: Values
 
 
@@ -45,25 +46,27 @@ def _show(words, cycles, batch, spikes, emitter, state, out):  # type: ignore[no
     """Adds the light of each pixel in each span of planes to `out`, (spans, pixels), packets.
     `compiled` compiles this kernel for a drive."""
     pulse, rise, decay = emitter
-    tau, age, started, memory, emitted = state
+    tau, age, started, memory, emitted, glow = state
     instant = rise == 0.0 and decay == 0.0
     up, down = gone_in(pulse, rise), gone_in(pulse, decay)
     up_after, down_after = gone_in(1.0 - pulse, rise), gone_in(1.0 - pulse, decay)
     for pixel in range(words.shape[1]):
         t, a, s = tau[pixel], age[pixel], started[pixel]
-        m, y = memory[pixel], emitted[pixel]
+        m, e, y = memory[pixel], emitted[pixel], glow[pixel]
         for n in range(cycles):
             fired = (words[n // WORD, pixel] >> np.uint32(n % WORD)) & np.uint32(1)
             if s and a != FOREVER:
                 a += np.uint32(1)
             if fired:
-                m = remember(m, float(t), float(a) if s else 0.0)
+                m = remember(m, float(a) if s else 0.0, e)
+                e = 0.0
                 if s:
                     t = a
                 a = np.uint32(0)
                 s = True
             lit = t > 0 if spikes > 1 else s
             x = level(float(a), float(t), m) if lit else 0.0
+            e += x
             if instant:
                 y = x if pulse == 1.0 else 0.0
                 light = x
@@ -74,7 +77,7 @@ def _show(words, cycles, batch, spikes, emitter, state, out):  # type: ignore[no
                     light += more
             out[n // batch, pixel] += light
         tau[pixel], age[pixel], started[pixel] = t, a, s
-        memory[pixel], emitted[pixel] = m, y
+        memory[pixel], emitted[pixel], glow[pixel] = m, e, y
 
 
 class PanelPixels:
@@ -83,8 +86,8 @@ class PanelPixels:
     def __init__(self, panel: SpikePanel, pixels: int) -> None:
         self.panel = panel
         tau, age = (np.zeros(pixels, np.uint32) for _ in range(2))
-        memory, level = (np.zeros(pixels) for _ in range(2))
-        self._state = PixelState(tau, age, np.zeros(pixels, np.bool_), memory, level)
+        values = (np.zeros(pixels) for _ in range(3))
+        self._state = PixelState(tau, age, np.zeros(pixels, np.bool_), *values)
 
     @property
     def level(self) -> Values:

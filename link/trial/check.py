@@ -192,12 +192,14 @@ class LinkCheck:
         }
         return replace(self, paired=self.paired.rescaled(rate, bits), alone=alone)
 
-    @property
-    def error(self) -> Error:
-        """The error for `result.json`."""
-        if self.paired is None:
+    def error(self, promised: float) -> Error:
+        """The error for `result.json`. Its upper limit is at least the bound of the plan, which
+        holds for all cells, while the patches are a part of them. promised: `LinkPlan.promised`."""
+        paired = self.paired
+        if paired is None:
             return Error(None, None, None)
-        return Error(self.paired.value, self.paired.kind, (self.paired.low, self.paired.high))
+        high = max(paired.high, promised / paired.unit)
+        return Error(paired.value, paired.kind, (paired.low, high))
 
     def beyond(self, tolerance: float) -> bool:
         """Whether the error of the run significantly exceeds the tolerance."""

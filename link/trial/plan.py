@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+import numpy as np
+
 from cosim import Bound, Effect, Summary
 from cosim.compute.opencl import Device
 from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
@@ -75,6 +77,12 @@ class LinkPlan:
     def left_out(self) -> tuple[str, ...]:
         return self.plan.left_out
 
+    @property
+    def promised(self) -> float:
+        """Bound of the error of this plan over all cells, as a bit error rate."""
+        unit = half_width(ber(self.scene), self.scene.bits)
+        return float(np.max(self.plan.total + self.tier_bound)) * unit
+
     def documents(self, measured: dict[str, float | None] | None = None) -> list[dict[str, Any]]:
         """Returns the effects that are left out, for `result.json`.
 
@@ -119,6 +127,8 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Chang
         "threshold noise": _DEVIATIONS * noise / on,
         "row-by-row sampling": swing * camera.row_skew,
         "comparator delay": swing * camera.comparator_delay / tick,
+        "row timing noise": swing * _DEVIATIONS * _moved(camera),
+        "common drift": _DEVIATIONS * camera.drift,
         "reset dead time": camera.dead_time / tick,
         "optical cross-talk": swing * camera.crosstalk,
         "comparator overshoot": abs(camera.overshoot) / on,
@@ -135,20 +145,27 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Chang
     return changes
 
 
-def _link_effect(effect: Effect, changes: dict[str, Change], lost: float) -> Effect:
+def _moved(camera: CameraSetting) -> float:
+    """Largest RMS of the sampling instants of a row, cycles."""
+    noise = camera.row_timing
+    return 0.0 if noise is None else math.hypot(noise.jitter, noise.slow)
+
+
+def _link_effect(effect: Effect, changes: dict[str, Change], lost: dict[str, float]) -> Effect:
     """Returns an effect of the camera with its bound in half-widths.
 
     Args:
         effect: the effect.
         changes: of all effects, by name.
-        lost: share of pixels that are hot or dead.
+        lost: share of pixels that each effect of defects makes useless, by name.
     """
 
     def bound(summary: Summary) -> Bound:
         if not isinstance(summary, LinkSummary):
             raise TypeError("the bounds of a link's effects need a LinkSummary")
-        if effect.name == "hot and dead pixels":  # worst case: such a pixel decides a cell
-            return Bound(lost / 2 / half_width(ber(summary), summary.bits), "estimate")
+        if effect.name in lost:  # worst case: such a pixel decides a cell
+            share = lost[effect.name]
+            return Bound(share / 2 / half_width(ber(summary), summary.bits), "estimate")
         if effect.name not in changes:  # costs nothing, and is kept
             return Bound(math.inf, "proof")
         return Bound(changes[effect.name].units(summary), "estimate")
@@ -233,7 +250,10 @@ def survey_link(setting: LinkSetting, mode: Mode, symbols: int, cycles: int) -> 
         cycles=cycles,
     )  # fmt: skip
     changes = camera_changes(camera, scene)
-    lost = 0.0 if camera.pattern is None else camera.pattern.hot + camera.pattern.dead
+    lost = {}
+    if camera.pattern is not None:
+        defect = camera.pattern.hot + camera.pattern.dead
+        lost = {"hot and dead pixels": defect, "warm pixels": camera.pattern.warm}
     sizes = [_link_effect(effect, changes, lost) for effect in camera.acting_effects]
     return LinkSurvey(
         camera, scene, tuple(_known(e, scene) for e in air_effects(scene_of, camera)),

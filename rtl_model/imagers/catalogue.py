@@ -8,7 +8,9 @@ from cosim import InputError
 from rtl_model.imagers.adaptive.kind import AdaptiveKind
 from rtl_model.imagers.ebaps.kind import EbapsKind
 from rtl_model.imagers.emccd.kind import EmccdKind
+from rtl_model.imagers.hardware_chain.kind import HardwareChainKind
 from rtl_model.imagers.interface.kind import ImagerKind
+from rtl_model.imagers.pulse.kind import PfmKind, PwmKind
 
 if TYPE_CHECKING:  # a host that reads registers must not load the sequencers
     from rtl_model.imagers.device.bus import BusTarget
@@ -20,6 +22,9 @@ IMAGERS: Final[dict[str, ImagerKind]] = {
     AdaptiveKind.name: AdaptiveKind(),
     EbapsKind.name: EbapsKind(),
     EmccdKind.name: EmccdKind(),
+    HardwareChainKind.name: HardwareChainKind(),
+    PwmKind.name: PwmKind(),
+    PfmKind.name: PfmKind(),
 }
 
 

@@ -103,19 +103,21 @@ class ImagerMachine:
         view, frames = planned.view, chain.frames
         error, left_out = chain.error, list(planned.plan.left_out)
         short = error is not None and left_out and error.high > planned.spec.tolerance
-        pictures = _write_pictures(recording.folder, len(frames), planned.pixels.bits)
+        pictures = _write_pictures(recording.folder, len(frames), planned)
         notes = []
-        if not frames:
+        if not frames and not planned.model.faults(chain.imager):
             notes.append("no frame was ready before the run's end: lengthen duration")
         if self.trace is not None:
             notes.append(f"waveforms of the sequencer: {self.trace}")
+        faults = planned.model.faults(chain.imager)
+        notes += faults
         metrics = {
             "frames": Metric(len(frames), "1"),
             "frame_rate": Metric(_frame_rate(frames), "Hz"),
             **(planned.model.metrics(frames, view, chain.imager) if frames else {}),
         }
         return Outcome(
-            outcome="ok" if frames and not short and not view.degraded else "degraded",
+            outcome="degraded" if not frames or short or view.degraded or faults else "ok",
             simulated_s=planned.spec.stop * 1e-12,
             error=_error(chain),
             kept=[effect for effect in planned.pixels.effects if effect in planned.kept],
@@ -127,7 +129,7 @@ class ImagerMachine:
                 for row in planned.plan.rows if row.effect in left_out
             ],
             metrics=metrics,
-            latency=planned.model.latency(frames, view) if frames else [],
+            latency=planned.model.latency(frames, view, chain.imager) if frames else [],
             throughput=[] if recording.resumed else _throughput(frames, recording.seconds),
             files=[*([FRAMES] if frames else []), *(_picture(n) for n in pictures)],
             notes=notes,
@@ -195,17 +197,15 @@ def _picture(n: int) -> str:
     return f"images/frame-{n:05d}.png"
 
 
-def _write_pictures(folder: Path, count: int, bits: int) -> list[int]:
-    """Writes chosen frames as linear 8-bit grey pictures, with full scale as white. Returns their
-    numbers."""
+def _write_pictures(folder: Path, count: int, planned: PlannedRun) -> list[int]:
+    """Writes chosen frames as 8-bit grey pictures. Returns their numbers."""
     if not count:
         return []
     (folder / "images").mkdir(exist_ok=True)
     for old in (folder / "images").glob("frame-*.png"):
         old.unlink()
     chosen = sorted({round(n * (count - 1) / (PICTURES - 1)) for n in range(PICTURES)})
-    scale = ((1 << bits) - 1) / 255
     for n in chosen:
-        picture = np.rint(read_frame(folder / FRAMES, n) / scale).astype(np.uint8)
-        write_png(folder / _picture(n), picture)
+        values = read_frame(folder / FRAMES, n)
+        write_png(folder / _picture(n), planned.model.picture(values, planned.pixels.bits))
     return chosen

@@ -25,13 +25,14 @@ def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
 
 
 def choose_windows(scenario: Scenario, cycles: int) -> list[int]:
-    """The same for a latched stream. Each cycle is the centre of a window of `image.window` cycles.
+    """The same for a latched stream. Each cycle has a window of `image.window` cycles.
 
     Raises:
-        InputError: the window is even or longer than the run, or a cycle is beyond the end.
+        InputError: a centred window is even, the window is longer than the run, or a cycle is
+            beyond the end.
     """
     window = scenario.image.window
-    if window % 2 == 0:
+    if window % 2 == 0 and not scenario.image.preceding:
         raise InputError("image.window", "odd", str(window), f"set {window + 1}")
     if cycles < window:
         raise InputError(

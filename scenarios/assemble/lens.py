@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 from cosim import InputError, Light
 from cosim.light.lens import FASTEST_F_NUMBER, Lens
+from cosim.light.mosaic import Mosaic
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.device.crosstalk import crosstalk_map
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["LensChoice", "choose_lens", "make_relay"]
+__all__ = ["LensChoice", "choose_lens", "choose_mosaic", "make_relay"]
 
 SLOWEST_F_NUMBER = 1000.0
 """The largest f-number of a scenario; a pinhole."""
@@ -42,6 +43,9 @@ def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
         InputError: the f-number would be outside FASTEST_F_NUMBER to SLOWEST_F_NUMBER.
     """
     section, lux = scenario.sensor.lens, scenario.scene.illuminance
+    mosaic = choose_mosaic(scenario)
+    if mosaic is not None:  # white is that of the brightest colour
+        lux *= mosaic.white
 
     def lens(f_number: float) -> Lens:
         return Lens(
@@ -65,6 +69,21 @@ def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
     if white_rate > 1:
         notes.append(f"surfaces that reflect more than {1 / white_rate:.2g} of the light saturate")
     return LensChoice(chosen, white_rate, notes)
+
+
+def choose_mosaic(scenario: Scenario) -> Mosaic | None:
+    """The filter array of a scenario. Raises InputError for a lens that would mix its colours."""
+    sensor = scenario.sensor
+    if sensor.colour is None:
+        return None
+    if sensor.lens.psf != "none":
+        raise InputError(
+            "sensor.lens.psf", "none with sensor.colour: blur is computed for one colour",
+            sensor.lens.psf, "leave it out",
+        )  # fmt: skip
+    from sensor.device.colour import filter_array
+
+    return filter_array(sensor.colour.filter, sensor.colour.depth, sensor.wavelength)
 
 
 def _out_of_range(number: float, lux: float, white_rate: float) -> InputError:

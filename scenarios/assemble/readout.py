@@ -15,8 +15,13 @@ _SECTIONS = {
     "channel": "asynchronous",
     "continuous": "continuous",
     "circuit": "synchronous",
+    "sub_threshold": "synchronous",
+    "dark_limit": "synchronous",
+    "colour": "synchronous",
 }
-"""Sections of [sensor] that exist for one readout only, with that readout."""
+"""Sections and keys of [sensor] that exist for one readout only, with that readout."""
+_IMAGED = ("sub_threshold", "dark_limit")
+"""Those that only images from the stream use."""
 
 
 def refuse_leftovers(scenario: Scenario) -> None:
@@ -32,6 +37,12 @@ def refuse_leftovers(scenario: Scenario) -> None:
             "display", "absent unless sensor.readout = synchronous", f"given with {current}",
             "leave it out, or set sensor.readout=synchronous",
         )  # fmt: skip
+    for name in _IMAGED:
+        if scenario.display is not None and getattr(scenario.sensor, name) is not None:
+            raise InputError(
+                f"sensor.{name}", "absent with a display", "given",
+                "leave it out, or the display: it shows the spikes alone",
+            )  # fmt: skip
     for name, readout in _SECTIONS.items():
         if getattr(scenario.sensor, name) is not None and current != readout:
             raise InputError(

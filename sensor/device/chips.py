@@ -58,6 +58,18 @@ CHIPS = {
         Chip("spiketwo", "SpikeTwo (2021)", 1000, 1000, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED),
         # The paper prints 450 x 200 "= 100 000"; every public recording of the chip is 400 x 250.
         Chip("spikeone", "SpikeOne (2017)", 400, 250, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED),
+        Chip(
+            "spikeone-450x200",
+            "SpikeOne as printed, 450 x 200",
+            450,
+            200,
+            (40e3, 20e3),
+            16,
+            10.0,
+            1.0,
+            0.7,
+            _ASSUMED,
+        ),
         # No chip of sections 4.3 to 5.2 has been published: every number is assumed, the pixel's
         # after the worked example.
         Chip(

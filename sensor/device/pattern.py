@@ -32,7 +32,7 @@ def dark_current(
     return float(at_reference * 2 ** ((celsius - reference) / doubling))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DevicePattern:
     """Sizes of a device's fixed pattern; all zero is a perfect device.
 
@@ -43,6 +43,8 @@ class DevicePattern:
         threshold_fpn: standard deviation of the threshold, relative.
         hot, dead: shares of pixels.
         hot_current: electrons a second that a hot pixel has on top.
+        warm: share of pixels with a dark current of their own on top, exponentially distributed.
+        warm_current: mean of that current, electrons a second.
         device_seed: below 2^32.
     """
 
@@ -53,13 +55,15 @@ class DevicePattern:
     hot: float = 0.0
     hot_current: float = 0.0
     dead: float = 0.0
+    warm: float = 0.0
+    warm_current: float = 0.0
     device_seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("prnu", "dark", "dsnu", "threshold_fpn", "hot_current"):
+        for name in ("prnu", "dark", "dsnu", "threshold_fpn", "hot_current", "warm_current"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"{name} must be 0 or more, not {getattr(self, name):g}")
-        for name in ("hot", "dead"):
+        for name in ("hot", "dead", "warm"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} must be a share from 0 to 1, not {getattr(self, name):g}")
 
@@ -82,10 +86,11 @@ class DevicePattern:
         scale = 1 / np.maximum(1 + threshold, 0.05)
         gain = np.maximum(1 + light, 0) * scale
         current = self.dark * np.maximum(1 + dark, 0)
-        if self.dead or self.hot:
-            hot, dead, *_ = words(1)
+        if self.dead or self.hot or self.warm:
+            hot, dead, warm, excess = words(1)
             gain = np.maximum(1 + light, 0) * (dead >= self.dead) * scale
             current = current + self.hot_current * (hot < self.hot)
+            current = current - self.warm_current * np.log(excess) * (warm < self.warm)
         return FixedPattern(
             np.rint(gain * _GRAIN) / _GRAIN, np.rint(current * scale * _GRAIN) / _GRAIN
         )

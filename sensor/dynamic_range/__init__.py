@@ -2,7 +2,12 @@
 and the spike camera's own formulas."""
 
 from sensor.dynamic_range.catalogue import CONVERTERS, KODAK, SENSORS, ConverterPart, SensorPart
-from sensor.dynamic_range.chain import Chain, document_dynamic_range, gain_counted_once
+from sensor.dynamic_range.chain import (
+    Chain,
+    document_dynamic_range,
+    gain_counted_once,
+    rounding_variance,
+)
 from sensor.dynamic_range.converter import Converter, bits_for, converter_rule
 from sensor.dynamic_range.decibels import as_ratio, decibels, sensor_dynamic_range
 from sensor.dynamic_range.mapping import Mapping
@@ -46,6 +51,7 @@ __all__ = [
     "longest_width",
     "measure_chain",
     "photons_per_second",
+    "rounding_variance",
     "sensor_dynamic_range",
     "spike_dynamic_range",
     "sweep",

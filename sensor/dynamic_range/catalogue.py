@@ -12,7 +12,7 @@ from typing import Final
 
 from sensor.device.ktc import ktc_electrons
 from sensor.dynamic_range.converter import Converter
-from sensor.dynamic_range.noise import BOLTZMANN_EV, DarkLaw, SensorNoise
+from sensor.dynamic_range.noise import BOLTZMANN_EV, ZERO_CELSIUS, DarkLaw, SensorNoise
 
 __all__ = ["CONVERTERS", "KODAK", "SENSORS", "ConverterPart", "SensorPart"]
 
@@ -69,7 +69,10 @@ SENSORS: Final = (
     ),
     SensorPart(
         "cmos-3t", 62_400, 16e-6,
-        SensorNoise(2**0.5 * ktc_electrons(10e-15, 25), 10, 0, DarkLaw(6240), 25, 20e6), 0.2, None,
+        SensorNoise(
+            2**0.5 * ktc_electrons(10e-15, 25 + ZERO_CELSIUS), 10, 0, DarkLaw(6240), 25, 20e6
+        ),
+        0.2, None,
         "10 fF and 1 V: reset noise sqrt(2 kTC), reset after reading; 1 nA/cm2 on 10 x 10 um; "
         "follower noise and power are assumed",
     ),

@@ -31,8 +31,9 @@ from sensor.latched.fast.bound import rate_bound
 from sensor.latched.fast.units import units_of
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.setting import CameraSetting
+from sensor.latched.tiers import Tier
 
-__all__ = ["exact_error", "fast_error"]
+__all__ = ["exact_error", "fast_error", "moved_spikes"]
 
 Values = npt.NDArray[np.float64]
 
@@ -53,7 +54,8 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     the light of the middle of its cycle instead of that of its own instant, which is off by up to
     d s / 2 with either sign, RMS d s / sqrt(12). The sum of s^2 over the spikes of one sweep of the
     light is at most the square of its range times the spikes of a cycle, if the sweep takes a
-    cycle. _SWEEPS of them are assumed in the run.
+    cycle. _SWEEPS of them are assumed in the run. Noise of the sampling instants makes the cycle of
+    a spike longer or shorter, and the light that it loses with it.
 
     Under the other reset rules dead time begins at the latch, and a spike loses light of the next
     cycle: up to d s more or less. This is a limit rather than an expected size, and counts once.
@@ -67,7 +69,8 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     sweeps = max(_SWEEPS * cycles / scene.cycles, 1)
     off = 1 / np.sqrt(12) if model.reset == "residual" else 1.0
     lost = model.dead_time * off * (high - low) * np.maximum(high, 1) * np.sqrt(spikes * sweeps)
-    return rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0)
+    timing = np.asarray(scene.timing) * np.sqrt(2 * spikes * cycles) * model.dead_time * high
+    return rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0) + timing
 
 
 def _rounding(mean: float, cycles: int) -> float:
@@ -109,6 +112,23 @@ def _phase_error(
     return ESTIMATE_WEIGHT * np.where(
         saturated_tiles(scene), least, smooth + rare / ESTIMATE_WEIGHT
     )
+
+
+def moved_spikes(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
+    """Spikes a cycle of a pixel that the tier latches in another cycle than the reference,
+    (tiles,).
+
+    A pixel whose phase is off by x spikes has latched a spike early or late in the share x of all
+    cycles.
+    """
+    cycles, dead = scene.cycles, _dead_shift(setting, scene, scene.cycles)
+    if setting.model.reset == "hard":
+        mean, spread = setting.model.mean, setting.spread
+        low, high = (np.asarray(x, np.float64) / mean for x in (scene.darkest, scene.brightest))
+        charge = 4 * TABLE_RMS * spread + _rounding(mean, cycles) + _dead_shift(setting, scene, 1)
+        return _moved_spikes(spread, low, high, charge, cycles) / cycles
+    rate = _fast_rate(setting, scene) if tier == "fast" else 0.0
+    return np.minimum(_table_walk(setting, scene, cycles) + rate * cycles + dead, 1.0)
 
 
 def exact_error(setting: CameraSetting, scene: Summary) -> Values:
@@ -153,12 +173,16 @@ def fast_error(setting: CameraSetting, scene: Summary) -> Values:
     proof = ESTIMATE_WEIGHT * _fast_proof(setting, scene) + exact_error(setting, scene)
     if setting.reset != "residual":  # the rate is not smooth in the charge
         return proof
+    return np.minimum(proof, _phase_error(setting, scene, _fast_rate(setting, scene)))
+
+
+def _fast_rate(setting: CameraSetting, scene: Summary) -> Values:
+    """Rounding errors of the fast tier in a cycle, spikes, (tiles,)."""
     units, q = units_of(setting.model), setting.model.mean
     unit = 2.0**-units.bits
     spikes = np.asarray(scene.brightest, np.float64) / q
     roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))  # a transfer adds about four
-    cycle = unit / 2 + roundings * spikes + units.error * unit * spikes
-    return np.minimum(proof, _phase_error(setting, scene, cycle))
+    return np.asarray(unit / 2 + roundings * spikes + units.error * unit * spikes)
 
 
 def _fast_proof(setting: CameraSetting, scene: Summary) -> Values:

@@ -51,7 +51,7 @@ class SpikeCamera:
         self.shape = (stop - first, chip.width)
         self._clock = setting.clock
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
-        self._light_map, self._fine = setting.light_map, fine
+        self._light_map, self._gain, self._fine = setting.light_map, setting.common_gain, fine
         self._pixels: TierPixels | None = None
         if fine is None or not fine.everywhere:
             self._pixels = tier_pixels(
@@ -76,11 +76,23 @@ class SpikeCamera:
             words = np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
         else:
             mapped = light if self._light_map is None else self._light_map(light)
+            if self._gain is not None:
+                mapped = self._gain.on(mapped, start, cycles)
             words = self._pixels.expose(mapped, start, cycles)
         if self._fine is not None:
             words = np.array(words)
             self._fine.step(light, start, cycles, words)
         return Viform(words.reshape(-1, *self.shape), cycles, self._clock, start)
+
+    def fraction(self) -> npt.NDArray[np.float64]:
+        """Stored charge over the threshold of the current interval, (H W,)."""
+        if self._pixels is None:
+            share = np.zeros(self.shape[0] * self.shape[1])
+        else:
+            share = self._pixels.fraction()
+        if self._fine is not None:
+            self._fine.fraction(share)
+        return share
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next block depends on."""

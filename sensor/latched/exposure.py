@@ -3,8 +3,8 @@
 Within a piece, light is linear in time, and the charge changes by the same amount in each cycle; so
 two arrays describe a whole piece. A cycle in which pieces meet receives the sum of its parts. If
 rows are sampled at different instants, they reach the end of a piece in different cycles, and these
-cycles are summed row by row. The arrays belong to the piece and not to the block, so every cycle
-gets the same integers however a run is split.
+cycles are summed row by row; so is every cycle if the instants have noise. The arrays belong to the
+piece and not to the block, so every cycle gets the same integers however a run is split.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from cosim.light.light import Box, Light, Piece, Plane
 from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge, to_fixed
 from sensor.latched.pixel.span import Span
+from sensor.latched.row_timing import PlaneTiming
 
 __all__ = ["Exposure"]
 
@@ -64,6 +65,7 @@ class Exposure:
         gain: photoelectrons a second per unit of light.
         pattern: fixed pattern of these pixels, None if all are nominal.
         offsets: (H,) int64, ps from a clock edge to the sampling instant of each row; None for 0.
+        timing: noise of these instants, None for none.
     """
 
     def __init__(
@@ -72,11 +74,14 @@ class Exposure:
         gain: float,
         pattern: FixedPattern | None = None,
         offsets: npt.NDArray[np.int64] | None = None,
+        timing: PlaneTiming | None = None,
     ) -> None:
         self._clock = clock
         self._per_cycle = gain * float(clock.period)
         self._offsets = np.zeros(1, np.int64) if offsets is None else offsets
-        self._earliest, self._latest = int(self._offsets.min()), int(self._offsets.max())
+        self._timing, most = timing, 0 if timing is None else timing.most
+        self._earliest = int(self._offsets.min()) - most
+        self._latest = int(self._offsets.max()) + most
         self._pattern = (
             None if pattern is None else (pattern.gain, pattern.dark * float(clock.period))
         )
@@ -172,6 +177,19 @@ class Exposure:
         rows = self._offsets if self._offsets.size == 1 else self._offsets[first:stop]
         return rows[:, None]
 
+    def _ends(
+        self, cycle: int, first: int, stop: int
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Offsets of rows `first` to `stop` at the begin and the end of a cycle, columns."""
+        rows, timing = self._rows(first, stop), self._timing
+        if timing is None:
+            return rows, rows
+        both = np.zeros((2, stop - first), np.int64)
+        y0, y1 = max(first, timing.first), min(stop, timing.stop)
+        moves = timing.moves(cycle, 2)[:, y0 - timing.first : y1 - timing.first]
+        both[:, y0 - first : y1 - first] = moves
+        return rows + both[0][:, None], rows + both[1][:, None]
+
     def _meeting(self, light: Light, cycle: int) -> Charge:
         """Charge of a cycle in which pieces meet, in at least one row; (pixels,) Q24.40.
 
@@ -188,10 +206,15 @@ class Exposure:
             return self._level(light.pieces[0].first, light.pieces[0])
         base = self._level(met[0].first, met[0])
         box = _changing(met)
+        if self._timing is not None:
+            band = (self._timing.first, self._timing.stop, 0, light.shape[1])
+            box = band if box is None else _around([box, band])
         if box is None:
             return base
         y0, y1, x0, x1 = box
-        parts = [self._part(piece, start, stop, self._rows(y0, y1)) for piece in met]
+        begin, end = self._ends(cycle, y0, y1)
+        parts = [self._part(piece, start, stop, begin, end) for piece in met]
+        longer = (end - begin) / (stop - start)
         levels = None
         if len({id(p) for piece in met for p in (piece.first, piece.last)}) <= _HELD:
             levels = [(self._level(p.first, p), self._level(p.last, p)) for p in met]
@@ -206,22 +229,29 @@ class Exposure:
                 tuple(last.reshape(light.shape) for _, last in levels),
                 np.stack([share.ravel() for share, _ in parts]),
                 np.stack([part.ravel() for _, part in parts]),
+                longer.ravel(),
                 box,
             )
             return charge
-        for top, end in _bands(y0, y1, x1 - x0):
-            rows = slice(None) if self._offsets.size == 1 else slice(top - y0, end - y0)
+        for top, bottom in _bands(y0, y1, x1 - x0):
+            rows = slice(None) if len(begin) == 1 else slice(top - y0, bottom - y0)
             some = [(share[rows], part[rows]) for share, part in parts]
-            self._sum(charge.reshape(light.shape), met, some, levels, (top, end, x0, x1))
+            self._sum(
+                charge.reshape(light.shape), met, some, levels, longer[rows], (top, bottom, x0, x1)
+            )
         return charge
 
     @staticmethod
     def _part(
-        piece: Piece, start: int, stop: int, rows: npt.NDArray[np.int64]
+        piece: Piece,
+        start: int,
+        stop: int,
+        begin: npt.NDArray[np.int64],
+        end: npt.NDArray[np.int64],
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Share of the time between two edges that lies in a piece, and the position of its middle
-        in the piece, 0 to 1; for each row."""
-        a, b = np.maximum(start + rows, piece.start), np.minimum(stop + rows, piece.stop)
+        """Share of the time between two edges, moved by `begin` and `end`, that lies in a piece,
+        and the position of its middle in the piece, 0 to 1; for each row."""
+        a, b = np.maximum(start + begin, piece.start), np.minimum(stop + end, piece.stop)
         share = np.maximum(b - a, 0) / (stop - start)
         # Halves, because the length of a piece may be near 2^62.
         return share, ((a - piece.start) / 2 + (b - piece.start) / 2) / (piece.stop - piece.start)
@@ -232,6 +262,7 @@ class Exposure:
         met: list[Piece],
         parts: list[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]],
         levels: list[tuple[Charge, Charge]] | None,
+        longer: npt.NDArray[np.float64],
         box: Box,
     ) -> None:
         """Adds the changes of pieces that meet in a cycle, within a box.
@@ -241,11 +272,12 @@ class Exposure:
             met: the pieces.
             parts: share and position of each piece, see `_part`, for the rows of the box.
             levels: charges at the begin and the end of each piece, None to compute them here.
+            longer: share by which the cycle of each row of the box is longer.
             box: rows and columns, y0, y1, x0, x1.
         """
         y0, y1, x0, x1 = box
         sums = charge[y0:y1, x0:x1]
-        total: npt.NDArray[np.float64] | float = 0.0
+        total: npt.NDArray[np.float64] = sums * longer
         # A short flash may be brighter than LARGEST a cycle: its excess counts by its share of the
         # cycle before clipping.
         beyond: npt.NDArray[np.float64] | float = 0.0
@@ -297,7 +329,7 @@ class Exposure:
         while c < stop:
             begin, end = clock.edge(c) + self._earliest, clock.edge(c + 1) + self._latest
             piece = next(p for p in light.pieces if p.stop > begin)
-            if begin < piece.start or end > piece.stop:
+            if self._timing is not None or begin < piece.start or end > piece.stop:
                 yield Span(c - start, 1, self._meeting(light, c))
                 c += 1
                 continue
@@ -323,7 +355,10 @@ def _changing(pieces: list[Piece]) -> Box | None:
         if n == 0 and piece.constant:
             continue
         boxes.append(piece.changed or (0, height, 0, width))
-    if not boxes:
-        return None
+    return _around(boxes) if boxes else None
+
+
+def _around(boxes: list[Box]) -> Box:
+    """The box around all of these."""
     y0, y1, x0, x1 = zip(*boxes, strict=True)
     return min(y0), max(y1), min(x0), max(x1)

@@ -48,7 +48,7 @@ def fix_level(charge, plane, box, per_cycle, gain, dark, patterned):  # type: ig
 
 
 @njit(cache=True, nogil=True)
-def add_parts(charge, firsts, lasts, shares, parts, box):  # type: ignore[no-untyped-def]
+def add_parts(charge, firsts, lasts, shares, parts, longer, box):  # type: ignore[no-untyped-def]
     """Adds the changes of pieces that meet in a cycle, within a box.
 
     Args:
@@ -56,14 +56,15 @@ def add_parts(charge, firsts, lasts, shares, parts, box):  # type: ignore[no-unt
         firsts, lasts: levels at the begin and the end of each piece, tuples of (H, W) int64.
         shares: (pieces, rows of the box or 1) float64, share of the cycle.
         parts: of the same shape, position of the middle of that share in the piece, 0 to 1.
+        longer: (rows of the box or 1,) float64, share by which the cycle of a row is longer.
         box: y0, y1, x0, x1.
     """
     y0, y1, x0, x1 = box
     total = np.empty(x1 - x0, np.float64)
     for y in range(y0, y1):
         row = y - y0 if shares.shape[1] > 1 else 0
-        total[:] = 0.0
         base = charge[y, x0:x1]
+        total[:] = base * longer[row]
         for n in range(len(firsts)):
             share, part = shares[n, row], parts[n, row]
             first, last = firsts[n][y, x0:x1], lasts[n][y, x0:x1]

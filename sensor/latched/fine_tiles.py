@@ -73,6 +73,12 @@ class FineTiles:
         for numbers, cut, camera in self._parts:
             words[:, numbers] = camera.step(cut(light), start, cycles)
 
+    def fraction(self, share: npt.NDArray[np.float64]) -> None:
+        """Writes the stored charge of the tiles into that of the chip, which is changed in place;
+        see `SpikeCamera.fraction`."""
+        for numbers, _, camera in self._parts:
+            share[numbers] = camera.phase() - camera.bits
+
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next step depends on."""
         return {

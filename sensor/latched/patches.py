@@ -49,11 +49,15 @@ class PatchCamera:
         )
         self._inner = PlaneMap(plane.inner, None)
         self._light_map: Callable[[Light], Light] = setting.light_map or (lambda light: light)
+        self._gain = setting.common_gain
         self.bits = np.zeros(plane.numbers.size, np.int64)
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
         """Words (ceil(cycles / 32), pixels) of the next cycles. light: cut by `PatchPlane.cut`."""
-        words = self._pixels.expose(self._inner(self._light_map(light)), start, cycles)
+        light = self._inner(self._light_map(light))
+        if self._gain is not None:
+            light = self._gain.on(light, start, cycles)
+        words = self._pixels.expose(light, start, cycles)
         assert len(words) == words_for(cycles)
         self.bits += np.bitwise_count(words).sum(axis=0, dtype=np.int64)
         return words

@@ -17,7 +17,7 @@ from cosim.plan.effects import Effect
 from sensor.device.chips import Chip
 from sensor.device.pattern import FixedPattern
 from sensor.latched.effects.catalogue import EFFECTS, acting, defaults, named
-from sensor.latched.effects.effect import PixelEffect
+from sensor.latched.effects.effect import CommonGain, PixelEffect
 from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.pixel.model import ExactModel, Reset
 
@@ -47,7 +47,9 @@ class CameraSetting:
             dead_time: seconds after each spike during which light is lost, at most a cycle.
             row_skew: share of a cycle over which the rows are sampled one after another.
             comparator_delay: seconds, at most a cycle.
+            row_timing: `RowTiming`, None for sampling instants without noise.
             crosstalk: share of its light that a pixel loses to its neighbours.
+            drift: RMS of the gain that all pixels have in common.
             circuit: circuit of the pixel, for the reference tier, None for none. The other tiers
                 use its lumped form: its reset in dead_time, `overshoot` electrons beyond each
                 threshold, and a dark current of `leak` electrons a second, below 0. The lumped
@@ -160,9 +162,10 @@ class CameraSetting:
 
     @property
     def reach(self) -> tuple[int, int]:
-        """Cycles before and after a block whose light the block needs as well."""
+        """Cycles before and after a block whose light the block needs as well. Effects that move
+        the sampling instants add up."""
         reaches = [effect.reach for effect in acting(self)]
-        return max((r[0] for r in reaches), default=0), max((r[1] for r in reaches), default=0)
+        return sum(r[0] for r in reaches), sum(r[1] for r in reaches)
 
     @property
     def model(self) -> ExactModel:
@@ -190,6 +193,13 @@ class CameraSetting:
         """Electrons a cycle that a pixel gathers in the dark, up to four standard deviations."""
         return sum(effect.dark_charge(self) for effect in acting(self))
 
+    def dark_excess(self, numbers: npt.NDArray[np.uint32]) -> npt.NDArray[np.float64] | None:
+        """Electrons a cycle that single pixels with these numbers gather in the dark beyond
+        `dark_charge`, (n,); None if no pixel does."""
+        parts = [effect.dark_excess(self, numbers) for effect in acting(self)]
+        known = [part for part in parts if part is not None]
+        return sum(known[1:], known[0]) * float(self.clock.period) if known else None
+
     @property
     def light_map(self) -> Callable[[Light], Light] | None:
         """Map of the light on the pixels, before integration; None for no map."""
@@ -203,6 +213,12 @@ class CameraSetting:
             return light
 
         return chained
+
+    @property
+    def common_gain(self) -> CommonGain | None:
+        """Gain that all pixels have in common; None for none. At most one effect has it."""
+        gains = (effect.common_gain(self) for effect in acting(self))
+        return next((gain for gain in gains if gain is not None), None)
 
     @property
     def sampling_offsets(self) -> npt.NDArray[np.int64] | None:

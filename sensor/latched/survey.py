@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,9 @@ from cosim.plan.tiles import TileGrid
 from sensor.latched.setting import CameraSetting
 
 __all__ = ["SceneSurvey", "survey_scene"]
+
+_SIGMAS: Final = 4.0
+"""Deviations of the drift within which light is taken to lie."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +80,24 @@ def survey_scene(
     darkest = grid.reduce(low, np.minimum).astype(float) * per_cycle
     brightest = grid.reduce(high, np.maximum).astype(float) * per_cycle
     brightest = brightest + setting.dark_charge
+    excess = setting.dark_excess(np.arange(light.least.size, dtype=np.uint32))
+    if excess is not None:
+        brightest = brightest + grid.reduce(excess.reshape(light.least.shape), np.maximum)
     darkest, brightest = (setting.transfer(electrons) for electrons in (darkest, brightest))
+    brightest = brightest * (1 + _SIGMAS * setting.drift)
+    darkest = darkest * max(1 - _SIGMAS * setting.drift, 0.0)
+    timing = np.zeros(len(grid))
+    if setting.row_timing is not None:
+        rows = np.arange(setting.chip.height)
+        moves = setting.row_timing.deviation(rows, setting.chip.height)[:, None]
+        timing = grid.reduce(np.broadcast_to(moves, light.least.shape), np.maximum)
+        # A cycle is longer by the difference of two moves; twice its RMS is rarely exceeded.
+        brightest = brightest * (1 + 2 * 2**0.5 * timing)
     moving = ~grid.reduce(light.steady, np.logical_and)
     scene = Summary(
         darkest, brightest, setting.threshold, window, cycles, floor,
         setting.spread, np.where(moving, light.planes, 0.0), setting.slack,
-        setting.dead_time * clock.hz, setting.uneven,
+        setting.dead_time * clock.hz, setting.uneven, timing,
     )  # fmt: skip
     certain = light.certain
     if setting.crosstalk > 0:

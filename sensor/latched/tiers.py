@@ -19,6 +19,7 @@ from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel, ExactPixels, PixelState
 from sensor.latched.pixel.thresholds import thresholds
+from sensor.latched.row_timing import PlaneTiming
 from sensor.latched.setting import CameraSetting
 
 __all__ = ["Tier", "TierPixels", "make_pixels", "tier_pixels"]
@@ -59,10 +60,13 @@ class _Exact:
         numbers: npt.NDArray[np.uint32],
         pattern: FixedPattern | None,
         offsets: npt.NDArray[np.int64] | None,
+        timing: PlaneTiming | None,
         device: Device | None,
     ) -> None:
         self._model, self._numbers = setting.model, numbers
-        self._exposure = Exposure(setting.clock, setting.electrons_per_lux, pattern, offsets)
+        self._exposure = Exposure(
+            setting.clock, setting.electrons_per_lux, pattern, offsets, timing
+        )
         self._pixels = make_pixels(self._model, numbers, device)
 
     def expose(self, light: Light, start: int, cycles: int) -> Words:
@@ -120,17 +124,22 @@ def tier_pixels(
         if row_delay.shape != (setting.chip.height,):
             raise ValueError(f"row_delay must be ({setting.chip.height},), not {row_delay.shape}")
         offsets = (0 if offsets is None else offsets) - row_delay[rows].astype(np.int64)
+    timing = None
+    if setting.row_timing is not None:
+        timing = setting.row_timing.on(rows, setting.chip.height, setting.clock, setting.seed)
     lumped = tier != "reference" or setting.circuit is None
     pattern = setting.fixed_pattern(numbers, lumped=lumped)
     gain, model = setting.electrons_per_lux, setting.model
     if tier == "exact":
-        return _Exact(setting, numbers, pattern, offsets, device)
+        return _Exact(setting, numbers, pattern, offsets, timing, device)
     if tier == "fast":
         from sensor.latched.fast import FastPixels, PixelArray
 
         if device is None:
             raise ValueError("the fast tier needs an OpenCL device")
-        array = PixelArray(model, shape, numbers, setting.clock, gain, pattern, offsets, flags)
+        array = PixelArray(
+            model, shape, numbers, setting.clock, gain, pattern, offsets, flags, timing
+        )
         return FastPixels(array, device)
     from sensor.latched.reference import ReferencePixels
 
@@ -139,5 +148,5 @@ def tier_pixels(
         model = replace(model, dead_time=0.0, shift=0.0)
     overshoot = 0.0 if lumped else setting.overshoot
     return ReferencePixels(
-        model, numbers, setting.clock, gain, pattern, each, setting.circuit, overshoot
+        model, numbers, setting.clock, gain, pattern, each, setting.circuit, overshoot, timing
     )

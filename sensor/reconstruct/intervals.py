@@ -8,6 +8,7 @@ cycle n runs from the last spike before n (excluded) to the first spike at or af
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,7 @@ __all__ = [
     "interval_image",
     "interval_rate",
     "isi",
+    "least_width",
     "spike_cycles",
     "tau_image",
     "tau_levels",
@@ -26,6 +28,7 @@ __all__ = [
 ]
 
 _NONE = -1
+WHITEST: Final = 255
 Cycles = npt.NDArray[np.int64]
 
 
@@ -110,6 +113,15 @@ def interval_image(stream: SpikeStream, at: int) -> tuple[Cycles, Cycles]:
     return begin.reshape(stream.shape), end.reshape(stream.shape)
 
 
+def least_width(stream: SpikeStream, at: int) -> Cycles:
+    """Cycles that the interval holding cycle `at` lasts at least, (H, W): its length, or the part
+    of it that the stream holds."""
+    check_cycle(stream, at)
+    instant = np.full(stream.shape[0] * stream.shape[1], at, np.int64)
+    begin, end = _before(stream, instant), _at_or_after(stream, instant)
+    return (np.where(end == _NONE, stream.cycles, end) - begin).reshape(stream.shape)
+
+
 def isi(stream: SpikeStream, at: int) -> Cycles:
     """Length in cycles of the interval that holds cycle `at`; 0 where a pixel has none."""
     begin, end = interval_image(stream, at)
@@ -126,17 +138,22 @@ def interval_rate(tau: Cycles) -> npt.NDArray[np.float32]:
     return np.where(tau > 0, 1 / np.maximum(tau, 1), 0).astype(np.float32)
 
 
-def tau_image(stream: SpikeStream, at: int) -> npt.NDArray[np.uint8]:
-    """255 - tau, tau clipped to [0, 255] cycles: (H, W) uint8 (Huang 2022, figure 4b).
+def tau_image(stream: SpikeStream, at: int, longest: int | None = WHITEST) -> npt.NDArray[np.uint8]:
+    """255 - tau, tau normalised to [0, 255]: (H, W) uint8 (Huang 2022, figure 4b). The arguments
+    are those of `tau_levels`."""
+    return tau_levels(isi(stream, at), longest)
 
-    A pixel without an interval is 0, as one whose tau is beyond 255.
+
+def tau_levels(tau: Cycles, longest: int | None = WHITEST) -> npt.NDArray[np.uint8]:
+    """255 - 255 tau/longest of intervals of `tau` cycles, rounded; 0 for longer ones and where
+    there is none.
+
+    longest: cycles that become black. With 255, tau is only clipped. None is the longest interval
+    of the image, so that all intervals are normalised.
     """
-    return tau_levels(isi(stream, at))
-
-
-def tau_levels(tau: Cycles) -> npt.NDArray[np.uint8]:
-    """255 - tau of intervals of `tau` cycles; 0 where there is none."""
-    return np.where(tau > 0, 255 - np.minimum(tau, 255), 0).astype(np.uint8)
+    most = max(int(tau.max(initial=0)), 1) if longest is None else longest
+    level = WHITEST - np.rint(np.minimum(tau, most) * (WHITEST / most))
+    return np.where(tau > 0, level, 0).astype(np.uint8)
 
 
 def spike_cycles(

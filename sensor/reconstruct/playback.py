@@ -21,15 +21,22 @@ def check_cycle(stream: SpikeStream, at: int) -> None:
         )
 
 
-def tfp(stream: SpikeStream, at: int, window: int = 41) -> npt.NDArray[np.float32]:
-    """Spikes a cycle over `window` cycles centred on cycle `at`: (H, W) float32 in [0, 1].
+def tfp(
+    stream: SpikeStream, at: int, window: int = 41, *, preceding: bool = False
+) -> npt.NDArray[np.float32]:
+    """Spikes a cycle over `window` cycles around cycle `at`: (H, W) float32 in [0, 1].
 
-    window: odd. Near an end of the stream the mean is taken over the cycles there are.
+    Args:
+        window: number of cycles, odd if centred. Near an end of the stream the mean is taken over
+            the cycles there are.
+        preceding: the window ends with cycle `at`, as in Huang 2022 (3.3.1); otherwise its centre
+            is `at`, which has no lag.
     """
     check_cycle(stream, at)
-    if window < 1 or window % 2 == 0:
+    if window < 1 or (window % 2 == 0 and not preceding):
         raise InputError(
             "--window", "odd and at least 1", str(window), f"try {max(window, 0) // 2 * 2 + 1}"
         )
-    first, stop = max(at - window // 2, 0), min(at + window // 2 + 1, stream.cycles)
+    stop = at + 1 if preceding else min(at + window // 2 + 1, stream.cycles)
+    first = max(at + 1 - window if preceding else at - window // 2, 0)
     return count_spikes(stream, first, stop).astype(np.float32) / np.float32(stop - first)

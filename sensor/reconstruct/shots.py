@@ -11,15 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Plane, SpikeStream
+from cosim.light.demosaic import delta_e, in_colour
+from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
-from cosim.report.png import write_linear_png
-from cosim.run.result import Latency
+from cosim.report.png import coloured, write_linear_png, write_png
+from cosim.run.result import Latency, Metric
 from sensor.reconstruct.fidelity import Estimate, Imaged, to_white
 from sensor.reconstruct.intervals import interval_rate, isi
 from sensor.reconstruct.playback import tfp
+from sensor.reconstruct.readings import Dim, DimLight
 
 __all__ = [
-    "LATCHED", "Shot", "interval_latency", "spike_rate", "take_shots", "write_images",
+    "LATCHED", "Shot", "colour_differences", "interval_latency", "spike_rate", "take_shots",
+    "write_colour", "write_images",
 ]  # fmt: skip
 
 LATCHED: Final = ("tfp", "tfi")
@@ -35,6 +39,7 @@ class Shot:
         truth: reflectance, white = 1, (H, W).
         tfp, tfi: its estimates.
         tau: length of the interval that holds the instant, cycles, (H, W) int64; 0 for none.
+        dim: pixels that are read below threshold or rejected as dark; None without either.
     """
 
     cycle: int
@@ -42,18 +47,35 @@ class Shot:
     tfp: Estimate
     tfi: Estimate
     tau: npt.NDArray[np.int64]
+    dim: Dim | None = None
 
 
 def take_shots(
-    stream: SpikeStream, source: Source, instants: list[int], window: int, white_rate: float
+    stream: SpikeStream,
+    source: Source,
+    instants: list[int],
+    window: int,
+    white_rate: float,
+    dim_light: DimLight | None = None,
+    *,
+    preceding: bool = False,
 ) -> list[Shot]:
-    """Images of these cycles, with the truth in the middle of each."""
+    """Images of these cycles, with the truth in the middle of each.
+
+    Args:
+        window, preceding: of TFP.
+        dim_light: how both estimates have dim pixels; None for from spikes alone.
+    """
     shots = []
     for cycle in instants:
         tau = isi(stream, cycle)
         truth = source.truth(stream.clock.middle(cycle))
-        mean = to_white(tfp(stream, cycle, window), white_rate)
-        shots.append(Shot(cycle, truth, mean, to_white(interval_rate(tau), white_rate), tau))
+        dim = None if dim_light is None else dim_light.at(stream, cycle)
+        mean, instant = (
+            to_white(rate if dim is None else dim.put(rate), white_rate)
+            for rate in (tfp(stream, cycle, window, preceding=preceding), interval_rate(tau))
+        )
+        shots.append(Shot(cycle, truth, mean, instant, tau, dim))
     return shots
 
 
@@ -67,6 +89,27 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
             names.append(f"images/{method}-{shot.cycle:05d}.png")
             write_linear_png(folder / names[-1], getattr(shot, method))
     return names
+
+
+def write_colour(folder: Path, shots: Sequence[Imaged], mosaic: Mosaic) -> list[str]:
+    """Writes truth, TFP and TFI of each instant in colour, 8-bit sRGB. Returns their names."""
+    names = []
+    for shot in shots:
+        for method in ("truth", *LATCHED):
+            names.append(f"images/colour-{method}-{shot.cycle:05d}.png")
+            write_png(folder / names[-1], coloured(in_colour(mosaic, getattr(shot, method))))
+    return names
+
+
+def colour_differences(shots: Sequence[Imaged], mosaic: Mosaic) -> dict[str, Metric]:
+    """Mean colour difference to the true light by method, over pixels and instants (CIE 1976)."""
+    by_method: dict[str, list[float]] = {method: [] for method in LATCHED}
+    for shot in shots:
+        truth = in_colour(mosaic, shot.truth)
+        for method, found in by_method.items():
+            image = in_colour(mosaic, getattr(shot, method))
+            found.append(float(delta_e(image, truth).mean()))
+    return {f"{method}_delta_e": Metric(float(np.mean(v)), "1") for method, v in by_method.items()}
 
 
 def interval_latency(clock: Clock, shots: list[Shot]) -> list[Latency]:

@@ -19,7 +19,9 @@ from sensor.device.chips import CHIPS
 from sensor.latched.effects.catalogue import CATALOGUE, all_keys
 from sensor.latched.effects.effect import Key
 from sensor.sections.asynchronous import AsynchronousSection, ChannelSection
+from sensor.sections.colour import ColourSection
 from sensor.sections.continuous import ContinuousSection
+from sensor.sections.sub_threshold import DarkLimit, SubThresholdSection
 
 __all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
 
@@ -27,6 +29,8 @@ SPIKING = tuple(
     name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.readouts
 )
 """Faults that only a pixel which spikes has."""
+DUPLICATED = ((0, 2), (1, 3))
+"""Duplicated rows of SpikeOne under the preset `silicon`, as in a recording of a 400 x 250 chip."""
 LEVELS = 16
 """Threshold settings from outside (Huang 2022 section 6), on either chip."""
 
@@ -102,9 +106,23 @@ class _ChipSection(Section):
     threshold_level: Annotated[int, Field(ge=1, le=LEVELS)] = Field(
         default=LEVELS, description=f"the chip's setting: level n fires at n/{LEVELS} of threshold"
     )
+    dark_limit: DarkLimit | None = Field(
+        default=None,
+        examples=["dark current"],
+        description="width from which on an interval is rejected as dark; 'dark current' for "
+        "threshold over sensor.pattern.dark_current; nothing is rejected when absent",
+    )
     wavelength: Wavelength = Field(default=555.0, description="at which lux are counted as photons")
     reset: Literal["residual", "hard", "subtract"] = Field(
         default="residual", description="what becomes of charge beyond the threshold at a spike"
+    )
+    duplicated_rows: tuple[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], ...] = (
+        Field(
+            default=(),
+            examples=["[[0, 2], [1, 3]]"],
+            description="fault of the readout: pairs [source, target]; the target shows the bits "
+            "of the source",
+        )
     )
 
 
@@ -125,6 +143,12 @@ class SensorSection(_Sections):
 
     asynchronous: AsynchronousSection | None = None
     continuous: ContinuousSection | None = None
+    sub_threshold: SubThresholdSection | None = Field(
+        default=None, description="readings of the charge of pixels that do not fire"
+    )
+    colour: ColourSection | None = Field(
+        default=None, description="colour filters on the pixels; none when absent"
+    )
     channel: ChannelSection | None = Field(
         default=None, description="output that asynchronous pixels share; none when absent"
     )
@@ -141,13 +165,33 @@ class SensorSection(_Sections):
         pattern = data.get("pattern", {})
         if isinstance(pattern, dict):
             for name, needs in _NEEDS.items():
-                if _is_none(
-                    pattern.get(needs.key)
-                ):  # taken out of the preset, so that it has no share
+                # Taken out of the preset, or of unknown size: it has no share.
+                if _is_none(pattern.get(needs.key)) or needs.key not in {*sizes, *pattern}:
                     sizes.pop(name, None)
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
         own = {n: v for n, v in sizes.items() if n in cls.model_fields}
+        latched = data.get("readout", "synchronous") == "synchronous" and not data.get("source")
+        if latched and data.get("chip") == "spikeone":
+            own["duplicated_rows"] = DUPLICATED
         return own | data | {"pattern": pattern}
+
+    @model_validator(mode="after")
+    def _has_these_rows(self) -> SensorSection:
+        pairs, height = self.duplicated_rows, CHIPS[self.chip].height
+        if pairs and (self.readout != "synchronous" or self.source is not None):
+            raise InputError(
+                "sensor.duplicated_rows", "empty, except with a simulated synchronous readout",
+                str([list(pair) for pair in pairs]), "leave it out",
+            )  # fmt: skip
+        sources, targets = {pair[0] for pair in pairs}, [pair[1] for pair in pairs]
+        twice = len(set(targets)) < len(targets) or sources & set(targets)
+        if twice or max((*sources, *targets), default=0) >= height:
+            raise InputError(
+                "sensor.duplicated_rows",
+                f"pairs [source, target] of rows from 0 to {height - 1}, whose targets differ and "
+                "are no sources", str([list(pair) for pair in pairs]), "change the pairs",
+            )  # fmt: skip
+        return self
 
 
 def _silicon_sizes(data: dict[str, Any]) -> dict[str, Any]:

@@ -38,7 +38,7 @@ def _level(age: Any, tau: Any, memory: Any) -> Any:
     return (1 - FADE) * memory * FADE**age
 
 
-def _remember(memory: Any, tau: Any, interval: Any) -> Any:
+def _remember(memory: Any, interval: Any, emitted: Any) -> Any:
     return memory * FADE**interval + 1.0
 
 

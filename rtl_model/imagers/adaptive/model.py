@@ -11,9 +11,11 @@ import numpy as np
 
 from cosim import InputError
 from cosim.run.result import Latency, Metric
+from rtl_model.imagers.adaptive.coupling import coupled_metrics
 from rtl_model.imagers.adaptive.device.decision import Search, decide
 from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
 from rtl_model.imagers.adaptive.device.sequencer import Sequencer
+from rtl_model.imagers.adaptive.device.switching import Coupling
 from rtl_model.imagers.adaptive.device.timing import MINIMUM_CLOCKS, Timing
 from rtl_model.imagers.adaptive.judge import AdaptiveJudge
 from rtl_model.imagers.adaptive.section import AdaptiveSection
@@ -65,9 +67,16 @@ class AdaptiveModel(ImagerModel):
                 f"{self.section.frame_rate:g} Hz", f"lower it ({exc})",
             ) from exc  # fmt: skip
 
+    @property
+    def coupling(self) -> Coupling | None:
+        """The coupling of the scenario, None where its section is absent."""
+        c = self.section.coupling
+        return None if c is None else Coupling(c.charge, c.time_constant, c.code, c.idle)
+
     def make(self) -> AdaptiveExposure:
         s = self.section
-        imager = AdaptiveExposure(AdaptivePixels(self.shape, self.setting), self.timing)
+        pixels = AdaptivePixels(self.shape, self.setting)
+        imager = AdaptiveExposure(pixels, self.timing, coupling=self.coupling)
         imager.write("adaptive_search", int(SEARCHES[s.search]))
         imager.write("adaptive_longest", s.longest)
         imager.write("adaptive_user", s.multiplier)
@@ -152,9 +161,10 @@ class AdaptiveModel(ImagerModel):
             "brightest": Metric(256 * step / min(seconds), "lux"),
             "dimmest": Metric(step / max(seconds), "lux"),
             "resets_disturbed": Metric(sum(t.state["disturbed"] for t in frames), "1"),
+            **coupled_metrics(imager),
         }
 
-    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
+    def latency(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> list[Latency]:
         delays = [c.delay * 1e-6 for c in changes(frames, view) if c.delay is not None]
         if not delays:
             return []

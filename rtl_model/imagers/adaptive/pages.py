@@ -11,6 +11,7 @@ import numpy as np
 from cosim import PS
 from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import plot, table
+from rtl_model.imagers.adaptive.coupling import coupling_section
 from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
 from rtl_model.imagers.adaptive.device.timing import Timing
 from rtl_model.imagers.adaptive.model import HALF, AdaptiveModel, changes
@@ -58,6 +59,7 @@ def adaptive_sections(model: AdaptiveModel, run: ImagerRun) -> str:
         "of this sensor. Above: the rows that are reset and read around a change of exposure. "
         "Below: its signals during the first rows. Hold is the frame time minus the exposure.</p>"
         + plot(folder / "timing.png", "reset and readout of all rows, and the signals")
+        + coupling_section(run.imager, folder / "coupling.png")
     )
 
 

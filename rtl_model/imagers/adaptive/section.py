@@ -6,10 +6,27 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cosim.config.quantity import Quantity, Temperature
+from cosim.config.quantity import Quantity, Section, Temperature
 from rtl_model.imagers.interface.section import Device, First, ImagerSection, Side, Writes
 
-__all__ = ["AdaptiveSection"]
+__all__ = ["AdaptiveSection", "CouplingSection"]
+
+
+class CouplingSection(Section):
+    """Switching logic that couples onto the sampled pixels. The document prints no size of it."""
+
+    charge: Annotated[float, Quantity("charge", least=0, most=1e5)] = Field(
+        default=0.0, examples=["20 e"],
+        description="charge that one toggle of a counter's bit couples onto a pixel; assumed",
+    )  # fmt: skip
+    time_constant: Annotated[float, Quantity("time", above=0, most=1e-4)] = Field(
+        default=200e-9, examples=["200 ns"], description="with which it decays; assumed"
+    )
+    code: Literal["gray", "binary"] = Field(default="gray", description="code of the counters")
+    idle: bool = Field(
+        default=True, description="false: counters run in the half of the work cycle that ends "
+        "with the sample, not in the half before",
+    )  # fmt: skip
 
 
 class AdaptiveSection(ImagerSection):
@@ -46,4 +63,5 @@ class AdaptiveSection(ImagerSection):
     gain: Annotated[float, Field(gt=0, le=64)] = Field(default=1.0, description="before the ADC")
     temperature: Temperature = 27.0
     device_seed: Device = 1
+    coupling: CouplingSection | None = None
     writes: Writes = ()

@@ -111,10 +111,8 @@ def strips(rows: Exposed) -> list[slice]:
 def cut_rows(rows: Exposed, at: slice) -> Exposed:
     """The exposure of these rows alone."""
     every: dict[str, Any] = {"read": None} if hasattr(rows, "read") else {}
-    return replace(
-        rows, lux_seconds=rows.lux_seconds[at], seconds=rows.seconds[at],
-        waiting=rows.waiting[at], first=rows.first + at.start, **every,
-    )  # fmt: skip
+    every |= {name: v[at] for name, v in vars(rows).items() if isinstance(v, np.ndarray)}
+    return replace(rows, first=rows.first + at.start, **every)
 
 
 class Patches:

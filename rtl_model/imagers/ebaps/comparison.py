@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 from rtl_model.imagers.ebaps.device.exposure import WINDOW, ExposureRule, Linear
 from rtl_model.imagers.ebaps.device.settling import settle
+from rtl_model.imagers.ebaps.model import EbapsModel
 from rtl_model.imagers.ebaps.section import EbapsSection
 from rtl_model.imagers.interface.comparison import Comparison, Setting
-from sensor.imagers.ebaps import COLUMNS, ROWS, EbapsPixels, wanted_exposure
+from sensor.imagers.ebaps import COLUMNS, ROWS, wanted_exposure
 
 __all__ = ["EbapsComparison"]
 
@@ -32,9 +34,9 @@ class EbapsComparison(Comparison):
         rule = ExposureRule()
         target = sum(WINDOW) / 2
         choices = (-section.high_voltage,) if "high_voltage" in given else VOLTS
-        volts, wanted = choices[-1], 0.0
+        volts, wanted, pixels = choices[-1], 0.0, EbapsModel(section).pixels
         for volts in choices:
-            wanted = wanted_exposure(EbapsPixels(volts=volts), mean, target)
+            wanted = wanted_exposure(pixels.at(volts=volts), mean, target)
             if wanted * 1e9 >= rule.shortest:
                 break
         changed: dict[str, float] = {"high_voltage": -volts}
@@ -45,10 +47,10 @@ class EbapsComparison(Comparison):
         return section.model_copy(update=changed)
 
     def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
-        rule = ExposureRule()
+        rule, small = ExposureRule(), replace(pixels, shape=_SHAPE)
         return (
-            Setting(EbapsPixels(_SHAPE, volts=0.0), rule.shortest * 1e-9),
-            Setting(EbapsPixels(_SHAPE, volts=1500.0), rule.longest * 1e-9),
+            Setting(small.at(volts=0.0), rule.shortest * 1e-9),
+            Setting(small.at(volts=1500.0), rule.longest * 1e-9),
         )
 
     def sent(self, section: EbapsSection) -> int:

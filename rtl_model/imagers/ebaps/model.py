@@ -8,20 +8,30 @@ from typing import Any
 
 import numpy as np
 
+from cosim.clock import PS
 from cosim.light.charts import ASPECT, bar_width, regions
 from cosim.run.result import Latency, Metric
+from rtl_model.imagers.ebaps.board.adc_lines import AdcLines
+from rtl_model.imagers.ebaps.board.crossing import Clocks
 from rtl_model.imagers.ebaps.board.regions import LIVE
 from rtl_model.imagers.ebaps.board.timing import Timing
+from rtl_model.imagers.ebaps.board_report import board_latency, board_metrics
+from rtl_model.imagers.ebaps.device.clocked_board import Board
 from rtl_model.imagers.ebaps.device.darks import DARKS, residual_variance
 from rtl_model.imagers.ebaps.device.exposure import ExposureRule
 from rtl_model.imagers.ebaps.device.imager import Ebaps
 from rtl_model.imagers.ebaps.judge import EbapsJudge
 from rtl_model.imagers.ebaps.section import EbapsSection
-from rtl_model.imagers.interface.model import ExposureRange, FrameFigures, ImagerModel
+from rtl_model.imagers.interface.model import (
+    ExposureRange,
+    FrameFigures,
+    ImagerModel,
+    read_latency,
+)
 from rtl_model.imagers.interface.view import View
 from rtl_model.imagers.interface.writes import write_all
 from sensor.imagers import PixelModel
-from sensor.imagers.ebaps import EbapsPixels
+from sensor.imagers.ebaps import PHOTOCATHODES, EbapsPixels, Tube, spectral_ratios
 
 __all__ = ["KELVIN", "EbapsModel", "live", "settled_at"]
 
@@ -42,12 +52,14 @@ class EbapsModel(ImagerModel):
     def pixels(self) -> EbapsPixels:
         s = self.section
         return EbapsPixels(
-            self.shape, volts=-s.high_voltage, kelvin=s.temperature + KELVIN, device=s.device_seed
-        )
+            self.shape, volts=-s.high_voltage, kelvin=s.temperature + KELVIN, device=s.device_seed,
+            tube=Tube(sensitivity=PHOTOCATHODES[s.photocathode].sensitivity),
+            spectral=spectral_ratios(s.photocathode, s.illuminant, s.wavelength or 555.0),
+        )  # fmt: skip
 
     def make(self) -> Ebaps:
         s = self.section
-        imager = Ebaps(self.pixels)
+        imager = Ebaps(self.pixels, board=self._board())
         imager.write("ebaps_high_voltage", round(-s.high_voltage))
         imager.write("ebaps_exposure", round(s.exposure * 1e9))
         imager.write("ebaps_loop", int(s.exposure_loop))
@@ -58,6 +70,18 @@ class EbapsModel(ImagerModel):
             imager.store_darks()
         write_all(imager, s.writes)
         return imager
+
+    def _board(self) -> Board | None:
+        s = self.section.board
+        if s is None:
+            return None
+        lines = AdcLines(s.jitter * PS, s.skew * PS, self.section.device_seed)
+        clocks = Clocks(memory=round(s.memory_clock), display=round(s.link_clock))
+        return Board(s.frames, lines, clocks, stall=s.stall, depth=s.fifo_words)
+
+    def faults(self, imager: Any) -> list[str]:
+        """See `ImagerModel`: what the board was too slow for."""
+        return [] if imager.board is None else list(imager.board.faults)
 
     def settings(self, pixels: PixelModel) -> Sequence[PixelModel]:
         """Pixel settings at every high voltage that the run writes."""
@@ -102,8 +126,12 @@ class EbapsModel(ImagerModel):
             "gain": Metric(
                 self.pixels.tube.gain(last.state["high_voltage"]), "electrons/photoelectron"
             ),
+            "electrons_per_lux": Metric(
+                self.pixels.sensitivity / self.pixels.silicon.area, "1/(s m² lx)"
+            ),
             "dark_frames": Metric(sum(t.state["key"] for t in frames), "1"),
             **self._seen(view, imager),
+            **({} if imager.board is None else board_metrics(imager.board)),
         }
 
     def _seen(self, view: View, imager: Any) -> dict[str, Metric]:
@@ -131,17 +159,11 @@ class EbapsModel(ImagerModel):
         made["contrast_to_noise"] = Metric(step * np.sqrt(ASPECT) * bar / sigma, "1")
         return made
 
-    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
-        """Time from the start of a row's exposure to the last pixel of the frame."""
-        spans = [(t.ready - t.begin) * 1e-6 for t in live(frames)]
-        if not spans:
-            return []
-        return [
-            Latency(
-                "exposure's beginning to the frame read", min(spans), float(np.median(spans)),
-                max(spans),
-            )
-        ]  # fmt: skip
+    def latency(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> list[Latency]:
+        """Time from the start of a row's exposure to the last pixel of the frame, and on the
+        board."""
+        board = [] if imager.board is None else board_latency(imager.board)
+        return read_latency(live(frames)) + board
 
     def judge(
         self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int

@@ -3,6 +3,7 @@ same device at other voltages and light levels."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +15,7 @@ from cosim.report.figures import INK, MARK, pyplot
 from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
+from rtl_model.imagers.ebaps.board_report import board_rows
 from rtl_model.imagers.ebaps.device.darks import DARKS, mean_of_four, residual_variance, subtract
 from rtl_model.imagers.ebaps.device.exposure import ExposureRule
 from rtl_model.imagers.ebaps.model import EbapsModel, live
@@ -47,7 +49,7 @@ def ebaps_sections(model: EbapsModel, run: ImagerRun) -> str:
         "frames are dark ones (KEY = 1), taken at the live exposure. A frame's mean can change the "
         "frame after next at the earliest; the loop acts on frames that show what it last did."
         "</p>" + plot(folder / "loop.png", "mean brightness and exposure over time")
-        + _before_after(model, run)
+        + _board(run) + _before_after(model, run)
         + plot(folder / "histogram.png", "histograms before and after dark subtraction")
         + "<h2>High voltage and light</h2><p>The document's figure 11: rows are high voltages, "
         "columns the light on the chart; each picture is one live frame less the mean of four "
@@ -58,6 +60,21 @@ def ebaps_sections(model: EbapsModel, run: ImagerRun) -> str:
         f"the largest bar's pixels; below {ROSE:g} a bar is not recognised (Rose).</p>"
         + plot(folder / "voltages.png", "the chart at four voltages under three lights")
         + table(["high voltage", "light", "exposure", "mean", "contrast to noise", ""], rows)
+    )  # fmt: skip
+
+
+def _board(run: ImagerRun) -> str:
+    board = run.imager.board
+    if board is None:
+        return ""
+    head = ["what", "in this run", "by the closed form, or as printed"]
+    said = "".join(f"<li>{fault}</li>" for fault in board.faults)
+    return (
+        "<h2>The board, clock by clock</h2><p>The dark frames and the first live ones passed the "
+        "converter's lines, FIFO, AXI4 and memory, the second FPGA, and Camera Link, at "
+        f"{board.clocks.memory * 1e-6:g} MHz and {board.clocks.display * 1e-6:g} MHz; each is "
+        "compared with the frame that was sent.</p>" + table(head, board_rows(board))
+        + (f"<ul>{said}</ul>" if said else "")
     )  # fmt: skip
 
 
@@ -177,7 +194,7 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
     white, black = regions(chart)
     bar = ASPECT * (bar_width("night", SIZE) or 0.0) ** 2
     kept, seed = frozenset(model.pixels.effects), run.planned.spec.seed
-    device = EbapsPixels(SIZE, 0.0, model.pixels.kelvin, model.pixels.device)
+    device = replace(model.pixels, shape=SIZE, volts=0.0)
     plt = pyplot()
     figure, places = plt.subplots(
         len(VOLTAGES), len(LIGHT), figsize=(9.5, 10.4), layout="constrained"

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 from cosim.run.printed import Row, listed, number, unprinted
+from rtl_model.imagers.ebaps.board.adc_lines import AdcLines
 from rtl_model.imagers.ebaps.board.axi import region_offset
 from rtl_model.imagers.ebaps.board.cameralink import (
     LINK_HZ,
@@ -31,7 +32,14 @@ from rtl_model.imagers.ebaps.device.exposure import (
 from rtl_model.imagers.ebaps.device.registers import DESIGN, HIGH_VOLTAGE
 from rtl_model.imagers.ebaps.device.settling import settle, settling_exposure
 from sensor.imagers import Exposed
-from sensor.imagers.ebaps import Chart, EbapsPixels, contrast_to_noise, recognisable, smallest_bar
+from sensor.imagers.ebaps import (
+    PHOTOCATHODES,
+    Chart,
+    EbapsPixels,
+    contrast_to_noise,
+    recognisable,
+    smallest_bar,
+)
 
 __all__ = ["ebaps_rows"]
 
@@ -80,11 +88,27 @@ def _chip() -> list[Row]:
         number("002 §2", "samples a second of the converter", "80e6", CLOCK_HZ, "1/s",
                relation="<=", note="what the pixel clock asks of it; its 80 MS/s allow twice that",
                by="constant"),
+        number("002 §3", "parallel digital lines of the converter", "16", _aligned_lines(),
+               note="whose training finds an eye, at 80 MS/s", by="component"),
+        listed("002 §1", "working band, um", [0.3, 0.97], _band(), "um",
+               note="where the photocathode's assumed curve is above 0", by="constant"),
         listed("002 §5", "high voltage, volts", [0, 1500],
                [_least_volts(pixels), HIGH_VOLTAGE], "V",
                note=f"gain {pixels.tube.gain(1500):.0f} at 1500 V, {pixels.tube.gain(0):.0f} at 0: "
                f"{bright:.0f} and {dark:.0f} DN", by="component"),
     ]  # fmt: skip
+
+
+def _aligned_lines() -> int:
+    found = AdcLines(50.0, 1000.0).train(1)
+    return int(np.count_nonzero(found.eyes))
+
+
+def _band() -> list[float]:
+    """Ends of the response of a GaAs photocathode, um, to a nanometre."""
+    nm = np.arange(250.0, 1100.0)
+    there = nm[PHOTOCATHODES["GaAs"].efficiency(nm) > 0]
+    return [float(there[0] - 1) / 1000, float(there[-1] + 1) / 1000]
 
 
 def _least_volts(pixels: EbapsPixels) -> int:

@@ -4,12 +4,39 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from cosim.config.quantity import Quantity, Temperature
+from cosim.config.quantity import Quantity, Section, Temperature, Wavelength
 from rtl_model.imagers.interface.section import Device, ImagerSection, Writes
 
 __all__ = ["EbapsSection"]
+
+
+class EbapsBoardSection(Section):
+    """[imager.board]: the board clock by clock, for the first frames: 50 us of run time for a
+    pixel of each."""
+
+    frames: Annotated[int, Field(ge=1, le=100)] = Field(
+        default=1, description="live frames that pass clock by clock, after the dark frames"
+    )
+    memory_clock: Annotated[float, Quantity("frequency", least=1e6, most=1e9)] = Field(
+        default=200e6, examples=["200 MHz"]
+    )
+    link_clock: Annotated[float, Quantity("frequency", least=10e6, most=90e6)] = Field(
+        default=85e6, examples=["85 MHz"], description="of Camera Link, and of both FPGAs"
+    )
+    stall: Annotated[float, Field(ge=0, le=0.9)] = Field(
+        default=0.0, description="share of the memory's clocks in which it is not ready"
+    )
+    fifo_words: Literal[128, 256, 512, 1024, 2048] = Field(
+        default=512, description="depth of each FIFO, words of 128 bits"
+    )
+    jitter: Annotated[float, Quantity("time", least=0, most=12.5e-9)] = Field(
+        default=50e-12, examples=["50 ps"], description="RMS, of the converter's data lines"
+    )
+    skew: Annotated[float, Quantity("time", least=0, most=12.5e-9)] = Field(
+        default=1e-9, examples=["1 ns"], description="largest difference of a line from the mean"
+    )
 
 
 class EbapsSection(ImagerSection):
@@ -31,6 +58,32 @@ class EbapsSection(ImagerSection):
     pedestal: Annotated[int, Field(ge=0, le=65535)] = Field(
         default=0, description="DN added to the difference, which is cut at 0"
     )
+    photocathode: Literal["GaAs", "GaAsP"] = "GaAs"
+    illuminant: Literal["lamp", "daylight", "night-sky", "monochromatic"] = Field(
+        default="lamp", description="spectrum of the light: a lamp of 2856 K, a black body of "
+        "6504 K, the moonless sky, or one wavelength",
+    )  # fmt: skip
+    wavelength: Wavelength | None = Field(
+        default=None, description="of monochromatic light", examples=["640 nm"]
+    )
     temperature: Temperature = 27.0
     device_seed: Device = 1
     writes: Writes = ()
+    board: EbapsBoardSection | None = Field(
+        default=None, description="runs the board clock by clock for the first frames"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> EbapsSection:
+        line = self.illuminant == "monochromatic"
+        for wrong, must in (
+            (line and self.wavelength is None, "with a wavelength for monochromatic light"),
+            (not line and self.wavelength, "without a wavelength, or with monochromatic light"),
+            (
+                line and self.photocathode == "GaAsP" and (self.wavelength or 0) >= 730,
+                "with a wavelength below 730 nm, where GaAsP ends",
+            ),
+        ):
+            if wrong:
+                raise ValueError(f"must be one {must}")
+        return self

@@ -13,7 +13,10 @@ from cosim import PS, seconds_to_ps
 from cosim.run.result import Latency, Metric
 from rtl_model.imagers.emccd.device.cooling import Cooler
 from rtl_model.imagers.emccd.device.imager import Emccd
-from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_seconds
+from rtl_model.imagers.emccd.device.sine_drive import DriveSettings, SineDrive
+from rtl_model.imagers.emccd.device.supplies import Course, Supplies
+from rtl_model.imagers.emccd.device.timing import CLOCK_HZ, Settings, Timing, frame_seconds
+from rtl_model.imagers.emccd.electronics import drive_metrics, supply_metrics
 from rtl_model.imagers.emccd.section import EmccdSection
 from rtl_model.imagers.interface.model import ExposureRange, FrameFigures, ImagerModel, saturation
 from rtl_model.imagers.interface.view import View
@@ -52,11 +55,36 @@ class EmccdModel(ImagerModel):
     def pixels(self) -> EmccdPixels:
         s = self.section
         pixels = EmccdPixels(kelvin=s.temperature + KELVIN, pattern_seed=s.device_seed)
-        return replace(pixels, gain=self.voltage.gain(self.step))
+        return replace(pixels, gain=self.drive.gain(self.step))
 
     @cached_property
     def voltage(self) -> HighVoltage:
-        return HighVoltage()
+        return HighVoltage(ageing=self.section.ageing)
+
+    @cached_property
+    def drive(self) -> SineDrive:
+        """The high-voltage drive; its transformer is as warm as the camera's body."""
+        s = self.section
+        return SineDrive(self.voltage, DriveSettings(**dict(s.drive)), CLOCK_HZ, s.ambient)
+
+    @cached_property
+    def supplies(self) -> Supplies:
+        s = self.section.supplies
+        return Supplies(s.order, s.ramp, s.delay, s.failed)
+
+    @cached_property
+    def power_up(self) -> Course:
+        """The supplies from their switch-on until they are good, or down again."""
+        return self.supplies.run()
+
+    @property
+    def powered(self) -> tuple[int, int | None]:
+        """Instants at which the supplies are good and at which they are switched off, ps."""
+        s, good = self.section.supplies, self.power_up.good
+        if good is None:
+            return 0, 0
+        start = 0 if s.on is None else seconds_to_ps(s.on + good)
+        return start, None if s.off is None else seconds_to_ps(s.off)
 
     @property
     def step(self) -> int:
@@ -64,7 +92,8 @@ class EmccdModel(ImagerModel):
         s = self.section
         if s.gain_step is not None:
             return s.gain_step
-        return 0 if s.gain is None else self.voltage.step_for(s.gain)
+        curve = self.voltage if s.calibrated else HighVoltage()
+        return 0 if s.gain is None else curve.step_for(s.gain)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -78,7 +107,9 @@ class EmccdModel(ImagerModel):
             pulses = [round(n * period) for n in range(int(self.seconds * s.pulse_rate) + 1)]
         cooler = cooler_of(s)
         cooler.advance(WARM)
-        imager = Emccd(self.pixels, high_voltage=self.voltage, pulses=pulses, cooler=cooler)
+        imager = Emccd(
+            self.pixels, drive=self.drive, pulses=pulses, cooler=cooler, powered=self.powered
+        )
         imager.write("emccd_exposure", max(round(s.exposure / STEP), 1))
         imager.write("emccd_gain", self.step)
         imager.write("emccd_first_row", s.first_row)
@@ -94,7 +125,7 @@ class EmccdModel(ImagerModel):
         """The pixels at every gain that the run sets."""
         assert isinstance(pixels, EmccdPixels)
         steps = sorted({self.step, *(v for v in self._written("gain") if v < 256)})
-        return [replace(pixels, gain=self.voltage.gain(step)) for step in steps]
+        return [replace(pixels, gain=self.drive.gain(step)) for step in steps]
 
     def exposures(self, view: View, stop: int) -> ExposureRange:
         """Limits of all exposures that the run sets, and the number of frames that follows from the
@@ -106,8 +137,9 @@ class EmccdModel(ImagerModel):
         return ExposureRange(light, span, self._frames(timing, stop))
 
     def _frames(self, timing: Timing, stop: int) -> int:
-        s = self.section
-        now, frames, pending = 0.0, 0, list(s.writes)
+        s, (start, off) = self.section, self.powered
+        stop = stop if off is None else min(stop, off)
+        now, frames, pending = start / PS, 0, list(s.writes)
         at = {
             "exposure": max(round(s.exposure / STEP), 1), "first_row": s.first_row,
             "rows": s.rows, "sync": int(s.sync == "external"),
@@ -150,9 +182,16 @@ class EmccdModel(ImagerModel):
             "temperature_spread": Metric(float(np.std(celsius)), "K"),
             **saturation(frames),
             "pulses_lost": Metric(float(imager.read("emccd_pulses_lost")), "1"),
+            **drive_metrics(self.drive, last.state["peak"], imager.potentiometer),
+            **supply_metrics(self.power_up, frames[0].begin, self.section.supplies.on),
         }
 
-    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
+    def faults(self, imager: Any) -> list[str]:
+        """See `ImagerModel`: a supply that did not come up."""
+        rail = self.power_up.fault
+        return [] if rail is None else [f"the rail {rail} did not come up: all are off, no frame"]
+
+    def latency(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> list[Latency]:
         """Latencies from the start of exposure to the last pixel read, and from each write to the
         first frame that was exposed with it."""
         spans = [(t.ready - t.begin) * 1e-6 for t in frames]

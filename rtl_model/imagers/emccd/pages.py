@@ -14,6 +14,7 @@ from cosim.report.png import for_display
 from rtl_model.imagers.emccd.device.cooling import run_cooling
 from rtl_model.imagers.emccd.device.imager import Emccd
 from rtl_model.imagers.emccd.device.timing import Settings, Timing, frame_rate, window_table
+from rtl_model.imagers.emccd.electronics_pages import electronics_sections
 from rtl_model.imagers.emccd.model import STEP, EmccdModel, cooler_of
 from rtl_model.imagers.interface.model import FrameFigures
 from rtl_model.imagers.report.figures import (
@@ -73,6 +74,7 @@ def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
         "gain against the mean in electrons is the squared excess noise factor. Lines: F&sup2; = "
         "1 + (1 - 1/g)(1 - p)/(1 + p).</p>"
         + plot(folder / "gain.png", "gain steps and photon transfer")
+        + electronics_sections(model.drive, model.supplies, folder)
         + "<h2>Cooling</h2><p>Temperature of the chip from power-on. A run begins ten minutes "
         "later.</p>" + plot(folder / "cooling.png", "temperature over time")
     )

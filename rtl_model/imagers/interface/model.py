@@ -11,13 +11,20 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.frames import Frame
-from cosim.run.result import Latency, Metric
+from cosim.run.result import Latency, Metric, latency_rows
 from rtl_model.imagers.interface.imager import Imager
 from rtl_model.imagers.interface.judge import Judge
 from rtl_model.imagers.interface.view import View
 from sensor.imagers import PixelModel
 
-__all__ = ["ExposureRange", "FrameFigures", "ImagerModel", "measure_frame", "saturation"]
+__all__ = [
+    "ExposureRange",
+    "FrameFigures",
+    "ImagerModel",
+    "measure_frame",
+    "read_latency",
+    "saturation",
+]
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,12 @@ def measure_frame(frame: Frame) -> FrameFigures:
     )  # fmt: skip
 
 
+def read_latency(frames: Sequence[FrameFigures]) -> list[Latency]:
+    """From an exposure's beginning to the last pixel of its frame; [] without frames."""
+    spans = np.array([frame.ready - frame.begin for frame in frames], np.int64)
+    return latency_rows("exposure's beginning to the frame read", spans)
+
+
 def saturation(frames: Sequence[FrameFigures]) -> dict[str, Metric]:
     """Share of pixels at the largest value: in the last frame, and in the frame with the largest
     share."""
@@ -115,9 +128,18 @@ class ImagerModel(ABC):
         """Metrics of the run; `imager` has the state at its end."""
         return {}
 
-    def latency(self, frames: Sequence[FrameFigures], view: View) -> list[Latency]:
-        """Latencies within the simulated imager."""
+    def latency(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> list[Latency]:
+        """Latencies within the simulated imager; `imager` has the state at its end."""
         return []
+
+    def faults(self, imager: Any) -> list[str]:
+        """Why the imager at the end of a run has not done what its settings ask, a line each; they
+        make the outcome "degraded"."""
+        return []
+
+    def picture(self, values: npt.NDArray[np.uint16], bits: int) -> npt.NDArray[np.uint8]:
+        """The 8-bit picture of a frame, (H, W): linear, with full scale as white."""
+        return np.rint(values / (((1 << bits) - 1) / 255)).astype(np.uint8)
 
     def judge(
         self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int

@@ -35,11 +35,15 @@ def _cards(run: ImagerRun) -> str:
 _SHARES = {
     "saturated": "of the pixels of the last frame have the largest value",
     "saturated_most": "of the pixels, in the frame with the largest share",
+    "gain_lost_by_phase": "of the gain, because the high-voltage crest is early or late",
+    "gain_ripple": "of the gain, amplitude, from the ripple of the high voltage",
+    "gain_of_a_code": "of the gain, from one code of the potentiometer to the next",
     "settled_share": "of the live frames have a settled exposure loop",
 }
 _ANSWERS = {"settled": "whether the exposure loop is settled in the last live frame"}
 _COUNTS = {
     "frames": "frames", "dark_frames": "frames", "pulses_lost": "pulses of external sync",
+    "potentiometer_words": "words over SPI", "ageing_codes": "codes that ageing has cost the gain",
     "resets_disturbed": "resets within another row's sampling", "saturated_pixels": "pixels of the "
     "last frame's window over full scale, by the comparator",
 }  # fmt: skip
@@ -88,8 +92,8 @@ def _frames(run: ImagerRun) -> str:
     return (
         "<h2>Frames</h2><p>These frames are evenly spaced over the run. They are shown in sRGB, "
         "with full scale as white. All frames, (n, rows, columns) uint16, are in "
-        f"<code>zarr.open('{FRAMES}', mode='r')['values']</code>. Linear pictures of these frames "
-        "are in <code>images/</code>.</p>"
+        f"<code>zarr.open('{FRAMES}', mode='r')['values']</code>. 8-bit pictures of these frames, "
+        "linear unless the imager maps tones, are in <code>images/</code>.</p>"
         f'<div class="grid by4">{"".join(figures)}</div>'
     )
 

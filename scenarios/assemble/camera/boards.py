@@ -34,7 +34,8 @@ __all__ = ["NO_ERROR", "BoardCamera", "BoardPanel", "Boards", "open_boards", "re
 NO_ERROR: Final = "a board's spikes are not held against full physics"
 _SIMULATED: Final = (
     ("pattern", None), ("circuit", None), ("threshold_noise", 0.0), ("dead_time", 0.0),
-    ("row_skew", 0.0), ("comparator_delay", 0.0), ("crosstalk", 0.0),
+    ("row_skew", 0.0), ("comparator_delay", 0.0), ("row_jitter", 0.0),
+    ("row_wander", 0.0), ("drift", 0.0), ("crosstalk", 0.0), ("sub_threshold", None),
 )  # fmt: skip
 """Keys of the sensor that a board's pixels do not have, with their defaults."""
 

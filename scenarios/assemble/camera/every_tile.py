@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import BLOCK, Block
-from cosim.plan.paired import Measured, TrialCamera, Values, compare, windows
+from cosim.plan.paired import Measured, TrialCamera, Values, compare
 from cosim.plan.patches import PatchPlane
 from cosim.run.machine import BrokenPromise
 from cosim.run.progress import Progress
@@ -93,7 +93,7 @@ def _trial(setup: CameraSetup, stated: dict[str, _Stated]) -> DisplayTrial:
             assert each.plan.display is not None
             shown[name] = name, each.plan.display
         patches = DisplayPatches(plane, shown, survey.scene.floor)
-    spans = windows(setup.instants, setup.scenario.image.window, setup.cycles)
+    spans = setup.spans
     return DisplayTrial(plane, cameras, spans, patches)
 
 

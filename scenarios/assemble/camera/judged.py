@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cosim.files import ZarrStream
 from cosim.light.lens import Lens
+from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
 from cosim.run.machine import Finding, Run
 from cosim.run.result import Result
@@ -33,6 +34,7 @@ class LatchedRun:
         shots: images at the instants; empty with a display.
         sizes: sizes of the stream in several codes, None with a display.
         display: outcome of the display, None without one.
+        mosaic: filter array on the pixels; None for none.
     """
 
     run: Run
@@ -47,6 +49,7 @@ class LatchedRun:
     shots: list[Shot]
     sizes: Sizes | None
     display: DisplayOutcome | None
+    mosaic: Mosaic | None = None
 
     @property
     def folder(self) -> Path:

@@ -23,7 +23,7 @@ import numpy as np
 
 from cosim import BLOCK, Block
 from cosim.plan.ladder import Row, distinct_plans, fit_rows
-from cosim.plan.paired import Paired, TrialCamera, windows, worst
+from cosim.plan.paired import Paired, TrialCamera, worst
 from cosim.plan.patches import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
@@ -113,7 +113,7 @@ def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayTrial:
             for rung in rungs if rung.plan.display is not None
         }  # fmt: skip
         patches = DisplayPatches(plane, displays, survey.scene.floor)
-    spans = windows(setup.instants, setup.scenario.image.window, setup.cycles)
+    spans = setup.spans
     return DisplayTrial(plane, cameras, spans, patches)
 
 

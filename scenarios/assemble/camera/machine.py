@@ -21,6 +21,7 @@ from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
+from scenarios.assemble.camera.dim import dim_light, dim_metrics, reading_camera
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.display import display_page
 from scenarios.assemble.camera.pages.display_tables import display_lines
@@ -34,13 +35,17 @@ from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
+from sensor.latched.reading import ReadingCamera
+from sensor.latched.readout import readout_stages
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import (
     LATCHED,
     Shot,
+    colour_differences,
     interval_latency,
     spike_rate,
     take_shots,
+    write_colour,
     write_images,
 )
 
@@ -92,7 +97,7 @@ class LatchedMachine:
     setup: CameraSetup
     source: Source
     plan: RunPlan
-    camera: SpikeCamera | BoardCamera
+    camera: SpikeCamera | ReadingCamera | BoardCamera
     verifier: Verifier | None
     display: DisplayChain | None
     advice: list[str]
@@ -158,6 +163,7 @@ class LatchedMachine:
             **setup.stages(self.source),
             **({} if self.verifier is None else {"check": self.verifier}),
             "sensor": self.camera,
+            **readout_stages(self.scenario.sensor.duplicated_rows),
             "recorder": recorder,
             **({} if self.boards.panel is None else {"sink": self.boards.panel}),
         }
@@ -235,10 +241,18 @@ class LatchedMachine:
         """Images and size of the stream, for a run without a display."""
         begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
         stream = ZarrStream(recording.folder / STREAM)
-        window = self.scenario.image.window
-        shots = take_shots(stream, self.source, setup.instants, window, setup.white_rate)
-        files = write_images(recording.folder, shots, LATCHED)
+        image = self.scenario.image
+        dim, names = dim_light(setup, self.camera, recording.folder)
+        shots = take_shots(
+            stream, self.source, setup.instants, image.window, setup.white_rate, dim,
+            preceding=image.preceding,
+        )  # fmt: skip
+        files = names + write_images(recording.folder, shots, LATCHED)
         metrics = judge(shots, LATCHED) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
+        metrics |= dim_metrics(setup, shots)
+        if setup.mosaic is not None:
+            files += write_colour(recording.folder, shots, setup.mosaic)
+            metrics |= colour_differences(shots, setup.mosaic)
         seconds["images"] = time.perf_counter() - begin
         begin = time.perf_counter()
         sizes = measure_sizes(stream, setup.setting.threshold, setup.setting.threshold_noise)
@@ -259,7 +273,10 @@ class LatchedMachine:
             outcome = DisplayOutcome.of(display, fidelity, probing.result())
         seconds["probes"] = time.perf_counter() - begin - seconds["images"]
         begin = time.perf_counter()
-        files = write_observer_images(recording.folder, outcome)
+        section = self.scenario.display
+        assert section is not None
+        panel = None if section.colour is None else self.setup.mosaic
+        files = write_observer_images(recording.folder, outcome, panel)
         rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
         metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
         seconds["images"] += time.perf_counter() - begin
@@ -271,7 +288,7 @@ class LatchedMachine:
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
             self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
-            images.display,
+            images.display, setup.mosaic,
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:
@@ -312,12 +329,12 @@ def assemble_latched(
 
 def _planned(
     plan: RunPlan, setup: CameraSetup, boards: Boards
-) -> tuple[SpikeCamera | BoardCamera, Verifier | None]:
+) -> tuple[SpikeCamera | ReadingCamera | BoardCamera, Verifier | None]:
     """The planned camera and the stage that checks it."""
     board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
     if board is not None:
         return board, None
-    camera = plan.camera(setup.device)
+    camera = reading_camera(plan.camera(setup.device), setup)
     tiles = plan.patches(setup.scenario.seed)
     samples = None
     if plan.display is None:  # a display is checked by radiance, which needs whole tiles

@@ -11,15 +11,16 @@ import numpy.typing as npt
 
 from cosim import Summary
 from cosim.compute.opencl import Device
-from cosim.plan.paired import TrialCamera, windows
+from cosim.plan.paired import Span, TrialCamera
 from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import SHARE, Plan, accepted_error, make_plan
 from cosim.plan.tiles import TileGrid
 from display import DisplaySetting
-from display.effects import BASE_COST, effective_planes
+from display.effects import BASE_COST, effective_planes, weight_steps
 from sensor import CameraSetting, SpikeCamera
-from sensor.latched.arithmetic import exact_error, fast_error
+from sensor.latched.arithmetic import exact_error, fast_error, moved_spikes
 from sensor.latched.effects.costs import EXACT, QUIET, reference_cost
+from sensor.latched.effects.windows import rare_error
 from sensor.latched.fine_tiles import FineTiles, MixedPatches
 from sensor.latched.patches import PatchCamera
 from sensor.latched.survey import SceneSurvey
@@ -55,6 +56,9 @@ class RunPlan:
         spans: windows of cycles that are checked.
         display: the simulated display, None without one.
         full_display: the display with every effect, None without one.
+        end_error: (tiles,) limit of the change of an image by spikes that the tier latches across
+            the end of the run, relative. It is a part of the stated error, but the plan does not
+            avoid it.
     """
 
     plan: Plan
@@ -65,9 +69,10 @@ class RunPlan:
     tier_error: npt.NDArray[np.float64]
     fine: npt.NDArray[np.bool_]
     full: CameraSetting
-    spans: list[tuple[int, int]]
+    spans: Sequence[Span]
     display: DisplaySetting | None = None
     full_display: DisplaySetting | None = None
+    end_error: npt.NDArray[np.float64] | float = 0.0
 
     def patches(self, seed: int) -> list[int]:
         """Numbers of the tiles to check, the most informative first: the brightest, the darkest,
@@ -137,6 +142,10 @@ def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
     return grid.groups((noise.astype(np.uint8) | (dead.astype(np.uint8) << 1)).astype(np.uint8))
 
 
+HELD: Final = (1, 2, 4, 8, 16, 64)
+"""Numbers of planes over which a drive holds a packet at least, by the brightest rate of a tile."""
+
+
 def _through_observer(scene: Summary, display: DisplaySetting) -> Summary:
     """The survey with the window over which the observer of a display averages: the effective
     number of planes in its images, if that is smaller than the window of the survey."""
@@ -165,8 +174,45 @@ class _Arithmetic:
         return float(np.where(self.fine, fine, main).mean())
 
 
+def _moved_light(
+    setting: CameraSetting, scene: Summary, tier: Tier, display: DisplaySetting, end: bool
+) -> npt.NDArray[np.float64]:
+    """Relative change of an image by spikes that a tier latches a cycle early or late, (tiles,).
+    end: only by those that leave the run at its end, for tiles of uniform light; else without
+    these.
+
+    A packet that moves by a plane changes an image by the difference of the weights. A drive that
+    holds the light spreads a packet over its interval, and with it the difference. The planes are
+    taken in classes of similar differences; the number of moved spikes in each is Poisson
+    distributed (`rare_error`).
+    """
+    panel, observer = display.panel, display.observer
+    moved = moved_spikes(setting, scene, tier)
+    moved = np.exp2(np.ceil(4 * np.log2(np.maximum(moved, 1e-300))) / 4)  # few distinct values
+    rate = np.asarray(scene.brightest, np.float64) / scene.threshold
+    error = np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
+    held = (1,) if panel.packets else HELD
+    for least, longer in zip(held, (*held[1:], None), strict=True):
+        tiles = rate * least <= 1 if least > 1 else np.ones(rate.shape, bool)
+        if longer is not None:
+            tiles &= rate * longer > 1
+        square = np.zeros(error.shape)
+        for size, planes in weight_steps(observer, panel, scene.cycles, least, end):
+            # At the end of the run a single interval changes, 1 / tau to 1 / (tau + 1).
+            change = size * scene.window * (0.5 if end and not panel.packets else 1.0)
+            shares = {"shares": (1.0,)} if end else {}
+            square += rare_error(scene, moved * planes, change, **shares) ** 2
+        error = np.where(tiles, np.sqrt(square), error)
+    return error
+
+
 def _arithmetic(
-    setting: CameraSetting, scene: Summary, tier: Tier, tolerance: float, mixed: bool
+    setting: CameraSetting,
+    scene: Summary,
+    tier: Tier,
+    tolerance: float,
+    mixed: bool,
+    display: DisplaySetting | None,
 ) -> _Arithmetic:
     """The arithmetic of a tier, with the reference in the tiles in which it could use more than its
     part of the tolerance: in the exact tier as much as all left-out effects together may use, in
@@ -175,6 +221,8 @@ def _arithmetic(
         error, part = fast_error(setting, scene), FAST_PART * SHARE
     else:
         error, part = exact_error(setting, scene), SHARE
+    if display is not None:
+        error = error + _moved_light(setting, scene, tier, display, end=False)
     fine = error > part * accepted_error(tolerance) if mixed else np.zeros(error.shape, bool)
     return _Arithmetic(tier, np.where(fine, 0.0, error) + setting.lumped_error, fine)
 
@@ -183,7 +231,7 @@ def plan_run(
     survey: SceneSurvey,
     setting: CameraSetting,
     tolerance: float,
-    instants: Sequence[int],
+    spans: Sequence[Span],
     device: Device | None,
     *,
     forced: Sequence[str] = (),
@@ -205,7 +253,7 @@ def plan_run(
         survey: survey of the scene.
         setting: the camera with every effect.
         tolerance: allowed relative error; 0 keeps every effect.
-        instants: cycles of the images.
+        spans: windows of the images.
         device: OpenCL device, None without one.
         forced: names of effects that are kept for any bound.
         tier: tier of the camera; None to choose it by the tolerance.
@@ -217,7 +265,7 @@ def plan_run(
     tiers: list[Tier] = ["exact"] if tier is None else [tier]
     if tier is None and device is not None and tolerance > 0:
         tiers.append("fast")
-    found = [_arithmetic(setting, scene, each, tolerance, mixed) for each in tiers]
+    found = [_arithmetic(setting, scene, each, tolerance, mixed, display) for each in tiers]
     arithmetic = min(found, key=lambda each: each.cost(scene))
     tier, fine = arithmetic.tier, arithmetic.fine
     effects = setting.acting_effects
@@ -233,8 +281,10 @@ def plan_run(
     flags = _flags(plan, survey.grid) if tier == "fast" else None
     absent = [name for name, tiles in plan.kept.items() if not tiles.any()]
     coarse = [name for name in exempt if not plan.kept[name][~fine].any()]
-    spans = windows(instants, survey.scene.window, scene.cycles)
     return RunPlan(
         plan, survey, tier, setting.without(coarse), flags, arithmetic.error, fine, setting, spans,
         None if display is None else display.without(absent), display,
+        0.0 if display is None else np.where(
+            fine, 0.0, _moved_light(setting, scene, tier, display, end=True)
+        ),
     )  # fmt: skip

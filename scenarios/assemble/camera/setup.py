@@ -7,18 +7,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from cosim import seconds_to_ps
+from cosim import InputError, seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
+from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
+from cosim.plan.paired import Span, windows
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
 from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan, plan_run
 from scenarios.assemble.camera.stages import LensStage, SceneStage
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
-from scenarios.assemble.lens import LensChoice, choose_lens
+from scenarios.assemble.lens import LensChoice, choose_lens, choose_mosaic
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.scenes.drawing.neutral import NeutralSource
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.survey import SceneSurvey, survey_scene
@@ -73,7 +76,16 @@ class CameraSetup:
     def source(self) -> Source:
         """The scene on the pixels of the chip. A source can be used for one pass only."""
         scene, aligned = self.scenario.scene, self.setting.reach == (0, 0)
-        return scene.source(SceneGrid(self.shape, self.setting.clock, self.cycles, aligned))
+        grid = SceneGrid(self.shape, self.setting.clock, self.cycles, aligned, self.mosaic)
+        source = scene.source(grid)
+        if self.mosaic is None or getattr(source, "coloured", False):
+            return source
+        return NeutralSource(source, self.mosaic)
+
+    @cached_property
+    def mosaic(self) -> Mosaic | None:
+        """The filter array on the pixels."""
+        return choose_mosaic(self.scenario)
 
     def stages(self, source: Source) -> dict[str, Any]:
         """Scene and lens, by name."""
@@ -90,6 +102,12 @@ class CameraSetup:
         return survey_scene(self.setting, self.source(), relay, self.cycles, image.window, floor)
 
     @cached_property
+    def spans(self) -> list[Span]:
+        """Windows of the images, within the run."""
+        image = self.scenario.image
+        return windows(self.instants, image.window, self.cycles, preceding=image.preceding)
+
+    @cached_property
     def pursuit(self) -> Pursuit:
         """Motion that the pursuing eye of the display follows."""
         section = self.scenario.display
@@ -104,6 +122,11 @@ class CameraSetup:
         section = self.scenario.display
         if section is None:
             return None
+        if section.colour is not None and (self.mosaic is None or section.fit != "exact"):
+            raise InputError(
+                "display.colour", "given with sensor.colour and display.fit = exact alone",
+                section.colour, "write --set sensor.colour.filter=rggb, or leave it out",
+            )  # fmt: skip
         clock, skew = self.setting.clock, self.setting.row_skew
         panel = section.panel(self.shape, clock, skew, self.white_rate)
         return section.setting(panel, self.instants, self.cycles, self.pursuit.velocity)
@@ -111,7 +134,7 @@ class CameraSetup:
     def plan(self, tolerance: float, **choice: Any) -> RunPlan:
         """Plans the run. `choice` holds the arguments `forced` and `tier` of `plan_run`."""
         return plan_run(
-            self.survey, self.setting, tolerance, self.instants, self.device, display=self.display,
+            self.survey, self.setting, tolerance, self.spans, self.device, display=self.display,
             **choice,
         )  # fmt: skip
 

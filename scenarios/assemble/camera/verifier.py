@@ -74,6 +74,7 @@ class Verifier(DisplayTrial):
     ) -> None:  # fmt: skip
         plan, display = run.plan, None
         self._promised, self._fine, self._samples = run.promised, run.fine, samples
+        self._end_error = run.end_error
         if run.display is not None and run.full_display is not None:
             display = TrialDisplay(run.full_display, run.display, run.survey.scene.cycles)
         self._plan, self._floor = plan, run.survey.scene.floor
@@ -171,7 +172,7 @@ class Verifier(DisplayTrial):
     def error(self) -> Measured:
         """The error of the run. The upper limit holds for all tiles: for those that are not patches
         it is their bound. Where a sample exceeds it, the limit is twice the RMS of the sample."""
-        error, others = self.patches_error(), self._promised.copy()
+        error, others = self.patches_error(), self._promised + self._end_error
         others[self.plane.tiles] = 0.0
         least = self._sampled()
         sampled = float(least.max(initial=0.0))
@@ -268,6 +269,12 @@ class Verifier(DisplayTrial):
         accepted = accepted_error(tolerance)
         if error.high <= accepted:
             return []
+        if float(np.max(self._end_error)) > accepted / 2 and self.patches_error().high <= accepted:
+            return [
+                f"the error is {error.value:.2g} and at most {error.high:.2g} where the tolerance "
+                f"is {tolerance:g}: spikes may be latched across the end of the run, whose last "
+                "plane the observer still sees; make the run longer, or the images earlier"
+            ]
         limit = "" if tolerance > 0 else f" (at most {accepted:g} is accepted)"
         return [
             f"the error is {error.value:.2g} (up to {error.high:.2g}) where the tolerance is "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache, reduce
 from operator import or_
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, create_model
 
@@ -39,11 +39,19 @@ class ImageSection(Section):
         description="cycles of the instants; an empty list selects five evenly spaced cycles",
     )
     window: Annotated[int, Field(ge=1)] = 41
+    placing: Literal["centred", "preceding"] = Field(
+        default="centred",
+        description="of the window: around the instant, or up to it, as in Huang 2022 (3.3.1)",
+    )
     floor: Annotated[float, Field(ge=0, le=1)] | None = Field(
         default=None,
         description="lower limit of the rate, spikes a cycle, to which errors are relative; by "
         "default one spike in the window",
     )
+
+    @property
+    def preceding(self) -> bool:
+        return self.placing == "preceding"
 
 
 class Scenario(Section):

@@ -20,9 +20,15 @@ def image(
     out: Annotated[Path, typer.Option(help="PNG to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],
     method: Annotated[
-        str, typer.Option(help="tfp, tfi, or tau (255 - tau, without scale)")
+        str, typer.Option(help="tfp, tfi, or tau (255 - tau, see --longest)")
     ] = "tfp",
     window: Annotated[int, typer.Option(help="window of tfp, an odd number of cycles")] = 41,
+    preceding: Annotated[
+        bool, typer.Option("--preceding", help="end the window of tfp with the instant")
+    ] = False,
+    longest: Annotated[
+        str, typer.Option(help="cycles of tau that become black, or 'auto' for the longest")
+    ] = "255",
     scale: Annotated[float, typer.Option(help="rate that becomes white")] = 1.0,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     json: Json = False,
@@ -42,11 +48,18 @@ def image(
         raise InputError(
             "--scale", "a number above 0", f"{scale:g}", "write the white_rate of the run"
         )
+    if longest != "auto" and not (longest.isdecimal() and int(longest) > 0):
+        raise InputError(
+            "--longest",
+            "a number of cycles above 0, or auto",
+            repr(longest),
+            "leave it out for 255",
+        )
     opened, notes = open_any(stream, size_option(size))
     if method == "tau":
-        grey = tau_image(opened, at)
+        grey = tau_image(opened, at, None if longest == "auto" else int(longest))
     else:
-        rate = tfp(opened, at, window) if method == "tfp" else tfi(opened, at)
+        rate = tfp(opened, at, window, preceding=preceding) if method == "tfp" else tfi(opened, at)
         grey = to_linear_bytes(rate, scale)
     write_png(out, grey)
     for note in (*notes, *notes_of(opened)):

@@ -1,4 +1,4 @@
-"""`viform laboratory`: measures a modelled camera by EMVA 1288."""
+"""`viform laboratory`: measures a modelled camera by EMVA 1288, or the laws of a recording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, size_option
 
 __all__ = ["laboratory"]
 
@@ -16,26 +16,44 @@ _STANDARD = "EMVA 1288 release 4.0 linear"
 
 def laboratory(
     camera: Annotated[
-        str, typer.Argument(help="spiketwo, spikeone, adaptive-exposure, ebaps or emccd")
+        str,
+        typer.Argument(
+            help="spiketwo, spikeone, adaptive-exposure, ebaps or emccd; or a recording of still "
+            "light: .dat, .raw, .npz, .zarr, or the folder of a run"
+        ),
     ],
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of all temporal noise")] = 1,
-    figure: Annotated[
-        Path | None, typer.Option(help="figure of the photon transfer to draw, .png or .svg")
-    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="figure to draw, .png or .svg")] = None,
+    size: Annotated[str | None, typer.Option(help="WxH of a recording without a header")] = None,
     json: Json = False,
 ) -> None:
-    """Measure the photon transfer of a modelled camera by EMVA 1288, as in a laboratory."""
+    """Measure a modelled camera by EMVA 1288, or the laws of a recording of still light."""
     from cosim import InputError
-    from cosim.files.whole import whole
     from sensor.laboratory.cameras import CAMERAS
-    from sensor.laboratory.emva import measure_camera
 
-    if camera not in CAMERAS:
-        raise InputError("CAMERA", f"one of {', '.join(CAMERAS)}", repr(camera), "choose one")
+    recording = camera not in CAMERAS
+    if recording and not Path(camera).exists():
+        raise InputError(
+            "CAMERA", f"one of {', '.join(CAMERAS)}, or a recording that exists", repr(camera),
+            "choose one",
+        )  # fmt: skip
     if figure is not None and figure.suffix.lower() not in (".png", ".svg"):
         raise InputError("--figure", "a .png or .svg", str(figure), "choose one")
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
+    document = _laws(Path(camera), size, figure) if recording else _emva(camera, seed, figure)
+    if json:
+        print_document(document)
+    else:
+        print(_laws_text(document) if recording else _text(document))
+
+
+def _emva(camera: str, seed: int, figure: Path | None) -> dict[str, Any]:
+    """Measures a modelled camera; draws the figure."""
+    from cosim.files.whole import whole
+    from sensor.laboratory.cameras import CAMERAS
+    from sensor.laboratory.emva import measure_camera
+
     chosen = CAMERAS[camera]
     report = measure_camera(chosen.bench(seed))
     if figure is not None:
@@ -43,7 +61,7 @@ def laboratory(
 
         with whole(figure) as part:
             photon_transfer_figure(report, chosen.title, part, figure.suffix[1:].lower())
-    document = {
+    return {
         "camera": camera,
         "title": chosen.title,
         "standard": _STANDARD,
@@ -54,10 +72,52 @@ def laboratory(
         "curve": report.transfer.curve(),
         "figure": None if figure is None else str(figure),
     }
-    if json:
-        print_document(document)
-    else:
-        print(_text(document))
+
+
+def _laws(path: Path, size: str | None, figure: Path | None) -> dict[str, Any]:
+    """Measures the laws of a recording; draws the figure."""
+    from cosim.files import notes_of
+    from cosim.files.whole import whole
+    from sensor.codec.files import open_any
+    from sensor.laboratory.laws import measure_laws
+
+    stream, notes = open_any(path, size_option(size))
+    laws = measure_laws(stream)
+    if figure is not None:
+        from sensor.laboratory.laws_figure import laws_figure
+
+        with whole(figure) as part:
+            laws_figure(laws, str(path), part, figure.suffix[1:].lower())
+    return {
+        "recording": str(path), **laws.document(), "notes": [*notes, *notes_of(stream)],
+        "figure": None if figure is None else str(figure),
+    }  # fmt: skip
+
+
+def _laws_text(document: dict[str, Any]) -> str:
+    """The laws as text."""
+    lines = [
+        f"{document['recording']}: {document['cycles']} cycles of {document['width']} x "
+        f"{document['height']} pixels, {document['rate']:.4g} spikes a cycle",
+        "",
+        f"fixed pattern  {document['core_spread']:.3%} without tails, {document['spread']:.3%} in "
+        f"all, kurtosis {document['kurtosis']:.3g}",
+        f"               {document['above']} pixels above 15 %, {document['below']} below, the "
+        f"highest by {document['highest']:.3g} spikes a cycle",
+        f"rows, columns  {document['row_spread']:.3%}, {document['column_spread']:.3%}; neighbours "
+        "correlate by " + " and ".join(f"{c:.3f}" for c in document["neighbours"]),
+        f"common noise   {document['common_variance']:.3g} times the variance of pixels alone",
+        "",
+        "mean interval   pixels  variance  correlation of successive intervals",
+    ]
+    lines += [
+        f"{law['mean']:>13g}{law['pixels']:>9}{law['variance']:>10.4f}{law['correlation']:>13.3f}"
+        for law in document["intervals"]
+    ]
+    lines += ["", *document["notes"]] if document["notes"] else []
+    if document["figure"] is not None:
+        lines.append(f"figure: {document['figure']}")
+    return "\n".join(lines)
 
 
 def _text(document: dict[str, Any]) -> str:

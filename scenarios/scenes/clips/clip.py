@@ -1,7 +1,8 @@
 """Decodes video clips and images, of any format that PyAV supports, to frames of linear light.
 
 A frame is decoded to RGB, rotated upright, linearised by its transfer curve, reduced to luminance
-(Rec. ITU-R BT.709), scaled to cover the sensor, and cropped at the centre.
+(Rec. ITU-R BT.709), scaled to cover the sensor, and cropped at the centre. Under a filter array it
+keeps its colours until each pixel takes that of its filter.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError, Plane
+from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.timeline import Timeline
 
 __all__ = ["Clip"]
@@ -95,8 +97,8 @@ class Clip:
         timeline: times of the frames; None if the file has none.
     """
 
-    def __init__(self, path: Path, shape: tuple[int, int]) -> None:
-        self._path, self._shape = path, shape
+    def __init__(self, path: Path, shape: tuple[int, int], mosaic: Mosaic | None = None) -> None:
+        self._path, self._shape, self._mosaic = path, shape, mosaic
         self.notes: list[str] = []
         self._strict = True  # damaged pictures are refused first, so that they can be noted
         self._iterator: Iterator[Any] | None = None
@@ -222,16 +224,19 @@ class Clip:
             self._curves[code, white] = _curve(code, white)
         curve, clear = self._curves[code, white], any(part.is_alpha for part in parts)
         luminance: npt.NDArray[np.float32]
-        if deep:
-            luminance = curve[frame.to_ndarray(format="rgb48le")] @ _LUMINANCE
+        if deep or self._mosaic is not None:
+            luminance = curve[frame.to_ndarray(format="rgb48le" if deep else "rgb24")]
+            if self._mosaic is None:
+                luminance = luminance @ _LUMINANCE
             if clear:
-                luminance *= frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
+                alpha = frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
+                luminance *= alpha if self._mosaic is None else alpha[..., None]
         else:
             luminance = _luminance(frame.to_ndarray(format="rgba" if clear else "rgb24"), curve)
         if clear:
             self._note(f"{self._path.name}: transparent parts are black")
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
-        height, width = luminance.shape
+        height, width = luminance.shape[:2]
         wide = max(1, round(width * self._aspect)) if 0.1 < self._aspect < 10 else width
         if turns:
             luminance = np.rot90(luminance, turns)
@@ -251,7 +256,10 @@ class Clip:
             )
         top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
         cropped = scaled[top : top + rows, left : left + columns]
-        return np.ascontiguousarray(np.clip(cropped, 0, 1), dtype=np.float32)
+        clipped = np.clip(cropped, 0, 1)
+        if self._mosaic is not None:
+            clipped = self._mosaic.mixed(clipped)
+        return np.ascontiguousarray(clipped, dtype=np.float32)
 
     def frame(self, n: int) -> Plane | None:
         """Frame n, (H, W) float32; None if the clip ends before it."""

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
+from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.drawing.points import spread_points
 
@@ -32,6 +33,10 @@ class FilmSource:
         cycles: length of the run, cycles.
         start: time in the clip at the start of the run, s.
         rate: frame rate, 1/s; None for that of the clip.
+        mosaic: filter array on the pixels, which see the colours of the clip; None for none.
+
+    Attributes:
+        coloured: whether the light already is that behind the filters.
     """
 
     def __init__(
@@ -43,10 +48,12 @@ class FilmSource:
         cycles: int,
         start: float = 0.0,
         rate: float | None = None,
+        mosaic: Mosaic | None = None,
     ) -> None:
         self.shape = shape
-        self._clip = Clip(path, shape)
-        self._lux = np.float32(illuminance)
+        self.coloured = mosaic is not None
+        self._clip = Clip(path, shape, mosaic)
+        self._lux = np.float32(illuminance * (1.0 if mosaic is None else mosaic.white))
         self._clock = clock
         self._start = seconds_to_ps(start)
         self._stop = clock.edge(cycles)

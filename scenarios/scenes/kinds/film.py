@@ -21,8 +21,9 @@ class FilmScene(Section):
     path: str | None = Field(
         default=None, description="clip or image; by default the built-in scene"
     )
-    drawn: Literal["chart"] = Field(
-        default="chart", description="built-in moving scene, used without a path"
+    drawn: Literal["chart", "colour-chart"] = Field(
+        default="chart",
+        description="built-in scene, used without a path: a moving chart, or 24 colours at rest",
     )
     start: Time = 0.0
     frame_rate: Frequency | None = Field(
@@ -39,8 +40,12 @@ class FilmScene(Section):
 
             return FilmSource(
                 Path(self.path), grid.shape, self.illuminance, grid.clock, grid.cycles, self.start,
-                self.frame_rate,
+                self.frame_rate, grid.mosaic,
             )  # fmt: skip
+        if self.drawn == "colour-chart":
+            from scenarios.scenes.charts.colour_chart import ColourChart
+
+            return ColourChart(grid.shape, self.illuminance, grid.mosaic)
         from scenarios.scenes.charts.chart import Chart
         from scenarios.scenes.drawing.analytic import AnalyticSource
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from cosim import Clock
+from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
 
 __all__ = ["SceneGrid", "SceneKind"]
@@ -20,12 +21,14 @@ class SceneGrid:
         clock: clock of the cycles.
         cycles: length of the run, cycles.
         aligned: whether every row is sampled at the clock edge.
+        mosaic: filter array on the pixels; None for none.
     """
 
     shape: tuple[int, int]
     clock: Clock
     cycles: int
     aligned: bool = True
+    mosaic: Mosaic | None = None
 
 
 class SceneKind(Protocol):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,15 @@ from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.interface.comparison import Comparison
 from rtl_model.imagers.interface.view import View
 from scenarios.assemble.schema.scenario import ImagerScenario
-from scenarios.studies.compare.measure import noise, still_blur
+from scenarios.studies.compare.measure import noise, snr_curve, still_blur
 from scenarios.studies.compare.motion import Motion
-from scenarios.studies.compare.ranges import black_and_slope, one_frame, with_controls
+from scenarios.studies.compare.ranges import (
+    black_and_slope,
+    ends,
+    one_frame,
+    signal_to_noise,
+    with_controls,
+)
 from scenarios.studies.compare.row import Camera, Figure
 from scenarios.studies.compare.run_in import Footage, Placed, RunIn, film_at, middle
 from scenarios.studies.compare.setting import SHAPE
@@ -58,13 +65,12 @@ def film_frames(
     first, now = truth(0), truth(instant)
     quiet = np.ones(SHAPE, bool)
     still = motion.moving() is None
-    values = frames.values(footage.frame)
-    full = (1 << footage.frame.bits) - 1
     rate = PS / footage.period
     bits, pixels = frames.sent()
     ready = (footage.frame.ready - middle(footage.frame)) / PS
     skew = float(frames.instants[-1] - frames.instants[0]) / PS
-    clipped = float((values >= frames.ceiling(full)).mean())
+    clipped = frames.clipped(footage.frame)
+    stills = [frames.estimate(f) for f in footage.still]
     figures = {
         "dynamic_range": Figure(one_frame(frames.pixels, frames.seconds), "dB"),
         "dynamic_range_controls": Figure(with_controls(comparison, frames.pixels), "dB"),
@@ -76,7 +82,7 @@ def film_frames(
             else motion.blur(image, frames.instants),
             "pixels",
         ),
-        "noise": Figure(noise([frames.estimate(f) for f in footage.still], first, quiet), "1"),
+        "noise": Figure(noise(stills, first, quiet), "1"),
         "data_rate": Figure(bits * rate, "bit/s"),
         "data_rate_pixel": Figure(bits * rate / pixels, "bit/s/pixel"),
         "latency": Figure(ready * 1e3, "ms"),
@@ -95,6 +101,10 @@ def film_frames(
     return Camera(
         kind, comparison.title, frames.setting(), "; ".join(n for n in notes if n),
         np.clip(image, 0, 1), figures, time.perf_counter() - begin, corrected,
+        [
+            replace(point, formula=frames.formula(point.reflectance))
+            for point in snr_curve(stills, first, quiet)
+        ],
     )  # fmt: skip
 
 
@@ -146,12 +156,25 @@ class _Frames:
         part = frame.values[self._rows(frame), self._left : self._left + SHAPE[1]]
         return part.astype(np.float64)
 
-    def ceiling(self, full: int) -> float:
-        """Lowest saturated value, DN: `full` less the subtracted dark frame, less 2 %."""
-        return full - self._subtracted - 0.02 * full
+    def clipped(self, frame: Frame) -> float:
+        """Share of saturated pixels: within 2 % of full scale (less the subtracted dark frame), or
+        of the most light of pixels whose values are not in proportion to light."""
+        values = self.values(frame)
+        if hasattr(self.pixels, "lux"):
+            most = ends(self.pixels, self.seconds)[1] / self.seconds
+            return float((self.pixels.lux(values) >= 0.98 * most).mean())
+        full = (1 << frame.bits) - 1
+        return float((values >= full - self._subtracted - 0.02 * full).mean())
+
+    def formula(self, reflectance: float) -> float:
+        """Signal over noise at a reflectance, by the closed form of the pixels in the state at
+        power-on."""
+        return signal_to_noise(self.pixels, reflectance * self._white, self.seconds)
 
     def estimate(self, frame: Frame) -> npt.NDArray[np.float64]:
         """Reflectance by the closed form of the pixels, not clipped."""
+        if hasattr(self.pixels, "lux"):
+            return np.asarray(self.pixels.lux(self.values(frame)) / self._white)
         return (self.values(frame) - self._black) / self._white_step(frame)
 
     def _white_step(self, frame: Frame) -> float:

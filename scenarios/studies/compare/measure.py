@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,9 @@ import numpy.typing as npt
 from scipy.fft import dctn
 from scipy.optimize import minimize_scalar
 
-__all__ = ["EDGE", "noise", "still_blur"]
+from scenarios.studies.compare.row import Snr
+
+__all__ = ["EDGE", "noise", "snr_curve", "still_blur"]
 
 Image = npt.NDArray[np.float64]
 EDGE: Final = 2.5631
@@ -23,6 +26,8 @@ _LEAST: Final = 200
 """Minimum number of pixels for a measurement of noise."""
 _GREY: Final = (0.3, 0.7)
 """Range of reflectance that counts as mid-grey."""
+_LEVELS: Final = (*(10 ** (n / 8 - 2) for n in range(16)), 1.01)
+"""Limits of the levels of reflectance of a curve: eight a decade from 0.01 on."""
 
 
 def still_blur(image: Image, truth: Image) -> float | None:
@@ -79,10 +84,27 @@ def noise(images: Sequence[Image], truth: Image, where: npt.NDArray[np.bool_]) -
     Returns:
         The noise; None for fewer than three images or _LEAST pixels.
     """
-    grey = where & (truth > _GREY[0]) & (truth < _GREY[1])
-    if len(images) < 3 or grey.sum() < _LEAST:
+    return _relative(images, where & (truth > _GREY[0]) & (truth < _GREY[1]))
+
+
+def snr_curve(images: Sequence[Image], truth: Image, where: npt.NDArray[np.bool_]) -> list[Snr]:
+    """Signal over temporal noise against reflectance, from dark to bright: the inverse of `noise`
+    in each range of `_LEVELS` that has enough pixels and noise. The arguments are those of
+    `noise`."""
+    made = []
+    for low, high in pairwise(_LEVELS):
+        level = where & (truth >= low) & (truth < high)
+        relative = _relative(images, level)
+        if relative:
+            made.append(Snr(float(truth[level].mean()), 1 / relative))
+    return made
+
+
+def _relative(images: Sequence[Image], where: npt.NDArray[np.bool_]) -> float | None:
+    """Noise over signal of these pixels; None for too few, or without a signal."""
+    if len(images) < 3 or where.sum() < _LEAST:
         return None
-    stack = np.stack([image[grey] for image in images])
+    stack = np.stack([image[where] for image in images])
     signal = float(np.median(stack.mean(axis=0)))
     spread = math.sqrt(float(np.mean(stack.var(axis=0, ddof=1))))
     return spread / signal if signal > 0 else None

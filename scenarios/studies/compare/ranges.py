@@ -11,7 +11,7 @@ from rtl_model.imagers.interface.comparison import Comparison
 from sensor.dynamic_range import decibels
 from sensor.imagers import Exposed
 
-__all__ = ["black_and_slope", "ends", "one_frame", "with_controls"]
+__all__ = ["black_and_slope", "ends", "one_frame", "signal_to_noise", "with_controls"]
 
 
 _STEADY: Final = 1e3
@@ -30,7 +30,11 @@ def black_and_slope(pixels: Any, seconds: float) -> tuple[float, float]:
 
 def ends(pixels: Any, seconds: float) -> tuple[float, float]:
     """Least and most light of one exposure, lx s: the light whose signal equals the noise in the
-    dark, and the light at saturation (of converter or well), computed without noise."""
+    dark, and the light at saturation (of converter or well), computed without noise. Pixels whose
+    values are not in proportion to light state theirs (`light_range`)."""
+    if hasattr(pixels, "light_range"):
+        least, most = pixels.light_range(seconds)
+        return least, most
     black, slope = black_and_slope(pixels, seconds)
     _, variance = pixels.mean_variance(0.0, seconds)
     full = (1 << pixels.bits) - 1
@@ -40,6 +44,14 @@ def ends(pixels: Any, seconds: float) -> tuple[float, float]:
     effects = _NOISELESS & pixels.effects.keys()
     highest = float(np.median(pixels.convert(still, 1, effects)[rows // 2]))
     return variance**0.5 / slope, (min(highest, full) - black) / slope
+
+
+def signal_to_noise(pixels: Any, lux: float, seconds: float) -> float:
+    """Signal over its temporal noise at an illuminance, by the closed form of the pixels."""
+    if hasattr(pixels, "snr"):
+        return float(pixels.snr(lux * seconds, seconds))
+    _, variance = pixels.mean_variance(lux * seconds, seconds)
+    return float(black_and_slope(pixels, seconds)[1] * lux * seconds / variance**0.5)
 
 
 def one_frame(pixels: Any, seconds: float) -> float:

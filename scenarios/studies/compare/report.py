@@ -16,10 +16,14 @@ from cosim.report.png import for_display
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
 from scenarios.studies.compare.setting import SceneComparison
+from sensor.dynamic_range import decibels
 
-__all__ = ["HEADS", "PICTURE", "figure_text", "write_compare_report", "write_picture"]
+__all__ = [
+    "HEADS", "PICTURE", "SNR", "figure_text", "write_compare_report", "write_picture", "write_snr",
+]  # fmt: skip
 
 PICTURE: Final = "side-by-side.png"
+SNR: Final = "snr.png"
 HEADS: Final = {
     "dynamic_range": "dynamic range, one image", "dynamic_range_controls": "with all controls",
     "blur": "edge 10-90 %", "noise": "noise at mid-grey", "data_rate": "data rate",
@@ -74,6 +78,29 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
     plt.close(figure)
 
 
+def write_snr(path: Path, cameras: list[Camera]) -> None:
+    """Draws signal over noise against reflectance: measured, and lines of the closed forms."""
+    plt = pyplot()
+    figure, ax = plt.subplots(figsize=(8.8, 4.6), layout="constrained")
+    for camera in cameras:
+        at = [point.reflectance for point in camera.snr]
+        (drawn,) = ax.plot(
+            at, [decibels(point.measured) for point in camera.snr], "o", markersize=4,
+            label=camera.title,
+        )  # fmt: skip
+        lines = [(p.reflectance, decibels(p.formula)) for p in camera.snr if p.formula]
+        ax.plot(
+            *zip(*lines, strict=True), color=drawn.get_color(), linewidth=0.9
+        ) if lines else None
+    ax.set_xscale("log")
+    ax.set_xlabel("reflectance", fontsize=9, color=INK)
+    ax.set_ylabel("signal over noise, dB", fontsize=9, color=INK)
+    ax.legend(fontsize=7.5, frameon=False, ncols=2)
+    with whole(path) as part:
+        figure.savefig(part, dpi=110, format="png")
+    plt.close(figure)
+
+
 def write_compare_report(
     folder: Path, comparison: SceneComparison, document: dict[str, Any], cameras: list[Camera]
 ) -> None:
@@ -92,7 +119,11 @@ def write_compare_report(
         f'{document["instant_ms"]:.1f} ms, seed {document["seed"]}, viform '
         f'{document["version"]}.</p><ul>{notes}</ul>',
         plot(folder / PICTURE, "the same instant by every camera"),
-        "<h2>Side by side</h2>", table(head, rows), _EXPLAINED, "<h2>Cameras</h2>", settings,
+        "<h2>Side by side</h2>", table(head, rows), _EXPLAINED,
+        "<h2>Signal over noise against light</h2><p>Dots: measured where nothing moves. Lines: the "
+        "closed form of the pixels at the setting of power-on, without the noise of a subtracted "
+        "dark frame.</p>", plot(folder / SNR, "signal over noise against reflectance"),
+        "<h2>Cameras</h2>", settings,
         "<h2>The spike camera's scenario</h2>"
         f"<pre>{html.escape(to_toml(comparison.spike))}</pre>",
     ]))  # fmt: skip

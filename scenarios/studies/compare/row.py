@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FIGURES", "Camera", "Figure"]
+__all__ = ["FIGURES", "Camera", "Figure", "Snr"]
 
 FIGURES = (
     "dynamic_range", "dynamic_range_controls", "blur", "noise", "data_rate", "data_rate_pixel",
@@ -30,6 +30,21 @@ class Figure:
     unit: str
 
 
+@dataclass(frozen=True)
+class Snr:
+    """Signal over temporal noise where nothing moves.
+
+    Attributes:
+        reflectance: mean of the pixels.
+        measured: of a camera's images.
+        formula: by the closed form of its pixels; None where there is none.
+    """
+
+    reflectance: float
+    measured: float
+    formula: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """One camera of a comparison.
@@ -42,6 +57,7 @@ class Camera:
         image: estimate of reflectance at the instant, (H, W) in [0, 1].
         figures: figures by the names of `FIGURES`.
         seconds: run time of simulation and measurement, s.
+        snr: signal over noise by reflectance, from dark to bright.
         corrected: image after correction of the frame-transfer smear; None without smear.
     """
 
@@ -53,6 +69,7 @@ class Camera:
     figures: dict[str, Figure]
     seconds: float = field(default=0.0)
     corrected: npt.NDArray[np.float64] | None = None
+    snr: list[Snr] = field(default_factory=list)
 
     def row(self) -> dict[str, Any]:
         """The row of the document."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +17,13 @@ from cosim.run.result import dumps, viform_version
 from scenarios.assemble.view import make_view
 from scenarios.studies.compare.frames import film_frames
 from scenarios.studies.compare.motion import Motion
-from scenarios.studies.compare.report import PICTURE, write_compare_report, write_picture
+from scenarios.studies.compare.report import (
+    PICTURE,
+    SNR,
+    write_compare_report,
+    write_picture,
+    write_snr,
+)
 from scenarios.studies.compare.row import Camera
 from scenarios.studies.compare.setting import SHAPE, SceneComparison, compared_imagers
 from scenarios.studies.compare.spike import film_spikes
@@ -99,6 +106,7 @@ def _finish(
     notes: list[str], began: float,
 ) -> dict[str, Any]:  # fmt: skip
     """Writes picture, report and document into the folder; returns the document."""
+    write_snr(folder / SNR, cameras)
     write_picture(folder / PICTURE, cameras, truth)
     document = {
         "scene": comparison.name,
@@ -107,8 +115,9 @@ def _finish(
         "duration_s": comparison.spike.duration,
         "instant_ms": instant * 1e-9,
         "rows": [camera.row() for camera in cameras],
+        "snr": {camera.name: [asdict(point) for point in camera.snr] for camera in cameras},
         "notes": notes,
-        "files": ["spike/stream.zarr", "spike/scenario.toml", PICTURE, "report.html",
+        "files": ["spike/stream.zarr", "spike/scenario.toml", PICTURE, SNR, "report.html",
                   "compare.json"],
         "run_time_s": time.perf_counter() - began,
     }  # fmt: skip

@@ -20,7 +20,7 @@ from scenarios.assemble.camera.boards import refuse_boards
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.studies.compare.measure import Image, noise, still_blur
+from scenarios.studies.compare.measure import Image, noise, snr_curve, still_blur
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.row import Camera, Figure
 from sensor import CameraSetting, SpikeCamera, interval_rate, isi, tfp
@@ -120,13 +120,14 @@ def _cameras(
     cameras = []
     for name, (estimate, within, ever, width, text) in methods.items():
         image = estimate(cycle)
+        stills = [estimate(int(at)) for at in steps]
         figures = {
             "dynamic_range": Figure(within, "dB"),
             "dynamic_range_controls": Figure(ever, "dB"),
             "blur": Figure(
                 still_blur(image, now) if still else near.blur(image, instants), "pixels"
             ),
-            "noise": Figure(noise([estimate(int(at)) for at in steps], now, quiet), "1"),
+            "noise": Figure(noise(stills, now, quiet), "1"),
             "data_rate": Figure(rate, "bit/s"),
             "data_rate_pixel": Figure(clock.hz, "bit/s/pixel"),
             # Half of the integration time, then the plane is read in the next cycle.
@@ -145,5 +146,6 @@ def _cameras(
             + "range of one image: intervals within this run"
             if name == "tfi" else "the same stream",
             image, figures, spent if name == "tfi" else 0.0,
+            snr=snr_curve(stills, now, quiet),
         ))  # fmt: skip
     return cameras

@@ -10,36 +10,33 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BeforeValidator, Field, ValidationError, field_validator
 
 from cosim import InputError
-from cosim.config.quantity import Current, Quantity, Section, Temperature, Time
+from cosim.config.quantity import Section, Temperature, Time
+from rtl_model.imagers.hardware_chain.parts import (
+    AdcTable,
+    Electrons,
+    Gain,
+    PixelClock,
+    Price,
+    SensorTable,
+    Volts,
+    Watts,
+)
 from scenarios.assemble.schema.loading import assign
 from scenarios.assemble.schema.messages import first_fault
 from sensor.dynamic_range import (
     CONVERTERS,
     SENSORS,
     Budget,
-    Converter,
     ConverterPart,
-    DarkLaw,
     Mapping,
-    SensorNoise,
     SensorPart,
 )
 
-__all__ = ["MOST_ROWS", "AdcSection", "BudgetFile", "SensorSection", "load_budget", "to_budget"]
+__all__ = ["MOST_ROWS", "BudgetFile", "load_budget", "to_budget"]
 
 MOST_ROWS = 20_000
 """Maximum number of choices of a budget."""
 
-Well = Annotated[float, Quantity("charge", least=1, most=1e9)]
-Electrons = Annotated[float, Quantity("charge", least=0, most=1e6)]
-Clock = Annotated[float, Quantity("frequency", least=1, most=1e11)]
-Volts = Annotated[float, Quantity("voltage", least=0, most=100)]
-Scale = Annotated[float, Quantity("voltage", least=1e-6, most=1000)]
-Conversion = Annotated[float, Quantity("conversion gain", least=1e-3, most=1e6)]
-Watts = Annotated[float, Quantity("power", least=0, most=1e6)]
-Price = Annotated[float, Field(ge=0, le=1e12)]
-Gain = Annotated[float, Field(ge=1 / 1024, le=1024)]
-Name = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[^\x00-\x1f\x7f]+$")]
 
 T = TypeVar("T")
 
@@ -52,59 +49,6 @@ Many = Annotated[
     tuple[T, ...], BeforeValidator(_several), Field(min_length=1, max_length=MOST_ROWS)
 ]
 """One value or a list of them."""
-
-
-class SensorSection(Section):
-    """A sensor of the budget file; `part` converts it to a `SensorPart`. Noises apply at
-    `noise_temperature` and `noise_clock`."""
-
-    name: Name
-    full_well: Well
-    sensitivity: Conversion
-    reset_noise: Electrons = 0.0
-    white_noise: Electrons = 0.0
-    transfer_noise: Electrons = 0.0
-    dark_current: Current = 0.0
-    dark_temperature: Temperature = 25.0
-    dark_doubling: Annotated[float, Field(ge=1, le=100)] = 6.5
-    dark_activation: Annotated[float, Field(ge=0.01, le=3)] | None = None
-    noise_temperature: Temperature = 25.0
-    noise_clock: Clock = 30e6
-    power: Watts | None = None
-    price: Price | None = None
-
-    def part(self) -> SensorPart:
-        dark = DarkLaw(
-            self.dark_current, self.dark_temperature, self.dark_doubling, self.dark_activation
-        )
-        noise = SensorNoise(
-            self.reset_noise, self.white_noise, self.transfer_noise, dark,
-            self.noise_temperature, self.noise_clock,
-        )  # fmt: skip
-        return SensorPart(
-            self.name, self.full_well, self.sensitivity * 1e-6, noise, self.power, self.price
-        )
-
-
-class AdcSection(Section):
-    """A converter of the budget file; `part` converts it to a `ConverterPart`.
-
-    Attributes:
-        noise: RMS noise at the input without quantisation, V.
-        rate: maximum sampling rate, Hz.
-    """
-
-    name: Name
-    bits: Annotated[int, Field(ge=1, le=24)]
-    full_scale: Scale
-    noise: Volts = 0.0
-    rate: Clock
-    power: Watts | None = None
-    price: Price | None = None
-
-    def part(self) -> ConverterPart:
-        converter = Converter(self.bits, self.full_scale, self.noise, self.rate)
-        return ConverterPart(self.name, converter, self.power, self.price)
 
 
 class BudgetFile(Section):
@@ -122,10 +66,10 @@ class BudgetFile(Section):
     title: Annotated[str, Field(max_length=200)] = "A hardware budget"
     sensors: Many[str] | None = None
     adcs: Many[str] | None = None
-    sensor: tuple[SensorSection, ...] = ()
-    adc: tuple[AdcSection, ...] = ()
+    sensor: tuple[SensorTable, ...] = ()
+    adc: tuple[AdcTable, ...] = ()
     temperature: Many[Temperature] = (-10.0, 25.0, 50.0)
-    clock: Many[Clock] = (20e6,)
+    clock: Many[PixelClock] = (20e6,)
     circuit_noise: Many[Volts] = (1e-4, 5e-4)
     analog_gain: Many[Gain] = (1.0, 2.0, 4.0, 8.0)
     digital_gain: Many[Gain] = (1.0, 2.0, 4.0)

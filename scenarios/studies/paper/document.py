@@ -42,10 +42,6 @@ _OF_SPIKE_CAMERAS: Final = {
         "Huang, Spiking Continuous Photographing Principle, Acta Electronica Sinica 50:2919 (2022)",
         (_rows("spike_principle", "principle_rows"), _rows("spike_chips", "chip_rows")),
     ),
-    "004": Document(
-        "Wang et al., patent on the dynamic range of a system from a hardware model (2017)",
-        (_rows("dynamic_range", "dynamic_range_rows"),),
-    ),
 }
 _OF_IMAGERS: Final = {
     kind.document[0]: Document(kind.document[1], (kind.printed,))

@@ -70,8 +70,7 @@ def _chips() -> list[Row]:
     micros = [
         n * float(s.clock.period) * 1e6 for n, s in zip(widths, (one, at_20_khz), strict=True)
     ]
-    printed_sides = (450, 200)
-    product = printed_sides[0] * printed_sides[1]
+    product = math.prod(_filmed("spikeone-450x200", fast).shape)
     rows, columns = one.shape
     where = "the stream of a run in far too much light"
     return [
@@ -80,7 +79,7 @@ def _chips() -> list[Row]:
         number("000 §6", "450 x 200", "100000", product, "pixels",
                proof=product != 100_000 and rows * columns == 100_000,
                note=f"the document's error: the product is {product}; the size that is used, "
-               f"{columns} x {rows}, has the 100 000", by="constant"),
+               f"{columns} x {rows}, has the 100 000", by="run"),
         number("000 §6", "pixels of SpikeTwo", "1000000", math.prod(at_20_khz.shape), "pixels",
                by="run"),
         number("000 §6", "shortest width at 40 kHz", "25", micros[0], "us", note=where, by="run"),

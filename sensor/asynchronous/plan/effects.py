@@ -207,6 +207,14 @@ def _broken(scene: EventScene) -> Reals:
     return change / scene.scale + _levels(scene, change)
 
 
+def _warm(scene: EventScene) -> Reals:
+    # The mean square of an exponential variate is twice its squared mean.
+    p = scene.pattern
+    size = math.sqrt(2 * p.warm) * p.warm_current / scene.model.threshold
+    change = np.full(scene.mean.shape, size)
+    return np.asarray(change / scene.scale + _levels(scene, change))
+
+
 def _later(scene: EventScene) -> Reals:
     """One width over another is a ratio of two Gamma(Q) variables, w/(w + w') being Beta(Q, Q);
     delay and shortest width only bring it nearer to 1. A pixel that fires n times sends again with
@@ -300,6 +308,10 @@ def event_effects(model: EventModel, pattern: DevicePattern | None) -> tuple[Eve
         (
             p.hot * p.hot_current + p.dead > 0,
             EventEffect("hot and dead pixels", "EMVA 1288", "estimate", 2.0, _broken),
+        ),
+        (
+            p.warm * p.warm_current > 0,
+            EventEffect("warm pixels", "exponential dark currents", "estimate", 2.0, _warm),
         ),
         (
             model.change > 0,

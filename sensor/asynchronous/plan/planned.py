@@ -42,8 +42,12 @@ def reduced(
         pattern = replace(pattern, threshold_fpn=0.0)
     if "hot and dead pixels" in names:
         pattern = replace(pattern, hot=0.0, dead=0.0)
-    none = pattern == DevicePattern(dsnu=pattern.dsnu, hot_current=pattern.hot_current,
-                                    device_seed=pattern.device_seed)  # fmt: skip
+    if "warm pixels" in names:
+        pattern = replace(pattern, warm=0.0)
+    none = pattern == DevicePattern(
+        dsnu=pattern.dsnu, hot_current=pattern.hot_current, warm_current=pattern.warm_current,
+        device_seed=pattern.device_seed,
+    )  # fmt: skip
     return model, None if none else pattern
 
 

@@ -146,11 +146,16 @@ def _fallen(loss: Callable[[float], float], top: float, away: float) -> float:
     return float(brentq(lambda x: loss(x) - level, top, away, xtol=1e-6))
 
 
-def mean_rate(model: EventModel, observed: Observed) -> float:
-    """The plain way beside it: the mean of Q/width over pixels that fired and of
-    (level Q/N)/longest over those read, electrons a second; NaN without any report."""
+def single_rates(model: EventModel, observed: Observed) -> npt.NDArray[np.float64]:
+    """The light of every pixel by its own report alone, electrons a second: Q/width of those that
+    fired, then (level Q/N)/longest of those read."""
     q = float(model.threshold)
     fired = q * PS / np.maximum(observed.widths * float(model.tick) - model.delay, 1.0)
     read = observed.levels * q * PS / model.levels / max(model.longest, 1)
-    rates = np.concatenate([fired, read])
+    return np.concatenate([fired, read])
+
+
+def mean_rate(model: EventModel, observed: Observed) -> float:
+    """The plain way beside it: the mean of the pixels' own rates; NaN without any report."""
+    rates = single_rates(model, observed)
     return float(rates.mean()) if rates.size else math.nan

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import takewhile
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -11,13 +13,22 @@ import numpy.typing as npt
 from cosim.light.source import Target
 from cosim.run.result import Metric
 from sensor.asynchronous.model import EventModel, Firings, latched
-from sensor.asynchronous.readout.estimate import Observed, RateEstimate, estimate_rate, mean_rate
+from sensor.asynchronous.readout.estimate import (
+    Observed,
+    RateEstimate,
+    estimate_rate,
+    mean_rate,
+    single_rates,
+)
 from sensor.dynamic_range import decibels, spike_dynamic_range
 
 __all__ = ["WITHIN", "Recovered", "dynamic_range", "formula", "recover", "unheard"]
 
 WITHIN = 0.2
 """Relative error up to which a target counts as recovered, if every brighter one does."""
+ALONE: Final = 0.683
+"""Share of a target's pixels that must be within it, each by its own report alone, for a target
+that single pixels recover: that of one standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +44,7 @@ class Recovered:
         estimate, low, high: lux by maximum likelihood, with limits of 99.9 % confidence; None if
             the pixels gathered too little. A limit that is known still bounds the light.
         plain: lux by the mean of Q/width; None without a report.
+        alone: share of the pixels whose own report gives the light within `WITHIN`.
     """
 
     target: Target
@@ -46,6 +58,7 @@ class Recovered:
     low: float | None
     high: float | None
     plain: float | None
+    alone: float = 0.0
 
     @property
     def error(self) -> float | None:
@@ -95,7 +108,8 @@ def recover(
         # Without a pixel that was heard or was silent, everything is unknown.
         rate = estimate_rate(model, seen) if len(seen) else RateEstimate(0.0, 0.0, math.inf)
         known = 0 < rate.rate < math.inf
-        plain = mean_rate(model, seen)
+        plain, true = mean_rate(model, seen), target.lux * gain * per_lux
+        off = np.abs(single_rates(model, seen) - dark - true)
         recovered.append(
             Recovered(
                 target,
@@ -109,6 +123,7 @@ def recover(
                 (rate.low - dark) / per_lux if rate.low > 0 else None,
                 (rate.high - dark) / per_lux if rate.high < math.inf else None,
                 (plain - dark) / per_lux if math.isfinite(plain) else None,
+                int((off <= WITHIN * true).sum()) / max(pixels, 1),
             )
         )
     return recovered
@@ -132,13 +147,11 @@ def formula(model: EventModel, stop: int) -> float:
 
 
 def dynamic_range(recovered: list[Recovered], model: EventModel, stop: int) -> dict[str, Metric]:
-    """From the brightest patch down to the dimmest, as long as they are recovered. All null where
-    even the brightest is not."""
-    good = []
-    for one in recovered:
-        if not one.good:
-            break
-        good.append(one)
+    """From the brightest patch down to the dimmest, as long as they are recovered: by all pixels of
+    a patch together, and (`dynamic_range_pixel`) by single pixels. All null where even the
+    brightest is not."""
+    good = list(takewhile(lambda one: one.good, recovered))
+    single = list(takewhile(lambda one: one.alone >= ALONE, recovered))
     top, low = (good[0], good[-1]) if good else (None, None)
     truth = seen = None
     if top is not None and low is not None and top.estimate and low.estimate:
@@ -147,6 +160,9 @@ def dynamic_range(recovered: list[Recovered], model: EventModel, stop: int) -> d
     return {
         "dynamic_range": Metric(truth, "dB"),
         "dynamic_range_recovered": Metric(seen, "dB"),
+        "dynamic_range_pixel": Metric(
+            decibels(single[0].lux / single[-1].lux) if single else None, "dB"
+        ),
         "dynamic_range_formula": Metric(formula(model, stop), "dB"),
         "brightest": Metric(top.lux if top else None, "lux"),
         "brightest_error": Metric(top.error if top else None, "1"),

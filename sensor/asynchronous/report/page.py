@@ -64,7 +64,8 @@ def _cards(judged: EventRun) -> str:
     if judged.views.recovered:
         rows += [
             ("", f"{_number(metrics['dynamic_range'], '.1f')} dB",
-             f"recovered within {WITHIN:.0%}; the paper's formula gives "
+             f"recovered within {WITHIN:.0%}, by single pixels "
+             f"{_number(metrics['dynamic_range_pixel'], '.1f')} dB; the paper's formula gives "
              f"{_number(metrics['dynamic_range_formula'], '.1f')} dB"),
             ("", _lux(metrics["brightest"]),
              f"brightest, error {_number(metrics['brightest_error'], '+.2%')}"),

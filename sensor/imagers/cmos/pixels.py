@@ -13,6 +13,7 @@ two from 1/256 LSB, and the factors of its table give exactly this with a trunca
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,11 +26,22 @@ from sensor.imagers.cmos.setting import BITS, ROUNDING, CmosSetting
 from sensor.imagers.draws import normal, poisson
 from sensor.imagers.pixel import Exposed, ImagerSummary, Values
 
-__all__ = ["AdaptivePixels"]
+__all__ = ["AdaptivePixels", "CmosExposed"]
 
 _FULL = 100.0
 """Wells of light, or dark, beyond which a pixel is full whatever its noise; more is not drawn."""
 _DSNU, _PRNU, _COLUMN = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class CmosExposed(Exposed):
+    """Rows that are sampled beside switching logic.
+
+    Attributes:
+        kicks: (rows,) charge that the logic adds to every pixel of a row at its sample, e.
+    """
+
+    kicks: Values
 
 
 class AdaptivePixels:
@@ -79,6 +91,8 @@ class AdaptivePixels:
             electrons += s.reset_noise * drawn_reset
         if "read noise" in kept:
             electrons += s.read_noise * normal(numbers, rows.frame, seed, Stream.IMAGER_READ)
+        if isinstance(rows, CmosExposed):
+            electrons += rows.kicks[:, None]
         values = electrons / s.step
         if "column pattern" in kept:
             values += self._offsets

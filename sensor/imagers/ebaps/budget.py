@@ -7,10 +7,11 @@ bound.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from sensor.imagers.ebaps.silicon import Silicon
+from sensor.imagers.ebaps.spectral import Spectral
 from sensor.imagers.ebaps.tube import Tube
 
 __all__ = ["EMISSION", "QUANTUM", "Budget", "Part"]
@@ -35,6 +36,7 @@ class Budget:
     Attributes:
         light: photoelectrons of light in an exposure, in flat light.
         seconds: exposure.
+        spectral: electrons of the light over those of a lamp of 2856 K.
     """
 
     tube: Tube
@@ -43,6 +45,7 @@ class Budget:
     kelvin: float
     light: Any
     seconds: Any
+    spectral: Spectral = field(default_factory=Spectral)
 
     @property
     def gain(self) -> float:
@@ -60,7 +63,7 @@ class Budget:
     def leaked(self) -> Any:
         """Electrons of light that passes the photocathode and is absorbed in the silicon."""
         ratio = self.silicon.direct * self.silicon.leakage / self.tube.electrons_per_lux
-        return self.light * ratio
+        return self.light * (ratio * (self.spectral.silicon / self.spectral.photocathode))
 
     @property
     def dark(self) -> Any:

@@ -25,6 +25,7 @@ from sensor.imagers.draws import binomial, negative_binomial, normal, poisson
 from sensor.imagers.ebaps.budget import Budget
 from sensor.imagers.ebaps.effects import ebaps_effects
 from sensor.imagers.ebaps.silicon import Pattern, Silicon
+from sensor.imagers.ebaps.spectral import Spectral
 from sensor.imagers.ebaps.spread import halo, landing
 from sensor.imagers.ebaps.tube import Tube
 from sensor.imagers.pixel import Exposed, ImagerSummary
@@ -47,7 +48,8 @@ class EbapsPixels:
     Attributes:
         volts: magnitude of the high voltage, 0 to 1500.
         kelvin: of the silicon.
-        device: seed of the fixed pattern. The rest see `PixelModel`.
+        device: seed of the fixed pattern.
+        spectral: electrons of the light over those of a lamp of 2856 K. The rest see `PixelModel`.
     """
 
     shape: tuple[int, int] = (ROWS, COLUMNS)
@@ -57,6 +59,7 @@ class EbapsPixels:
     tube: Tube = field(default_factory=Tube)
     silicon: Silicon = field(default_factory=Silicon)
     bits: int = BITS
+    spectral: Spectral = field(default_factory=Spectral)
 
     def __post_init__(self) -> None:
         if not 0 <= self.volts < math.inf:
@@ -95,14 +98,22 @@ class EbapsPixels:
             other.__dict__.pop(made, None)
         return other
 
+    @property
+    def sensitivity(self) -> float:
+        """Photoelectrons of a lux second in a pixel."""
+        return self.tube.electrons_per_lux * self.silicon.area * self.spectral.photocathode
+
     def photoelectrons(self, lux_seconds: float) -> float:
         """Of light, in a pixel."""
-        return lux_seconds * self.tube.electrons_per_lux * self.silicon.area
+        electrons = lux_seconds * self.tube.electrons_per_lux * self.silicon.area
+        return electrons * self.spectral.photocathode
 
     def budget(self, lux_seconds: float, seconds: float) -> Budget:
         """Closed form of a pixel without fixed pattern in uniform light."""
         light = self.photoelectrons(lux_seconds)
-        return Budget(self.tube, self.silicon, self.volts, self.kelvin, light, seconds)
+        return Budget(
+            self.tube, self.silicon, self.volts, self.kelvin, light, seconds, self.spectral
+        )
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
         """See `PixelModel`; the mean includes the black level."""
@@ -167,7 +178,7 @@ class EbapsPixels:
         tube, silicon, gain = self.tube, self.silicon, self.tube.gain(self.volts)
         electrons = np.zeros((count, width))
         if gain > 0:
-            light = rows.lux_seconds * (tube.electrons_per_lux * silicon.area)
+            light = rows.lux_seconds * self.sensitivity
             if "photocathode emission" in kept:
                 light = light + tube.emission_lux * tube.electrons_per_lux * silicon.area * seconds
             landed = self._landed(light, numbers, rows.frame, seed, kept)
@@ -189,7 +200,7 @@ class EbapsPixels:
             rate = silicon.dark_rate(self.kelvin)
             slow += rate * gather * (self.pattern.dark()[here] if "DSNU" in kept else 1.0)
         if "direct light" in kept:
-            leaked = silicon.direct * silicon.leakage * silicon.area
+            leaked = silicon.direct * silicon.leakage * silicon.area * self.spectral.silicon
             slow += rows.lux_seconds * leaked * response
         if "silicon shot noise" in kept:
             slow = poisson(slow, numbers, rows.frame, seed, Stream.IMAGER_DARK).astype(np.float64)

@@ -59,6 +59,8 @@ class HighVoltage:
         kelvin: at which the ends' gains hold.
         cooling: relative rise of p a kelvin of cooling; the gain's rise on cooling is reported, its
             size assumed.
+        ageing: V by which use has moved the curve: the gain of a new chip takes so much more peak.
+            That gains above 1000 age the register is reported, the law assumed.
     """
 
     peak: tuple[float, float] = TEXT_PEAK
@@ -66,6 +68,7 @@ class HighVoltage:
     parallel: float = 3.0
     kelvin: float = WORKING_KELVIN
     cooling: float = 0.005
+    ageing: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.peak[0] < self.peak[1]:
@@ -93,8 +96,14 @@ class HighVoltage:
         """Mean gain at a peak voltage and a chip temperature (the working one when None)."""
         top = stage_probability(GAIN_RANGE[1], self.stages)
         warmer = (self.kelvin if kelvin is None else kelvin) - self.kelvin
-        log_p = math.log(top) + (volts - self.peak[1]) / self.softness - self.cooling * warmer
+        over = volts - self.ageing - self.peak[1]
+        log_p = math.log(top) + over / self.softness - self.cooling * warmer
         return math.exp(self.stages * math.log1p(math.exp(min(log_p, 0.0))))
+
+    def slope(self, volts: float, kelvin: float | None = None) -> float:
+        """d ln g / dV, 1/V: S p / ((1 + p) v_s), by which an error of the peak changes the gain."""
+        p = stage_probability(self.gain_at(volts, kelvin), self.stages)
+        return self.stages * p / (1.0 + p) / self.softness
 
     def gain(self, step: int, kelvin: float | None = None) -> float:
         """Mean gain at a step 0 to 255."""

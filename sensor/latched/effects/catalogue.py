@@ -8,10 +8,12 @@ from typing import Any, Final
 from sensor.latched.effects.circuit import LEAK, OVERSHOOT
 from sensor.latched.effects.crosstalk import CROSSTALK
 from sensor.latched.effects.dead_time import DEAD_TIME
+from sensor.latched.effects.drift import COMMON_DRIFT
 from sensor.latched.effects.effect import Key, PixelEffect, Setting
 from sensor.latched.effects.fixed_pattern import PATTERN_EFFECTS
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.effects.residual import RESIDUAL
+from sensor.latched.effects.row_timing import ROW_TIMING
 from sensor.latched.effects.sampling import COMPARATOR_DELAY, ROW_SAMPLING
 from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.effects.threshold_noise import THRESHOLD_NOISE
@@ -35,7 +37,9 @@ CATALOGUE: Final[list[PixelEffect]] = [
     DEAD_TIME,
     ROW_SAMPLING,
     COMPARATOR_DELAY,
+    ROW_TIMING,
     CROSSTALK,
+    COMMON_DRIFT,
     OVERSHOOT,
     LEAK,
     *PATTERN_EFFECTS,

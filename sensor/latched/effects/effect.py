@@ -23,7 +23,7 @@ from sensor.device.pattern import FixedPattern
 from sensor.device.silicon import Sized
 from sensor.latched.pixel.transfer import Transfer
 
-__all__ = ["ALL_READOUTS", "Dependence", "Key", "Operation", "PixelEffect", "Setting"]
+__all__ = ["ALL_READOUTS", "CommonGain", "Dependence", "Key", "Operation", "PixelEffect", "Setting"]
 
 ALL_READOUTS: Final = ("synchronous", "asynchronous", "continuous")
 
@@ -98,6 +98,14 @@ class Setting(Protocol):
     def __getattr__(self, name: str) -> Any: ...
 
 
+class CommonGain(Protocol):
+    """A gain of all pixels over time."""
+
+    def on(self, light: Light, start: int, cycles: int) -> Light:
+        """The light of these cycles, and of one before and after, times the gain."""
+        ...
+
+
 class PixelEffect:
     """A physical effect of the latched pixel. Subclasses override the methods that they need.
 
@@ -168,6 +176,10 @@ class PixelEffect:
         """Map of the light on the pixels, before integration."""
         return None
 
+    def common_gain(self, setting: Setting) -> CommonGain | None:
+        """Gain that all pixels have in common, after the map of the light."""
+        return None
+
     def sampling(self, setting: Setting) -> npt.NDArray[np.float64] | float:
         """Picoseconds from a latch edge to the sampling instant: (rows of the chip,), or one value
         for all rows. The sum over effects is rounded."""
@@ -187,6 +199,13 @@ class PixelEffect:
     def dark_charge(self, setting: Setting) -> float:
         """Electrons a cycle that a pixel gathers in the dark, up to four standard deviations."""
         return 0.0
+
+    def dark_excess(
+        self, setting: Setting, numbers: npt.NDArray[np.uint32]
+    ) -> npt.NDArray[np.float64] | None:
+        """Electrons a second that single pixels with these numbers, (n,), gather in the dark beyond
+        `dark_charge`; None for none."""
+        return None
 
     def lumped_dark(self, setting: Setting) -> float:
         """Electrons a second that the exact and the fast tier add to every pixel, in place of a

@@ -42,7 +42,9 @@ class _ThresholdNoise(PixelEffect):
             Noise,
             Field(default=0.0, examples=["5 e"], description="standard deviation, of each spike"),
             silicon=Sized(
-                0.0058, "assumed", "SCSim's calibration; fits the interval variances of a recording"
+                0.001,
+                "assumed",
+                "a recording of a 400 x 250 chip: 0.3 % of an interval at most, with shot noise",
             ),
             share_of_threshold=True,
             first=True,

@@ -8,6 +8,7 @@ in one cycle as one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ __all__ = [
 Values = npt.NDArray[np.float64]
 _CHANCE = 1e-4
 """Chance that a scene has a tile with more changed spikes than a bound takes."""
-_SHARES = 4.0 ** -np.arange(5)
+_SHARES = tuple(4.0**-n for n in range(5))
 """Shares of the pixels of a tile that have its brightest light, from all to one of 256."""
 _SCORES = 81
 """Gains of pixels, from 5 standard deviations below the mean to 5 above, over which the lost spikes
@@ -81,7 +82,9 @@ def _lost_at(mu: Values, spread: float) -> Values:
     return np.asarray(mu * gammainc(shape, x) - gammainc(shape + 1, x))
 
 
-def rare_error(scene: Summary, events: Any, size: Any = 1.0) -> Values:
+def rare_error(
+    scene: Summary, events: Any, size: Any = 1.0, shares: Sequence[float] = _SHARES
+) -> Values:
     """Relative error of a tile some of whose brightest pixels have a rare event, such as a spike
     more or less in the window.
 
@@ -94,6 +97,7 @@ def rare_error(scene: Summary, events: Any, size: Any = 1.0) -> Values:
         scene: summary of the scene.
         events: expected number of events of a pixel; a number, or one a tile.
         size: change of a pixel by one event, spikes; a number, or one a tile.
+        shares: the shares of the pixels that are tried.
     """
     from scipy.special import pdtrik
 
@@ -103,10 +107,11 @@ def rare_error(scene: Summary, events: Any, size: Any = 1.0) -> Values:
     chance = _CHANCE / np.broadcast(low, high).size
     enough = -np.log1p(-chance)  # below this mean, no event is exceeded by chance
     worst = np.zeros(np.broadcast(low, high).shape)
-    for share in _SHARES:
+    for share in shares:
         mean = np.asarray(events, np.float64) * share * TILE**2
+        each, at = np.unique(np.maximum(mean, 1e-300), return_inverse=True)
         with np.errstate(all="ignore"):  # pdtrik has no value where 0 is already enough
-            most = np.maximum(np.ceil(pdtrik(1 - chance, np.maximum(mean, 1e-300))), 1)
+            most = np.maximum(np.ceil(pdtrik(1 - chance, each)), 1)[at].reshape(mean.shape)
         changed = size * np.sqrt(np.where(mean <= enough, 0.0, most)) / TILE
         light = low + share * (np.minimum(high, 1) - np.minimum(low, 1))
         worst = np.maximum(worst, share_of_window(changed, scene, light * scene.window))

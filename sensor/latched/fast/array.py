@@ -21,6 +21,7 @@ from sensor.latched.fast.units import (
     DEEPEST,
     NOISE,
     RESET,
+    TIMING,
     Units,
     current_thresholds,
     first_charge,
@@ -28,6 +29,7 @@ from sensor.latched.fast.units import (
 )
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import ExactModel
+from sensor.latched.row_timing import PlaneTiming
 
 __all__ = ["LANES", "PixelArray"]
 
@@ -50,6 +52,7 @@ class PixelArray:
             for 0.
         flags: (H, ceil(W / 16)) uint8, effects kept in each group of sixteen columns: 1 noise, 2
             dead time. None for all that the model has.
+        timing: noise of the sampling instants, None for none.
 
     Raises:
         ValueError: `numbers`, `offsets` or `flags` do not fit the shape.
@@ -63,6 +66,7 @@ class PixelArray:
     pattern: FixedPattern | None = None
     offsets: npt.NDArray[np.int64] | None = None
     flags: npt.NDArray[np.uint8] | None = None
+    timing: PlaneTiming | None = None
 
     def __post_init__(self) -> None:
         height, width = self.shape
@@ -80,11 +84,15 @@ class PixelArray:
 
     @cached_property
     def group_flags(self) -> npt.NDArray[np.uint8]:
-        """(H, groups) uint8: the requested flags that the model has, and RESET where needed."""
+        """(H, groups) uint8: the requested flags that the model has, and RESET and TIMING where
+        needed."""
         possible = NOISE * self.model.noisy | DEAD_TIME * (self.model.dead > 0)
         requested = np.full(self.groups, 255, np.uint8) if self.flags is None else self.flags
         rule = RESET * (self.model.reset != "residual")
-        return np.ascontiguousarray(requested & np.uint8(possible) | np.uint8(rule))
+        flags = np.ascontiguousarray(requested & np.uint8(possible) | np.uint8(rule))
+        if self.timing is not None:
+            flags[self.timing.first : self.timing.stop][self.timing.noisy] |= np.uint8(TIMING)
+        return flags
 
     @cached_property
     def units(self) -> Units:
@@ -155,6 +163,20 @@ class PixelArray:
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
         return course_of(light, self.clock, self.row_offsets, start, cycles, self._most)
+
+    def timed_course(self, light: Light, start: int, cycles: int) -> Course | None:
+        """Course of the light in the rows whose sampling instants have noise, for the groups with
+        the flag TIMING; None without noise."""
+        if self.timing is None:
+            return None
+        return course_of(
+            light, self.clock, self.row_offsets, start, cycles, self._most, self.timing, self._dark
+        )
+
+    @cached_property
+    def _dark(self) -> npt.NDArray[np.float32]:
+        """A plane in which pixels gather nothing, not even dark current: below 0 it is cut off."""
+        return np.full(self.shape, 0.0 if self.pattern is None else -1e30, np.float32)
 
     @cached_property
     def _most(self) -> Any:

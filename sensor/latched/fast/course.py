@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
+from sensor.latched.row_timing import PlaneTiming
 
 __all__ = ["MOST_PLANES", "Course", "Segment", "course_of"]
 
@@ -80,22 +81,30 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
 
 
 def _within(
-    piece: Piece, clock: Clock, c: int, cycles: int, offsets: npt.NDArray[np.int64]
-) -> Weights:
-    """Position in a piece, 0 to 1, of the middle of each cycle from c on, (cycles, rows)."""
+    piece: Piece, clock: Clock, c: int, cycles: int, offsets: npt.NDArray[Any]
+) -> npt.NDArray[np.float64]:
+    """Position in a piece, 0 to 1, of the middle of each cycle from c on, (cycles, rows). offsets:
+    of these middles, ps; for all cycles, or for each."""
     origin = clock.cycle_at(piece.start)
     unit = PS * clock.den  # a cycle is unit / clock.num ps; integers are divided only once
     phase = offsets / float(PS * clock.period)
     begun = (origin * unit - piece.start * clock.num) / unit + 0.5 + phase
     length = (piece.stop - piece.start) * clock.num / unit
     elapsed = np.arange(c - origin, c - origin + cycles, dtype=np.float64)
-    return ((begun + elapsed[:, None]) / length).astype(np.float32)
+    return np.asarray((begun + elapsed[:, None]) / length)
 
 
 def _meeting(
-    met: list[Piece], start: int, stop: int, offsets: npt.NDArray[np.int64]
+    met: list[Piece],
+    start: int,
+    stop: int,
+    low: npt.NDArray[np.int64],
+    high: npt.NDArray[np.int64],
+    dark: Plane | None,
 ) -> tuple[tuple[Plane, ...], Weights]:
-    """Planes of the pieces that meet between two edges, and their weights, (rows, planes)."""
+    """Planes of the pieces that meet between two edges, which rows reach at other instants by `low`
+    and `high`, and their weights, (rows, planes). dark: a plane that gathers nothing, if these
+    differ."""
     planes: list[Plane] = []
     weights: list[npt.NDArray[np.float64]] = []
 
@@ -108,8 +117,8 @@ def _meeting(
         weights.append(weight)
 
     for piece in met:
-        a = np.maximum(start + offsets, piece.start)
-        b = np.minimum(stop + offsets, piece.stop)
+        a = np.maximum(start + low, piece.start)
+        b = np.minimum(stop + high, piece.stop)
         share = np.maximum(b - a, 0) / (stop - start)
         if piece.constant:
             add(piece.first, share)
@@ -118,9 +127,11 @@ def _meeting(
         part = ((a - piece.start) / 2 + (b - piece.start) / 2) / (piece.stop - piece.start)
         add(piece.first, (1 - part) * share)
         add(piece.last, part * share)
+    if dark is not None:
+        add(dark, (low - high) / (stop - start))
     others = [n for n, plane in enumerate(planes) if plane is not met[0].first]
     columns = [weights[n] for n in others]
-    stacked = np.stack(columns, axis=1) if columns else np.zeros((offsets.size, 0))
+    stacked = np.stack(columns, axis=1) if columns else np.zeros((low.size, 0))
     return tuple(planes[n] for n in others), stacked.astype(np.float32)
 
 
@@ -134,7 +145,8 @@ def _merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, 
     first = np.minimum(base[y0:y1, x0:x1], limit)
     change = np.zeros(first.shape)
     for n, plane in enumerate(planes):
-        change += (np.minimum(plane[y0:y1, x0:x1], limit) - first) * weights[:, n : n + 1]
+        lit = np.clip(plane[y0:y1, x0:x1], 0, limit)
+        change += (lit - first) * weights[:, n : n + 1]
     plane = base.copy()
     plane[y0:y1, x0:x1] = np.where(change == 0, base[y0:y1, x0:x1], np.maximum(first + change, 0))
     return plane
@@ -147,8 +159,14 @@ def course_of(
     start: int,
     cycles: int,
     most: Any = np.inf,
+    timing: PlaneTiming | None = None,
+    dark: Plane | None = None,
 ) -> Course:
     """The course of light over cycles `start` to `start + cycles` of a clock.
+
+    With noise of the sampling instants, the box is the band of the rows that have it. A cycle that
+    is longer by the share s has the light of a cycle, less -s of it: a plane that gathers nothing
+    has the weight -s.
 
     Args:
         light: light on the pixels.
@@ -157,11 +175,14 @@ def course_of(
         start: first cycle.
         cycles: number of cycles.
         most: upper limit of the light, one or (H, W).
+        timing, dark: noise of the sampling instants, and a plane that gathers nothing; None for
+            none.
 
     Raises:
         ValueError: the light does not cover the cycles.
     """
-    earliest, latest = int(offsets.min()), int(offsets.max())
+    slack = 0 if timing is None else timing.most
+    earliest, latest = int(offsets.min()) - slack, int(offsets.max()) + slack
     begin, end = clock.edge(start) + earliest, clock.edge(start + cycles) + latest
     if light.pieces[0].start > max(begin, 0) or light.pieces[-1].stop < end:
         raise ValueError(
@@ -169,12 +190,16 @@ def course_of(
             f"{light.pieces[0].start} to {light.pieces[-1].stop} ps"
         )
     met = tuple(p for p in light.pieces if p.start < end and p.stop > begin) or light.pieces[:1]
-    box = _box(met)
+    box = _box(met) if timing is None else (timing.first, timing.stop, 0, light.shape[1])
     if box is None:
         return Course(met[0].first, None, [], met)
     rows = offsets if offsets.size == 1 else offsets[box[0] : box[1]]
     if earliest == latest:
         rows = rows[:1]
+    # Instants at which the cycles begin and end, (cycles + 1, rows) ps from their edges.
+    ends = np.broadcast_to(rows, (cycles + 1, rows.size))
+    if timing is not None:
+        ends = rows + timing.moves(start, cycles + 1)
     stops = [p.stop for p in met]
     segments: list[Segment] = []
     c, stop = start, start + cycles
@@ -184,15 +209,27 @@ def course_of(
         piece = met[n]
         if begin >= piece.start and end <= piece.stop:
             until = min(clock.cycle_at(piece.stop - latest), stop)
-            planes: tuple[Plane, ...] = () if piece.constant else (piece.last,)
-            weights = _within(piece, clock, c, until - c, rows)[:, :, None]
+            low, high = ends[c - start : until - start], ends[c - start + 1 : until - start + 1]
+            planes: tuple[Plane, ...] = ()
+            columns = []
+            longer = (high - low) / float(PS * clock.period)
+            if not piece.constant:
+                planes = (piece.last,)
+                middle = rows if dark is None else (low + high) / 2
+                columns.append(_within(piece, clock, c, until - c, middle) * (1 + longer))
+            if dark is not None:
+                planes += (dark,)
+                columns.append(-longer)
+            weights = np.stack(columns, axis=-1) if columns else np.zeros((*low.shape, 0))
             segments.append(
-                Segment(c - start, until - c, piece.first, planes, weights[:, :, : len(planes)])
+                Segment(c - start, until - c, piece.first, planes, weights.astype(np.float32))
             )
             c = until
             continue
         meet = [p for p in met[n:] if p.start < end] or [met[0]]
-        planes, weights = _meeting(meet, clock.edge(c), clock.edge(c + 1), rows)
+        planes, weights = _meeting(
+            meet, clock.edge(c), clock.edge(c + 1), ends[c - start], ends[c - start + 1], dark
+        )
         base = meet[0].first
         if len(planes) >= MOST_PLANES:
             base, planes = _merged(base, planes, weights, box, most), ()

@@ -109,6 +109,14 @@ inline int some(const int16 v)
         __global const float *a12, __global const float *a13, __global const float *a14,          \
         __global const float *a15
 
+// Most that a plane of this step adds to the base. Weights are 0 to 1, and -1 to 1 with noise of the
+// sampling instants.
+#if FLAGS & TIMING_FLAG
+#define UPWARDS(step) fabs(step)
+#else
+#define UPWARDS(step) (step > 0.0f ? step : (float16)(0.0f))
+#endif
+
 // Runs the segments. EASY is executed for a cycle whose light is below LIMIT thresholds and comes from
 // at most two planes; `units` is its light times SCALE. ANY is executed for all other cycles; `rate` is
 // the light in thresholds. Both add spikes to `bits` at `bit`.
@@ -125,7 +133,7 @@ inline int some(const int16 v)
         if (others)                                                                               \
             step = levels[segment[5]] - base;                                              \
         __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others; \
-        const float16 room = LIMIT - base - (step > 0.0f ? step : (float16)(0.0f));               \
+        const float16 room = LIMIT - base - UPWARDS(step);                                        \
         const int easy = LINEAR && others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));       \
         const float16 base_units = base * SCALE, step_units = step * SCALE;                       \
         while (c < end) {                                                                         \

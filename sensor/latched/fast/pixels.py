@@ -20,7 +20,7 @@ from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
-from sensor.latched.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET
+from sensor.latched.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET, TIMING
 from sensor.latched.pixel.transfer import light_source
 
 __all__ = ["FastPixels"]
@@ -71,7 +71,13 @@ class FastPixels:
             return (files("sensor.latched.fast") / name).read_text()
 
         source, model = text("light.cl"), self._array.model
-        defines = ["-cl-std=CL1.2", f"-DFLAGS={flags}", f"-DCAP={CAP}", f"-DEMPTY=({EMPTY})"]
+        defines = [
+            "-cl-std=CL1.2",
+            f"-DFLAGS={flags}",
+            f"-DTIMING_FLAG={TIMING}",
+            f"-DCAP={CAP}",
+            f"-DEMPTY=({EMPTY})",
+        ]
         if self._array.gains is not None:
             defines.append("-DPATTERN")
         if model.transfers:
@@ -118,10 +124,10 @@ class FastPixels:
             np.int32(units.top if flags & NOISE else units.one),
         )  # fmt: skip
 
-    def _share(self, course: Course) -> None:
+    def _share(self, *courses: Course) -> None:
         """Checks each new plane of a call, shares it with the device, and releases other planes."""
         planes: dict[int, tuple[Plane, Any]] = {}
-        for piece in course.pieces:
+        for piece in (piece for course in courses for piece in course.pieces):
             for plane in (piece.first, piece.last):
                 known = self._planes.get(id(plane)) or planes.get(id(plane))
                 if known is None:
@@ -132,17 +138,22 @@ class FastPixels:
                     shared = np.ascontiguousarray(plane, np.float32)
                     known = (plane, self._device.share(shared))
                 planes[id(plane)] = known
-        for segment in course.segments:  # planes that the course computed for a single cycle
-            if id(segment.base) not in planes:
-                planes[id(segment.base)] = (segment.base, self._device.share(segment.base))
+        # Planes that a course computed for a single cycle, and those without light.
+        for segment in (segment for course in courses for segment in course.segments):
+            for plane in (segment.base, *segment.planes):
+                if id(plane) not in planes:
+                    planes[id(plane)] = (plane, self._device.share(plane))
         self._planes = planes
 
     def _steady(self, course: Course, cycles: int, words: Any) -> None:
-        """One launch for the pixels outside the box of changing light."""
+        """One launch for the pixels outside the box of changing light. Rows whose sampling instants
+        have noise have no constant light."""
         height, groups = self._array.groups
         y0, y1, g0, g1 = _groups(course.box)
         _, plane = self._planes[id(course.steady)]
         for flags, (groups_of, n) in self._lists.items():
+            if flags & TIMING:
+                continue
             if (y1 - y0) * (g1 - g0) == height * groups:
                 return
             self._kernels[flags][0](
@@ -153,8 +164,9 @@ class FastPixels:
                 *self._gains,
             )  # fmt: skip
 
-    def _moving(self, segments: list[Segment], box: Box, words: Any) -> None:
-        """One launch for segments that together use at most sixteen planes."""
+    def _moving(self, segments: list[Segment], box: Box, words: Any, timing: int) -> None:
+        """One launch for segments that together use at most sixteen planes, for the groups whose
+        flag TIMING is this one."""
         slots: dict[int, int] = {}
         entries = np.zeros((len(segments), _ENTRY), np.int32)
         begin = 1  # weight 0 is for segments without planes
@@ -173,6 +185,8 @@ class FastPixels:
         shared = device.upload(entries), device.upload(weights)
         wide = -(-(g1 - g0) // _LOCAL) * _LOCAL
         for flags in self._lists:
+            if flags & TIMING != timing:
+                continue
             self._kernels[flags][1](
                 device.queue, (wide, y1 - y0), (_LOCAL, 1), *self._state(flags),
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
@@ -206,13 +220,15 @@ class FastPixels:
         """
         array = self._array
         course = array.course(light, start, cycles)
-        self._share(course)
+        timed = array.timed_course(light, start, cycles)
+        self._share(course, *([] if timed is None else [timed]))
         out = np.empty((words_for(cycles), array.shape[0] * array.shape[1]), np.uint32)
         words = self._device.share(out, write=True)
         self._steady(course, cycles, words)
-        if course.box is not None:
-            for run in self._launches(course.segments):
-                self._moving(run, course.box, words)
+        for each, flag in ((course, 0), (timed, TIMING)):
+            if each is not None and each.box is not None:
+                for run in self._launches(each.segments):
+                    self._moving(run, each.box, words, flag)
         self._device.settle(words, out)
         return out
 

@@ -30,6 +30,7 @@ __all__ = [
     "EMPTY",
     "NOISE",
     "RESET",
+    "TIMING",
     "Units",
     "current_thresholds",
     "draw_thresholds",
@@ -46,6 +47,8 @@ DEAD_TIME: Final = 2
 """Flag of a group: light is lost at each spike."""
 RESET: Final = 4
 """Flag of every group under a reset rule other than `residual`: its state is the deficit."""
+TIMING: Final = 8
+"""Flag of the groups of rows whose sampling instants have noise."""
 
 BITS: Final = 28
 """Most bits of the nominal threshold."""

@@ -51,11 +51,10 @@ def integrate(begins, ends, first, last, i, tick, part, until):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def first_latch(edges, offset, tick, part):  # type: ignore[no-untyped-def]
-    """The first cycle whose latch, edges[c + 1] + offset, is not before the instant tick + part;
-    edges.size - 1 if there is none."""
+def first_latch(edges, tick, part):  # type: ignore[no-untyped-def]
+    """The first cycle whose latch, edges[c + 1], is not before the instant tick + part; edges.size
+    - 1 if there is none."""
     cycles = edges.size - 1
-    tick -= offset
     if part > 0.0:
         tick += 1
     if tick <= edges[0]:

@@ -32,11 +32,11 @@ _PILED = float(LARGEST)
 
 
 @njit(cache=True, error_model="numpy")
-def snapped(edges, offset, tick, part, span):  # type: ignore[no-untyped-def]
+def snapped(edges, tick, part, span):  # type: ignore[no-untyped-def]
     """The instant tick + part, moved to a latch within the rounding error of `span` (ps)."""
     near = tick + 1 if part > 0.5 else tick
-    c = first_latch(edges, offset, near, 0.0)
-    if c < edges.size - 1 and edges[c + 1] + offset == near:
+    c = first_latch(edges, near, 0.0)
+    if c < edges.size - 1 and edges[c + 1] == near:
         away = abs(part - 1.0) if part > 0.5 else part
         if away <= span * _SAME + _INSTANT:
             return near, 0.0
@@ -47,10 +47,10 @@ def snapped(edges, offset, tick, part, span):  # type: ignore[no-untyped-def]
 # loop, and unpacking records takes 3 us a call.
 @njit(cache=True, error_model="numpy", parallel=True)
 def expose(  # type: ignore[no-untyped-def]
-    ticks, parts, charges, goals, spikes, held, pixels, offsets, begins, ends, first, last, edges,
+    ticks, parts, charges, goals, spikes, held, pixels, rows, begins, ends, first, last, latches,
     rule, dead, q, kind, sigma, table, functions, seed, words,
 ):  # fmt: skip
-    """Runs every pixel over the cycles of `edges` and sets its bits in `words`.
+    """Runs every pixel over the cycles of `latches` and sets its bits in `words`.
 
     Args:
         ticks, parts: (n,) anchor, the instant from which light is integrated: ps and a fraction.
@@ -59,26 +59,26 @@ def expose(  # type: ignore[no-untyped-def]
         spikes: (n,) index of the current interval.
         held: (n,) electrons at the last latch; an output.
         pixels: (n,) numbers of the pixels.
-        offsets: (n,) ps from a clock edge to the latch.
+        rows: (n,) the row of `latches` that each pixel has.
         begins, ends: (pieces,) ps.
         first, last: (n, pieces) electrons a picosecond at the begin and the end of a piece.
-        edges: (cycles + 1,) ps.
+        latches: (rows, cycles + 1) ps, ascending: each cycle runs from one to the next.
         rule: 0 residual, 1 hard, 2 subtract.
         dead: dead time, ps.
         q, kind, sigma, table, functions: distribution of thresholds, see `Law`.
         seed: of the run.
         words: (ceil(cycles / 32), n) uint32; an output.
     """
-    cycles = edges.size - 1
+    cycles = latches.shape[1] - 1
     for p in prange(ticks.size):
-        rate0, rate1, offset = first[p], last[p], offsets[p]
+        rate0, rate1, edges = first[p], last[p], latches[rows[p]]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         pixel = np.uint64(pixels[p])
-        stop = edges[cycles] + offset
+        stop = edges[cycles]
         i, done = np.int64(-1), -1  # a literal would compile `piece_at` a second time
         if tick < begins[0] and begins[0] > 0:
             # The pieces were cut anew: start from the charge at the last latch.
-            tick, part, charge = max(tick, edges[0] + offset), 0.0, held[p]
+            tick, part, charge = max(tick, edges[0]), 0.0, held[p]
         while True:
             if tick > stop or (tick == stop and part > 0.0):
                 held[p] = charge
@@ -105,11 +105,11 @@ def expose(  # type: ignore[no-untyped-def]
                     held[p] = charge + integrate(begins, ends, rate0, rate1, i, tick, part, stop)
                     break
                 at, at_part = later(tick, part, x)
-                at, at_part = snapped(edges, offset, at, at_part, x)
+                at, at_part = snapped(edges, at, at_part, x)
                 if at > stop or (at == stop and at_part > 0.0):
                     held[p] = charge + integrate(begins, ends, rate0, rate1, i, tick, part, stop)
                     break
-            c = first_latch(edges, offset, at, at_part)
+            c = first_latch(edges, at, at_part)
             if rule > 0:
                 c = max(c, done + 1)
                 if c >= cycles:
@@ -117,7 +117,7 @@ def expose(  # type: ignore[no-untyped-def]
                     break
                 done = c
             words[c >> 5, p] |= np.uint32(1 << (c & 31))
-            latch = edges[c + 1] + offset
+            latch = edges[c + 1]
             k += np.uint64(1)
             fresh = q
             if kind > 0:

@@ -19,6 +19,7 @@ from sensor.latched.pixel.transfer import transfer_light
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
+from sensor.latched.row_timing import PlaneTiming
 
 __all__ = ["ReferencePixels"]
 
@@ -71,6 +72,7 @@ class ReferencePixels:
         offsets: npt.NDArray[np.int64] | None = None,
         circuit: Circuit | None = None,
         overshoot: float = 0.0,
+        timing: PlaneTiming | None = None,
     ) -> None:
         n = numbers.size
         self._model, self._numbers, self._clock = model, numbers.astype(np.uint32), clock
@@ -78,6 +80,12 @@ class ReferencePixels:
         self._offsets = np.zeros(n, np.int64) if offsets is None else offsets.astype(np.int64)
         if self._offsets.shape != (n,):
             raise ValueError(f"offsets must be ({n},), one a pixel, not {self._offsets.shape}")
+        self._timing = timing
+        if timing is None:
+            self._places, self._rows = np.unique(self._offsets, return_inverse=True)
+        else:  # pixels lie row by row
+            width = n // timing.height
+            self._places, self._rows = self._offsets[::width], np.arange(n) // width
         self._circuit = None if circuit is None else circuit.packed()
         if circuit is not None:
             if model.reset != "residual" or model.dead_time > 0:
@@ -189,6 +197,15 @@ class ReferencePixels:
             np.ascontiguousarray(np.stack(stops, axis=1)),
         )  # fmt: skip
 
+    def _latches(self, start: int, cycles: int) -> npt.NDArray[np.int64]:
+        """Instants at which cycles begin and end, (rows, cycles + 1) ps."""
+        edges = np.array([self._clock.edge(start + c) for c in range(cycles + 1)], np.int64)
+        latches: npt.NDArray[np.int64] = edges + self._places[:, None]
+        if self._timing is not None:
+            rows = slice(self._timing.first, self._timing.stop)
+            latches[rows] += self._timing.moves(start, cycles + 1).T
+        return latches
+
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
         """Latched bits of cycles `start` to `start + cycles` of the clock.
 
@@ -208,19 +225,18 @@ class ReferencePixels:
                 `start` does not follow the last call.
         """
         state, clock = self._state, self._clock
-        edges = np.array([clock.edge(start + c) for c in range(cycles + 1)], np.int64)
+        latches = self._latches(start, cycles)
         if state["cycle"][0] < 0:
-            state["tick"] = edges[0] + self._offsets
+            state["tick"] = latches[self._rows, 0]
         elif state["cycle"][0] != start:
             raise ValueError(f"cycles must go on at {state['cycle'][0]}, not at {start}")
         n, law, model = self._numbers.size, self._law, self._model
         words = np.zeros((words_for(cycles), n), np.uint32)
         if n == 0 or cycles == 0:
             return words
-        begin = int(edges[0] + self._offsets.min())
-        course = self._course(light, begin, int(edges[-1] + self._offsets.max()))
+        course = self._course(light, int(latches[:, 0].min()), int(latches[:, -1].max()))
         before = tuple(state[key] for key in ("tick", "part", "charge", "goal", "spikes", "held"))
-        inputs = (self._numbers, self._offsets, *course, edges)
+        inputs = (self._numbers, self._rows, *course, latches)
         drawn = (law.q, law.kind, law.sigma, law.table, law.functions, np.uint64(model.seed))
         run: Any = expose if self._circuit is None else expose_circuit
         if self._circuit is None:

@@ -59,8 +59,8 @@ def _stored(  # type: ignore[no-untyped-def]
 # Many arguments, for the reason in engine.py.
 @njit(cache=True, error_model="numpy", parallel=True)
 def expose_circuit(  # type: ignore[no-untyped-def]
-    ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, offsets, begins,
-    ends, first, last, edges, circuit, q, kind, sigma, table, functions, seed, words,
+    ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, rows, begins,
+    ends, first, last, latches, circuit, q, kind, sigma, table, functions, seed, words,
 ):  # fmt: skip
     """Runs every pixel as `engine.expose` does under `residual`, with these further arguments.
 
@@ -70,13 +70,13 @@ def expose_circuit(  # type: ignore[no-untyped-def]
         waits: (n,) ps until the end of its reset.
         circuit: `Circuit.packed()`.
     """
-    cycles = edges.size - 1
+    cycles = latches.shape[1] - 1
     for p in prange(ticks.size):
-        rate0, rate1, offset = first[p], last[p], offsets[p]
+        rate0, rate1, edges = first[p], last[p], latches[rows[p]]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         phase, volts, wait = phases[p], outputs[p], waits[p]
         pixel = np.uint64(pixels[p])
-        stop = edges[cycles] + offset
+        stop = edges[cycles]
         i = np.int64(-1)  # a literal would compile `piece_at` a second time
         while True:
             i = piece_at(begins, ends, i, tick)
@@ -104,7 +104,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
                     at = stop + 1
                 else:
                     at, at_part = later(tick, part, t)
-                    at, at_part = snapped(edges, offset, at, at_part, t)
+                    at, at_part = snapped(edges, at, at_part, t)
             if at > stop or (at == stop and at_part > 0.0):
                 held[p] = _stored(
                     begins, ends, rate0, rate1, i, tick, part, stop, phase, charge, volts, wait,
@@ -116,7 +116,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
                 phase, volts = DELAY, 0.0
                 continue
             if phase == DELAY:
-                c = first_latch(edges, offset, tick, part)
+                c = first_latch(edges, tick, part)
                 words[c >> 5, p] |= np.uint32(1 << (c & 31))
                 k += np.uint64(1)
                 goal = q
@@ -131,10 +131,10 @@ def expose_circuit(  # type: ignore[no-untyped-def]
             # the end of the piece.
             i = piece_at(begins, ends, i, tick)
             rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
-            c = first_latch(edges, offset, tick, part)
+            c = first_latch(edges, tick, part)
             if c >= cycles:
                 continue
-            left = float(min(edges[c + 1] + offset, end) - tick) - part
+            left = float(min(edges[c + 1], end) - tick) - part
             if (rate + 0.5 * slope * left) * left > (ROOM + 1) * (q - min(charge, q)):
                 one = steady_interval(charge, q, rate + 0.5 * slope * left, circuit)
                 if left > (ROOM + 1) * one and one > 0.0:

@@ -19,7 +19,9 @@ def test_streams_are_distinct_and_keep_their_numbers():
     numbers = {name: int(stream) for name, stream in Stream.__members__.items()}
     assert len(set(numbers.values())) == len(numbers)
     assert numbers == {
-        "NONE": 0, "SHOT_NOISE": 1, "INITIAL_CHARGE": 2, "METASTABILITY": 3, "PATTERN": 16,
+        "NONE": 0, "SHOT_NOISE": 1, "INITIAL_CHARGE": 2, "METASTABILITY": 3, "CHARGE": 4,
+        "ROW_TIMING": 5, "DRIFT": 6,
+        "PATTERN": 16,
         "SKIPPED": 48, "READING": 49, "CONTINUOUS": 64,
         "VIBRATION": 80,
         "SCINTILLATION": 81,
@@ -27,6 +29,8 @@ def test_streams_are_distinct_and_keep_their_numbers():
         "IMAGER_SHOT": 112, "IMAGER_DARK": 113, "IMAGER_READ": 114, "IMAGER_RESET": 115,
         "IMAGER_GAIN": 116, "IMAGER_LOSS": 117, "IMAGER_CLOCKS": 118, "IMAGER_IONS": 119,
         "IMAGER_SPREAD": 120, "IMAGER_PATTERN": 121, "IMAGER_THERMAL": 122,
+        "IMAGER_LINES": 123, "IMAGER_WHITE": 124, "IMAGER_TRANSFER": 125,
+        "IMAGER_CIRCUIT": 126,
     }  # fmt: skip
     assert all(0 <= number < 2**32 for number in numbers.values())
 

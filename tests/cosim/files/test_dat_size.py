@@ -15,7 +15,7 @@ from cosim.files.dat import write_dat
 from cosim.files.dat_size import guess_size
 from cosim.spikes.viform import unpack_planes
 
-DAT, HEAD, LARGE = 12_500, 13_000, 125_000
+DAT, HEAD, LARGE, PRINTED = 12_500, 13_000, 125_000, 11_250
 CLOCK = Clock(40_000)
 
 
@@ -79,6 +79,12 @@ def test_a_stream_as_wide_as_a_frame_with_head_is_not_written(tmp_path: Path) ->
         (LARGE, (400, 250), "{path} is read as 400x250 (10 frames); it may be 1000x1000 "
          "(1 frame): --size says which"),
         (301 * DAT + 1, (400, 250), None),
+        (301 * PRINTED, (450, 200), "{path} is read as 450x200 (301 frames), which its length "
+         "says"),
+        (320 * PRINTED, (400, 250), "{path} is read as 400x250 (288 frames); it may be 450x200 "
+         "(320 frames): --size says which"),
+        (52 * PRINTED, (416, 250), "{path} is read as 400x250 with head, which its length says; it "
+         "may be 450x200 (52 frames): --size says which"),
     ],
 )  # fmt: skip
 def test_the_length_tells_the_size(length: int, size: tuple[int, int], note: str | None) -> None:
@@ -102,15 +108,16 @@ def test_a_length_that_fits_two_sizes_is_refused(length: int, given: str) -> Non
     assert str(refused.value) == f"a.dat must be of a size that its length tells, not {given}"
 
 
-@given(st.integers(1, 4000), st.sampled_from([DAT, HEAD, LARGE]))
+@given(st.integers(1, 4000), st.sampled_from([DAT, HEAD, LARGE, PRINTED]))
 def test_no_length_is_silently_taken_for_another_size(frames: int, frame: int) -> None:
-    true = {DAT: (400, 250), HEAD: (416, 250), LARGE: (1000, 1000)}[frame]
+    true = {DAT: (400, 250), HEAD: (416, 250), LARGE: (1000, 1000), PRINTED: (450, 200)}[frame]
     try:
         size, notes = guess_size(Path("a.dat"), frames * frame)
     except InputError as exc:
         assert "--size 416x250" in str(exc)
         return
-    assert size == true or (frame == LARGE and "may be 1000x1000" in notes[0])
+    named = {LARGE: "1000x1000", PRINTED: "450x200"}.get(frame, "no other")
+    assert size == true or (notes and named in notes[0])
 
 
 def test_size_settles_what_is_ambiguous(tmp_path: Path) -> None:

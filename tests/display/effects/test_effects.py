@@ -11,7 +11,7 @@ from scipy.special import gamma
 from cosim import Summary
 from cosim.spikes.viform import pack_planes
 from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye, SpikePanel
-from display.effects.weights import delay_change, effective_planes, span_change
+from display.effects.weights import delay_change, effective_planes, span_change, weight_steps
 from display.observe.observers import STAGES, eye_time
 from display.render.golden import GoldenRenderer
 from tests.display.random_streams import CLOCK
@@ -134,3 +134,19 @@ def test_the_coarser_spans_cost_less_to_keep_and_all_effects_have_a_source():
         e.source and e.scope == "plane" and c > 0
         for e, c in zip(full.acting_effects, costs.values(), strict=True)
     )
+
+
+def test_the_weights_of_an_exposure_step_at_its_ends():
+    """Of 40 planes: two steps of 1 / 40. Light held for 4 planes steps by a quarter in 4 planes."""
+    start, stop = PANEL.start(1002), PANEL.start(1042)
+    camera = CameraPlane(((start + stop) // 2,), stop - start)
+    still = replace(PANEL, row_scan=0.0)
+    for held in (1, 4):
+        steps = [(s, n) for s, n in weight_steps(camera, still, PLANES, held, False) if s > 1e-6]
+        ((size, planes),) = steps
+        assert 1 / 40 / held <= size < 2 / 40 / held and planes == 2 * held
+    assert [n for s, n in weight_steps(camera, still, PLANES, 1, True) if s > 1e-6] == []
+    # An exposure to the end of the run steps to zero there.
+    last = CameraPlane(((PANEL.start(PLANES - 40) + PANEL.start(PLANES)) // 2,), stop - start)
+    ((_, planes),) = [(s, n) for s, n in weight_steps(last, still, PLANES, 4, True) if s > 1e-6]
+    assert planes == 4

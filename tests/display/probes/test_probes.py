@@ -79,7 +79,8 @@ def test_light_after_long_waits_is_that_of_the_golden_model(drive):
     golden.step(pack_planes(planes), 9000, None)
     stream = Viform.from_planes(planes, CLOCK)
     own = panel(shape=(1, 3), drive=drive)
-    np.testing.assert_array_equal(panel_light(stream, own, drive), golden.light[:, 0])
+    light = panel_light(stream, own, drive)
+    np.testing.assert_allclose(light, golden.light[:, 0], rtol=1e-12, atol=1e-15)
     summed = golden.light[:8988, 0].reshape(-1, 7, 3).mean(axis=1)
     coarse = panel_light(stream, own, drive, 7)[: len(summed)]
     np.testing.assert_allclose(coarse, summed, rtol=1e-12)
@@ -139,10 +140,10 @@ def test_intervals_held_come_with_the_second_spike_and_fade_after_two(probe):
     hold = told(rows, "hold")
     assert [hold.parts[3].low, hold.parts[3].high] == pytest.approx([4 * CYCLE] * 2)
     assert told(rows, "hold", "fall").lost == 1  # no spike says that there is no light
-    # Shown until the end of the plane of age 8. The last full pixel was full up to 4 cycles ago and
-    # latched up to one later.
+    # Shown until the plane of age 8, where it is half, less the balance of the dark start that was
+    # repaid since. The last full pixel was full up to 4 cycles ago and latched up to one later.
     fading = told(rows, "causal", "fall")
-    wanted = (9 - 2 + 0.5) * CYCLE + ROWS + 1
+    wanted = (8 - 2 + 0.5) * CYCLE + ROWS + 1
     assert fading.total.mean == pytest.approx(wanted, abs=5 * math.sqrt(17 / 12) * CYCLE / SIDE)
     assert fading.lost == 0
 
@@ -321,17 +322,17 @@ def test_steady_light_that_fires_every_fourth_cycle(probe):
     for drive in ("hold", "causal"):
         for area in ("patch", "pixel"):
             held = flicker_of(rows, drive, area)
-            assert held.mean == pytest.approx(0.25) and held.percent == pytest.approx(0, abs=1e-9)
+            # The balance of the dark start is nearly repaid.
+            assert held.mean == pytest.approx(0.25, rel=1e-4)
+            assert held.percent == pytest.approx(0, abs=0.1)
     assert flicker_of(rows, "impulse", "patch").mean == pytest.approx(0.25, abs=1e-4)
 
 
-def test_white_that_is_held_is_a_sixth_too_bright(probe):
-    # At 0.6 a cycle intervals are 2, 2, 1 in turn: what is shown of one lasts as long as the next.
+def test_white_has_its_own_light_in_all_drives(probe):
+    # At 0.6 a cycle intervals are 2, 2, 1 in turn; 1 / tau, held for the next, has a mean of 0.7.
     rows = spike_flicker(probe, panel(), (0.6,), 60.0, 2)
-    wanted = (1 / 2 * 2 + 1 / 2 * 1 + 1 * 2) / 5
-    for drive in ("hold", "causal"):
-        assert flicker_of(rows, drive, "patch").mean == pytest.approx(wanted, rel=1e-3)
-    assert flicker_of(rows, "impulse", "patch").mean == pytest.approx(0.6, rel=1e-3)
+    for drive in DRIVES:
+        assert flicker_of(rows, drive, "patch").mean == pytest.approx(0.6, rel=1e-3)
 
 
 def test_frames_hold_still_and_strobes_do_not():

@@ -169,7 +169,7 @@ def test_extremes_all_spikes_one_ever_none_and_very_old_ages(
     for _ in range(2):
         for renderer in (golden, shaders):
             renderer.step(words, 128, None)
-        scale = np.maximum(golden.light, 1e-9)
+        scale = np.maximum(golden.light, 1e-6)
         assert (np.abs(shaders.light - golden.light) <= WITHIN * scale).all()
     assert (shaders.light[:, 0, 2:4] == 0).all()
     if drive != "impulse":

@@ -99,7 +99,7 @@ def test_what_is_decided_otherwise_is_counted_and_the_unit_is_the_runs() -> None
     assert [some.more, some.fewer] == [300, 0] and some.differing_limit > 300 / 20_000
     met = LinkCheck(some, {"glare": none, "fog": None}, 0.0, 1, 1.0).rescaled(0.1, 10**8)
     assert met.paired is not None and met.paired.change == some.change
-    assert met.error.value == pytest.approx(300 / 20_000 / half_width(0.1, 10**8))
+    assert met.error(0.0).value == pytest.approx(300 / 20_000 / half_width(0.1, 10**8))
     assert met.measured == {"glare": 0.0, "fog": None}
     assert LinkCheck(some, {}, 0.0, 1, 1.0).rescaled(None, 0).paired == some
 
@@ -129,7 +129,7 @@ def test_changes_of_a_lit_pixels_charge_are_what_the_sizes_say(seen: LinkSurvey)
     scene = seen.scene
     camera = replace(
         seen.camera, row_skew=0.25, crosstalk=0.04, dead_time=5e-6, comparator_delay=2.5e-6,
-        pattern=DevicePattern(0.01, 4e4, 0.0, 0.02, 0.0, 0.0, 0.0, 1),
+        pattern=DevicePattern(prnu=0.01, dark=4e4, threshold_fpn=0.02, device_seed=1),
     )  # fmt: skip
     made = camera_changes(camera, scene)
     swing = (scene.on - scene.off) / scene.on
@@ -252,9 +252,12 @@ def test_the_check_measures_what_is_left_out(
     found = check_link(setting, sent, plan, seed=1, device=device, progress=Silent())
     assert set(found.measured) == set(plan.left_out)
     assert all(value is not None and value >= 0 for value in found.measured.values())
-    error = found.error
+    error = found.error(plan.promised)
     assert error.value is not None and error.ci is not None
     assert error.ci[0] <= error.value <= error.ci[1]
+    # The limit holds beyond the patches: it is at least the bound of what the plan leaves out.
+    assert found.paired is not None and plan.promised > 0
+    assert error.ci[1] >= max(found.paired.high, plan.promised / found.paired.unit)
     assert not found.beyond(plan.plan.tolerance)
     assert found.document()["patches"] == found.patches > 5
 
@@ -263,7 +266,8 @@ def test_a_panel_out_of_view_has_nothing_to_compare(sent: Transmission, device: 
     away = small("link.aim.offset_x=5000")
     plan = survey_link(away, MODE, sent.symbols, 200).plan(0.1, device)
     found = check_link(away, sent, plan, seed=1, device=device, progress=Silent())
-    assert found.paired is None and found.error.value is None and not found.beyond(0.1)
+    assert found.paired is None and not found.beyond(0.1)
+    assert found.error(plan.promised).value is None
     assert found.measured == dict.fromkeys(plan.left_out)
 
 

@@ -39,7 +39,7 @@ def test_errors_change_by_the_share_that_nearly_wrong_bits_do(moved: float) -> N
     assert high - low > 3 * (paired.high - paired.low)
     met = paired.rescaled(1e-4, 10**7)
     assert met.value == pytest.approx(abs(found.change) * 1e-4 / met.unit)
-    assert LinkCheck(met, {}, 0.0, 1, 1.0).error.kind == ESTIMATED
+    assert LinkCheck(met, {}, 0.0, 1, 1.0).error(0.0).kind == ESTIMATED
     assert LinkCheck(met, {}, 0.0, 1, 1.0).beyond(met.low / 2)
 
 

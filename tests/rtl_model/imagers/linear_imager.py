@@ -125,7 +125,7 @@ class LinearModel(ImagerModel):
     def metrics(self, frames, view, imager):
         return {"mean": Metric(frames[-1].mean, "DN")}
 
-    def latency(self, frames, view):
+    def latency(self, frames, view, imager):
         return [Latency("exposure", 1.0, 1.0, 1.0)]
 
 

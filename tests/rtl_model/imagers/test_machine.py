@@ -15,7 +15,7 @@ from rtl_model.imagers.check.paired import paired_error
 from rtl_model.imagers.report.figures import read_vcd
 from rtl_model.imagers.run.tape import Tape, Taped
 from scenarios.assemble.imager import assemble_imager_study, plan_imager
-from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.assemble.schema.messages import validate
 from scenarios.run import run_scenario
 from sensor.imagers import Exposed
@@ -241,3 +241,30 @@ def test_a_shipped_scenario_runs_to_its_report(tmp_path, name, assignments, figu
     page = (folder / "report.html").read_text()
     assert "http" not in page
     assert len(read_vcd(trace)) >= 4 and any(read_vcd(trace).values())
+
+
+@pytest.mark.parametrize(("clock", "outcome"), [("85 MHz", "ok"), ("39 MHz", "degraded")])
+def test_a_board_that_is_too_slow_degrades_the_run(tmp_path, clock, outcome):
+    short, loaded = load("ebaps-night", [
+        "duration=250 ms", "imager.rows=8", "imager.columns=32",
+        f"imager.board.link_clock={clock}",
+    ])  # fmt: skip
+    assert load_again(to_toml(loaded), tmp_path) == loaded
+    done = run_scenario(
+        short, loaded, tmp_path / "run", options=Options(), progress=Silent(), began=0.0,
+        report=lambda machine, made: [],
+    )  # fmt: skip
+    metrics = done.result.metrics
+    assert done.result.outcome == outcome and metrics["board_frames"].value == 1
+    lost = outcome != "ok"
+    assert metrics["board_pixels_wrong"].value == (256 if lost else 0)
+    assert [note for note in done.outcome.notes if "39 MHz is too slow" in note] or not lost
+    stages = {row.stage: row for row in done.result.latency}
+    moved = stages["frame requested to its last pixel read"]
+    assert moved.min_us > 256 / float(clock.split()[0])  # a pixel a clock at the most
+
+
+def load_again(text, folder):
+    path = folder / "again.toml"
+    path.write_text(text)
+    return load(str(path))[1]

@@ -174,7 +174,7 @@ class GlobalShutterModel(ImagerModel):
     def metrics(self, frames: Any, view: View, imager: Any) -> dict[str, Metric]:
         return {"mean": Metric(frames[-1].mean, "DN")}
 
-    def latency(self, frames: Any, view: View) -> list[Latency]:
+    def latency(self, frames: Any, view: View, imager: Any) -> list[Latency]:
         microseconds = self.section.exposure * 1e6
         return [Latency("exposure", microseconds, microseconds, microseconds)]
 

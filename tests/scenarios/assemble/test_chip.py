@@ -173,16 +173,17 @@ def test_a_capacitance_adds_its_reset_noise() -> None:
 def test_the_silicon_preset_fills_in_what_is_absent() -> None:
     scenario = load("step", ["sensor.preset=silicon", "sensor.pattern.prnu=0"])[1]
     setting = camera_setting(scenario)
-    assert setting.threshold_noise == pytest.approx(0.0058 * setting.threshold)
+    assert setting.threshold_noise == pytest.approx(0.001 * setting.threshold)
     assert setting.pattern is not None and setting.pattern.prnu == 0
     kept = {effect.name for effect in setting.acting_effects}
     assert kept >= {
         "row-by-row sampling", "comparator delay", "optical cross-talk", "threshold noise",
         "reset dead time", "threshold FPN", "dark current and DSNU", "hot and dead pixels",
+        "warm pixels",
     }  # fmt: skip
     assert "PRNU" not in kept
     assert camera("preset=silicon", "threshold_noise=7 e").threshold_noise == 7
-    assert camera("preset=silicon", "threshold_level=8").threshold_noise == pytest.approx(2.9)
+    assert camera("preset=silicon", "threshold_level=8").threshold_noise == pytest.approx(0.5)
     # What a run leaves as its scenario makes the same camera, and so does nothing twice.
     again = validate(tomllib.loads(to_toml(scenario)))
     assert again == scenario and camera_setting(again) == setting
@@ -194,5 +195,5 @@ def test_the_silicon_preset_fills_in_what_is_absent() -> None:
 
 def test_every_size_of_the_preset_says_where_it_is_from() -> None:
     sizes = [key.silicon for _, key in all_keys() if key.silicon is not None]
-    assert len(sizes) == 12 and all(sized.value > 0 and sized.source for sized in sizes)
+    assert len(sizes) == 15 and all(sized.value > 0 and sized.source for sized in sizes)
     assert {sized.provenance for sized in sizes} == {"assumed"}

@@ -204,9 +204,10 @@ def test_the_preset_silicon_keeps_what_such_pixels_have(tmp_path):
     assert not {"threshold noise", "threshold FPN", "dead time"} & set(result.kept)
     (note,) = (note for note in run.run.notes if "since no pixel spikes: " in note)
     assert note.split(": ")[1].split(", ") == [
-        "threshold noise", "dead time", "row skew", "comparator delay", "threshold fpn"
+        "threshold noise", "dead time", "row skew", "comparator delay", "row jitter", "row wander",
+        "drift", "threshold fpn",
     ]  # fmt: skip
-    assert run.spec.setting.pattern is not None and run.spec.setting.pattern.prnu == 0.058
+    assert run.spec.setting.pattern is not None and run.spec.setting.pattern.prnu == 0.025
     _, again = shoot(tmp_path / "again", name=str(run.run.folder))
     assert again.views.reports == run.views.reports
 

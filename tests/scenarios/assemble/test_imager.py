@@ -244,7 +244,7 @@ def test_what_is_foreseen_holds_what_the_controller_does():
     assert model.metrics([*taken, blind], ready.view, imager)["largest"].value is None
     # Full scale at 1 V/(lx s) and this exposure; the right one leaves the white step below it.
     assert metrics["exposure"].value * 1e-6 * 0.9 * 30_000 < 1.0
-    assert model.latency(taken, ready.view)[0].max_us == pytest.approx(
+    assert model.latency(taken, ready.view, imager)[0].max_us == pytest.approx(
         max(start.delay, jump.delay) * 1e-6
     )
 

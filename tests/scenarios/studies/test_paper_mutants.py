@@ -42,7 +42,7 @@ def scaled_property(factor: float) -> Fault:
 
 PRINCIPLE, ADAPTIVE = "scenarios.studies.paper.spike_principle", "rtl_model.imagers.adaptive"
 EBAPS, EMCCD = "rtl_model.imagers.ebaps", "rtl_model.imagers.emccd"
-RANGE = "scenarios.studies.paper.dynamic_range"
+RANGE = "rtl_model.imagers.hardware_chain"
 
 MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
     "000": [
@@ -65,7 +65,7 @@ MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
         (f"{ADAPTIVE}.paper", "lengthening", fixed(2)),
         (f"{ADAPTIVE}.paper", "shortened", fixed(1)),
         (f"{ADAPTIVE}.device.timing", "Timing.period", scaled(2)),
-        (f"{ADAPTIVE}.paper", "ring", lambda right: lambda n, rows: n),
+        (f"{ADAPTIVE}.device.switching", "ring", lambda right: lambda n, rows, code: n),
         (f"{ADAPTIVE}.device.loop", "shortest_exposure", scaled(3)),
     ],
     "002": [
@@ -89,14 +89,25 @@ MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
         (f"{EMCCD}.paper", "spill_lines", fixed(None)),
         (f"{EMCCD}.paper", "HighVoltage.volts", moved(1.0)),
         (f"{EMCCD}.device.sequencer", "Cycle.after", scaled_property(2)),
+        (f"{EMCCD}.paper", "word_edges", lambda right: lambda edge, code: right(edge, code & ~1)),
+        (f"{EMCCD}.device.sine_drive", "SineDrive.loop_gain", scaled(0.5)),
+        (f"{EMCCD}.device.sine_drive", "SineDrive.efficiency", scaled_property(1.01)),
+        (f"{EMCCD}.device.supplies", "Supplies.rails",
+         lambda right: property(lambda self: right.fget(self)[::-1])),
     ],
     "004": [
-        (RANGE, "decibels", fixed(10.0)),
-        (RANGE, "sensor_dynamic_range", moved(1.0)),
+        (f"{RANGE}.paper", "decibels", fixed(10.0)),
+        (f"{RANGE}.paper", "sensor_dynamic_range", moved(1.0)),
         ("sensor.dynamic_range.noise", "SensorNoise.at", scaled(1.1)),
-        (RANGE, "gain_counted_once", moved(3.0)),
-        (RANGE, "as_ratio", scaled(1.5)),
+        (f"{RANGE}.paper", "gain_counted_once", moved(3.0)),
+        (f"{RANGE}.paper", "as_ratio", scaled(1.5)),
         ("sensor.dynamic_range.chain", "Chain.floor", scaled_property(1.2)),
+        (f"{RANGE}.pixels", "ChainPixels.slope", scaled_property(1.001)),
+        ("sensor.dynamic_range.noise", "SensorNoise.parts",
+         lambda right: lambda self, celsius, *rest: right(self, 25.0, *rest)),
+        (f"{RANGE}.pixels", "normal", scaled(1.03)),
+        (f"{RANGE}.ripple", "Ripple.at", scaled(1.1)),
+        (f"{RANGE}.ripple", "Ripple._per_cycle", scaled_property(1.01)),
     ],
 }  # fmt: skip
 """Document: module, name in it, and fault."""

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from sensor.dynamic_range.catalogue import CONVERTERS, KODAK
+from sensor.dynamic_range.catalogue import CONVERTERS, KODAK, SENSORS
 from sensor.dynamic_range.chain import (
     Chain,
     document_dynamic_range,
@@ -32,6 +32,15 @@ def test_the_documents_example():
     noise = KODAK.noise.at(25, 27e6)
     assert noise == 25
     assert sensor_dynamic_range(KODAK.full_well, noise) == pytest.approx(64.08, abs=0.005)
+
+
+def test_the_reset_noise_of_a_3t_pixel_is_that_of_its_capacitance():
+    """10 fF at 25 degC: sqrt(k T C)/q is 40 e; reset after reading doubles the variance."""
+    part = next(sensor for sensor in SENSORS if sensor.name == "cmos-3t")
+    assert part.noise.reset == pytest.approx(
+        math.sqrt(2 * 1.380649e-23 * 298.15 * 10e-15) / 1.602176634e-19
+    )
+    assert round(part.noise.reset / math.sqrt(2)) == 40
 
 
 def test_each_noise_follows_its_law():

@@ -175,7 +175,10 @@ def test_compiled_sums_are_numpys_to_the_last_bit(
 
     shape, random = (7, 9), np.random.default_rng(int(10 * skew))
     offsets = row_offsets(CLOCK, 7, skew, 0.0, (0, 7)) if skew else None
-    pattern = DevicePattern(0.1, 5e4, 0.2, 0.02, 0.05, 5e5, 0.05, 3).at(np.arange(63))
+    pattern = DevicePattern(
+        prnu=0.1, dark=5e4, dsnu=0.2, threshold_fpn=0.02,
+        hot=0.05, hot_current=5e5, dead=0.05, device_seed=3,
+    ).at(np.arange(63))  # fmt: skip
     knots = np.cumsum(random.integers(PERIOD // 9, 3 * PERIOD, 40)).tolist()
     made: list[Piece] = []
     for n, (a, b) in enumerate(itertools.pairwise([0, *knots])):

@@ -15,6 +15,7 @@ from cosim.plan.tiles import TileGrid
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.device.pattern import DevicePattern
 from sensor.latched.patches import PatchCamera
+from sensor.latched.row_timing import RowTiming
 from sensor.latched.tiers import Tier
 
 PERIOD = PS // 40_000
@@ -30,6 +31,7 @@ def camera(**more: object) -> CameraSetting:
     return CameraSetting(
         chip, Clock.from_hz(40e3), 300.0, 5, pattern=pattern, threshold_noise=3.0, dead_time=2e-6,
         row_skew=0.5, comparator_delay=1e-6, crosstalk=0.05,
+        row_timing=RowTiming(0.08, 0.01, 0.4, 9.0), drift=1e-3,
     )  # fmt: skip
 
 

@@ -52,6 +52,8 @@ def test_tfp_is_the_mean_of_the_cycles_there_are(planes: np.ndarray, pick: int, 
     inside = planes[max(at - half, 0) : at + half + 1]
     found = tfp(stream, at, 2 * half + 1)
     assert np.allclose(found, inside.mean(axis=0), atol=1e-6)
+    before = planes[max(at - half, 0) : at + 1]
+    assert np.allclose(tfp(stream, at, half + 1, preceding=True), before.mean(axis=0), atol=1e-6)
 
 
 @settings(max_examples=50, deadline=None)
@@ -70,6 +72,9 @@ def test_tau_is_255_less_the_interval_clipped() -> None:
     planes[[10, 510], 0, 2] = 1  # beyond 255
     stream = Viform.from_planes(planes, CLOCK)
     assert tau_image(stream, 11).tolist() == [[254, 155, 0, 0]]
+    # Normalised by the longest interval, 500: 255 - round(255 tau / 500).
+    assert tau_image(stream, 11, None).tolist() == [[254, 204, 0, 0]]
+    assert tau_image(stream, 11, 1000).tolist() == [[255, 229, 127, 0]]
 
 
 def test_bad_instants_and_windows_are_one_line() -> None:

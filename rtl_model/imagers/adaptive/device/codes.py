@@ -1,15 +1,24 @@
-"""Gray codes of the counters.
+"""Codes of the counters: Gray, and binary for comparison.
 
-Each step changes one bit (document 001, section 4). A cyclic Gray code with fewer states than its
-bits allow is taken from the middle of the reflected code, which requires an even number of states.
+Each step of a Gray code changes one bit (document 001, section 4). A cyclic Gray code with fewer
+states than its bits allow is taken from the middle of the reflected code, which requires an even
+number of states.
 """
 
 from __future__ import annotations
 
-__all__ = ["changed_bits", "gray", "gray_bits", "ring"]
+from typing import Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Code", "gray", "gray_bits", "ring"]
+
+Code = Literal["gray", "binary"]
+Number = TypeVar("Number", int, npt.NDArray[np.int64])
 
 
-def gray(number: int) -> int:
+def gray(number: Number) -> Number:
     """Reflected Gray code."""
     return number ^ (number >> 1)
 
@@ -21,13 +30,10 @@ def gray_bits(states: int) -> int:
     return (states - 1).bit_length()
 
 
-def ring(number: int, states: int) -> int:
-    """Code of a cyclic Gray counter: it changes one bit in each step, also from the last state to
-    the first."""
+def ring(number: Number, states: int, code: Code = "gray") -> Number:
+    """Code of a cyclic counter. A Gray counter changes one bit in each step, also from the last
+    state to the first; a binary one changes all bits that a carry passes."""
+    if code == "binary":
+        return number % states
     spare = (1 << gray_bits(states)) - states
     return gray(number % states + spare // 2)
-
-
-def changed_bits(before: int, after: int) -> int:
-    """Number of bits in which two codes differ."""
-    return (before ^ after).bit_count()

@@ -91,31 +91,35 @@ class Controller:
         """Restarts at a clock, with the present register values. The first two exposures are chosen
         by `begin`, so that earlier writes apply to them."""
         self._sequencer = Sequencer(self.timing, origin)
-        self._ahead: list[tuple[int, int]] = []
-        self._frames: list[FrameTiming] = []
-        self._multiplier = 0
+        self._past: list[FrameTiming] = []
+        self._coming: list[tuple[FrameTiming, int]] = []
         self._counting: Counting | None = None
         self.judged: Judged | None = None
 
     def begin(self) -> None:
         """Starts the first exposures, of T or of the user's setting (document 001, section 2).
         Does nothing if they have started."""
-        if self._frames:
+        if self._coming:
             return
         first = 1 if self.registers.active("adaptive_automatic") else self._user
         self.registers.set("adaptive_multiplier", first)
-        self._ahead = [(first * self._minimum, first)] * 2
-        self._next()
+        self._choose(first)
+        self._choose(first)
 
     @property
     def frame(self) -> FrameTiming:
         """The frame that is read out now or next."""
-        return self._frames[-1]
+        return self._coming[0][0]
+
+    @property
+    def following(self) -> FrameTiming:
+        """The frame after it, whose rows may be being reset already."""
+        return self._coming[1][0]
 
     @property
     def multiplier(self) -> int:
-        """Exposure of `frame`, in units of the T of its decision."""
-        return self._multiplier
+        """Exposure of `frame`, in units of the T of its decision; 0 before `begin`."""
+        return self._coming[0][1] if self._coming else 0
 
     @property
     def opened(self) -> Counting | None:
@@ -138,7 +142,7 @@ class Controller:
             raise RuntimeError("a frame that was not opened cannot be closed")
         at = self.registers.active
         self.judged = Judged(
-            self._counting, self._multiplier, Search(at("adaptive_search") or 1),
+            self._counting, self.multiplier, Search(at("adaptive_search") or 1),
             min(at("adaptive_longest"), LONGEST),
             None if at("adaptive_automatic") else self._user,
         )  # fmt: skip
@@ -150,13 +154,13 @@ class Controller:
             ("last_frame", frame.number & _WORD),
             ("last_saturated", statistics.saturated),
             ("last_largest", largest),
-            ("last_multiplier", self._multiplier),
+            ("last_multiplier", self.multiplier),
             ("last_flag", flag),
             ("frames", (frame.number + 1) & _WORD),
         ):
             self.registers.set(f"adaptive_{name}", value)
         state = {
-            "multiplier": self._multiplier,
+            "multiplier": self.multiplier,
             "exposure_clocks": frame.exposure,
             "saturated": statistics.saturated,
             "largest": largest,
@@ -165,10 +169,12 @@ class Controller:
             "hold_clocks": frame.hold,
             "period_clocks": frame.period,
             "counter": frame.counter,
-            "disturbed": disturbed(self.timing, self._frames),
+            "disturbed": disturbed(self.timing, [*self._past, frame]),
         }
-        self._ahead.append((chosen * self._minimum, chosen))
-        self._next()
+        self._past = [frame]
+        self._coming.pop(0)
+        self._choose(chosen)
+        self._counting = None
         return {name: float(value) for name, value in state.items()}
 
     @property
@@ -179,7 +185,6 @@ class Controller:
     def _user(self) -> int:
         return min(max(1, self.registers.active("adaptive_user")), 1 << LONGEST)
 
-    def _next(self) -> None:
-        exposure, self._multiplier = self._ahead.pop(0)
-        self._frames = [*self._frames[-1:], self._sequencer.step(exposure)]
-        self._counting = None
+    def _choose(self, multiplier: int) -> None:
+        timing = self._sequencer.step(multiplier * self._minimum)
+        self._coming.append((timing, multiplier))

@@ -15,12 +15,13 @@ from rtl_model.imagers.adaptive.device.controller import Controller
 from rtl_model.imagers.adaptive.device.registers import DEFAULT_SHAPE
 from rtl_model.imagers.adaptive.device.signals import signal_list, signals_of
 from rtl_model.imagers.adaptive.device.statistics import gather
+from rtl_model.imagers.adaptive.device.switching import Coupling, row_kicks
 from rtl_model.imagers.adaptive.device.timing import FRAME_RATE, FrameTiming, Timing
 from rtl_model.imagers.device.trace import trace_ending, write_trace
 from rtl_model.imagers.device.writing import register_of, write_instant
 from rtl_model.registers.table import Register
 from sensor.imagers import Exposed, Scenery
-from sensor.imagers.cmos import AdaptivePixels
+from sensor.imagers.cmos import AdaptivePixels, CmosExposed
 
 __all__ = ["AdaptiveExposure"]
 
@@ -39,19 +40,24 @@ class AdaptiveExposure:
         pixels: pixel array; None for one of the default shape.
         timing: timing of the sequencer; None derives it from `frame_rate`.
         frame_rate: frame rate without `timing`, Hz.
+        coupling: of switching logic onto the pixels; None for none, and Gray code.
+
+    Attributes:
+        timings: with a coupling, of all frames filmed and of the one after them.
     """
 
     name = "adaptive-exposure"
 
     def __init__(
         self, pixels: AdaptivePixels | None = None, timing: Timing | None = None,
-        frame_rate: float = FRAME_RATE,
+        frame_rate: float = FRAME_RATE, coupling: Coupling | None = None,
     ) -> None:  # fmt: skip
         self.pixels = pixels or AdaptivePixels(DEFAULT_SHAPE)
         self.timing = timing or Timing.of(*self.pixels.shape, frame_rate)
         if (self.timing.rows, self.timing.columns) != self.pixels.shape:
             raise ValueError(f"timing must be for {self.pixels.shape} pixels, not {self.timing}")
         self.controller = Controller(self.timing)
+        self.coupling, self.timings = coupling, list[FrameTiming]()
         self._waiting: list[tuple[int, int, str, int]] = []
         self._written, self._now = 0, 0
 
@@ -104,6 +110,10 @@ class AdaptiveExposure:
             light = scene.lux_seconds(0, begin, end)
             seconds, waiting = (end - begin) / PS, np.zeros(len(end))
             exposed = Exposed(light, seconds, waiting, 0, timing.number)
+            if self.coupling is not None:
+                self.timings[timing.number :] = [timing, core.following]
+                kicks = row_kicks(self.timing, self.timings, timing.number, self.coupling)
+                exposed = CmosExposed(light, seconds, waiting, 0, timing.number, kicks)
             values, saturated = self.pixels.digitise(exposed, seed, kept)
             statistics = gather(values, saturated, counting.window, whole_scan=counting.whole_scan)
             self._apply(ready)
@@ -143,7 +153,7 @@ class AdaptiveExposure:
         )
 
     def _write_trace(self, path: Path, frames: list[FrameTiming]) -> None:
-        edge = self.timing.clock.edge
+        edge, code = self.timing.clock.edge, self.coupling.code if self.coupling else "gray"
         records = ((edge(clock), name, value) for clock, name, value in
-                   signals_of(self.timing, frames))  # fmt: skip
-        write_trace(path, signal_list(self.timing), records, top="adaptive_exposure")
+                   signals_of(self.timing, frames, code))  # fmt: skip
+        write_trace(path, signal_list(self.timing, code), records, top="adaptive_exposure")

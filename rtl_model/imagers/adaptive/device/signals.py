@@ -5,7 +5,7 @@
 - sampling: idle phase that ends with the sample of a row, in which nothing else switches.
 - Pout: work phases in which pixels leave and are scanned.
 - select: work cycle of the exposure decision.
-- row, reset1, reset2: Gray codes of the counters.
+- row, reset1, reset2: codes of the counters.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from heapq import merge
 
-from rtl_model.imagers.adaptive.device.codes import gray_bits, ring
+from rtl_model.imagers.adaptive.device.codes import Code, gray_bits, ring
 from rtl_model.imagers.adaptive.device.timing import FrameTiming, Timing
 from rtl_model.imagers.device.trace import Signal
 
@@ -23,9 +23,9 @@ Change = tuple[int, str, int]
 """(clock, signal, new value)."""
 
 
-def signal_list(timing: Timing) -> tuple[Signal, ...]:
+def signal_list(timing: Timing, code: Code = "gray") -> tuple[Signal, ...]:
     """All signals of the sequencer, with width and value at power-on."""
-    bits, first = gray_bits(timing.rows), ring(0, timing.rows)
+    bits, first = gray_bits(timing.rows), ring(0, timing.rows, code)
     lines = ("Vout", "Hout", "Hrst1", "Hrst2", "sampling", "Pout", "select")
     codes = ("row", "reset1", "reset2")
     return (
@@ -34,23 +34,25 @@ def signal_list(timing: Timing) -> tuple[Signal, ...]:
     )
 
 
-def signals_of(timing: Timing, frames: Sequence[FrameTiming]) -> Iterator[Change]:
+def signals_of(
+    timing: Timing, frames: Sequence[FrameTiming], code: Code = "gray"
+) -> Iterator[Change]:
     """All changes of the signals during these frames, in order of clocks."""
-    parts = [part(timing, frame) for frame in frames for part in (_resets, _reading)]
+    parts = [part(timing, frame, code) for frame in frames for part in (_resets, _reading)]
     return merge(*parts, key=lambda change: change[0])
 
 
-def _resets(timing: Timing, frame: FrameTiming) -> Iterator[Change]:
-    pulse, code = f"Hrst{frame.counter}", f"reset{frame.counter}"
+def _resets(timing: Timing, frame: FrameTiming, code: Code) -> Iterator[Change]:
+    pulse, counter = f"Hrst{frame.counter}", f"reset{frame.counter}"
     for row in range(timing.rows):
         end = frame.reset(row)
         step = -(-end // timing.cycle) * timing.cycle
         yield end - timing.work, pulse, 1
         yield end, pulse, 0
-        yield step, code, ring(row + 1, timing.rows)
+        yield step, counter, ring(row + 1, timing.rows, code)
 
 
-def _reading(timing: Timing, frame: FrameTiming) -> Iterator[Change]:
+def _reading(timing: Timing, frame: FrameTiming, code: Code) -> Iterator[Change]:
     for row in range(timing.rows):
         at = frame.sample(row)
         yield at - timing.work, "sampling", 1
@@ -61,7 +63,7 @@ def _reading(timing: Timing, frame: FrameTiming) -> Iterator[Change]:
         yield at + timing.work, "Hout", 0
         if row == 0:
             yield at + timing.work, "Vout", 0
-        yield at + timing.turn, "row", ring(row + 1, timing.rows)
+        yield at + timing.turn, "row", ring(row + 1, timing.rows, code)
         for cycle in range(timing.out_cycles):
             start = at + timing.turn + cycle * timing.cycle
             yield start, "Pout", 1

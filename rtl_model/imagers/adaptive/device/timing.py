@@ -44,6 +44,7 @@ class Timing:
             the row is transferred to the readout.
         lanes: pixels that leave per clock.
         clock: clock of the sequencer.
+        timer_bits: bits of the free-running counter of work cycles.
     """
 
     rows: int
@@ -54,6 +55,7 @@ class Timing:
     turn: int = 40
     lanes: int = 1
     clock: Clock = _CLOCK
+    timer_bits: int = 32
 
     def __post_init__(self) -> None:
         for name in ("rows", "columns"):

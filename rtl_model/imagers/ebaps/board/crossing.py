@@ -63,8 +63,10 @@ class Transfer:
     """Result of a transfer of frames.
 
     Attributes: frames: (H, W) read, by region. writes, reads: bursts in order. clocks: of the
-    memory. overflows, underflows: over all FIFOs. most: largest number of words in the write FIFO.
-    faults: of the bus. done: whether all words arrived.
+    memory. overflows, underflows: over all FIFOs. most, most_read: largest number of words in the
+    write FIFO and in a read FIFO. written: ps at which the last burst was acknowledged. shown: ps
+    of the first and the last value that were read. pixels: that were written. faults: of the bus.
+    done: whether all words arrived.
     """
 
     frames: dict[int, Image] = field(default_factory=dict)
@@ -75,6 +77,10 @@ class Transfer:
     overflows: int = 0
     underflows: int = 0
     most: int = 0
+    most_read: int = 0
+    written: int = 0
+    shown: tuple[int, int] = (0, 0)
+    pixels: int = 0
     done: bool = False
 
 
@@ -101,6 +107,7 @@ class _Display:
         self._fifos, self._count = fifos, count
         self._unpackers = [Unpacker() for _ in fifos]
         self.values: list[list[int]] = [[] for _ in fifos]
+        self.first = self.last = 0
 
     @property
     def done(self) -> bool:
@@ -116,6 +123,9 @@ class _Display:
                 self._unpackers[n].load(word)
             if rd_en:
                 self.values[n].append(self._unpackers[n].take())
+        if rd_en:
+            self.last = now
+            self.first = self.first or now
 
 
 @dataclass(frozen=True)
@@ -171,7 +181,7 @@ def transfer(
         reader.begin(regions, 2 * shape[0] * shape[1])
     hertz = {"pixel": at.pixel, "memory": at.memory, "display": at.display}
     patience = (_STUCK + 4 * path.latency) / (1 - path.stall)
-    still, before = dict.fromkeys(hertz, 0), (0, 0, 0)
+    still, before, written = dict.fromkeys(hertz, 0), (0, 0, 0), 0
     for now, name in edges_of(hertz, dict(zip(hertz, at.phases, strict=True))):
         still[name] += 1
         if name == "pixel":
@@ -187,6 +197,8 @@ def transfer(
             port.edge(seen)
             writer.edge(now, seen)
             reader.edge(now, seen)
+            if not written and writer.idle:
+                written = now
             moved = (inward.inside, len(writer.bursts), sum(map(len, display.values)))
             if moved != before:
                 still, before = dict.fromkeys(hertz, 0), moved
@@ -201,7 +213,9 @@ def transfer(
         },
         writes=writer.bursts, reads=reader.bursts, faults=rules.faults, clocks=rules.clock,
         overflows=sum(f.overflows for f in fifos), underflows=sum(f.underflows for f in fifos),
-        most=inward.most, done=writer.idle and display.done,
+        most=inward.most, most_read=max((f.most for f in outward), default=0), written=written,
+        shown=(display.first, display.last), pixels=frame.size,
+        done=writer.idle and display.done,
     )  # fmt: skip
 
 

@@ -13,8 +13,9 @@ from cosim.frames import Frame
 from rtl_model.imagers.device.trace import Record, Signal, write_trace
 from rtl_model.imagers.device.writing import register_of, write_instant
 from rtl_model.imagers.ebaps.board.burst_memory import BurstMemory
-from rtl_model.imagers.ebaps.board.regions import LIVE, FrameMemory
+from rtl_model.imagers.ebaps.board.regions import FrameMemory
 from rtl_model.imagers.ebaps.board.timing import Timing
+from rtl_model.imagers.ebaps.device.clocked_board import Board, Sent
 from rtl_model.imagers.ebaps.device.darks import DARKS, mean_of_four, subtract
 from rtl_model.imagers.ebaps.device.drive import DRIVE_SIGNALS, drive_records
 from rtl_model.imagers.ebaps.device.resets import late_resets, row_times
@@ -34,7 +35,8 @@ TRACED = 8
 class Ebaps:
     """See `Imager`. pixels: at most the size of the timing; a smaller array is the upper left
     corner, with its row times, and the mean is over its pixels only. memory: frame memory;
-    `BurstMemory` without clock-by-clock transfers if None.
+    `BurstMemory` if None. board: the frame memory with all that follows it, clock by clock for its
+    first frames; None for none.
 
     A dark frame (KEY = 1) is delivered unchanged; from a live frame the mean of four dark frames is
     subtracted if four are stored. The `state` of a frame has its exposure, voltage, mean,
@@ -45,14 +47,15 @@ class Ebaps:
 
     def __init__(
         self, pixels: EbapsPixels | None = None, *, memory: FrameMemory | None = None,
-        timing: Timing | None = None,
+        timing: Timing | None = None, board: Board | None = None,
     ) -> None:  # fmt: skip
         self.pixels = EbapsPixels() if pixels is None else pixels
         self.timing = Timing() if timing is None else timing
         height, width = self.pixels.shape
         if height > self.timing.rows or width > self.timing.columns:
             raise ValueError(f"pixels must fit {self.timing.rows} x {self.timing.columns}")
-        self.memory: FrameMemory = BurstMemory() if memory is None else memory
+        self.board = board
+        self.memory: FrameMemory = board or (BurstMemory() if memory is None else memory)
         self.sequencer = Sequencer(self._expose, self.timing)
         self.now = 0
         self._writes: list[tuple[int, int, str, int]] = []
@@ -98,6 +101,8 @@ class Ebaps:
     ) -> Iterator[Frame]:  # fmt: skip
         """See `Imager`. The trace shows the first `TRACED` frames that are delivered."""
         self._film = (scene, seed, kept)
+        if self.board is not None:
+            self.board.seed(seed)
         records: list[Record] = []
         traced: list[tuple[int, int]] = []
         while True:
@@ -143,14 +148,17 @@ class Ebaps:
         light = dark if shot.closed else scene.lux_seconds(0, begin, end)
         seconds = (end - begin) / 1e12
         exposed = Exposed(light, seconds, np.zeros(height), 0, shot.number)
-        values = self._model(shot.volts).convert(exposed, seed, kept)
-        self.memory.store(shot.region, values)
+        self.memory.store(shot.region, self._model(shot.volts).convert(exposed, seed, kept))
+        values = self.memory.read(shot.region)
         raw = int(values.sum(dtype=np.int64))
         self._raw_mean = raw / values.size
         shown = values
-        if not shot.key and self.sequencer.subtracts():
+        subtracts, pedestal = self.sequencer.subtracts(), self.sequencer.pedestal()
+        if not shot.key and subtracts:
             darks = [self.memory.read(n) for n in range(DARKS)]
-            shown = subtract(self.memory.read(LIVE), mean_of_four(darks), self.sequencer.pedestal())
+            shown = subtract(values, mean_of_four(darks), pedestal)
+        if not shot.key and self.board is not None:
+            self.board.sends(Sent(shown, subtracts, pedestal))
         self._shown = shown
         return Read(raw, int(shown.sum(dtype=np.int64)), values.size)
 

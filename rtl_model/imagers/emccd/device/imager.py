@@ -1,6 +1,8 @@
 """The whole EMCCD camera: light in, frames out, controlled by its registers.
 
-The sequencer runs with clock resolution. The pixels of a frame are computed when its last pixel has
+The sequencer runs with clock resolution. Where a cycle takes another gain step, a word over SPI
+moves the potentiometer, and the drive's loop follows; the gain of a frame is that of the mean peak
+while its rows are read. The pixels of a frame are computed when its last pixel has
 left, with the parameters of its cycle. The pixel model takes all rows of the image area, because
 smear and blooming depend on them, and returns the rows of the window.
 """
@@ -19,7 +21,14 @@ from rtl_model.imagers.device.trace import Signal, trace_ending, write_trace
 from rtl_model.imagers.device.writing import register_of, write_instant
 from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
 from rtl_model.imagers.emccd.device.cooling import Cooler
+from rtl_model.imagers.emccd.device.potentiometer import (
+    SPI_SIGNALS,
+    Potentiometer,
+    word_clocks,
+    word_edges,
+)
 from rtl_model.imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
+from rtl_model.imagers.emccd.device.sine_drive import RunningDrive, SineDrive
 from rtl_model.imagers.emccd.device.timing import Timing
 from sensor.imagers import Scenery
 from sensor.imagers.emccd import EmccdExposed, EmccdPixels, HighVoltage
@@ -37,10 +46,13 @@ class Emccd:
     Args:
         pixels: chip; None for the default.
         timing: timing of the sequencer; None for the default.
-        high_voltage: gain of each step; None for the default.
+        drive: of the multiplication register; None for the default.
         pulses: instants of external sync, ps; a pulse is detected at the first edge not before it.
         cooler: determines the temperature of the chip at each frame, from its present state on;
             None for the constant temperature of the pixels.
+        powered: instants at which the supplies are good and at which they are switched off, ps;
+            None for ever. Cycles begin and frames end between them. From an instant above 0 the
+            loop of the drive begins at 0 V.
     """
 
     name = "emccd"
@@ -50,15 +62,17 @@ class Emccd:
         pixels: EmccdPixels | None = None,
         timing: Timing | None = None,
         *,
-        high_voltage: HighVoltage | None = None,
+        drive: SineDrive | None = None,
         pulses: Iterable[int] = (),
         cooler: Cooler | None = None,
+        powered: tuple[int, int | None] = (0, None),
     ) -> None:
         self.pixels = pixels or EmccdPixels()
         self.timing = timing or Timing()
         if (self.timing.rows, self.timing.columns) != self.pixels.shape:
             raise ValueError(f"timing must be for {self.pixels.shape} pixels, not {self.timing}")
-        self.high_voltage = high_voltage or HighVoltage(stages=self.pixels.stages)
+        hertz = self.timing.clock_hz
+        self.drive = drive or SineDrive(HighVoltage(stages=self.pixels.stages), hertz=hertz)
         self.cooler = cooler
         # A cooler that has run before continues from its present state.
         self._cooled = 0 if cooler is None else cooler.samples * cooler.settings.sample
@@ -67,7 +81,16 @@ class Emccd:
         self._waiting: list[tuple[int, int, str, int]] = []  # (edge, order, register, value)
         self._written = self._now = 0
         self._cycles: list[Cycle] = []  # begun, not yet delivered
-        self.sequencer = EmccdSequencer(self.timing, self._pulses, self._cycles.append)
+        self.sequencer = EmccdSequencer(self.timing, self._pulses, self._begin)
+        self.potentiometer = Potentiometer()
+        self._words: list[tuple[int, int]] = []  # (edge, code) of each word
+        self._moves: list[tuple[int, int]] = []  # (edge, wiper) that the drive has not taken yet
+        start, self._off = powered
+        first = self._edge(start)
+        code = self.potentiometer.wiper if start else 0  # before the run: as the register's reset
+        self._running = RunningDrive(self.drive, code, first, cold=start > 0)
+        if first:
+            self.sequencer.reset(first)
 
     @property
     def now(self) -> int:
@@ -100,7 +123,8 @@ class Emccd:
         if trace is not None:
             trace_ending(trace)
         traced: list[Cycle] = []
-        stop = self._clock.cycle_at(until) + 1
+        on = until if self._off is None else min(until, self._off)
+        stop = self._clock.cycle_at(on) + 1
         while (cycle := self._cycle(stop)) is not None:
             ready = self._clock.edge(cycle.ready)
             self._now = ready
@@ -121,6 +145,22 @@ class Emccd:
         while self._waiting and self._waiting[0][0] < clock:
             _, _, name, value = self._waiting.pop(0)
             self.sequencer.registers.write(name, value)
+
+    def _begin(self, cycle: Cycle) -> None:
+        """Sends the word of a cycle whose gain step is another than that of the last word."""
+        self._cycles.append(cycle)
+        code = cycle.settings.gain_step
+        if not self._words or self._words[-1][1] != code:
+            self._words.append((cycle.start, code))
+            for _, signal, value in word_edges(cycle.start, code):
+                self.potentiometer.change(signal, value)
+            self._moves.append((cycle.start + word_clocks(), self.potentiometer.wiper))
+
+    def _peak(self, cycle: Cycle) -> float:
+        """Mean peak of the high-voltage clock while the rows of a cycle are read, V."""
+        while self._moves and self._moves[0][0] <= cycle.read_begin:
+            self._running.set(*self._moves.pop(0))
+        return self._running.mean_peak(cycle.read_begin, cycle.ready)
 
     def _cycle(self, stop: int) -> Cycle | None:
         """Runs edges before `stop` until the last pixel of a frame has left. Returns the cycle of
@@ -147,7 +187,8 @@ class Emccd:
         if self.cooler is not None:
             self.cooler.advance(self._cooled + ready)
             kelvin = self.cooler.kelvin
-        gain = self.high_voltage.gain(settings.gain_step, kelvin)
+        peak = self._peak(cycle)
+        gain = self.drive.voltage.gain_at(self.drive.at_transfer(peak), kelvin)
         exposed = EmccdExposed(
             lux_seconds=scene.lux_seconds(0, begin, end),
             seconds=(end - begin) / PS,
@@ -164,6 +205,7 @@ class Emccd:
             "exposure_steps": float(settings.steps),
             "gain_step": float(settings.gain_step),
             "gain": gain,
+            "peak": peak,
             "first_row": float(settings.first),
             "rows": float(settings.rows),
             "external": float(settings.external),
@@ -180,9 +222,12 @@ class Emccd:
         edge = self._clock.edge
         changes = [change for cycle in cycles for change in signal_changes(cycle)]
         last = cycles[-1].end if cycles else 0
+        starts = {cycle.start for cycle in cycles}
+        for begin, code in self._words:
+            changes += word_edges(begin, code) if begin in starts else ()
         for pulse in self._pulses:
             if pulse <= last:
                 changes += [(pulse, _SYNC.name, 1), (pulse + 1, _SYNC.name, 0)]
         changes.sort(key=lambda change: change[0])  # stable: preserves the order of the sequencer
         records = ((edge(k), name, value) for k, name, value in changes if edge(k) <= until)
-        write_trace(path, (*SIGNALS, _SYNC), records, top="emccd")
+        write_trace(path, (*SIGNALS, *SPI_SIGNALS, _SYNC), records, top="emccd")

@@ -84,21 +84,24 @@ def _time(us: float) -> str:
 
 def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
     """A row for each display: name, EBET, SVM, percent flicker, visibility, PSNR of the still and
-    of the pursuing eye, median delay of mid grey. PSNR exists only for the drive of the run."""
+    of the pursuing eye, median delay of mid grey, and ColorVideoVDP where it was computed. PSNR and
+    ColorVideoVDP exist only for the drive of the run."""
     rows = []
     for display, drive, title in _kinds(outcome):
-        views = ["", ""]
+        views, jod = ["", ""], math.nan
         if display != SPIKE or drive == outcome.probes.drive:
             views = [
                 number(outcome.fidelity_of(display, who).psnr, ".1f", " dB")
                 for who in ("eye", "pursuit")
             ]
+            jod = outcome.jod.get(display, math.nan)
         flicker = _flicker(outcome, display, drive, GREY)
         rows.append([
             title, number(_blur(outcome, display, drive, (0.0, GREY)).ebet * 1e3, ".3g", " ms"),
             number(flicker.svm, ".2g"), percent(flicker.percent),
             number(flicker.visibility, ".2g"), *views,
             _time(_latency(outcome, display, drive, GREY, "rise").total.median),
+            *([number(jod, ".2f", " JOD")] if outcome.jod else []),
         ])  # fmt: skip
     return rows
 
@@ -108,6 +111,7 @@ def display_table(outcome: DisplayOutcome) -> str:
     head = [
         "display", "blur (EBET)", "flicker (SVM)", "percent flicker", "visibility",
         "PSNR, still eye", "PSNR, pursuing eye", "delay",
+        *(["ColorVideoVDP"] if outcome.jod else []),
     ]  # fmt: skip
     return table(head, display_rows(outcome))
 

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from cosim.light.demosaic import in_colour
 from cosim.report.figures import overview_figure, sheet_figure
 from cosim.report.parts import cards, data, figure, plot, table
 from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
-from cosim.report.png import Levels, for_display, to_linear_bytes, write_png
+from cosim.report.png import Levels, coloured, for_display, to_linear_bytes, write_png
 from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
@@ -77,6 +78,10 @@ def _instants(run: LatchedRun) -> str:
         )
         triple = (("true light", shot.truth), ("TFP", shot.tfp), ("TFI", shot.tfi))
         pictures = "".join(figure(for_display(plane), name) for name, plane in triple)
+        if run.mosaic is not None:
+            for name, plane in triple:
+                picture = coloured(in_colour(run.mosaic, plane))
+                pictures += figure(picture, f"{name}, in colour")
         parts.append(f'<div class="grid by3">{pictures}</div>')
     return "".join(parts)
 
@@ -258,9 +263,10 @@ def stream_page(run: LatchedRun) -> Page:
         machine(run),
     ]
     shot = run.shots[len(run.shots) // 2]
+    placing = " --preceding" if run.scenario.image.preceding else ""
     image = (
         f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
-        f"--window {run.scenario.image.window} --scale {run.white_rate!r} --out a.png"
+        f"--window {run.scenario.image.window}{placing} --scale {run.white_rate!r} --out a.png"
     )
     where = "from the same board"
     if run.scenario.sensor.source is None:

@@ -6,13 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rtl_model.imagers.adaptive.device.codes import gray, ring
+from rtl_model.imagers.adaptive.device.codes import Code, ring
 from rtl_model.imagers.adaptive.device.timing import Timing
 
 __all__ = ["CounterSequencer", "Tick", "johnson"]
-
-TIMER_BITS = 32
-"""Of the free-running counter of work cycles."""
 
 
 @dataclass
@@ -52,8 +49,8 @@ def johnson(number: int, states: int) -> int:
 class CounterSequencer:
     """exposures: of the frames to come, clocks; it runs until the last of them has been read."""
 
-    def __init__(self, timing: Timing, exposures: list[int]) -> None:
-        self._t = timing
+    def __init__(self, timing: Timing, exposures: list[int], code: Code = "gray") -> None:
+        self._t, self._code = timing, code
         self._coming = list(exposures)
         self._clock = 0
         self._counters = (_ResetCounter(), _ResetCounter())
@@ -152,20 +149,21 @@ class CounterSequencer:
         return {
             "Vout": vout, "Hout": hout, "Hrst1": pulse[0], "Hrst2": pulse[1],
             "sampling": int(sampling), "Pout": out, "select": select,
-            "row": ring(self._row_steps, t.rows),
-            "reset1": ring(self._counters[0].steps, t.rows),
-            "reset2": ring(self._counters[1].steps, t.rows),
+            **self._row_codes(),
         }  # fmt: skip
+
+    def _row_codes(self) -> dict[str, int]:
+        steps = (self._row_steps, *(counter.steps for counter in self._counters))
+        codes = (ring(step, self._t.rows, self._code) for step in steps)
+        return dict(zip(("row", "reset1", "reset2"), codes, strict=True))
 
     def _codes(self, phase: int) -> dict[str, int]:
         t = self._t
         return {
             "phase": johnson(phase, t.cycle),
-            "timer": gray((self._clock // t.cycle) % (1 << TIMER_BITS)),
-            "columns": ring(self._columns, t.out_steps),
-            "row": ring(self._row_steps, t.rows),
-            "reset1": ring(self._counters[0].steps, t.rows),
-            "reset2": ring(self._counters[1].steps, t.rows),
+            "timer": ring(self._clock // t.cycle, 1 << t.timer_bits, self._code),
+            "columns": ring(self._columns, t.out_steps, self._code),
+            **self._row_codes(),
         }
 
     def _count_down(self) -> None:

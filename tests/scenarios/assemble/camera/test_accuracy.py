@@ -56,7 +56,9 @@ def test_a_tighter_tolerance_is_never_less_accurate(document):
         for tight, loose in pairwise(mine):
             assert tight["ci"][0] <= loose["ci"][1]
             assert loose["error"] <= loose["tolerance"] or loose["same_as"] == 0
-        assert mine[0]["error"] < 1e-4 < mine[-1]["error"]
+        assert mine[0]["error"] < 1e-4
+        # The exact tier keeps an effect in all tiles if one needs it: that of a hot pixel.
+        assert tier == "exact" or mine[-1]["error"] > 1e-4
     assert 0.3 < document["order"] < 2.5
 
 

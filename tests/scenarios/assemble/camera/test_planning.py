@@ -75,9 +75,7 @@ def planned(
 ) -> RunPlan:
     _, scenario = load(name, ["sensor.chip=spikeone", *assignments])
     setup = set_up_camera(scenario, None)
-    setting, instants = setup.setting, setup.instants
-    seen = setup.survey
-    return plan_run(seen, setting, tolerance, instants, device, tier=tier)
+    return plan_run(setup.survey, setup.setting, tolerance, setup.spans, device, tier=tier)
 
 
 BRIGHT = (
@@ -137,9 +135,7 @@ def test_every_set_of_effects_is_checked_somewhere(device):
 def test_a_forced_effect_stays(device):
     _, scenario = load("star", ["sensor.chip=spikeone", *BRIGHT])
     setup = set_up_camera(scenario, None)
-    setting, instants = setup.setting, setup.instants
-    seen = setup.survey
-    forced = plan_run(seen, setting, 0.02, instants, device, forced=["threshold noise"])
+    forced = setup.plan(0.02, forced=["threshold noise"])
     assert forced.plan.kept["threshold noise"].all()
     assert "threshold noise" in {effect.name for effect in forced.setting.acting_effects}
     assert replace(forced.setting, threshold_noise=0.0) != forced.setting

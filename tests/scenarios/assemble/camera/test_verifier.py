@@ -90,9 +90,9 @@ def verifiers(
     base = ("sensor.chip=spikeone", "duration=2.5 ms", "image.at=[50]", "sensor.dead_time=1 us")
     _, scenario = load("star", [*base, *sets])
     setup = set_up_camera(scenario, None)
-    setting, cycles, instants, lens = setup.setting, setup.cycles, setup.instants, setup.lens
+    setting, cycles, lens = setup.setting, setup.cycles, setup.lens
     seen = setup.survey
-    plan = plan_run(seen, setting, tolerance, instants, device)
+    plan = plan_run(seen, setting, tolerance, setup.spans, device)
     assert plan.plan.left_out
     made = [Verifier(plan, setting, list({*plan.patches(1), *more}), device) for more in tiles]
     source, relay = setup.source(), lens.relay(setting.chip.pitch)
@@ -151,8 +151,8 @@ def test_what_is_broken_is_raised_at_the_window_that_shows_it(device, monkeypatc
     key = plant(monkeypatch, "PRNU")
     _, scenario = load("step", ["sensor.chip=spikeone", "duration=5 ms", "image.at=[30,150]", key])
     setup = set_up_camera(scenario, None)
-    setting, instants, lens = setup.setting, setup.instants, setup.lens
-    plan = plan_run(setup.survey, setting, 1e-3, instants, device)
+    setting, lens = setup.setting, setup.lens
+    plan = plan_run(setup.survey, setting, 1e-3, setup.spans, device)
     assert "PRNU" in plan.plan.left_out
     verifier = Verifier(plan, setting, plan.patches(1), device)
     source, relay = setup.source(), lens.relay(setting.chip.pitch)

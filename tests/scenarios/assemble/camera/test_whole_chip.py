@@ -22,7 +22,9 @@ HARD = (
     "sensor.crosstalk=0.01", "duration=10 ms", "seed=12",
 )  # fmt: skip
 """Dead time under a hard reset. In the exact tier a tile is off by 0.013."""
-SHIPPED = ("film", "star", "step", "wave", "shockwave", "silicon", "subtract")
+SHIPPED = (
+    "film", "star", "step", "wave", "shockwave", "silicon", "subtract", "glass", "glass-impulse",
+)  # fmt: skip
 
 
 def rows(capsys: pytest.CaptureFixture[str], scenario: str, sets: tuple[str, ...]) -> Any:

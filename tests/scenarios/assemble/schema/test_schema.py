@@ -124,7 +124,8 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
          "'target', not 'fil'; "
          "choose one"),
         ("sensor.chip", "spikethree",
-         "sensor.chip must be 'spiketwo', 'spikeone' or 'spikeasync', not 'spikethree'; "
+         "sensor.chip must be 'spiketwo', 'spikeone', 'spikeone-450x200' or 'spikeasync', not "
+         "'spikethree'; "
          "write --set sensor.chip='spiketwo'"),
         ("sensor.lens.f_number", 0.1,
          f"sensor.lens.f_number must be at least 0.5, not 0.1; {SCHEMA}"),
@@ -342,12 +343,12 @@ def test_a_key_of_the_device_that_would_do_nothing_is_refused(sets, said):
 
 
 def test_the_preset_has_no_share_of_a_current_that_is_taken_out_of_it():
-    none = ["sensor.pattern.dark_current=0 e/s", "sensor.pattern.hot_current=0 A"]
+    none = ["sensor.pattern.dark_current=0 e/s", "sensor.pattern.warm_current=0 A"]
     _, loaded = load("film", ["sensor.preset=silicon", *none])
     pattern = loaded.sensor.pattern
-    assert (pattern.dsnu, pattern.hot_pixels) == (0, 0) and pattern.prnu > 0
+    assert (pattern.dsnu, pattern.warm_pixels) == (0, 0) and pattern.prnu > 0
     _, loaded = load("film", ["sensor.preset=silicon"])
-    assert loaded.sensor.pattern.dsnu > 0 and loaded.sensor.pattern.hot_pixels > 0
+    assert loaded.sensor.pattern.dsnu > 0 and loaded.sensor.pattern.warm_pixels > 0
 
 
 def quantity(unit: str, least: float, most: float) -> st.SearchStrategy[str]:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from PIL import Image
+
+from cosim import Block, Clock
+from cosim.files import Recorder
+from cosim.spikes.viform import Viform
 
 
 def test_the_document_has_a_row_for_each_parameter(viform, tmp_path):
@@ -39,11 +44,27 @@ def test_the_table_is_for_a_reader(viform):
     assert lines[-1].startswith("a bias of")
 
 
+def test_a_recording_has_its_laws(viform, tmp_path):
+    words = np.random.default_rng(1).integers(0, 2**32, (8, 16, 24), dtype=np.uint32)
+    recorder = Recorder(tmp_path / "stream.zarr", (16, 24), 256, Clock(40_000))
+    recorder.step(Viform(words, 256, Clock(40_000)), Block(0, 256))
+    figure = tmp_path / "laws.svg"
+    code, out, err = viform("laboratory", tmp_path / "stream.zarr", "--json", "--figure", figure)
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    assert (document["cycles"], document["width"], document["height"]) == (256, 24, 16)
+    # Bits at random: intervals are geometric, mean 2, and independent.
+    assert document["rate"] == pytest.approx(0.5, rel=0.02)
+    assert figure.read_text().lstrip().startswith("<?xml")
+    _, text, _ = viform("laboratory", tmp_path / "stream.zarr")
+    assert "256 cycles of 24 x 16 pixels" in text and "correlation of successive" in text
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
         (("pinhole",), "CAMERA must be one of spiketwo, spikeone, adaptive-exposure, ebaps, emccd, "
-         "not 'pinhole'; choose one"),
+         "or a recording that exists, not 'pinhole'; choose one"),
         (("emccd", "--figure", "a.jpg"), "--figure must be a .png or .svg, not a.jpg; choose one"),
         (("emccd", "--figure", "/nowhere/a.png"), "--figure must be in a folder that exists, not "
          "/nowhere/a.png; create the folder"),

@@ -15,7 +15,7 @@ from cosim.light.light import Light, Plane
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course
-from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, draw_thresholds
+from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
 from sensor.latched.pixel.transfer import transfer_light
 
 __all__ = ["NumpyFast"]
@@ -129,7 +129,11 @@ class NumpyFast:
         course = self._array.course(light, start, cycles)
         words = np.zeros((words_for(cycles), self._charge.size), np.uint32)
         model, most = self._array.model, self._array.brightest
+        timed = self._array.timed_course(light, start, cycles)
+        noisy = (self._flags & TIMING) != 0
+        moved = self._rates(timed or course, cycles)
         for c, rate in enumerate(self._rates(course, cycles)):
+            rate = np.where(noisy, next(moved), rate)
             if model.transfers:
                 positive = np.maximum(rate, _F(0))
                 rate = transfer_light(model.transfers, positive, self._array.ratio)

@@ -23,6 +23,7 @@ from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.interval import threshold
 from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.pixel.numpy_form import NumpyPixels
+from sensor.latched.row_timing import RowTiming
 from sensor.latched.sampling import row_offsets
 from tests.sensor.latched.fast.numpy_fast import NumpyFast
 from tests.sensor.latched.piecewise import level, light_between
@@ -95,11 +96,15 @@ def test_kernels_agree_with_plain_numpy_on_every_bit(
     random = np.random.default_rng(seed)
     noise = min(electrons / 20, 500.0) if seed % 2 else 0.0
     model = ExactModel(electrons, 7, ALL, threshold_noise=noise, dead_time=dead, reset=reset)
-    pattern = DevicePattern(0.1, electrons, 0.2, 0.02, 0.05, electrons * 4e4, 0.05, 3).at(NUMBERS)
+    pattern = DevicePattern(
+        prnu=0.1, dark=electrons, dsnu=0.2, threshold_fpn=0.02,
+        hot=0.05, hot_current=electrons * 4e4, dead=0.05, device_seed=3,
+    ).at(NUMBERS)  # fmt: skip
     offsets = row_offsets(CLOCK, 7, 0.8, 10e-6, (0, 7)) if seed % 3 else None
     array = PixelArray(
         model, SHAPE, NUMBERS, CLOCK, electrons * 40_000 * 1.7 / 700,
         pattern if seed % 2 else None, offsets, random.integers(0, 4, (7, 3)).astype(np.uint8),
+        RowTiming(0.1, 0.01, 0.5, 2.0).on(np.arange(7), 7, CLOCK, seed) if seed % 5 > 1 else None,
     )  # fmt: skip
     fast, plain = FastPixels(array, device), NumpyFast(array)
     knots = [0, 3 * PERIOD + 5, 9 * PERIOD, 9 * PERIOD + PERIOD // 3, 20 * PERIOD, 200 * PERIOD]
@@ -258,7 +263,9 @@ def test_the_proven_bound_of_the_rate_is_never_exceeded(device: Device, seed: in
     numbers = random.integers(0, 2**32, 160, dtype=np.uint32)
     pattern, dark = None, np.zeros(160)
     if seed % 2:
-        pattern = DevicePattern(0.05, electrons, 0.2, 0.02, 0, 0, 0, seed).at(numbers)
+        pattern = DevicePattern(
+            prnu=0.05, dark=electrons, dsnu=0.2, threshold_fpn=0.02, device_seed=seed
+        ).at(numbers)
         dark = pattern.dark / 40_000
     gain = electrons * 40_000.0
     factor = 1 if pattern is None else pattern.gain

@@ -18,6 +18,7 @@ from sensor.latched.pixel.compiled import CompiledPixels
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference import ReferencePixels
+from sensor.latched.row_timing import RowTiming
 from sensor.latched.sampling import row_offsets
 from tests.sensor.latched.piecewise import light_between
 
@@ -176,10 +177,13 @@ class TestExactTier:
         gain = model.threshold * 40e3 / 350 * 10 ** random.uniform(-2, 1.3)
         rows = row_offsets(CLOCK, SHAPE[0], 0.9 * (seed % 2), 4e-6 * (seed % 5 > 2), (0, SHAPE[0]))
         fixed = DevicePattern(prnu=0.1, dark=500.0, threshold_fpn=0.02).at(NUMBERS)
-        exact = CompiledPixels(model, NUMBERS)
-        expected = exact.expose(Exposure(CLOCK, gain, fixed, rows).spans(light, 0, cycles), cycles)
+        timing = None
+        if seed % 3 == 1:
+            timing = RowTiming(0.1, 0.01, 0.5, 2.0).on(np.arange(SHAPE[0]), SHAPE[0], CLOCK, seed)
+        exact, exposure = CompiledPixels(model, NUMBERS), Exposure(CLOCK, gain, fixed, rows, timing)
+        expected = exact.expose(exposure.spans(light, 0, cycles), cycles)
         offsets = np.repeat(rows, SHAPE[1])
-        made = ReferencePixels(model, NUMBERS, CLOCK, gain, fixed, offsets)
+        made = ReferencePixels(model, NUMBERS, CLOCK, gain, fixed, offsets, timing=timing)
         words = made.expose(light, 0, cycles)
         if model.noisy:
             same = exact.state().spikes == made.state()["spikes"]

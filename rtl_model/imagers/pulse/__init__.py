@@ -1,0 +1,1 @@
+"""Pulse-modulated imagers (document 000, section 2): pulse width and pulse frequency in a frame."""

@@ -1,0 +1,84 @@
+"""A chart of 24 colours at rest: those of a ColorChecker, by their published sRGB values."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block, Light, Piece, Plane
+from cosim.light.mosaic import Mosaic
+
+__all__ = ["PATCHES", "ColourChart", "linear"]
+
+PATCHES: Final = (
+    ("dark skin", (115, 82, 68)), ("light skin", (194, 150, 130)), ("blue sky", (98, 122, 157)),
+    ("foliage", (87, 108, 67)), ("blue flower", (133, 128, 177)),
+    ("bluish green", (103, 189, 170)), ("orange", (214, 126, 44)),
+    ("purplish blue", (80, 91, 166)), ("moderate red", (193, 90, 99)), ("purple", (94, 60, 108)),
+    ("yellow green", (157, 188, 64)), ("orange yellow", (224, 163, 46)), ("blue", (56, 61, 150)),
+    ("green", (70, 148, 73)), ("red", (175, 54, 60)), ("yellow", (231, 199, 31)),
+    ("magenta", (187, 86, 149)), ("cyan", (8, 133, 161)), ("white", (243, 243, 242)),
+    ("neutral 8", (200, 200, 200)), ("neutral 6.5", (160, 160, 160)),
+    ("neutral 5", (122, 122, 121)), ("neutral 3.5", (85, 85, 85)), ("black", (52, 52, 52)),
+)  # fmt: skip
+"""Name and 8-bit sRGB of each patch, row by row (X-Rite, "ColorChecker Classic", sRGB values)."""
+ROWS, COLUMNS = 4, 6
+_GAP: Final = 0.06
+"""Black around a patch, as a share of its cell on each side."""
+_LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_FOREVER: Final = 2**62
+
+
+def linear(code: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Linear light of 8-bit sRGB codes (IEC 61966-2-1)."""
+    v = np.asarray(code, np.float64) / 255
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+class ColourChart:
+    """The chart as a `Source`.
+
+    Args:
+        shape: (height, width), pixels.
+        illuminance: illuminance of the scene, lux.
+        mosaic: filter array on the pixels; None for pixels that see luminance.
+
+    Attributes:
+        coloured: whether the light already is that behind the filters.
+    """
+
+    def __init__(
+        self, shape: tuple[int, int], illuminance: float, mosaic: Mosaic | None = None
+    ) -> None:
+        self.shape, self.coloured = shape, mosaic is not None
+        rgb = np.zeros((*shape, 3), np.float32)
+        for number, (_, codes) in enumerate(PATCHES):
+            y0, y1, x0, x1 = self.patch(number)
+            rgb[y0:y1, x0:x1] = linear(codes)
+        self._truth = rgb @ _LUMINANCE if mosaic is None else mosaic.mixed(rgb)
+        white = illuminance * (1.0 if mosaic is None else mosaic.white)
+        lux = self._truth * np.float32(white)
+        self._light = Light((Piece(0, _FOREVER, lux, lux),))
+        self.notes = ["24 patches of known colour, at rest"]
+        self.degraded: list[str] = []
+
+    def patch(self, number: int) -> tuple[int, int, int, int]:
+        """Rows and columns of a patch: y0, y1, x0, x1."""
+        row, column = divmod(number, COLUMNS)
+        y, x = self.shape[0] / ROWS, self.shape[1] / COLUMNS
+        return (
+            round((row + _GAP) * y), round((row + 1 - _GAP) * y),
+            round((column + _GAP) * x), round((column + 1 - _GAP) * x),
+        )  # fmt: skip
+
+    def step(self, data: None, block: Block) -> Light:
+        return self._light
+
+    def truth(self, ps: int) -> Plane:
+        return self._truth
+
+    def points(self) -> list[tuple[int, int, str]]:
+        places = [(self.patch(n), name) for n, (name, _) in enumerate(PATCHES)]
+        return [((y0 + y1) // 2, (x0 + x1) // 2, name) for (y0, y1, x0, x1), name in places]

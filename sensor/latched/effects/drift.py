@@ -1,0 +1,134 @@
+"""A slow drift of the gain that all pixels have in common.
+
+The counts of a chip under still light vary more than those of independent pixels: supply, threshold
+and lamp drift. The gain is 1 + size n(t), n linear between standard normal values `KNOT` cycles
+apart, in steps of `STEP` cycles, so that constant light stays constant in between.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Final
+
+import numpy as np
+from pydantic import Field
+from scipy.special import ndtri
+
+from cosim.clock import Clock
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
+from cosim.light.light import Light, Piece, Plane
+from cosim.plan.effects import Bound, Summary
+from sensor.device.silicon import Sized
+from sensor.latched.effects.costs import crosstalk_cost
+from sensor.latched.effects.effect import Key, PixelEffect, Setting
+from sensor.latched.effects.windows import bound_of, shift_error
+
+__all__ = ["COMMON_DRIFT", "KNOT", "STEP", "Drift"]
+
+KNOT: Final = 512
+"""Cycles between the values of the drift: those of the recording, about."""
+STEP: Final = 128
+"""Cycles of one gain."""
+_SIGMAS: Final = 4.0
+"""Deviations within which the drift of a run is taken to lie."""
+
+
+class Drift:
+    """The light times the gain of its instant.
+
+    Args:
+        clock: whose cycles are counted.
+        size: RMS of the gain at a knot.
+        seed: of the run.
+    """
+
+    def __init__(self, clock: Clock, size: float, seed: int) -> None:
+        self._clock, self._size, self._seed = clock, size, seed
+        self._parts: dict[tuple[int, int], tuple[Piece, Piece]] = {}
+        self._planes: dict[tuple[int, int], tuple[Plane, Plane]] = {}
+
+    def gain(self, step: int) -> float:
+        """Gain of a step of `STEP` cycles; before the run it is that of the first one."""
+        knot, part = divmod(max(step, 0) * STEP, KNOT)
+        words = philox4x32((0, np.arange(knot, knot + 2), 0, 0), (self._seed, Stream.DRIFT))[0]
+        low, high = ndtri((words.astype(np.float64) + 0.5) / 2.0**32)
+        return float(1 + self._size * (low + (high - low) * part / KNOT))
+
+    def on(self, light: Light, start: int, cycles: int) -> Light:
+        """The light of these cycles and of two before and after, as far as it is given."""
+        clock = self._clock
+        begin = max(clock.edge(start - 2), light.pieces[0].start)
+        end = min(clock.edge(start + cycles + 2), light.pieces[-1].stop)
+        made: list[Piece] = []
+        for piece in light.pieces:
+            if piece.stop <= begin or piece.start >= end:
+                continue
+            first = clock.cycle_at(max(piece.start, begin)) // STEP
+            last = clock.cycle_at(min(piece.stop, end) - 1) // STEP
+            made += [self._part(piece, step) for step in range(first, last + 1)]
+        self._parts = {k: v for k, v in self._parts.items() if any(v[1] is p for p in made)}
+        return Light(tuple(made), light.unit)
+
+    def _part(self, piece: Piece, step: int) -> Piece:
+        """The part of a piece within a step: one object, however often it is asked for."""
+        known = self._parts.get((id(piece), step))
+        if known is not None and known[0] is piece:
+            return known[1]
+        clock = self._clock
+        start = max(piece.start, clock.edge(step * STEP))
+        stop = min(piece.stop, clock.edge((step + 1) * STEP))
+        if piece.constant:
+            first = last = self._scaled(piece.first, step)
+        else:
+            gain = np.float32(self.gain(step))
+            first, last = (
+                np.maximum(piece.level(at), np.float32(0)) * gain for at in (start, stop)
+            )
+        part = Piece(start, stop, first, last)
+        self._parts[id(piece), step] = piece, part
+        return part
+
+    def _scaled(self, plane: Plane, step: int) -> Plane:
+        """A plane times the gain of a step; the last few are kept."""
+        known = self._planes.get((id(plane), step))
+        if known is not None and known[0] is plane:
+            return known[1]
+        made = plane * np.float32(self.gain(step))
+        self._planes = dict(list(self._planes.items())[-7:]) | {(id(plane), step): (plane, made)}
+        return made
+
+
+class _CommonDrift(PixelEffect):
+    name = "common drift"
+    source = "a recording of a 400 x 250 chip: 12.7 times the common noise of independent pixels"
+    stream = Stream.DRIFT
+    parameters: ClassVar = {"drift": 0.0}
+    keys: ClassVar = {
+        "drift": Key(
+            Annotated[float, Field(ge=0, le=0.1)],
+            Field(
+                default=0.0,
+                description="RMS change of the gain that all pixels have in common; it takes "
+                f"{KNOT} cycles from one value to the next",
+            ),
+            silicon=Sized(
+                8e-4,
+                "assumed",
+                "the recording: with it a run has its common noise, 12.7, in the median",
+            ),
+        )
+    }
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        gained = _SIGMAS * setting.drift * scene.brightest
+        moved = shift_error(scene, gained * scene.cycles / scene.threshold)
+        return bound_of(scene, scene.relative(gained) + moved, True)
+
+    def cost(self, scene: Summary) -> Any:
+        return crosstalk_cost(scene)
+
+    def common_gain(self, setting: Setting) -> Drift:
+        return Drift(setting.clock, setting.drift, setting.seed)
+
+
+COMMON_DRIFT = _CommonDrift()

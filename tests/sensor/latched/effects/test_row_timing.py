@@ -1,0 +1,196 @@
+"""Noise of the sampling instants of a band of rows, and the drift that all pixels share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from cosim import PS, Block, Clock, Light, Piece, Summary
+from cosim.compute.opencl import Device
+from cosim.spikes.viform import unpack_planes
+from sensor import CHIPS, CameraSetting, SpikeCamera
+from sensor.latched.effects import RESIDUAL
+from sensor.latched.effects.drift import COMMON_DRIFT, KNOT, STEP, Drift
+from sensor.latched.effects.initial_charge import INITIAL_CHARGE
+from sensor.latched.effects.row_timing import ROW_TIMING
+from sensor.latched.exposure import Exposure
+from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.row_timing import LIMIT, RowTiming
+from tests.sensor.latched.piecewise import charges, level, light_between
+
+CLOCK = Clock(40_000)
+PERIOD = PS // 40_000
+SHAPE = (40, 60)
+ROWS = np.arange(SHAPE[0])
+
+
+def camera(**sizes: object) -> CameraSetting:
+    chip = replace(CHIPS["spikeone"], height=SHAPE[0], width=SHAPE[1])
+    return CameraSetting(chip, CLOCK, 1e5, 3, effects=(RESIDUAL, INITIAL_CHARGE), **sizes)
+
+
+def steady(made: CameraSetting, rates: np.ndarray) -> Light:
+    lux = np.broadcast_to(rates / made.rate(1.0), SHAPE).astype(np.float32)
+    return Light((Piece(-PS, PS, lux, lux),))
+
+
+def test_instants_have_the_stated_noise_in_the_band_and_none_outside() -> None:
+    noise = RowTiming(0.08, 0.008, 0.5, 10.0)
+    timing = noise.on(ROWS, SHAPE[0], CLOCK, 9)
+    assert timing is not None
+    moves = timing.moves(16, 16_000) / PERIOD
+    rows = ROWS[timing.first : timing.stop]
+    profile = noise.profile(rows, SHAPE[0])
+    assert (
+        noise.profile(ROWS, SHAPE[0]).max() > 0.98 and (noise.profile(ROWS, 40) > 0.5).sum() == 10
+    )
+    assert np.all(np.abs(moves) <= LIMIT + 1e-9)
+    mid = profile > 0.9
+    knots = moves[::16][:, mid] / profile[mid]
+    assert knots.std() == pytest.approx(np.hypot(0.08, noise.slow), rel=0.03)
+    # Within 16 cycles the slow part is a line, whose slope is `wander`: the mean difference over 8
+    # cycles has its variance, and that of two independent parts.
+    change = (moves[8::16] - moves[::16][: len(moves[8::16])])[:, mid] / profile[mid] / 8
+    expected = np.hypot(0.008, 0.08 * 2**0.5 / 8)
+    assert change.std() == pytest.approx(expected, rel=0.03)
+    # One call or many, and a plane of other rows, give the same.
+    again = noise.on(ROWS[12:30], SHAPE[0], CLOCK, 9)
+    assert again is not None
+    parts = np.concatenate([again.moves(a, b - a) for a, b in pairwise([16, 17, 90, 1016])])
+    here = slice(12 + again.first - timing.first, 12 + again.stop - timing.first)
+    np.testing.assert_array_equal(parts, timing.moves(16, 1000)[:, here])
+    assert (timing.moves(-5, 6) == 0).all()
+    assert noise.on(ROWS[:5], SHAPE[0], CLOCK, 9) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_each_row_gathers_the_light_between_its_instants(seed: int) -> None:
+    """Up to the end of a cycle the charge is the integral up to the moved instant."""
+    random = np.random.default_rng(seed)
+    knots = [-PERIOD, *sorted(random.integers(0, 40 * PERIOD, 3 * seed)), 41 * PERIOD]
+    light = light_between((40, 4), [int(k) for k in knots], True)
+    timing = RowTiming(0.1, 0.01, 0.5, 12.0).on(ROWS, 40, CLOCK, seed)
+    assert timing is not None
+    found = charges(Exposure(CLOCK, 3e5, None, None, timing), light, 0, 39) / ONE
+    total = found.cumsum(axis=0).reshape(39, 40, 4)
+    moves = timing.moves(0, 40)
+    for cycle in (1, 7, 20, 39):
+        for row in (0, timing.first + 3, 20, timing.stop - 1):
+            move = 0
+            if timing.first <= row < timing.stop:
+                move = int(moves[cycle, row - timing.first])
+            exact = light.integral(0, CLOCK.edge(cycle) + move)[row] * 3e5
+            # Linear light within a cycle that is longer by s has its middle at another place.
+            assert np.allclose(total[cycle - 1, row], exact, rtol=1e-6, atol=2e-2), (cycle, row)
+
+
+@pytest.mark.parametrize("tier", ["exact", "fast", "reference"])
+def test_intervals_vary_and_do_not_accumulate(device: Device, tier: str) -> None:
+    """About each pixel's mean, an interval's variance exceeds the rounding's by 2 s^2 (means of all
+    phases); sums of seven intervals exceed it by the same."""
+    noise = RowTiming(0.084, 0.0, 0.5, 400.0)  # b = 0.99 and more in all rows
+    made = camera(row_timing=noise)
+    rates = 1 / np.linspace(3, 5, SHAPE[1], endpoint=False)  # all phases alike
+    used = device if tier == "fast" else None
+    chip = SpikeCamera(made, used, tier=tier)  # type: ignore[arg-type]
+    words = chip.step(steady(made, rates), Block(0, 1000)).words
+    planes = unpack_planes(words, 0, 1000).reshape(1000, -1)
+    excess: dict[int, list[float]] = {1: [], 7: []}
+    for pixel in range(planes.shape[1]):
+        at = np.flatnonzero(planes[:, pixel])
+        for together, found in excess.items():
+            gaps = at[together:] - at[:-together]
+            part = gaps.mean() % 1
+            found.append(gaps.var() - part * (1 - part))
+    for together, found in excess.items():
+        assert np.mean(found) == pytest.approx(2 * 0.084**2, rel=0.1), together
+
+
+def test_a_chip_without_the_band_has_the_bits_of_one_without_noise() -> None:
+    made = camera(row_timing=RowTiming(0.1, 0.01, 0.0, 5.0))
+    light = steady(made, np.linspace(0.1, 0.9, SHAPE[1]))
+    noisy, plain = (
+        SpikeCamera(s, None).step(light, Block(0, 100)).words
+        for s in (made, made.without(["row timing noise"]))
+    )
+    assert (noisy[:, 5:] == plain[:, 5:]).all() and (noisy[:, :5] != plain[:, :5]).any()
+
+
+def test_bounds_hold_what_leaving_the_effects_out_changes() -> None:
+    window, cycles = 41, 2000
+    rates = np.linspace(0.2, 0.6, SHAPE[1])
+    for effect, sizes in (
+        (ROW_TIMING, {"row_timing": RowTiming(0.084, 0.008, 0.5, 400.0)}),
+        (COMMON_DRIFT, {"drift": 1e-3}),
+    ):
+        made = camera(**sizes)
+        counts = [
+            unpack_planes(
+                SpikeCamera(s, None).step(steady(s, rates), Block(0, cycles)).words, 0, cycles
+            )
+            .reshape(cycles, -1)[: cycles // window * window]
+            .reshape(-1, window, SHAPE[0] * SHAPE[1])
+            .sum(axis=1)
+            .astype(float)
+            for s in (made, made.without([effect.name]))
+        ]
+        # Counts of whole spikes differ more than rates with their fractions, so means over windows.
+        change = np.abs(counts[0].mean(axis=0) / counts[1].mean(axis=0) - 1)
+        q = made.threshold
+        scene = Summary(
+            0.2 * q, 0.6 * q, q, window, cycles, timing=np.hypot(0.084, 0.0905), planes=0.0
+        )
+        bound = effect.bound(made, scene)
+        assert np.sqrt((change**2).mean()) < bound.value < 0.05
+
+
+def test_drift_is_one_gain_of_all_pixels_in_steps() -> None:
+    drift = Drift(CLOCK, 1e-2, 4)
+    gains = np.array([drift.gain(n) for n in range(40 * KNOT // STEP)])
+    knots = gains[:: KNOT // STEP]
+    assert knots.std() == pytest.approx(1e-2, rel=0.35) and abs(knots.mean() - 1) < 5e-3
+    # Linear between knots.
+    middle = gains[2 :: KNOT // STEP][: len(knots) - 1]
+    np.testing.assert_allclose(middle, (knots[:-1] + knots[1:]) / 2, rtol=1e-9)
+    light = light_between(SHAPE, [0, 100 * PERIOD, 300 * PERIOD], True)
+    drifted = drift.on(light, 0, 298)
+    for cycle in (0, 90, 127, 128, 200, 290):
+        at = CLOCK.middle(cycle)
+        expected = light.at(at) * drift.gain(cycle // STEP)
+        np.testing.assert_allclose(drifted.at(at), expected, rtol=1e-5)
+    # The same objects in the next call, so that what is prepared from them stays.
+    again = drift.on(light, 64, 100)
+    assert set(map(id, again.pieces)) <= set(map(id, drifted.pieces))
+    plane = level(SHAPE, 3)
+    still = Light((Piece(-PS, PS, plane, plane),))
+    assert all(piece.constant for piece in drift.on(still, 0, 500).pieces)
+
+
+def test_a_late_row_with_noise_finds_its_light() -> None:
+    """The last row is sampled almost a cycle late, and up to 0.45 cycles later."""
+    made = camera(row_timing=RowTiming(0.1, 0.01, 1.0, 20.0), row_skew=1.0)
+    before, after = made.reach
+    lux = np.full(SHAPE, 0.4 / made.rate(1.0), np.float32)
+    for start in range(0, 640, 64):
+        piece = Piece(CLOCK.edge(start - before), CLOCK.edge(start + 64 + after), lux, lux)
+        chip = SpikeCamera(made, None)
+        assert chip.step(Light((piece,)), Block(start, 64)).words.any()
+
+
+def test_counts_of_all_pixels_follow_the_drift(device: Device) -> None:
+    made = camera(drift=5e-3)
+    light = steady(made, np.linspace(0.2, 0.9, SHAPE[1]))
+    chip = SpikeCamera(made, device, tier="fast")
+    planes = np.concatenate(
+        [unpack_planes(chip.step(light, Block(n, 100)).words, 0, 100) for n in range(0, 1200, 100)]
+    )
+    counts = planes.reshape(1200, -1).sum(axis=1)
+    drift = Drift(CLOCK, 5e-3, 3)
+    expected = np.repeat([drift.gain(n) for n in range(10)], STEP)[:1200]
+    windows = counts[: 9 * STEP].reshape(9, STEP).mean(axis=1)
+    gains = expected[: 9 * STEP].reshape(9, STEP).mean(axis=1)
+    found = windows / np.mean(windows / gains)
+    np.testing.assert_allclose(found, gains, atol=2e-4)
