@@ -106,7 +106,8 @@ def _phase_error(
     part = np.sqrt(np.minimum(reaching, 1)) / ESTIMATE_WEIGHT
     inside = inside + part * _dead_shift(setting, scene, scene.window)
     smooth = share_of_window(inside, scene) + ends_error(scene, walk + part * dead)
-    rare = latch_error(scene, walk + dead) + crossing_error(scene, walk + dead)
+    moved = walk + ESTIMATE_WEIGHT * dead
+    rare = latch_error(scene, moved) + crossing_error(scene, moved)
     # A saturated pixel fires in every cycle; the fractions at the ends of a window remain.
     least = share_of_window(walk, scene)
     return ESTIMATE_WEIGHT * np.where(

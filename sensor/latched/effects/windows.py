@@ -37,9 +37,10 @@ _CHANCE = 1e-4
 """Chance that a scene has a tile with more changed spikes than a bound takes."""
 _SHARES = tuple(4.0**-n for n in range(5))
 """Shares of the pixels of a tile that have its brightest light, from all to one of 256."""
+_GAINS = 5.0
+"""Standard deviations within which the gains of pixels lie."""
 _SCORES = 81
-"""Gains of pixels, from 5 standard deviations below the mean to 5 above, over which the lost spikes
-are averaged."""
+"""Gains of pixels within that range over which the lost spikes are averaged."""
 _CLEAR = 8.0
 """Standard deviations by which light exceeds the threshold of a pixel that fires in every cycle."""
 
@@ -183,16 +184,18 @@ def latch_error(scene: Summary, spikes: Any) -> Values:
     A share of the lost spikes changes, which grows with the shift in cycles. A moved spike changes
     the count only next to an empty cycle. Above one threshold a cycle empty cycles are rarer than
     lost spikes, so most changes occur at one. They are rare (`rare_error`). Gains of pixels spread
-    the light of a tile further.
+    the light of a tile further. Without noise, light above one threshold a cycle loses a spike each
+    time its excess adds up to one, and a shift moves one such loss over each end of the window.
     """
-    if scene.spread == 0:
-        return np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
         scene.darkest, scene.brightest
     ))  # fmt: skip
+    if scene.spread == 0:
+        reached = high * (1 + _GAINS * scene.uneven) > 1
+        return rare_error(scene, np.where(reached, 2 * np.minimum(spikes, 1), 0.0))
     cycles = np.minimum(2 * np.asarray(spikes, np.float64) / np.maximum(high, 1e-300), 1)
     likely = np.minimum(np.maximum(low, 1.0), high)
-    score = np.linspace(-5, 5, _SCORES) if scene.uneven else np.zeros(1)
+    score = np.linspace(-_GAINS, _GAINS, _SCORES) if scene.uneven else np.zeros(1)
     weight = np.exp(-score * score / 2)
     lost = np.zeros(likely.shape)
     for gain, share in zip(1 + scene.uneven * score, weight / weight.sum(), strict=True):

@@ -11,7 +11,14 @@ from scipy import integrate, special, stats
 
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.interval import interval_table, threshold
-from sensor.latched.reference.law import LEAST, draw_all, law_error, law_of, mixed_quantiles
+from sensor.latched.reference.law import (
+    LEAST,
+    draw_all,
+    law_error,
+    law_of,
+    mixed_law,
+    mixed_quantiles,
+)
 
 WORDS = np.concatenate(
     [
@@ -93,6 +100,20 @@ def test_the_mixed_law_inverts_its_definition(q: float, sigma: float) -> None:
             for a, b in itertools.pairwise(knots)
         )
         assert found == pytest.approx(target, rel=1e-8)
+
+
+def test_every_node_of_the_mixed_law_is_inverted() -> None:
+    """Newton's method once left a node that it had found, where its step rounded to nothing."""
+    rng = np.random.default_rng(4)
+    found = [(7752.018398279993, 2.890883294491837), (1725.5112441333442, 0.25054658676940145)]
+    for _ in range(40):
+        q = 10 ** rng.uniform(-0.5, 5)
+        found.append((q, np.sqrt(q) * 10 ** rng.uniform(-3, 1)))
+    for q, sigma in found:
+        nodes = np.linspace(-6.5, 6.5, 261)
+        lower, upper, _ = mixed_law(q, sigma, mixed_quantiles(q, sigma, nodes))
+        score = np.where(lower < upper, special.ndtri(lower), -special.ndtri(upper))
+        assert np.abs(score - nodes).max() < 1e-7, (q, sigma)
 
 
 @pytest.mark.parametrize(("q", "sigma"), [(50.0, 20.0), (1000.0, 6.0), (18_725.0, 90.0)])
