@@ -21,7 +21,7 @@ from link.evaluation.metrics import link_metrics
 from link.evaluation.reception import receive_stream
 from link.report.page import link_page
 from link.sending import Transmission
-from link.setup.setup import LinkSetup
+from link.setup.setup import FileLinkSetup
 from link.trial.planned import PlannedLink, check_plan, plan_link
 from sensor.latched.readout import readout_stages
 
@@ -79,7 +79,7 @@ class LinkMachine:
 
     unit = "cycles"
 
-    def __init__(self, name: str, setup: LinkSetup, loop: PanelLoop | None = None) -> None:
+    def __init__(self, name: str, setup: FileLinkSetup, loop: PanelLoop | None = None) -> None:
         self._name, self._setup, self._loop = name, setup, loop
         self._link: PlannedLink = plan_link(setup)
 
@@ -146,7 +146,7 @@ class LinkMachine:
         begin = time.perf_counter()
         received = receive_stream(stream, setup.scenario.link.modem, progress)
         seconds["receiver"] = time.perf_counter() - begin
-        link = evaluate_link(self._link, stream, received)
+        link = evaluate_link(setup, self._link, stream, received)
         outcome = "degraded" if self._link.beyond else "ok"
         fault = None if self._loop is None else self._loop.fault
         faults = [] if fault is None else [fault]

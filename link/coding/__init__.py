@@ -5,6 +5,11 @@ from link.coding.fountain import MOST_BYTES
 from link.coding.inbox import Inbox
 from link.coding.names import safe_name
 from link.coding.outbox import Outbox
+from link.coding.reader import BlockReader
 from link.coding.reed_solomon import WORD_BYTES
+from link.coding.writer import BlockWriter
 
-__all__ = ["MOST_BYTES", "WORD_BYTES", "Blocks", "Inbox", "Outbox", "safe_name"]
+__all__ = [
+    "MOST_BYTES", "WORD_BYTES", "BlockReader", "BlockWriter", "Blocks", "Inbox", "Outbox",
+    "safe_name",
+]  # fmt: skip

@@ -39,6 +39,8 @@ class Blocks:
     Attributes:
         layout: of the cells.
         interleave: whether codewords are interleaved.
+        period: groups after which the keystream repeats, so that a receiver that joins late needs
+            the number of a group only modulo this; None if it never repeats.
 
     Raises:
         ValueError: if the panel has too few cells for a codeword.
@@ -46,6 +48,7 @@ class Blocks:
 
     layout: Layout
     interleave: bool = True
+    period: int | None = None
 
     def __post_init__(self) -> None:
         if self.group_bytes < 1:
@@ -143,6 +146,8 @@ class Blocks:
 
     def _keystream(self, group: int) -> _Bytes:
         """Returns the bytes of all cells of a group, from Philox 4x64."""
+        if self.period is not None:
+            group %= self.period
         stream = np.random.Philox(key=_KEY, counter=[0, group, 0, 0])
         count = self.group_bytes + 1  # one more byte for cells beyond the last whole byte
         raw = np.asarray(stream.random_raw(-(-count // 8)), "<u8")

@@ -25,7 +25,7 @@ from link.prediction.light import cell_scene, cell_sight, transmission
 from link.prediction.reach import CellScene, Reach, predict_errors, reach
 from link.receiving import Received
 from link.setting import LEAD
-from link.setup.setup import LinkSetup
+from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view, true_timing
 from link.theory import clopper_pearson
 from link.trial.planned import PlannedLink
@@ -44,7 +44,7 @@ _DISTANCES: Final = 40
 thirty times the run's."""
 
 
-def _errors(setup: LinkSetup, received: Received) -> Errors:
+def _errors(setup: FileLinkSetup, received: Received) -> Errors:
     """Counts wrong decisions, over the symbols that were read in the mode that was sent."""
     read = sorted(received.packed) if received.mode == setup.mode else []
     symbols = [n for n in read if TRAINING <= n < setup.sent.data_end]
@@ -53,7 +53,7 @@ def _errors(setup: LinkSetup, received: Received) -> Errors:
     )
 
 
-def _soft(setup: LinkSetup, received: Received) -> SoftValues | None:
+def _soft(setup: FileLinkSetup, received: Received) -> SoftValues | None:
     """Returns the receiver's sample of soft values with the sent bits."""
     if received.mode != setup.mode or not len(received.soft):
         return None
@@ -67,7 +67,7 @@ def _soft(setup: LinkSetup, received: Received) -> SoftValues | None:
     return SoftValues(soft, on)
 
 
-def _eye(setup: LinkSetup, stream: SpikeStream, received: Received) -> Eye | None:
+def _eye(setup: FileLinkSetup, stream: SpikeStream, received: Received) -> Eye | None:
     """Returns the eye diagram, if the receiver has located the panel and its symbols in the sent
     mode."""
     registration, timing = received.registration, received.timing
@@ -78,9 +78,10 @@ def _eye(setup: LinkSetup, stream: SpikeStream, received: Received) -> Eye | Non
 
 
 def _theory(
-    link: PlannedLink, scene: CellScene, errors: Errors, received: Received, cause: Cause
-) -> Theory:
-    setup, interval = link.setup, None
+    setup: FileLinkSetup, link: PlannedLink, scene: CellScene, errors: Errors, received: Received,
+    cause: Cause,
+) -> Theory:  # fmt: skip
+    interval = None
     mode, setting = setup.mode, setup.setting
     if errors.bits:
         low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
@@ -97,7 +98,7 @@ def _theory(
     return Theory(soft, closed.rate, interval, (closed.low, closed.high))
 
 
-def _reach(setup: LinkSetup, scene: CellScene) -> list[Reach]:
+def _reach(setup: FileLinkSetup, scene: CellScene) -> list[Reach]:
     setting = setup.setting
     here = setting.air.distance
     chip, panel, focal = setting.camera.chip, setting.panel, setting.optics.focal_length
@@ -120,15 +121,16 @@ def _image(stream: SpikeStream) -> npt.NDArray[np.float32]:
     )
 
 
-def _outline(homography: npt.NDArray[np.float64], setup: LinkSetup) -> npt.NDArray[np.float64]:
+def _outline(homography: npt.NDArray[np.float64], setup: FileLinkSetup) -> npt.NDArray[np.float64]:
     corners = panel_corners(setup.setting.optics) @ homography.T
     return np.asarray(corners[:, :2] / corners[:, 2:], np.float64)
 
 
-def evaluate_link(link: PlannedLink, stream: SpikeStream, received: Received) -> LinkEvaluation:
+def evaluate_link(
+    setup: FileLinkSetup, link: PlannedLink, stream: SpikeStream, received: Received
+) -> LinkEvaluation:
     """Compares a reception with what was sent."""
     assert link.check is not None
-    setup = link.setup
     setting, layout, camera = setup.setting, setup.sent.layout, setup.setting.camera
     verdict, delivered = judge_delivery(setup, received)
     verified = {each.group: each.tick for each in received.instants if each.right}
@@ -145,13 +147,14 @@ def evaluate_link(link: PlannedLink, stream: SpikeStream, received: Received) ->
     if panel_in_view(setting):
         capacity = capacity_bps(capacity_input(setting, scene, setup.mode))
     return LinkEvaluation(
+        setup=setup,
         link=link,
         check=link.check.rescaled(errors.rate, errors.bits),
         verdict=verdict,
         delivered=delivered,
         received=received,
         errors=errors,
-        theory=_theory(link, scene, errors, received, verdict.cause),
+        theory=_theory(setup, link, scene, errors, received, verdict.cause),
         rates=link_rates(layout, setting.panel.clock, len(setup.payload.data), seconds),
         eye=_eye(setup, stream, received),
         soft=_soft(setup, received),

@@ -7,7 +7,7 @@ import numpy as np
 from cosim.run.result import Metric
 from link.evaluation.record import LinkEvaluation
 from link.receiving import Received
-from link.setup.setup import LinkSetup
+from link.setup.setup import FileLinkSetup
 from link.trial.check import LinkCheck
 
 __all__ = ["link_metrics"]
@@ -57,7 +57,7 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
     }
 
 
-def _frames_sent_meanwhile(setup: LinkSetup, received: Received) -> int:
+def _frames_sent_meanwhile(setup: FileLinkSetup, received: Received) -> int:
     """Returns the number of frames that were sent before the receiver stopped.
 
     It stops as soon as the file is complete; later frames are not lost.

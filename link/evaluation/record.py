@@ -18,7 +18,7 @@ from link.prediction.reach import CellScene, Reach
 from link.receiving import Received
 from link.section import LinkScenario
 from link.setting import LinkSetting
-from link.setup.setup import LinkSetup
+from link.setup.setup import FileLinkSetup
 from link.trial.check import LinkCheck
 from link.trial.planned import PlannedLink
 from link.verdict import Verdict
@@ -63,7 +63,8 @@ class LinkEvaluation:
     """A run that was received and compared with what was sent.
 
     Attributes:
-        link: setup and plan.
+        setup: the link and its file.
+        link: its plan.
         check: of the plan, in units of the run's own bits.
         verdict: cause of failure.
         delivered: whether the bytes received are those that were sent.
@@ -82,6 +83,7 @@ class LinkEvaluation:
         capacity: bit/s, None if the panel is not wholly in view.
     """
 
+    setup: FileLinkSetup
     link: PlannedLink
     check: LinkCheck
     verdict: Verdict
@@ -100,10 +102,6 @@ class LinkEvaluation:
     scene: CellScene
     reach: list[Reach]
     capacity: float | None
-
-    @property
-    def setup(self) -> LinkSetup:
-        return self.link.setup
 
     @property
     def scenario(self) -> LinkScenario:

@@ -1,6 +1,6 @@
-"""From a file to the planes of a panel."""
+"""From a file or a stream of packets to the planes of a panel."""
 
 from link.sending.stream import PlaneStream
-from link.sending.transmission import Transmission
+from link.sending.transmission import FileTransmission, Transmission
 
-__all__ = ["PlaneStream", "Transmission"]
+__all__ = ["FileTransmission", "PlaneStream", "Transmission"]

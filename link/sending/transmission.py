@@ -1,59 +1,58 @@
-"""A file on a panel: symbols on cells, cells and tags on pixels, pixels in words."""
+"""Data on a panel: symbols on cells, cells and tags on pixels, pixels in words."""
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Words, words_for
-from link.coding import Outbox
+from link.coding import BlockWriter, Outbox
 from link.layout import PERIOD, TRAINING, Layout, closing, pilots, training
 from link.line_codes import encode_line
 from link.mode import Mode
 from link.sending.tags import Tag, draw_tags
 
-__all__ = ["Transmission"]
+__all__ = ["FileTransmission", "Transmission"]
 
 _Bits = npt.NDArray[np.bool_]
 T = TypeVar("T", np.bool_, np.uint32)
 
 
+_KEPT: Final = 8
+"""Number of groups in the state: a run that resumes shows the last ones again."""
+
+
 class Transmission:
-    """A transmission: training, then groups that carry the file, then the closing.
+    """A transmission: training, then groups that carry data, then the closing.
 
     Args:
         mode: of the transmission.
-        data, name: of the file.
-        interleave, overhead: as in `Outbox`.
+        writer: the data.
         most_symbols: number of symbols after which the transmission is cut; None for no limit.
 
     Attributes:
         mode, layout: of the transmission.
-        outbox: the file in frames.
-        whole: symbols of the whole file.
+        writer: the data.
+        whole: symbols of all data.
         symbols: symbols of the transmission, training and closing included.
-        data_end: number of the symbol after the last one that carries the file.
+        data_end: number of the symbol after the last one that carries data.
 
     Raises:
-        ValueError: for a mode or a file that cannot be sent.
+        ValueError: for a mode or data that cannot be sent.
     """
 
-    def __init__(
-        self, mode: Mode, data: bytes, name: str, *, interleave: bool = True,
-        overhead: float = 0.05, most_symbols: int | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, mode: Mode, writer: BlockWriter, most_symbols: int | None = None) -> None:
         if most_symbols is not None and most_symbols < 1:
             raise ValueError(f"most_symbols must be 1 or more, not {most_symbols}")
-        self.mode, self.layout = mode, Layout(mode)
-        self.outbox = Outbox(data, name, self.layout, interleave=interleave, overhead=overhead)
-        carrying = TRAINING + self.outbox.groups * self.layout.group
+        self.mode, self.layout, self.writer = mode, Layout(mode), writer
+        carrying = TRAINING + writer.groups * self.layout.group
         self.whole = carrying + self.layout.closing
         self.symbols = self.whole if most_symbols is None else min(self.whole, most_symbols)
         self.data_end = min(carrying, self.symbols)
-        self._disparities: list[npt.NDArray[np.uint8]] = []
+        self._disparities = {0: np.packbits(np.zeros(self.layout.cells, np.bool_))}
         self._group: tuple[int, _Bits] | None = None
 
     @property
@@ -70,12 +69,6 @@ class Transmission:
     def groups(self) -> int:
         """Groups that are shown whole."""
         return max(self.data_end - TRAINING, 0) // self.layout.group
-
-    @property
-    def sent_whole(self) -> bool:
-        """Whether at least as many frames are shown as the file fills; False if most_symbols cuts
-        it."""
-        return self.outbox.frames_by(self.groups) >= self.outbox.frames_needed
 
     @cached_property
     def _training(self) -> _Bits:
@@ -96,19 +89,28 @@ class Transmission:
     def _line(self, group: int) -> _Bits:
         """Returns the symbols of the data cells in a group, (symbols, cells)."""
         if self._group is None or self._group[0] != group:
-            line, cells = self.mode.line, self.layout.cells
-            if not self._disparities:
-                self._disparities.append(np.packbits(np.zeros(cells, np.bool_)))
-            for n in range(len(self._disparities) - 1, group + 1):
-                state = np.unpackbits(self._disparities[n], count=cells).view(np.bool_)
-                symbols = encode_line(line, self.outbox.values(n)[None], state)
-                if n + 1 == len(self._disparities):
-                    self._disparities.append(np.packbits(state))
-                self._group = n, symbols
-            if self._group is None or self._group[0] != group:
-                state = np.unpackbits(self._disparities[group], count=cells).view(np.bool_)
-                self._group = group, encode_line(line, self.outbox.values(group)[None], state)
+            known, cells = self._disparities, self.layout.cells
+            begin = max((n for n in known if n <= group), default=None)
+            if begin is None:
+                raise ValueError(f"group must be {min(known)} or a later one, not {group}")
+            state = np.unpackbits(known[begin], count=cells).view(np.bool_)
+            for n in range(begin, group + 1):
+                values = self.writer.values(n)[None]
+                self._group = n, encode_line(self.mode.line, values, state)
+                if n + 1 not in known:
+                    known[n + 1] = np.packbits(state)
+        assert self._group is not None
         return self._group[1]
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Returns the state of the line code at the last groups, as arrays."""
+        last = sorted(self._disparities)[-_KEPT:]
+        return {f"disparity/{n}": self._disparities[n] for n in last}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Continues from a `state`; earlier groups are not available any more."""
+        self._disparities = {int(name.rpartition("/")[2]): bits for name, bits in state.items()}
+        self._group = None
 
     def _check(self, first: int, count: int) -> None:
         if min(first, count) < 0 or first + count > self.symbols:
@@ -124,7 +126,7 @@ class Transmission:
             group, within = divmod(symbol - TRAINING, self.layout.group)
             if group < 0:
                 out[n] = self._training[symbol]
-            elif group < self.outbox.groups:
+            elif group < self.writer.groups:
                 out[n] = self._line(group)[within]
             else:
                 out[n] = self._closing[symbol - self.data_end]
@@ -175,3 +177,30 @@ class Transmission:
         for tag in self._tags:
             out[tag.place] = np.where(tag.bright, on, np.zeros((), cells.dtype))
         return out
+
+
+class FileTransmission(Transmission):
+    """A transmission of a file.
+
+    Args:
+        mode: of the transmission.
+        data, name: of the file.
+        interleave, overhead: as in `Outbox`.
+        most_symbols: as in `Transmission`.
+
+    Attributes:
+        outbox: the file in frames.
+    """
+
+    def __init__(
+        self, mode: Mode, data: bytes, name: str, *, interleave: bool = True,
+        overhead: float = 0.05, most_symbols: int | None = None,
+    ) -> None:  # fmt: skip
+        self.outbox = Outbox(data, name, Layout(mode), interleave=interleave, overhead=overhead)
+        super().__init__(mode, self.outbox, most_symbols)
+
+    @property
+    def sent_whole(self) -> bool:
+        """Whether at least as many frames are shown as the file fills; False if most_symbols cuts
+        it."""
+        return self.outbox.frames_by(self.groups) >= self.outbox.frames_needed

@@ -20,7 +20,7 @@ from link.air.geometry import panel_corners
 from link.detect.catalogue import make_detector
 from link.layout import TRAINING
 from link.mode import Mode
-from link.sending import Transmission
+from link.sending import FileTransmission, Transmission
 from link.setting import LinkSetting
 from link.setup.truth import true_timing
 from link.timing import Timing
@@ -103,11 +103,11 @@ def film_pilot(
     strip: LinkSetting, mode: Mode, detector: str, seed: int, device: Device | None
 ) -> Pilot:
     """Films random data in a mode of the strip's size."""
-    size = Transmission(mode, b"0", "pilot")
+    size = FileTransmission(mode, b"0", "pilot")
     groups = -(-SYMBOLS // size.layout.group)
     data = np.random.Generator(np.random.Philox(key=seed)).bytes(size.layout.group_bytes(groups))
     count = groups * size.layout.group
-    sent = Transmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)
+    sent = FileTransmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)
     words, timing, air = _film(strip, sent, device)
     learned = make_detector(detector, sent.layout, air.truth, timing)
     learned.learn(words, 0, sent.bits(0, TRAINING), 0)

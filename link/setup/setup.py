@@ -11,13 +11,13 @@ from cosim.run.progress import Progress
 from link.layout import TRAINING, Layout
 from link.mode import Mode
 from link.section import LinkScenario
-from link.sending import Transmission
+from link.sending import FileTransmission, Transmission
 from link.setting import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
 from link.setup.choosing import Choice
 from link.setup.modes import choose_mode, tag_warning
 from sensor import CameraSetting
 
-__all__ = ["LinkSetup", "set_up_link"]
+__all__ = ["FileLinkSetup", "LinkSetup", "set_up_link"]
 
 _SHORTENED_PLANES = 600
 """Largest number of planes if no mode is expected to work: enough for the receiver to find the
@@ -30,7 +30,6 @@ class LinkSetup:
 
     Attributes:
         scenario: the scenario.
-        payload: the file.
         setting: panel, lens, air and camera with every effect.
         mode, choice: the mode, and how it was chosen; None if the scenario gives it.
         sent: the transmission.
@@ -40,7 +39,6 @@ class LinkSetup:
     """
 
     scenario: LinkScenario
-    payload: Payload
     setting: LinkSetting
     mode: Mode
     choice: Choice | None
@@ -58,6 +56,41 @@ class LinkSetup:
         """Pixel-cycles of the whole run."""
         chip = self.setting.camera.chip
         return chip.width * chip.height * self.cycles
+
+    def notes(self) -> list[str]:
+        """Returns the notes for the user before the run."""
+        setting, choice = self.setting, self.choice
+        notes: list[str] = []
+        if setting.chosen_f_number:
+            notes.append(f"f/{setting.optics.f_number:.3g} chosen by link.aim.on_level")
+        if choice is not None:
+            mode = choice.mode
+            text = (
+                f"cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} ticks, {mode.line} "
+                f"and Reed-Solomon (255, {255 - mode.parity})"
+            )
+            notes.append(
+                f"{text}: chosen from pilots" if choice.holds
+                else f"no mode is foreseen to work; taken, as the surest: {text}"
+            )  # fmt: skip
+        return notes + self.warnings()
+
+    def warnings(self) -> list[str]:
+        """Returns why the data will not arrive, as far as that is known before the run."""
+        small = tag_warning(self.setting, self.mode)
+        return [] if small is None else [small]
+
+
+@dataclass(frozen=True)
+class FileLinkSetup(LinkSetup):
+    """A link that sends a file.
+
+    Attributes:
+        payload: the file.
+    """
+
+    sent: FileTransmission
+    payload: Payload
 
     @property
     def shortened(self) -> bool:
@@ -81,29 +114,9 @@ class LinkSetup:
             "give link.modem.cell, ticks, line and parity"
         )
 
-    def notes(self) -> list[str]:
-        """Returns the notes for the user before the run."""
-        setting, choice = self.setting, self.choice
-        notes: list[str] = []
-        if setting.chosen_f_number:
-            notes.append(f"f/{setting.optics.f_number:.3g} chosen by link.aim.on_level")
-        if choice is not None:
-            mode = choice.mode
-            text = (
-                f"cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} ticks, {mode.line} "
-                f"and Reed-Solomon (255, {255 - mode.parity})"
-            )
-            notes.append(
-                f"{text}: chosen from pilots" if choice.holds
-                else f"no mode is foreseen to work; taken, as the surest: {text}"
-            )  # fmt: skip
-        return notes + self.warnings()
-
     def warnings(self) -> list[str]:
         """Returns why the file will not arrive, as far as that is known before the run."""
-        short = [self.shortened_message()] if self.shortened else []
-        small = tag_warning(self.setting, self.mode)
-        return short if small is None else [*short, small]
+        return ([self.shortened_message()] if self.shortened else []) + super().warnings()
 
 
 def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
@@ -126,7 +139,7 @@ def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int
 
 def set_up_link(
     scenario: LinkScenario, camera: CameraSetting, device: str | None, progress: Progress
-) -> LinkSetup:
+) -> FileLinkSetup:
     """Checks a scenario and chooses its mode.
 
     Args:
@@ -151,7 +164,7 @@ def set_up_link(
         most = max(_SHORTENED_PLANES // mode.ticks, least)
     begin = time.perf_counter()
     try:
-        sent = Transmission(
+        sent = FileTransmission(
             mode, payload.data, payload.name, interleave=modem.interleave,
             overhead=modem.overhead, most_symbols=most,
         )  # fmt: skip
@@ -164,4 +177,6 @@ def set_up_link(
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL
-    return LinkSetup(scenario, payload, setting, mode, choice, sent, cycles, opened, seconds)
+    return FileLinkSetup(
+        scenario, setting, mode, choice, sent, cycles, opened, seconds, payload
+    )

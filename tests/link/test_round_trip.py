@@ -14,7 +14,7 @@ from display import SpikePanel
 from link.air import Aim, Air, AirSetting, Optics, Scene, f_number_for
 from link.mode import CELLS, LINE_CODES, TICKS, Mode
 from link.receiving import Received, Receiver
-from link.sending import Transmission
+from link.sending import FileTransmission
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
 from sensor.latched.pixel.model import Reset
 
@@ -38,7 +38,7 @@ def crossed(
     cell: int, ticks: int, line: str, reset: Reset, level: float, data: bytes = DATA
 ) -> Received:
     """What a receiver makes of `data` sent in this mode."""
-    sent = Transmission(Mode(PANEL, PANEL, cell, ticks, line, 16), data, "a.bin", overhead=0.0)
+    sent = FileTransmission(Mode(PANEL, PANEL, cell, ticks, line, 16), data, "a.bin", overhead=0.0)
     chip = replace(CHIPS["spiketwo"], width=SIDE, height=SIDE)
     kept = (EFFECTS["residual carried"],) if reset == "residual" else ()
     camera = CameraSetting(chip, CLOCK, 1000.0, 1, effects=kept, reset=reset)

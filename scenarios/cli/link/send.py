@@ -58,7 +58,7 @@ def link_send(
     from cosim.files import FORMATS, ending_of, write_stream
     from link.layout import TRAINING
     from link.mode import Mode
-    from link.sending import PlaneStream, Transmission
+    from link.sending import FileTransmission, PlaneStream
 
     if ending_of(out) not in FORMATS:
         given, remedy = str(out), "give it one of these"
@@ -75,7 +75,7 @@ def link_send(
     data = _read(source)
     try:
         mode = Mode(width, height, panel.cell, panel.ticks, panel.line, panel.parity)
-        sent = Transmission(
+        sent = FileTransmission(
             mode, data, source.name, interleave=panel.interleave, overhead=panel.overhead
         )
     except ValueError as exc:

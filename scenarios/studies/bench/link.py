@@ -23,7 +23,7 @@ from link.detect.joint_numpy import soft_by_numpy
 from link.layout import TRAINING
 from link.line_codes import decode_line
 from link.mode import Mode
-from link.sending import Transmission
+from link.sending import FileTransmission
 from link.timing import Registration, Timing
 
 __all__ = ["link_rows"]
@@ -71,10 +71,10 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
     """
     mode = Mode(size, size, _CELL, _TICKS, "8b10b", 32)
     data = np.random.Generator(np.random.Philox(key=1))
-    empty = Transmission(mode, b"", "bench")
+    empty = FileTransmission(mode, b"", "bench")
     form, group = Blocks(empty.layout), empty.layout.group
     whole = form.frames * form.symbol_bytes
-    sent = Transmission(mode, data.bytes(_GROUPS * whole), "bench")
+    sent = FileTransmission(mode, data.bytes(_GROUPS * whole), "bench")
     side = round(size * _SCALE) + _MARGIN
     off = (side - size * _SCALE) / 2
     place = np.array([[_SCALE, 0, off], [0, _SCALE, off], [0, 0, 1.0]])

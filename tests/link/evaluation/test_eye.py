@@ -11,13 +11,13 @@ from scipy.stats import binom
 from cosim import Clock, Viform
 from link.evaluation.eye import RARE, Eye, open_eye
 from link.mode import Mode
-from link.sending import PlaneStream, Transmission
+from link.sending import FileTransmission, PlaneStream
 from link.timing import Registration, Timing
 
 CLOCK = Clock(40_000)
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)
 TICKS, PIXELS = 2, 4
-SENT = Transmission(MODE, hashlib.shake_256(b"eye").digest(1500), "a.bin")
+SENT = FileTransmission(MODE, hashlib.shake_256(b"eye").digest(1500), "a.bin")
 
 
 def eye_of(stream: Viform | PlaneStream, first: float = 0.0, slope: float = 0.0) -> Eye:

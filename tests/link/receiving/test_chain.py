@@ -13,7 +13,7 @@ from display import SpikePanel
 from link.air import Aim, Air, AirSetting, Optics, Scene, f_number_for
 from link.mode import Mode
 from link.receiving import Received, Receiver
-from link.sending import Transmission
+from link.sending import FileTransmission, Transmission
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from tests.link.receiving.toy import corner_error
 
@@ -25,7 +25,7 @@ DATA = np.random.Generator(np.random.Philox(key=6)).bytes(6000)
 
 def through(row_scan: float, ppm: float) -> tuple[Received, Air, Transmission]:
     """6000 bytes over 2 m, row skew of a tick, vibration, ambient light."""
-    sent = Transmission(MODE, DATA, "a.bin")
+    sent = FileTransmission(MODE, DATA, "a.bin")
     clock = Clock(40_000 * (1_000_000 + round(ppm)), 1_000_000)
     panel = SpikePanel((256, 256), clock, 1.0, drive="impulse", row_scan=row_scan)
     chip = replace(CHIPS["spiketwo"], width=SIDE, height=SIDE)

@@ -13,7 +13,7 @@ from link.layout import TAG_MODULES, Layout
 from link.mode import Mode
 from link.receiving import Received, Receiver
 from link.receiving.tags import art_of
-from link.sending import Transmission
+from link.sending import FileTransmission
 from link.verdict import Cause
 from tests.link.receiving.toy import CLOCK, MODE, Toy, corner_error, small
 
@@ -218,7 +218,7 @@ def test_a_wrong_interleaver_delivers_nothing() -> None:
 
 def _shown(data: bytes) -> np.ndarray:
     """A panel's own planes, all frames of which are needed."""
-    sent = Transmission(MODE, data, "a.bin", overhead=0)
+    sent = FileTransmission(MODE, data, "a.bin", overhead=0)
     return unpack_planes(sent.words(0, sent.planes), 0, sent.planes).astype(np.bool_)
 
 
@@ -259,7 +259,7 @@ def test_a_transmission_is_read_with_the_closing_and_without(line: str, closed: 
     end = toy.sent.data_end
     assert toy.sent.symbols == end + 1
     if not closed:
-        toy.sent = Transmission(mode, DATA[:900], "a.bin", overhead=0.3, most_symbols=end)
+        toy.sent = FileTransmission(mode, DATA[:900], "a.bin", overhead=0.3, most_symbols=end)
     got = receive(toy)
     assert got.delivered == (DATA[:900], "a.bin"), got.verdict
     assert got.frames_read == got.frames_right == toy.sent.outbox.frames

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cosim import Clock, Viform
 from link.layout import Layout
 from link.mode import Mode
-from link.sending import Transmission
+from link.sending import FileTransmission, Transmission
 
 CLOCK = Clock(40_000)
 MODE = Mode(256, 256, 2, 2, "8b10b", 32)
@@ -128,7 +128,7 @@ class Toy:
 def small(data: bytes = b"", mode: Mode = MODE, *, spare: int = 16, turn: float = 0.4,
           scale: float = 1.02, margin: int = 22, **given: object) -> Toy:  # fmt: skip
     """A panel of 256 x 256, somewhat larger in the image; the stream ends `spare` ticks late."""
-    sent = Transmission(mode, data or bytes(range(256)) * 2, "a.bin", overhead=0.3)
+    sent = FileTransmission(mode, data or bytes(range(256)) * 2, "a.bin", overhead=0.3)
     shape = (int(mode.height * scale) + 2 * margin, int(mode.width * scale) + 2 * margin)
     at = homography(mode, shape, scale, turn, 0.01, (1.3, -0.6))
     cycles = int(given.pop("cycles", 0)) or 14 + sent.planes + spare  # type: ignore[call-overload]

@@ -12,14 +12,14 @@ from link.coding import Inbox
 from link.layout import PERIOD, TRAINING, pilots, training
 from link.line_codes import decode_line
 from link.mode import CELLS, LINE_CODES, TICKS, Mode
-from link.sending import PlaneStream, Transmission
+from link.sending import FileTransmission, PlaneStream, Transmission
 
 DATA = np.random.default_rng(1).bytes(9000)
 
 
 def sending(line="8b10b", cell=2, ticks=2, **kept) -> Transmission:
     mode = Mode(192, 160, cell, ticks, line, 32)
-    return Transmission(mode, DATA, "a.bin", **kept)
+    return FileTransmission(mode, DATA, "a.bin", **kept)
 
 
 @pytest.mark.parametrize("line", LINE_CODES)
@@ -85,7 +85,7 @@ def test_symbols_may_be_asked_for_in_any_order():
 
 def test_tags_are_found_and_tell_the_mode():
     mode = Mode(384, 352, 3, 4, "4b6b", 64)
-    sent = Transmission(mode, b"x", "x")
+    sent = FileTransmission(mode, b"x", "x")
     mean = np.mean([sent.pixels(n) for n in range(0, 54, 4)], axis=0) * 255
     picture = cv2.copyMakeBorder(mean.astype(np.uint8), 20, 20, 20, 20, cv2.BORDER_CONSTANT)
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
@@ -103,17 +103,18 @@ def test_tags_are_found_and_tell_the_mode():
 
 
 def test_what_does_not_fit_is_cut_off():
-    whole = Transmission(Mode(192, 160, 2, 2, "8b10b", 32), bytes(20_000), "x")
+    whole = FileTransmission(Mode(192, 160, 2, 2, "8b10b", 32), bytes(20_000), "x")
     assert whole.sent_whole and whole.groups == whole.outbox.groups
     for most in (1, TRAINING, TRAINING + 15, whole.symbols - 1, whole.symbols + 1):
-        cut = Transmission(whole.mode, bytes(20_000), "x", most_symbols=most)
+        cut = FileTransmission(whole.mode, bytes(20_000), "x", most_symbols=most)
         assert cut.symbols == min(most, whole.symbols) and cut.planes == 2 * cut.symbols
         assert cut.groups == max(cut.symbols - TRAINING, 0) // 10
         carried = cut.outbox.frames_by(cut.groups)
         assert cut.sent_whole == (carried >= cut.outbox.frames_needed)
-    assert not Transmission(whole.mode, bytes(20_000), "x", most_symbols=TRAINING + 15).sent_whole
+    cut = FileTransmission(whole.mode, bytes(20_000), "x", most_symbols=TRAINING + 15)
+    assert not cut.sent_whole
     with pytest.raises(ValueError, match="most_symbols must be 1 or more"):
-        Transmission(whole.mode, b"", "x", most_symbols=0)
+        FileTransmission(whole.mode, b"", "x", most_symbols=0)
 
 
 def test_what_cannot_be_asked_for():

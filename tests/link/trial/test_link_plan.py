@@ -16,7 +16,7 @@ from link.air.effects import charge_changes
 from link.layout import TRAINING
 from link.mode import Mode
 from link.prediction.reach import CellScene, reach
-from link.sending import Transmission
+from link.sending import FileTransmission, Transmission
 from link.setting import LinkSetting, link_setting
 from link.setup.truth import true_timing
 from link.theory import clopper_pearson
@@ -54,7 +54,7 @@ def setting() -> LinkSetting:
 @pytest.fixture(scope="module")
 def sent() -> Transmission:
     data = np.random.default_rng(1).bytes(900)
-    return Transmission(MODE, data, "a.bin", overhead=0.0)
+    return FileTransmission(MODE, data, "a.bin", overhead=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +191,7 @@ def test_what_scintillation_changes_is_within_its_bound(distance: str, cell: int
     it, is within what the plan counts, twice the estimate; and something is seen to change."""
     given = small(f"link.distance={distance}", "link.air.structure=1e-10")
     data = np.random.default_rng(1).bytes(900)
-    sending = Transmission(replace(MODE, cell=cell), data, "a.bin", overhead=0.0)
+    sending = FileTransmission(replace(MODE, cell=cell), data, "a.bin", overhead=0.0)
     changes = charge_changes(
         Scene(given.panel, given.optics, given.aim, given.air), given.camera
     )  # fmt: skip

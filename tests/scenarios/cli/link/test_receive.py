@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from cosim import InputError, Viform
 from cosim.files import write_stream
-from link.sending import PlaneStream, Transmission
+from link.sending import FileTransmission, PlaneStream
 from scenarios.cli.link.receive import link_receive
 from tests.link.receiving.toy import CLOCK, MODE, small
 
@@ -73,7 +73,7 @@ def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
 
 def test_planes_that_end_with_the_light_are_received_whole(tmp_path: Path) -> None:
     """Every group is needed, and the last one ends with the stream."""
-    sent = Transmission(MODE, DATA, "a.bin", overhead=0)
+    sent = FileTransmission(MODE, DATA, "a.bin", overhead=0)
     write_stream(PlaneStream(sent, CLOCK), tmp_path / "sent.npz")
     link_receive(tmp_path / "sent.npz", tmp_path / "out", "joint", True, None, False)
     assert (tmp_path / "out/received/a.bin").read_bytes() == DATA

@@ -11,7 +11,7 @@ from cosim.files import open_stream
 from cosim.spikes.viform import unpack_planes
 from link.layout import Layout
 from link.mode import Mode
-from link.sending import Transmission
+from link.sending import FileTransmission, Transmission
 from link.setting import payload_of
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.link.send import link_send
@@ -28,7 +28,7 @@ def test_the_stream_holds_the_planes(tmp_path, ending):
     result = CliRunner().invoke(app, [str(source), "--out", str(out), *SMALL, "--json"])
     assert result.exit_code == 0, result.output
     said = json.loads(result.stdout)
-    sent = Transmission(Mode(192, 160, 2, 1, "4b6b", 16), b"some bytes", "note.txt")
+    sent = FileTransmission(Mode(192, 160, 2, 1, "4b6b", 16), b"some bytes", "note.txt")
     stream = open_stream(out, (192, 160) if ending == "dat" else None)
     assert said["planes"] == stream.cycles == sent.planes and said["clock_hz"] == 40_000
     assert stream.shape == (160, 192)
@@ -56,7 +56,7 @@ def test_the_room_of_the_groups_is_filled_without_another_one(size, overhead):
     mode = Mode(192, 160, 2, 1, "4b6b", 16)
 
     def sent(length: int) -> Transmission:
-        return Transmission(mode, bytes(length), "a.bin", overhead=overhead)
+        return FileTransmission(mode, bytes(length), "a.bin", overhead=overhead)
 
     small = sent(size)
     room = small.outbox.room

@@ -1,0 +1,66 @@
+"""The common half of all senders: frames become the values of cells, group by group."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import OrderedDict
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from link.coding.blocks import Blocks
+from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
+from link.layout import Layout
+
+__all__ = ["BlockWriter"]
+
+_CACHED = 2
+"""Number of blocks whose values are cached."""
+
+
+class BlockWriter(ABC):
+    """Codes frames to groups.
+
+    Args:
+        form: of the blocks.
+        blocks: number of blocks.
+
+    Attributes:
+        layout: of the cells.
+        frames: frames sent.
+        groups: groups that carry them.
+    """
+
+    def __init__(self, form: Blocks, blocks: int) -> None:
+        self.layout: Layout = form.layout
+        self._blocks = form
+        self._code = ReedSolomon(form.layout.mode.parity)
+        self.frames = blocks * form.frames
+        self.groups = blocks * form.groups
+        self._cache: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
+
+    @abstractmethod
+    def _frames(self, block: int) -> Sequence[npt.NDArray[np.uint8]]:
+        """Returns the frames of a block, (`Blocks.frame_bytes`,) uint8 each."""
+
+    def values(self, group: int) -> npt.NDArray[np.uint8]:
+        """Returns the line code's values of the data cells in a group, (cells,) uint8."""
+        if not 0 <= group < self.groups:
+            raise ValueError(f"group must be from 0 to {self.groups - 1}, not {group}")
+        block, within = divmod(group, self._blocks.groups)
+        if block not in self._cache:
+            self._cache[block] = self._make(block)
+            while len(self._cache) > _CACHED:
+                self._cache.popitem(last=False)
+        return self._cache[block][within]
+
+    def _make(self, block: int) -> npt.NDArray[np.uint8]:
+        form = self._blocks
+        data = np.zeros((form.words, form.data_bytes), np.uint8)
+        framed = data[: form.frames * form.frame_words].reshape(form.frames, form.frame_bytes)
+        for row, frame in zip(framed, self._frames(block), strict=True):
+            row[:] = frame
+        words = self._code.encode(data)
+        assert words.shape == (form.words, WORD_BYTES)
+        return form.lay(words, block)
