@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share
 from link.detect.catalogue import DETECTORS
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS
@@ -155,6 +156,11 @@ class LinkSection(Section):
     distance: Metres = Field(
         default=2e6, examples=["2 m"], description="from the panel to the lens"
     )
+    sensor: SensorSection | None = Field(
+        default=None,
+        description="camera of the link in a scenario with a [scene]; the chip of [sensor] with a "
+        "hard reset when absent",
+    )
     loop: str | None = Field(
         default=None,
         description="serial:PORT or serial:PORT,BAUD: the panel's planes go through a board's "
@@ -177,3 +183,12 @@ class LinkScenario(Section):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
     link: LinkSection
     sensor: SensorSection
+
+    @model_validator(mode="after")
+    def _has_one_camera(self) -> LinkScenario:
+        if self.link.sensor is not None:
+            raise InputError(
+                "link.sensor", "absent without a [scene]", "given",
+                "give [sensor]: it is the camera of a link that sends a file",
+            )  # fmt: skip
+        return self

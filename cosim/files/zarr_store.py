@@ -186,6 +186,13 @@ class Recorder:
             zarr.open_group(self._path, mode="r+").attrs["complete"] = True
         return data
 
+    def read_back(self, first: int, stop: int) -> Words:
+        """Words `first` to `stop` (excluded) that were written before, also by the run that this
+        one resumes."""
+        if self._array is None:
+            self._array = self._open(resumed=True)
+        return cast(Words, self._array[first:stop])
+
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The incomplete word, if there is one."""
         return {} if self._open_word is None else {"open_word": self._open_word}

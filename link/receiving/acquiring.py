@@ -109,6 +109,16 @@ class Acquired:
     def timing(self) -> Timing:
         return self.pace.timing
 
+    def numbered_as(self, timing: Timing) -> Acquired:
+        """Returns the same with symbols numbered as in an earlier timing of the same transmission.
+        Without the training a number is known only modulo the pilots' period."""
+        if self.trained is not None:
+            return self
+        mine = self.pace.timing
+        turn = PERIOD * mine.period
+        first = mine.first + round((timing.first - mine.first) / turn) * turn
+        return replace(self, pace=replace(self.pace, timing=replace(mine, first=first)))
+
 
 def _brightest(recording: Recording) -> tuple[int, int]:
     """Returns the ticks of the words with at least half of the largest number of spikes."""
@@ -156,22 +166,31 @@ def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Float
 
 def lit_span(recording: Recording, layout: Layout, homography: Floats) -> tuple[int, int] | None:
     """Returns the ticks in which the tags are on; None if they never are."""
+    spans = lit_spans(recording, layout, homography)
+    return (spans[0][0], spans[-1][1]) if spans else None
+
+
+def lit_spans(recording: Recording, layout: Layout, homography: Floats) -> list[tuple[int, int]]:
+    """Returns the spans of ticks in which the tags are on, in order; end excluded."""
     light = tag_light(recording, layout, homography)
     if len(light) < 2 * _SMOOTH:
-        return None
+        return []
     smooth = np.convolve(light, np.full(_SMOOTH, 1 / _SMOOTH), "same")
     level = float(np.quantile(smooth, 0.9))
     if level < _CONTRAST:
-        return None
+        return []
     on = np.flatnonzero(smooth > level / 2)
-    first, last = int(on[0]), int(on[-1])
-    near = slice(max(first - _SMOOTH, 0), first + _SMOOTH)
-    begun = np.flatnonzero(light[near] > level / 2)
-    first = near.start + int(begun[0]) if len(begun) else first
-    near = slice(max(last - _SMOOTH, 0), last + _SMOOTH)
-    ended = np.flatnonzero(light[near] > level / 2)
-    last = near.start + int(ended[-1]) if len(ended) else last
-    return recording.first + first, recording.first + last + 1
+    spans = []
+    for part in np.split(on, np.flatnonzero(np.diff(on) > 1) + 1):
+        first, last = int(part[0]), int(part[-1])
+        near = slice(max(first - _SMOOTH, 0), first + _SMOOTH)
+        begun = np.flatnonzero(light[near] > level / 2)
+        first = near.start + int(begun[0]) if len(begun) else first
+        near = slice(max(last - _SMOOTH, 0), last + _SMOOTH)
+        ended = np.flatnonzero(light[near] > level / 2)
+        last = near.start + int(ended[-1]) if len(ended) else last
+        spans.append((recording.first + first, recording.first + last + 1))
+    return spans
 
 
 def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> float:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from cosim.spikes.viform import Viform
-from link.coding import Inbox
+from link.coding import BlockReader, Inbox
 from link.detect.catalogue import DETECTORS
-from link.layout import PERIOD
-from link.receiving.acquiring import Acquired, Evidence, acquire
+from link.layout import PERIOD, Layout
+from link.receiving.acquiring import Acquired, Evidence, acquire, lit_spans
 from link.receiving.diagnosis.failure import explain_failure
 from link.receiving.diagnosis.loss import explain_loss
 from link.receiving.received import Received
@@ -28,6 +29,9 @@ stored ticks are decoded."""
 _BREAKS, _SHORTEST = 8, 64
 """_BREAKS: interruptions that are followed at a time. _SHORTEST: ticks in which a sequence may be
 detected."""
+_DARK: Final = 8
+"""Ticks without light after which the decoding begins anew: what was learned during them is
+wrong."""
 _JUMP: Final = 2.0
 """Ticks from which a shift of the sequence counts as a jump."""
 _STORED: Final = 256
@@ -48,6 +52,7 @@ class Receiver:
         shape: (height, width) of the camera.
         detector: its name.
         interleave: as used by the sender.
+        inbox: makes the reader of the decoded groups for a layout; by default that of a file.
 
     Attributes:
         recording: the stored words.
@@ -62,12 +67,14 @@ class Receiver:
     """
 
     def __init__(
-        self, shape: tuple[int, int], *, detector: str = "joint", interleave: bool = True
-    ) -> None:
+        self, shape: tuple[int, int], *, detector: str = "joint", interleave: bool = True,
+        inbox: Callable[[Layout], BlockReader] | None = None,
+    ) -> None:  # fmt: skip
         if detector not in DETECTORS:
             raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {detector}")
         self.recording = Recording(shape)
-        self._detector, self._interleave = detector, interleave
+        self._detector = detector
+        self._make_inbox = inbox or (lambda layout: Inbox(layout, interleave=interleave))
         self._evidence: Evidence | None = None
         self._acquired: Acquired | None = None
         self._session: Session | None = None
@@ -87,6 +94,11 @@ class Receiver:
             self._work()
             if self._session is None:
                 self.recording.forget(self.recording.stop - _STORED)
+
+    @property
+    def session(self) -> Session | None:
+        """The transmission that is being decoded; None until one is detected."""
+        return self._session
 
     def finish(self) -> Received:
         """Decodes the remaining words and returns the result."""
@@ -175,14 +187,20 @@ class Receiver:
             if acquired is None or acquired.layout.mode != old.layout.mode:
                 return
             jump = self._jump(old, acquired, until)
-            if jump is None:
+            if jump is None and not self._was_dark(old):
                 return
-            self.interrupted = jump
+            self.interrupted = jump or self.interrupted
+            acquired = acquired.numbered_as(old.timing)
             self._acquired = acquired
             session = Session(acquired, self._detector, old.inbox, self.recording.shape)
             session.go_on_from(old)
             self._session = session
             session.advance(self.recording)
+
+    def _was_dark(self, old: Session) -> bool:
+        """Whether the panel was dark for a while in the stored ticks, and lit after it."""
+        spans = lit_spans(self.recording, old.layout, old.refined.homography)
+        return len(spans) > 1 or bool(spans and spans[0][0] > self.recording.first + _DARK)
 
     @property
     def _received(self) -> int:
@@ -201,9 +219,9 @@ class Receiver:
 
     def _begin(self, acquired: Acquired) -> None:
         try:
-            inbox = Inbox(acquired.layout, interleave=self._interleave)
+            inbox = self._make_inbox(acquired.layout)
         except ValueError as exc:
-            self._unusable = Verdict(Cause.TOO_SMALL, f"the panel's mode carries no file: {exc}")
+            self._unusable = Verdict(Cause.TOO_SMALL, f"the panel's mode carries no data: {exc}")
             return
         self._acquired = acquired
         self._session = Session(acquired, self._detector, inbox, self.recording.shape)

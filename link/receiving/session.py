@@ -7,6 +7,7 @@ section to the next, the image's drift and the symbols' timing are measured agai
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -26,7 +27,7 @@ from link.receiving.tracking import drift_by_tags
 from link.timing import Registration, Timing
 
 if TYPE_CHECKING:
-    from link.coding import Inbox
+    from link.coding import BlockReader
 
 __all__ = ["Session"]
 
@@ -89,7 +90,7 @@ class Session:
     """
 
     def __init__(
-        self, acquired: Acquired, detector: str, inbox: Inbox, shape: tuple[int, int]
+        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int]
     ) -> None:
         self.layout, self.refined = acquired.layout, acquired.refined
         self.pace, self.levels = acquired.pace, acquired.levels
@@ -145,6 +146,13 @@ class Session:
         if self._next is None:
             return float(recording.ticks)
         return recording.stop - self._begins(TRAINING + self._next * self.layout.group)
+
+    @property
+    def decoded_until(self) -> float:
+        """Tick before which every whole group has been decoded."""
+        if self._next is None:
+            return -math.inf
+        return self.symbol_ends(TRAINING + self._next * self.layout.group - 1)
 
     def advance(self, recording: Recording) -> None:
         """Decodes the groups that are whole in a recording, and drops words that are not needed."""

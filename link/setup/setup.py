@@ -52,6 +52,11 @@ class LinkSetup:
         return "numba on this processor" if self.device is None else self.device.name
 
     @property
+    def symbols(self) -> int:
+        """Symbols of the whole transmission, training and closing included."""
+        return self.sent.symbols
+
+    @property
     def pixel_cycles(self) -> int:
         """Pixel-cycles of the whole run."""
         chip = self.setting.camera.chip

@@ -67,7 +67,7 @@ def _measure(setup: LinkSetup, plan: LinkPlan, everything: LinkPlan) -> Speeds:
 
 def link_forecast(name: str, setup: LinkSetup, progress: Progress) -> dict[str, Any]:
     """Returns the document of `viform plan --json` for a link."""
-    survey = survey_link(setup.setting, setup.mode, setup.sent.symbols, setup.cycles)
+    survey = survey_link(setup.setting, setup.mode, setup.symbols, setup.cycles)
     planned = survey.plan(setup.scenario.tolerance, setup.device)
     everything = survey.plan(0.0, setup.device, tier=planned.tier)
     for warning in setup.warnings():

@@ -109,7 +109,7 @@ def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
         InputError: if no bit can be compared.
     """
     setting, camera = setup.setting, setup.setting.camera
-    survey = survey_link(setting, setup.mode, setup.sent.symbols, setup.cycles)
+    survey = survey_link(setting, setup.mode, setup.symbols, setup.cycles)
     rungs = _rungs(setup, survey)
     seed, detector = setup.scenario.seed, setup.scenario.link.modem.detector
     patches = LinkPatches(setting, setup.sent, seed, detector)

@@ -74,7 +74,7 @@ def _planned(setup: LinkSetup, survey: LinkSurvey, effects: Sequence[str]) -> Pl
 
 def plan_link(setup: LinkSetup) -> PlannedLink:
     """Plans a link."""
-    survey = survey_link(setup.setting, setup.mode, setup.sent.symbols, setup.cycles)
+    survey = survey_link(setup.setting, setup.mode, setup.symbols, setup.cycles)
     return _planned(setup, survey, ())
 
 

@@ -38,6 +38,10 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     """The machine of a scenario, checked and planned. Raises InputError."""
     check_options(scenario, options)
     if isinstance(scenario, Scenario):
+        if scenario.link is not None:
+            from scenarios.assemble.carrier.machine import assemble_carried
+
+            return assemble_carried(name, scenario, options.device, options.resume, progress)
         if scenario.sensor.readout == "synchronous":
             from scenarios.assemble.camera.machine import assemble_latched
 

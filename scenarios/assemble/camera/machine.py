@@ -156,7 +156,8 @@ class LatchedMachine:
             display=display,
         )
 
-    def chain(self, folder: Path) -> BlockChain:
+    def stages(self, folder: Path) -> dict[str, Any]:
+        """The stages by name; the display is the last one."""
         setup = self.setup
         recorder = Recorder(folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock)
         stages: dict[str, Any] = {
@@ -167,16 +168,17 @@ class LatchedMachine:
             "recorder": recorder,
             **({} if self.boards.panel is None else {"sink": self.boards.panel}),
         }
-        if self.display is not None:
-            stages = self.display.stages(stages)
+        return stages if self.display is None else self.display.stages(stages)
+
+    def chain(self, folder: Path) -> BlockChain:
         height, width = self.camera.shape
         return BlockChain(
-            f"{self.name}: {setup.cycles} cycles of {width} x {height}", stages, setup.cycles,
-            self._identity(), folder,
+            f"{self.name}: {self.length} cycles of {width} x {height}", self.stages(folder),
+            self.length, self.identity(), folder,
             every_s=30.0 if self.display is None else 60.0,  # a display's state is half a gigabyte
         )  # fmt: skip
 
-    def _identity(self) -> str:
+    def identity(self) -> str:
         """A digest of the scenario, its plan, the version of the program, the renderer, and the
         content of the clip."""
         text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
@@ -194,7 +196,7 @@ class LatchedMachine:
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         setup, seconds, verifier = self.setup, recording.seconds, self.verifier
         images = self._views(recording) if self.display is not None else self._images(recording)
-        throughput = self._throughput(recording)
+        throughput = self.throughput(recording)
         beyond = [] if verifier is None else verifier.beyond()
         faults = self.boards.faults(self.camera)
         outcome = "degraded" if self.source.degraded or beyond else "ok"
@@ -223,7 +225,8 @@ class LatchedMachine:
             views=images,
         )
 
-    def _throughput(self, recording: Recording) -> list[Throughput]:
+    def throughput(self, recording: Recording) -> list[Throughput]:
+        """Speeds of the stages; unknown for a resumed run."""
         if recording.resumed:
             return []
         seconds, cycles = recording.seconds, self.setup.cycles

@@ -170,11 +170,6 @@ def validate(data: dict[str, Any]) -> AnyScenario:
     The section [board], [imager] or [link] selects the kind of scenario; without one of them, it is
     the scenario of a spike camera. Raises InputError with the first error in one line.
     """
-    if "link" in data and "scene" in data:
-        raise InputError(
-            "link", "absent in a scenario with a [scene]", "given with one",
-            "remove one of them: a link does not transmit a stream of spikes yet",
-        )  # fmt: skip
     for other in ("sensor", "display", "image", "link"):
         if "imager" in data and other in data:
             raise InputError(
@@ -192,7 +187,7 @@ def validate(data: dict[str, Any]) -> AnyScenario:
         whole = BoardScenario
     elif "imager" in data:
         whole = imager_scenario()
-    elif "link" in data:
+    elif "link" in data and "scene" not in data:
         whole = LinkScenario
     try:
         return whole.model_validate(data)

@@ -6,15 +6,17 @@ from functools import cache, reduce
 from operator import or_
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, TypeAdapter, create_model
+from pydantic import Field, TypeAdapter, create_model, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Duration, Section
 from display.section import DisplaySection
-from link.section import LinkScenario
+from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.interface.section import ImagerLens, ImagerSection
 from scenarios.scenes.catalogue import SceneSection
+from sensor.codec.packets import CodeSection
 from sensor.sections.sensor import SensorSection
 
 __all__ = [
@@ -67,6 +69,29 @@ class Scenario(Section):
         default=None, description="the display that shows the stream; none by default"
     )
     image: ImageSection = ImageSection()
+    code: CodeSection | None = Field(
+        default=None, description="code of the stream on a link; layered when absent"
+    )
+    link: LinkSection | None = Field(
+        default=None, description="link that carries the coded stream; none by default"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _coded(cls, data: Any) -> Any:
+        """A link has a code."""
+        if isinstance(data, dict) and data.get("link") is not None and data.get("code") is None:
+            return data | {"code": {}}
+        return data
+
+    @model_validator(mode="after")
+    def _sent_over_a_link(self) -> Scenario:
+        if self.code is not None and self.link is None:
+            raise InputError(
+                "code", "given with a [link]", "given without one",
+                "add a [link], or write a coded file with `viform convert`",
+            )  # fmt: skip
+        return self
 
 
 class ImagerScenario(Section):

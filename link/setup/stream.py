@@ -1,0 +1,155 @@
+"""A link that carries a stream of packets, which are made while it runs.
+
+The panel begins with the training, so the link starts some camera cycles before the stream. Then it
+sends block after block, whether packets are ready or not. The frames of a block are made ASSEMBLY
+ticks before the block is shown.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from cosim import InputError
+from cosim.compute.opencl import choose_device
+from cosim.run.progress import Progress
+from cosim.stage import BLOCK
+from link.coding import Blocks
+from link.coding.stream_boxes import StreamOutbox, stream_blocks, stream_rate
+from link.layout import TRAINING, Layout
+from link.section import LinkScenario
+from link.sending import FileTransmission, Transmission
+from link.setting import LEAD, TAIL, link_setting
+from link.setup.modes import choose_mode
+from link.setup.setup import LinkSetup
+from sensor import CameraSetting
+
+__all__ = ["ASSEMBLY", "StreamSetup", "set_up_stream"]
+
+ASSEMBLY: Final = 4
+"""Camera cycles before the first light of a block, at which its frames are made: the sender needs
+time to code them."""
+_READ: Final = 3
+"""Camera cycles from the end of a block's light until the receiver has its last row."""
+_STAND_IN: Final = 64
+"""Symbols after the training that the check of the plan films."""
+
+
+@dataclass(frozen=True)
+class StreamSetup(LinkSetup):
+    """A link for a stream, before it is planned. `sent` is a stand-in of random data of the same
+    mode, for the check of the plan.
+
+    Attributes:
+        form: of the blocks.
+        blocks: number of blocks.
+        lead: camera cycles from the start of the link to cycle 0 of the stream.
+    """
+
+    form: Blocks
+    blocks: int
+    lead: int
+
+    @property
+    def symbols(self) -> int:
+        layout = self.form.layout
+        return TRAINING + self.blocks * self.form.groups * layout.group + layout.closing
+
+    @property
+    def block_planes(self) -> int:
+        """Panel planes of a block."""
+        return self.form.groups * self.form.layout.group * self.mode.ticks
+
+    @property
+    def block_cycles(self) -> float:
+        """Camera cycles of a block."""
+        return self.block_planes * self.setting.camera.clock.hz / self.setting.panel.clock.hz
+
+    @property
+    def rate(self) -> float:
+        """Bits of packets that the link carries in a camera cycle."""
+        return 8 * stream_rate(self.form) / self.block_cycles
+
+    @property
+    def delay(self) -> int:
+        """Largest delay of a packet that waits for no other, from its end to its arrival, in camera
+        cycles: it just misses a block, and its last byte is in the block after the next one."""
+        return ASSEMBLY + math.ceil(3 * self.block_cycles) + _READ
+
+    def first_cycle(self, block: int) -> int:
+        """Returns the camera cycle, of the link, in which the first light of a block begins."""
+        setting = self.setting
+        plane = (TRAINING * self.mode.ticks) + block * self.block_planes
+        return setting.camera.clock.cycle_at(setting.first_light + setting.panel.clock.edge(plane))
+
+    def block_until(self, tick: int) -> int:
+        """Returns the block whose light ends nearest to a cycle of the link."""
+        return round((tick - self.first_cycle(0)) / self.block_cycles) - 1
+
+    def made_at(self, block: int) -> int:
+        """Returns the cycle of the stream before which a packet must be complete to be sent in a
+        block."""
+        return self.first_cycle(block) - ASSEMBLY - self.lead
+
+    def transmission(self, ready: Callable[[int], bytes | None]) -> Transmission:
+        """Returns the transmission. ready: see `StreamOutbox`."""
+        return Transmission(self.mode, StreamOutbox(self.form, self.blocks, ready))
+
+
+def set_up_stream(
+    scenario: LinkScenario, camera: CameraSetting, device: str | None, progress: Progress,
+    cycles: int, hold: int,
+) -> StreamSetup:  # fmt: skip
+    """Checks a link and chooses its mode.
+
+    Args:
+        scenario: a scenario of the link's section, its camera and its seed; the file and the
+            duration are not read.
+        camera: that of the link, with every effect.
+        device: part of an OpenCL device's name, "numba", or None for the default one.
+        progress: of the pilots.
+        cycles: length of the stream, camera cycles.
+        hold: camera cycles after the end of the stream in which packets may still wait.
+
+    Raises:
+        InputError: if the link cannot be simulated.
+    """
+    setting, opened, seconds = link_setting(scenario, camera), choose_device(device), {}
+    begin = time.perf_counter()
+    # The mode is chosen for a long transmission: one second of the panel's raw bits at the most.
+    size = round(setting.panel.clock.hz * math.prod(setting.panel.shape) / 64)
+    mode, choice = choose_mode(scenario, setting, size, opened, progress)
+    if choice is not None:
+        seconds["pilots"] = time.perf_counter() - begin
+    layout = Layout(mode)
+    try:
+        form = stream_blocks(layout, scenario.link.modem.interleave)
+        _ = form.frames
+    except ValueError as exc:
+        raise InputError(
+            "link.modem", "a mode that the panel has room for", str(exc),
+            "take smaller cells or a larger panel",
+        ) from exc  # fmt: skip
+    clock, panel = camera.clock, setting.panel.clock
+    trained = clock.cycle_at(setting.first_light + panel.edge(TRAINING * mode.ticks))
+    lead = -(-(max(trained, LEAD) + ASSEMBLY) // BLOCK) * BLOCK
+    planes = form.groups * layout.group * mode.ticks
+    length = (lead + cycles + hold) * panel.hz / clock.hz
+    blocks = max(math.ceil((length - TRAINING * mode.ticks) / planes), 1)
+    rng = np.random.Generator(np.random.Philox(key=scenario.seed))
+    groups = -(-_STAND_IN // layout.group)
+    stand_in = FileTransmission(
+        mode, rng.bytes(layout.group_bytes(groups)), "stand-in",
+        most_symbols=TRAINING + groups * layout.group,
+    )  # fmt: skip
+    whole = TRAINING + blocks * form.groups * layout.group + layout.closing
+    dark = setting.first_light + panel.edge(whole * mode.ticks)
+    ticks = clock.cycle_at(dark) + 1 + TAIL
+    return StreamSetup(
+        scenario, setting, mode, choice, stand_in, ticks, opened, seconds, form, blocks, lead
+    )

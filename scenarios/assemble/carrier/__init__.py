@@ -1,0 +1,1 @@
+"""The way of a camera's stream to a display in another place: code, link, decoder."""

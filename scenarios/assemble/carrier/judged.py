@@ -1,0 +1,183 @@
+"""Evaluation of a stream that crossed a link: what it cost in picture, in time and in bits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import SpikeStream
+from cosim.files import ZarrStream
+from cosim.run.chain import STREAM
+from cosim.run.machine import Outcome, Recording
+from cosim.run.result import Latency, Metric, latency_rows
+from cosim.spikes.viform import words_for
+from link.evaluation.delay import LIGHT
+from link.receiving import Received
+from scenarios.assemble.camera.machine import LatchedMachine
+from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED, Carrier
+from scenarios.assemble.carrier.far import FarEnd
+from scenarios.assemble.carrier.near import NearEnd
+from sensor.reconstruct.fidelity import judge
+from sensor.reconstruct.shots import LATCHED, Shot, interval_latency, spike_rate, take_shots
+
+__all__ = ["CarrierOutcome", "judge_carrier"]
+
+_PART = 8
+"""Words that are compared at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class CarrierOutcome:
+    """A link after its last block.
+
+    Attributes:
+        carrier: code and link.
+        direct, through: images from the camera's own stream and from the decoded one.
+        received: result of the receiver.
+        near, far: the ends of the link.
+        views: data of the camera's machine for its page.
+    """
+
+    carrier: Carrier
+    direct: list[Shot]
+    through: list[Shot]
+    received: Received
+    near: NearEnd
+    far: FarEnd
+    views: object
+
+
+def _differences(sent: SpikeStream, shown: SpikeStream) -> tuple[int, int]:
+    """Spikes of the first stream that the second lacks in their cycle, and spikes that only the
+    second has."""
+    lost = added = 0
+    for first in range(0, words_for(sent.cycles), _PART):
+        a, b = (each.read_words(first, first + _PART) for each in (sent, shown))
+        lost += int(np.bitwise_count(a & ~b).sum(dtype=np.int64))
+        added += int(np.bitwise_count(b & ~a).sum(dtype=np.int64))
+    return lost, added
+
+
+def _psnr(shots: Sequence[Shot]) -> Metric:
+    return judge(shots, LATCHED)["tfp_psnr"]
+
+
+def _rows(stage: str, cycles: npt.ArrayLike, period_ps: float) -> list[Latency]:
+    ps = np.asarray(np.rint(np.asarray(cycles, np.float64) * period_ps), np.int64)
+    return latency_rows(stage, ps)
+
+
+def _latency(carrier: Carrier, near: NearEnd, far: FarEnd, period_ps: float) -> list[Latency]:
+    """Time of each stage from the latch of a spike until it is shown, over all packets.
+
+    A packet waits for the end of its group, in the send buffer, and is on the panel for the rest of
+    its blocks; then it waits until its group is shown. Every spike takes the same time in all.
+    """
+    setup, hold = carrier.setup, carrier.hold
+    if not far.arrivals:
+        return []
+    group = carrier.section.cycles
+    ends = np.array([end for _, _, end in far.arrivals], np.int64) + setup.lead
+    ticks = np.array([tick for tick, _, _ in far.arrivals], np.int64)
+    begun = np.array([setup.first_cycle(setup.block_until(int(tick))) for tick in ticks])
+    flight = setup.setting.air.distance / LIGHT * 1e12 / period_ps
+    panel = setup.block_cycles
+    read = ticks - begun - panel - flight
+    return [
+        *_rows("code", [0, group / 2, group], period_ps),
+        *_rows("send buffer", begun - ends, period_ps),
+        *_rows("panel", [panel], period_ps),
+        *_rows("air", [flight], period_ps),
+        *_rows("link chip", read, period_ps),
+        *_rows("wait to be shown", ends - group + hold - ticks, period_ps),
+    ]
+
+
+def judge_carrier(
+    carrier: Carrier, machine: LatchedMachine, recording: Recording, outcome: Outcome
+) -> Outcome:
+    """The outcome of a run with a link.
+
+    Args:
+        carrier: code and link.
+        machine: the camera and its display.
+        recording: of the whole chain.
+        outcome: of the camera and the display, which shows the decoded stream.
+    """
+    near, far = recording.chain.stages["code"], recording.chain.stages["receiver"]
+    received = far.receiver.received
+    assert received is not None
+    setup, image, clock = machine.setup, machine.scenario.image, machine.setup.setting.clock
+    streams = [ZarrStream(recording.folder / name) for name in (STREAM, RECEIVED)]
+    direct, through = (
+        take_shots(
+            stream, machine.source, setup.instants, image.window, setup.white_rate,
+            preceding=image.preceding,
+        )
+        for stream in streams
+    )  # fmt: skip
+    lost, added = _differences(*streams)
+    seconds = setup.cycles / clock.hz
+    pixel_cycles = setup.cycles * machine.pixels
+    count = near.sender.counts
+    on_time = sum(size for _, size, _ in far.arrivals)
+    latency = [
+        *interval_latency(clock, direct),
+        *_latency(carrier, near, far, 1e12 / clock.hz),
+        *outcome.latency,
+    ]
+    metrics = {
+        **outcome.metrics,
+        "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
+        "psnr_direct": _psnr(direct),
+        "psnr_through_link": _psnr(through),
+        "stream_bps": Metric(8 * count.coded_bytes / seconds, "bit/s"),
+        "goodput_bps": Metric(8 * on_time / seconds, "bit/s"),
+        "link_bps": Metric(carrier.setup.rate * clock.hz, "bit/s"),
+        "code_bits_per_pixel_cycle": Metric(8 * count.coded_bytes / pixel_cycles, "bit"),
+        "sent_bits_per_pixel_cycle": Metric(8 * on_time / pixel_cycles, "bit"),
+        "dropped_spikes": Metric(lost, "spikes"),
+        "added_spikes": Metric(added, "spikes"),
+        "packets_dropped": Metric(count.dropped, "packets"),
+        "packets_late": Metric(far.late, "packets"),
+        "tiles_missing": Metric(far.missing, "tiles"),
+        "buffer_peak_bytes": Metric(count.peak_bytes, "bytes"),
+        "latency_us": Metric(carrier.hold / clock.hz * 1e6, "us"),
+        "frames_received": Metric(received.frames_right, "frames"),
+        "frames_lost": Metric(far.receiver.frames_lost, "frames"),
+        "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
+    }
+    worse = _causes(received, far, count.dropped)
+    return replace(
+        outcome,
+        outcome="degraded" if worse and outcome.outcome == "ok" else outcome.outcome,
+        kept=[*outcome.kept, *carrier.kept],
+        left_out=[*outcome.left_out, *carrier.left_out],
+        metrics=metrics,
+        latency=latency,
+        files=[*outcome.files, LINK_STREAM, RECEIVED],
+        notes=[*outcome.notes, *worse, *carrier.link.beyond],
+        views=CarrierOutcome(carrier, direct, through, received, near, far, outcome.views),
+    )
+
+
+def _causes(received: Received, far: FarEnd, dropped: int) -> list[str]:
+    """What the stream has lost on its way, and why."""
+    causes = []
+    if not received.instants:
+        causes.append(f"nothing arrived: {received.verdict.cause.value}: {received.verdict.text}")
+    elif far.receiver.frames_lost:
+        causes.append(
+            f"{far.receiver.frames_lost} frames of the link were lost: "
+            f"{received.verdict.cause.value}"
+        )
+    if dropped:
+        causes.append(
+            f"{dropped} packets were not sent: the link carries less than the stream brings"
+        )
+    if far.missing:
+        causes.append(f"{far.missing} of {far.tiles} tiles were shown without any packet of theirs")
+    return causes

@@ -1,0 +1,77 @@
+"""The section of the report on the link: both ends side by side, and its cost."""
+
+from __future__ import annotations
+
+import html
+
+from cosim.config.amounts import amount
+from cosim.report.figures import sheet_figure
+from cosim.report.parts import plot, table
+from cosim.report.png import for_display
+from cosim.run.machine import Run
+from scenarios.assemble.carrier.judged import CarrierOutcome
+
+__all__ = ["FIGURE", "carrier_sections"]
+
+FIGURE = "figures/through-link.png"
+_RATES = ("stream_bps", "link_bps", "goodput_bps")
+
+
+def carrier_sections(run: Run) -> list[str]:
+    """HTML of the sections; writes their figure."""
+    views = run.outcome.views
+    assert isinstance(views, CarrierOutcome)
+    return [_ends(run, views), _cost(run), _time(run, views)]
+
+
+def _ends(run: Run, views: CarrierOutcome) -> str:
+    clock = views.carrier.camera.setting.clock
+    heads = [f"{clock.middle(shot.cycle) / 1e9:.2f} ms" for shot in views.direct]
+    rows = [
+        ("true light", [for_display(shot.truth) for shot in views.direct]),
+        ("TFP, first chip", [for_display(shot.tfp) for shot in views.direct]),
+        ("TFP, through the link", [for_display(shot.tfp) for shot in views.through]),
+    ]
+    path = run.folder / FIGURE
+    sheet_figure(heads, rows, path)
+    return (
+        "<h2>Both ends of the link</h2><p>The stream of the first chip was coded, sent by the "
+        "panel, filmed by the second chip, decoded and shown. The images are those of the same "
+        "instants of the stream.</p>" + plot(path, "images of both ends of the link")
+    )
+
+
+def _value(run: Run, name: str) -> str:
+    metric = run.result.metrics[name]
+    return "unknown" if metric.value is None else amount(metric.value, metric.unit)
+
+
+def _cost(run: Run) -> str:
+    names = {
+        "stream_bps": "the code makes", "link_bps": "the link carries",
+        "goodput_bps": "arrived in time", "code_bits_per_pixel_cycle": "a pixel and cycle, coded",
+        "sent_bits_per_pixel_cycle": "a pixel and cycle, arrived",
+        "psnr_direct": "image of the first chip", "psnr_through_link": "image through the link",
+        "dropped_spikes": "spikes not shown in their cycle",
+        "added_spikes": "spikes shown that the chip did not fire in that cycle",
+        "packets_dropped": "packets not sent", "packets_late": "packets too late",
+        "tiles_missing": "tiles shown without a packet",
+        "buffer_peak_bytes": "largest content of the send buffer",
+        "frames_lost": "frames of the link lost",
+        "bytes_corrected": "bytes mended by Reed-Solomon",
+    }  # fmt: skip
+    rows = [[text, _value(run, name)] for name, text in names.items()]
+    return "<h2>What the link cost</h2>" + table(["quantity", "value"], rows)
+
+
+def _time(run: Run, views: CarrierOutcome) -> str:
+    rows = [
+        [html.escape(row.stage), f"{row.min_us:.6g}", f"{row.median_us:.6g}", f"{row.max_us:.6g}"]
+        for row in run.outcome.latency
+    ]
+    clock = views.carrier.camera.setting.clock
+    return (
+        "<h2>From light to light</h2><p>Time in the simulated machine, us. A spike is shown "
+        f"{views.carrier.hold / clock.hz * 1e6:.6g} us after its latch, whatever packet carries "
+        "it.</p>" + table(["stage", "minimum", "median", "maximum"], rows)
+    )

@@ -1,0 +1,57 @@
+"""Stages with a clock of their own in a chain: some that run later, and some fed with many blocks.
+
+The link starts before its stream, and what arrives is shown later than it was sent. The chain
+counts the cycles of the link. Its stages before the link run `lead` cycles late; those after it run
+whenever the decoder has a block for them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim.spikes.viform import Viform
+from cosim.stage import Block, Stage, State, Stateful
+
+__all__ = ["EachBlock", "Later"]
+
+
+class _Wrapped:
+    """A stage with the state of another one."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+
+    def state(self) -> State:
+        return self._stage.state() if isinstance(self._stage, Stateful) else {}
+
+    def restore(self, state: State) -> None:
+        if isinstance(self._stage, Stateful):
+            self._stage.restore(state)
+
+
+class Later(_Wrapped):
+    """A stage that begins `lead` cycles after the chain and runs for `cycles` cycles.
+
+    Args:
+        stage: the stage.
+        lead: a multiple of the chain's blocks, so that its blocks are those of a run by itself.
+        cycles: length of its run.
+    """
+
+    def __init__(self, stage: Stage, lead: int, cycles: int) -> None:
+        super().__init__(stage)
+        self._lead, self._cycles = lead, cycles
+
+    def step(self, data: Any, block: Block) -> Any:
+        """The stage's output for its part of the block; None before and after its run."""
+        start = max(block.start - self._lead, 0)
+        stop = min(block.stop - self._lead, self._cycles)
+        return self._stage.step(data, Block(start, stop - start)) if stop > start else None
+
+
+class EachBlock(_Wrapped):
+    """A stage that takes any number of blocks at a time."""
+
+    def step(self, data: list[Viform], block: Block) -> list[Viform]:
+        """The blocks, each after the stage."""
+        return [self._stage.step(each, Block(each.start, each.cycles)) for each in data]
