@@ -34,6 +34,7 @@ class BlockChain:
         folder: folder of the run.
         every_s: wall time between checkpoints, s.
         recording: file or folder that the sink writes, within the folder of the run.
+        parallel: whether the stages work at the same time; the recording is the same.
         begin: first cycle of `run`; after `load`, that of the checkpoint.
     """
 
@@ -44,6 +45,7 @@ class BlockChain:
     folder: Path
     every_s: float = 30.0
     recording: str = STREAM
+    parallel: bool = True
     begin: int = 0
 
     @property
@@ -67,7 +69,7 @@ class BlockChain:
             return run_blocks(
                 self.stages, self.cycles, checkpoint=Checkpoint(self.checkpoint, self.identity),
                 begin=self.begin, progress=progress.advance, every_s=self.every_s,
-                remedy=how_to_resume(self.folder),
+                remedy=how_to_resume(self.folder), parallel=self.parallel,
             )  # fmt: skip
 
     def save(self) -> None:

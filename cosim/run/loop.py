@@ -16,7 +16,8 @@ import numpy as np
 
 from cosim.archive import load_arrays
 from cosim.errors import InputError, Interrupted
-from cosim.stage import BLOCK, Stage, State, Stateful, blocks, section
+from cosim.run.pipeline import Pipeline
+from cosim.stage import BLOCK, Block, Stage, State, Stateful, blocks, section
 
 __all__ = ["Checkpoint", "run_blocks", "stop_requests"]
 
@@ -111,6 +112,7 @@ def run_blocks(
     every_s: float = 30.0,
     progress: Callable[[int], None] = lambda done: None,
     remedy: str = "run it again",
+    parallel: bool = False,
 ) -> dict[str, float]:
     """Runs blocks of cycles through the stages in order.
 
@@ -123,6 +125,7 @@ def run_blocks(
         every_s: wall time between checkpoints, s.
         progress: called with the number of completed cycles.
         remedy: how to continue after an interruption.
+        parallel: whether the stages work at the same time; the results are the same.
 
     Returns:
         Seconds spent in each stage.
@@ -131,25 +134,53 @@ def run_blocks(
         Interrupted: after Ctrl-C or a request to terminate.
     """
     spent = dict.fromkeys(stages, 0.0)
-    saved = time.monotonic()
     progress(begin)
+    at, due = begin, False
     with stop_requests() as requested:
-        for block in blocks(cycles, size, begin):
-            value: Any = None
-            for name, stage in stages.items():
-                since = time.perf_counter()
-                try:
-                    value = stage.step(value, block)
-                except Exception as exc:
-                    if requested.is_set():  # the request of the user takes precedence
-                        raise Interrupted(block.start, cycles, remedy) from exc
-                    raise
-                spent[name] += time.perf_counter() - since
-            progress(block.stop)
+
+        def done(block: Block) -> None:
+            nonlocal at
+            at = block.stop
+            progress(at)
+
+        while at < cycles:
+            saved = time.monotonic()
+
+            def until_checkpoint(since: float, first: int) -> Iterator[Block]:
+                """Blocks until the next checkpoint is due, or the user asks to stop."""
+                nonlocal due
+                for block in blocks(cycles, size, first):
+                    yield block
+                    due = time.monotonic() - since > every_s
+                    if due or requested.is_set():
+                        return
+
+            try:
+                _run(stages, until_checkpoint(saved, at), done, spent, parallel)
+            except Exception as exc:
+                if requested.is_set():  # the request of the user takes precedence
+                    raise Interrupted(at, cycles, remedy) from exc
+                raise
             stopping = requested.is_set()
-            if checkpoint is not None and (stopping or time.monotonic() - saved > every_s):
-                checkpoint.save(block.stop, stages)
-                saved = time.monotonic()
+            if checkpoint is not None and (stopping or due):
+                checkpoint.save(at, stages)
             if stopping:
-                raise Interrupted(block.stop, cycles, remedy)
+                raise Interrupted(at, cycles, remedy)
     return spent
+
+
+def _run(
+    stages: Mapping[str, Stage], feed: Iterator[Block], done: Callable[[Block], None],
+    spent: dict[str, float], parallel: bool,
+) -> None:  # fmt: skip
+    """Runs blocks through the stages, at the same time or one after another."""
+    if parallel:
+        Pipeline(stages, spent).run(feed, done)
+        return
+    for block in feed:
+        value: Any = None
+        for name, stage in stages.items():
+            since = time.perf_counter()
+            value = stage.step(value, block)
+            spent[name] += time.perf_counter() - since
+        done(block)

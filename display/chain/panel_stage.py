@@ -42,8 +42,11 @@ class PanelStage:
         spikes: number of spikes displayed so far.
         images: images by observer, (images, height, width), white = 1; complete after the last
             block.
+        one_thread: True: the renderer works in the thread that has created it.
         emitted: light of all planes and pixels, packets; None before the last block.
     """
+
+    one_thread = True
 
     def __init__(
         self,

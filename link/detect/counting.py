@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numba import njit, prange
 
+from cosim.compute.cores import all_cores
 from link.detect.geometry import PLACES, SHARES
 
 __all__ = ["CONTEXT", "PAIRS", "PART", "PHASES", "add_evidence", "count_patterns"]
@@ -81,6 +82,7 @@ def _pattern_at(flat, size, count, at, bit):  # type: ignore[no-untyped-def]
     return (both >> (bit & 31)) & _MASK
 
 
+@all_cores
 @njit(cache=True, parallel=True)
 def count_patterns(  # type: ignore[no-untyped-def]
     words, start, known, first_symbol, shift, time, ticks, order, ends, x0, y0, count, dx, dy,
@@ -164,6 +166,7 @@ def _chain(gains, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-
         off, on = off - most, on - most
 
 
+@all_cores
 @njit(cache=True, parallel=True)
 def add_evidence(  # type: ignore[no-untyped-def]
     words, start, stop, first_symbol, symbols, skipped, shift, time, ticks, region_of, x0, y0,

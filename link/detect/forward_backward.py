@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit, prange
 
+from cosim.compute.cores import all_cores
 from cosim.spikes.viform import WORD, Words
 from link.detect.charge import LEVELS, ChargeLaws, charge_laws
 from link.detect.counting import PHASES
@@ -36,6 +37,7 @@ _LEARNED: Final = 96
 """Number of cells that the pixel's properties are learned from."""
 
 
+@all_cores
 @njit(cache=True, parallel=True)
 def _all_cells(  # type: ignore[no-untyped-def]
     words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,

@@ -17,6 +17,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from cosim.compute.cores import all_cores
 from sensor.continuous.state import CHUNK
 
 __all__ = ["edge", "jump"]
@@ -95,6 +96,7 @@ def _first(s, stop, i0, k, c, tau, reference, threshold):  # type: ignore[no-unt
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
+@all_cores
 @njit(cache=True, parallel=True)
 def jump(  # type: ignore[no-untyped-def]
     current, reference, when, measuring, charge, first, slope, gain, dark, anchor, stop, until,

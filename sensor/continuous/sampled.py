@@ -20,6 +20,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from cosim.compute.cores import all_cores
 from cosim.compute.philox_compiled import pick, random_words, word_at
 from cosim.compute.streams import Stream
 from sensor.continuous.normal import normal
@@ -46,6 +47,7 @@ def stationary(mean, number, tau, seed, table):  # type: ignore[no-untyped-def]
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
+@all_cores
 @njit(cache=True, parallel=True)
 def walk(  # type: ignore[no-untyped-def]
     current, reference, when, measuring, charge, response, variance, mean, number, first, slope,

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from cosim.compute.cores import all_cores
+
 __all__ = ["mix"]
 
 
+@all_cores
 @njit(cache=True, parallel=True)
 def mix(plane, share, y0, x0, out):  # type: ignore[no-untyped-def]
     """Fills `out` with rows from y0 and columns from x0 of the plane's image: a step of the walk

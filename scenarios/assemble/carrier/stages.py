@@ -20,6 +20,7 @@ class _Wrapped:
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
+        self.one_thread = getattr(stage, "one_thread", False)
 
     def state(self) -> State:
         return self._stage.state() if isinstance(self._stage, Stateful) else {}

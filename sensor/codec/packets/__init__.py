@@ -1,11 +1,17 @@
 """STUB until the branch of the codec is merged."""
 from __future__ import annotations
-import struct, zlib
+
+import struct
+import zlib
 from collections import deque
 from typing import Literal
+
 import numpy as np
+
 from cosim.config.quantity import Section
 from cosim.spikes.viform import WORD, words_for
+
+
 class CodeSection(Section):
     kind: Literal["layered", "raw"] = "layered"
     cycles: int = 128

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from cosim.compute.cores import all_cores
 from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
 from sensor.device.charge import crossing, exposure, later
@@ -45,6 +46,7 @@ def snapped(edges, tick, part, span):  # type: ignore[no-untyped-def]
 
 # Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
 # loop, and unpacking records takes 3 us a call.
+@all_cores
 @njit(cache=True, error_model="numpy", parallel=True)
 def expose(  # type: ignore[no-untyped-def]
     ticks, parts, charges, goals, spikes, held, pixels, rows, begins, ends, first, last, latches,

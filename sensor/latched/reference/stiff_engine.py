@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from cosim.compute.cores import all_cores
 from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
 from sensor.circuit.phases import DELAY, INTEGRATE, RESET, steady_interval, within
@@ -57,6 +58,7 @@ def _stored(  # type: ignore[no-untyped-def]
 
 
 # Many arguments, for the reason in engine.py.
+@all_cores
 @njit(cache=True, error_model="numpy", parallel=True)
 def expose_circuit(  # type: ignore[no-untyped-def]
     ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, rows, begins,

@@ -1,0 +1,28 @@
+"""Compiled functions that use all cores run one at a time.
+
+numba's own thread pool, which it takes where the machine has no OpenMP, ends the process if two
+threads enter it at once. With any pool, two such functions at once only share the same cores.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+__all__ = ["all_cores"]
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_BUSY = threading.RLock()
+
+
+def all_cores(function: _Function) -> _Function:
+    """Decorator, above `njit(parallel=True)`, of a function that threads may call."""
+
+    @wraps(function)
+    def alone(*given: Any) -> Any:
+        with _BUSY:
+            return function(*given)
+
+    return alone  # type: ignore[return-value]  # the same signature
