@@ -45,6 +45,7 @@ KINDS: dict[str, Kind] = {
     for k in (
         Kind("time", "s", "64 ms", ("second", "minute", "hour", "day")),
         Kind("frequency", "Hz", "40 kHz", ("hertz", "1 / second")),
+        Kind("bit rate", "bit/s", "8 Gbit/s", ("bit / second",)),
         Kind("illuminance", "lux", "700 lux", ("lux", "lumen / meter ** 2")),
         Kind("luminance", "cd/m²", "300 cd/m²", ("candela / meter ** 2",)),
         Kind("speed", "px/s", "4000 px/s", ("css_pixel / second",)),  # px in pint

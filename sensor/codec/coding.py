@@ -31,7 +31,7 @@ from sensor.codec.line import LINE_CARRY, LINE_COLUMNS, LINE_STATE, from_line, l
 
 __all__ = [
     "BAND", "CHUNK", "CODES", "Code", "Frame", "band_memory", "decode_band", "encode",
-    "frame_count", "workers",
+    "encode_band", "frame_count", "workers",
 ]  # fmt: skip
 
 CODES: Final = ("line", "repeat", "statistical")
@@ -180,6 +180,11 @@ def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[F
             ]
             for job in jobs:
                 yield job.result()
+
+
+def encode_band(code: Code, words: Words, cycles: int, level: int | None = 3) -> Frame:
+    """(n, pixels) words, of at most CHUNK words and BAND pixels, as a stream of their own."""
+    return _Band(code, words.shape[1], cycles).encode(words, 0, level)
 
 
 def _columns(data: memoryview, count: int, most: int) -> list[Column]:

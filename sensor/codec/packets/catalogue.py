@@ -1,0 +1,80 @@
+"""The stream codes: a line each. The number of a code in packets is its place here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from sensor.codec.coding import Code
+from sensor.codec.packets.layered import LAYERS, Layered
+from sensor.codec.packets.part import MOST_CYCLES, TileCode
+from sensor.codec.packets.single import FirstSpike, Raw
+
+__all__ = ["KINDS", "StreamCode"]
+
+
+@dataclass(frozen=True)
+class StreamCode:
+    """A code and its settings. Raises ValueError for settings out of range.
+
+    Attributes:
+        kind: name in the catalogue.
+        cycles: of a packet, a multiple of 32.
+        tile: side of a tile, pixels.
+        layers: that are made, of `layered`.
+        k, refine, threshold, threshold_noise: of `statistical`, see `Code`; electrons.
+    """
+
+    kind: str = "layered"
+    cycles: int = 128
+    tile: int = 64
+    layers: int = LAYERS
+    k: float = 0.0
+    refine: int = 0
+    threshold: float = 0.0
+    threshold_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"code must be one of {', '.join(KINDS)}, not {self.kind!r}")
+        if not 32 <= self.cycles <= MOST_CYCLES or self.cycles % 32:
+            raise ValueError(
+                f"cycles must be a multiple of 32 from 32 to {MOST_CYCLES}, not {self.cycles}"
+            )
+        if not 8 <= self.tile <= 128 or self.tile % 8:
+            raise ValueError(f"tile must be a multiple of 8 from 8 to 128, not {self.tile}")
+        if self.kind != "layered" and self.layers != LAYERS:
+            raise ValueError(f"layers must be given with layered, not {self.kind}")
+        settings = (self.k, self.refine, self.threshold, self.threshold_noise)
+        if self.kind != "statistical" and settings != (0, 0, 0, 0):
+            raise ValueError(f"the code {self.kind} must stand without settings of statistical")
+        self.make()
+
+    @property
+    def lossless(self) -> bool:
+        """Whether the decoder has every bit again, if no packet is lost."""
+        return self.kind != "statistical" and self.layers == LAYERS
+
+    @property
+    def number(self) -> int:
+        """The code's number in packets."""
+        return list(KINDS).index(self.kind)
+
+    def make(self) -> TileCode:
+        """The code of one tile."""
+        return KINDS[self.kind](self)
+
+
+def _statistical(code: StreamCode) -> TileCode:
+    return FirstSpike(
+        Code("statistical", code.k, code.threshold, code.threshold_noise, code.refine)
+    )
+
+
+KINDS: Final[dict[str, Callable[[StreamCode], TileCode]]] = {
+    "raw": lambda code: Raw(),
+    "first-spike": lambda code: FirstSpike(Code("repeat")),
+    "statistical": _statistical,
+    "layered": lambda code: Layered(code.layers),
+}

@@ -1,0 +1,71 @@
+"""Spikes that were not sent, spread evenly between those that were; and times as bits of words."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from cosim.spikes.viform import Words, words_for
+from sensor.codec.packets.memory import peek16, poke16
+
+__all__ = ["draw_spikes", "fill_times", "steady"]
+
+_NONE = 10
+"""A level that no packet reaches."""
+
+
+@njit(cache=True, nogil=True)
+def fill_times(times, starts, low, cycles):  # type: ignore[no-untyped-def]
+    """Fills in the times of all levels below `low`; the others are known.
+
+    Between two known spikes those of equal spacing, to the nearest cycle. The packet's ends stand
+    half a spacing beyond the first and the last spike.
+    times, starts: as `find_spikes` makes them.
+    """
+    step = 1 << low
+    base = np.int64(times.ctypes.data)
+    for p in range(starts.size - 1):
+        n = np.int64(starts[p + 1] - starts[p])
+        o = base + 2 * (np.int64(starts[p]) - 1)
+        if n < step:
+            for i in range(1, n + 1):
+                poke16(o, i, cycles * (2 * i - 1) // (2 * n))
+            continue
+        a = peek16(o, step)
+        for i in range(1, step):
+            poke16(o, i, ((2 * a + 1) * (2 * i - 1) // (2 * step - 1)) >> 1)
+        at = step
+        while at + step <= n:
+            whole = peek16(o, at + step) - a
+            for q in range(1, step):
+                poke16(o, at + q, a + ((whole * q + (step >> 1)) >> low))
+            at += step
+            a += whole
+        rest = 2 * (n - at) + 1
+        for i in range(at + 1, n + 1):
+            poke16(o, i, (2 * a + 1 + (2 * (cycles - a) - 1) * 2 * (i - at) // rest) >> 1)
+
+
+@njit(cache=True, nogil=True)
+def draw_spikes(times, starts, words):  # type: ignore[no-untyped-def]
+    """Sets the bits of the spikes in (n, h, w) uint32 words, zeros at first."""
+    pixel = 0
+    for y in range(words.shape[1]):
+        for x in range(words.shape[2]):
+            for j in range(starts[pixel], starts[pixel + 1]):
+                t = np.int64(times[j])
+                words[t >> 5, y, x] |= np.uint32(1 << (t & 31))
+            pixel += 1
+
+
+def steady(counts: npt.NDArray[np.int32], over: int, cycles: int) -> Words:
+    """(n, h, w) words of `cycles` cycles with the rates of (h, w) `counts` in `over` cycles."""
+    words: Words = np.zeros((words_for(cycles), *counts.shape), np.uint32)
+    spikes = (counts.astype(np.int64) * cycles + over // 2) // over
+    starts = np.zeros(counts.size + 1, np.int32)
+    np.cumsum(spikes, out=starts[1:])
+    times = np.zeros(int(starts[-1]) + 1, np.int16)
+    fill_times(times, starts, _NONE, cycles)
+    draw_spikes(times, starts, words)
+    return words

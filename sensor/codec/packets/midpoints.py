@@ -1,0 +1,192 @@
+"""The times of a pixel's spikes, coarse to fine, compiled.
+
+Spikes of a pixel in a packet are numbered 1 to n. Level h = 2^k sends those whose number is an odd
+multiple of h; it lies between its neighbours i - h and i + h, which coarser levels have sent, and
+is expected halfway. At the ends, where a neighbour is missing, half the next span takes its place.
+A decoder that has stopped at a level spreads the spikes between evenly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from sensor.codec.packets.memory import peek16, poke16, trailing_zeros
+from sensor.codec.packets.numbers import NUMBER, get_number, put_number
+from sensor.codec.packets.ranges import open_bits
+
+__all__ = [
+    "MOST_DECISIONS", "SCALE", "TIME_CONTEXTS", "WINDOW", "find_spikes", "get_times", "put_times",
+]  # fmt: skip
+
+_SIZES = 20
+_SIDES = 5
+_EDGES = 3 * 2 * _SIDES * _SIZES
+TIME_CONTEXTS = (2 * _SIZES * _SIDES * _SIDES + _EDGES) * NUMBER
+_MOST = 512
+WINDOW = 41
+"""Cycles of the window whose counts a gain is about: that of TFP in every report."""
+SCALE = 1 << 16
+"""Unit of gains."""
+MOST_DECISIONS = 24
+"""Decisions of a spike, at most: those of a number of 9 bits with a sign."""
+
+
+def _classes() -> npt.NDArray[np.int64]:
+    """Class of the mean interval: two for each octave."""
+    mean = np.arange(1, _MOST + 2)
+    octave = np.floor(np.log2(mean)).astype(int)
+    return (2 * octave + (mean >= 1.5 * 2.0**octave)).clip(0, _SIZES - 1)
+
+
+def _weights() -> npt.NDArray[np.int64]:
+    """Weight of a squared deviation, (2h d)^2, of a midpoint of `span` cycles, times SCALE.
+
+    A midpoint that is d too early moves the 2h spikes of its span: the number of spikes up to then
+    is wrong by a triangle of height 2 h d / span. What a window of W cycles counts is wrong by the
+    difference of the triangle at its ends. Summed over windows that is (2 h d)^2 / span times 2/3,
+    if the span is shorter than the window, or 4 (W / span)^2, its slope, if it is longer.
+    """
+    span = np.arange(1, _MOST + 1)
+    share = np.minimum(2 / 3, 4 * (WINDOW / span) ** 2) / span
+    return np.concatenate([[0], np.round(4 * SCALE * share)]).astype(np.int64)
+
+
+_WEIGHT = _weights()
+_CLASS = np.concatenate([[0], _classes()]).astype(np.int64)
+
+
+@njit(cache=True, nogil=True)
+def find_spikes(words, times, starts):  # type: ignore[no-untyped-def]
+    """Lists the spikes of a tile.
+
+    words: (n, h, w) uint32. times: int16 with room for all spikes; those of pixel p, in raster
+    order, stand in starts[p] to starts[p + 1]. starts: (pixels + 1,) int32.
+    """
+    at, pixel = 0, 0
+    starts[0] = 0
+    for y in range(words.shape[1]):
+        for x in range(words.shape[2]):
+            for w in range(words.shape[0]):
+                word = words[w, y, x]
+                while word:
+                    times[at] = 32 * w + trailing_zeros(word)
+                    word &= word - np.uint32(1)
+                    at += 1
+            pixel += 1
+            starts[pixel] = at
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _between(times, i, k, n):  # type: ignore[no-untyped-def]
+    """(time, contexts, least, most, span) of spike i on level k, whose neighbours are both there.
+
+    times: address of int16 such that entry j is the time of spike j.
+    """
+    h = 1 << k
+    a, b = peek16(times, i - h), peek16(times, i + h)
+    whole = b - a
+    half = whole & 1
+    x = 2 * (a - peek16(times, max(i - 2 * h, 1))) - whole if i > h + h else 0
+    y = peek16(times, min(i + 3 * h, n)) - b - whole if i + 3 * h <= n else 0
+    kind = (_CLASS[whole >> (k + 1)] * 2 + half) * _SIDES * _SIDES
+    kind += (min(max(x, -2), 2) + 2) * _SIDES + min(max(y, -2), 2) + 2
+    up = half & (1 if x < 0 else 0)
+    return a + (whole >> 1) + up, kind * NUMBER, a + h, b - h, whole
+
+
+@njit(cache=True, nogil=True)
+def _at_edge(times, i, k, n, cycles):  # type: ignore[no-untyped-def]
+    """The same of a spike that lacks one of its neighbours or both."""
+    h = 1 << k
+    left, right = i > h, i + h <= n
+    half, skew = 0, 0
+    if left:
+        a = peek16(times, i - h)
+        least, most = a + h, cycles - 1 - (n - i)
+        if i > 3 * h:
+            whole = a - peek16(times, i - 3 * h)
+            half, skew = whole & 1, 2 * (a - peek16(times, i - 2 * h)) - whole
+            t, edge = a + (whole >> 1), 0
+        else:
+            whole = (2 * cycles - 2 * a - 1) * 2 * h // (2 * (n - i + h) + 1)
+            t, edge = a + (whole >> 1), 2
+    elif right:
+        b = peek16(times, i + h)
+        least, most = h - 1, b - h
+        if i + 3 * h <= n:
+            whole = peek16(times, i + 3 * h) - b
+            if i + 5 * h <= n:
+                skew = peek16(times, i + 5 * h) - peek16(times, i + 3 * h) - whole
+            half = whole & 1
+            t, edge = b - ((whole + 1) >> 1), 1
+        else:
+            whole = (2 * b + 1) * 2 * h // (4 * h - 1)
+            t, edge = b - (whole >> 1), 2
+    else:
+        least, most = h - 1, cycles - 1 - (n - i)
+        whole = cycles * 2 * h // n
+        t, edge = cycles * (2 * i - 1) // (2 * n), 2
+    kind = (edge * _SIZES + _CLASS[min(whole >> (k + 1), _MOST)]) * 2 + half
+    kind = kind * _SIDES + min(max(skew, -2), 2) + 2 + 2 * _SIZES * _SIDES * _SIDES
+    return min(max(t, least), most), kind * NUMBER, least, most, whole
+
+
+@njit(cache=True, nogil=True)
+def put_times(times, starts, high, low, cycles, decisions):  # type: ignore[no-untyped-def]
+    """Decisions of levels `high` down to `low`; (their number, spikes, gain).
+
+    decisions: uint16, with room for MOST_DECISIONS a spike. The gain is what the spikes take away
+    of the squared error of counts in a window (`_weights`), summed over windows, times SCALE.
+    """
+    m, spikes, gain = 0, 0, 0
+    out, base = np.int64(decisions.ctypes.data), np.int64(times.ctypes.data)
+    for k in range(high, low - 1, -1):
+        h = 1 << k
+        for p in range(starts.size - 1):
+            n = np.int64(starts[p + 1] - starts[p])
+            o = base + 2 * (np.int64(starts[p]) - 1)
+            i = h
+            while i <= n:
+                if i > h and i + h <= n:
+                    t, kind, least, most, whole = _between(o, i, k, n)
+                else:
+                    t, kind, least, most, whole = _at_edge(o, i, k, n, cycles)
+                if least < most:
+                    d = peek16(o, i) - t
+                    m = put_number(out, m, kind, d)
+                    gain += (d * d << 2 * k) * _WEIGHT[min(whole, _MOST)]
+                i += 2 * h
+            spikes += (n + h) >> (k + 1)
+    return m, spikes, gain
+
+
+@njit(cache=True, nogil=True)
+def get_times(words, model, starts, high, low, cycles, times):  # type: ignore[no-untyped-def]
+    """Fills in the times of levels `high` down to `low`; whether they can be.
+
+    words, model: of the packet. times, starts: as `find_spikes` makes them, coarser levels known.
+    """
+    code, span, at = open_bits(words)
+    size, data, states = words.size, np.int64(words.ctypes.data), np.int64(model.ctypes.data)
+    base = np.int64(times.ctypes.data)
+    for k in range(high, low - 1, -1):
+        h = 1 << k
+        for p in range(starts.size - 1):
+            n = np.int64(starts[p + 1] - starts[p])
+            o = base + 2 * (np.int64(starts[p]) - 1)
+            i = h
+            while i <= n:
+                if i > h and i + h <= n:
+                    t, kind, least, most, _ = _between(o, i, k, n)
+                else:
+                    t, kind, least, most, _ = _at_edge(o, i, k, n, cycles)
+                if least < most:
+                    d, code, span, at = get_number(data, size, states, kind, code, span, at)
+                    t += d
+                    if t < least or t > most:
+                        return False
+                poke16(o, i, t)
+                i += 2 * h
+    return True

@@ -1,0 +1,141 @@
+"""Rate control: which layers of which tiles are sent, so that the link carries them in time.
+
+A leaky bucket. Half of the send buffer belongs to the layers above 0, so that layer 0 of the next
+group finds room whatever came before. A tile's layers are sent from coarse to fine as far as they
+gain most a bit: in the order of the slopes of the upper convex hull of gain over bits (Shoham and
+Gersho 1988), which is the best choice for the bits that the chosen ones take. Midpoints of steady
+trains take bits and gain little, so they go first. Layer 0 is left out only where the buffer would
+overflow, and then with its whole tile, at another place in every group.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import defaultdict
+
+import numpy as np
+
+from cosim.stage import State, section
+from sensor.codec.packets.buffer import SendBuffer, Sent
+from sensor.codec.packets.packet import Packet
+
+__all__ = ["RateControl"]
+
+MOST_LAYERS = 8
+COUNTERS = ("offered_bytes", "sent_bytes", "offered_spikes", "dropped_spikes", "dropped_packets",
+            "dropped_tiles")  # fmt: skip
+
+
+class RateControl:
+    """Chooses among the packets of each group, and sends the chosen ones through a buffer.
+
+    A packet waits at most `buffer_bytes` / budget cycles, and nothing is ever waited for.
+
+    Attributes:
+        budget: bits a cycle that the link carries; may be set anew between groups.
+        buffer: what waits for it.
+        layers_sent: packets sent of each layer.
+    """
+
+    def __init__(self, budget_bits_per_cycle: float, buffer_bytes: int) -> None:
+        if not budget_bits_per_cycle > 0:
+            raise ValueError(f"the budget must be above 0 bit a cycle, not {budget_bits_per_cycle}")
+        self.budget, self.buffer = budget_bits_per_cycle, SendBuffer(buffer_bytes)
+        self.layers_sent = [0] * MOST_LAYERS
+        self._counts = dict.fromkeys(COUNTERS, 0)
+        self._groups = 0
+        self._before = 0
+
+    @property
+    def statistics(self) -> dict[str, int]:
+        """Totals: bytes and spikes offered, bytes sent; packets that were left out and the spikes
+        whose times only they had; tiles of which nothing was sent, once for each group."""
+        return dict(self._counts)
+
+    def offer(self, packets: list[Packet], now: int) -> list[Packet]:
+        """Puts the packets of one group that may be sent into the buffer; those that may not.
+
+        packets: all of one group. now: the cycle at which they are there.
+        """
+        tiles: dict[int, list[Packet]] = defaultdict(list)
+        for packet in sorted(packets, key=lambda p: (p.tile, p.layer)):
+            tiles[packet.tile].append(packet)
+        depth = self._bases(tiles)
+        cycles = max((p.cycles for p in packets), default=0)
+        room = int(self.budget * cycles) + 4 * self.buffer.limit - 8 * self.buffer.size
+        self._refine(tiles, depth, room)
+        self._groups += 1
+        left_out = []
+        for layer in range(MOST_LAYERS):
+            for tile, whole in tiles.items():
+                if layer < depth.get(tile, 0):
+                    self.buffer.push(whole[layer], now)
+                    self.layers_sent[layer] += 1
+                    self._counts["sent_bytes"] += whole[layer].size
+                elif layer < len(whole):
+                    left_out.append(whole[layer])
+        self._counts["offered_bytes"] += sum(p.size for p in packets)
+        self._counts["offered_spikes"] += sum(p.spikes for p in packets)
+        self._counts["dropped_spikes"] += sum(p.spikes for p in left_out)
+        self._counts["dropped_packets"] += len(left_out)
+        self._counts["dropped_tiles"] += len(tiles) - len(depth)
+        return left_out
+
+    def _bases(self, tiles: dict[int, list[Packet]]) -> dict[int, int]:
+        """Tile -> 1, of those whose layer 0 the buffer holds, from another tile on in each group."""
+        names = sorted(tiles)
+        turn = self._groups * (len(names) // 3 + 1) % max(len(names), 1)
+        free, depth = self.buffer.free, {}
+        for tile in names[turn:] + names[:turn]:
+            if tiles[tile][0].size <= free:
+                free -= tiles[tile][0].size
+                depth[tile] = 1
+        return depth
+
+    def _refine(self, tiles: dict[int, list[Packet]], depth: dict[int, int], room: int) -> None:
+        """Sends more layers of the tiles in `depth` while `room` bits last."""
+        room = min(room, 8 * self.buffer.free)
+        room -= sum(8 * tiles[tile][0].size for tile in depth)
+        steps: list[tuple[float, int, int, int]] = []
+
+        def step(tile: int) -> None:
+            """The steepest next step of a tile onto the heap."""
+            best, size, gain = (0.0, 0, 0), 0, 0.0
+            for n, packet in enumerate(tiles[tile][depth[tile] :], depth[tile] + 1):
+                size, gain = size + 8 * packet.size, gain + packet.gain
+                best = min(best, (-gain / size, n, size)) if best[1] else (-gain / size, n, size)
+            if best[1]:
+                heapq.heappush(steps, (best[0], tile, best[1], best[2]))
+
+        for tile in depth:
+            step(tile)
+        while steps:
+            _, tile, n, size = heapq.heappop(steps)
+            if size <= room:
+                room -= size
+                depth[tile] = n
+                step(tile)
+
+    def send(self, now: int, bits: int | None = None) -> list[Sent]:
+        """Packets that have left by cycle `now`, and the cycles that each has waited.
+
+        bits: that the link has carried since the last call; those of the budget when None.
+        """
+        if bits is None:
+            bits = int(self.budget * now) - int(self.budget * self._before)
+        self._before = now
+        return self.buffer.send(bits, now)
+
+    def state(self) -> State:
+        """Counters and the buffer."""
+        counts = [self._groups, self._before, *self._counts.values(), *self.layers_sent]
+        buffer = {f"buffer/{name}": value for name, value in self.buffer.state().items()}
+        return {"counts": np.array(counts, np.int64), "budget": np.array([self.budget]), **buffer}
+
+    def restore(self, state: State) -> None:
+        """Goes on from a state."""
+        self._groups, self._before, *rest = (int(n) for n in state["counts"])
+        self._counts = dict(zip(COUNTERS, rest, strict=False))
+        self.layers_sent = rest[len(COUNTERS) :]
+        self.budget = float(state["budget"][0])
+        self.buffer.restore(section(state, "buffer"))

@@ -1,0 +1,72 @@
+"""The [code] section: how a stream is coded between two parts of a chain."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cosim.config.quantity import Quantity, Section
+from sensor.codec.packets.catalogue import KINDS, StreamCode
+from sensor.codec.packets.layered import LAYERS
+from sensor.codec.packets.part import MOST_CYCLES
+from sensor.codec.packets.rate import RateControl
+
+__all__ = ["CodeSection"]
+
+
+class CodeSection(Section):
+    """The code of a stream, and the rate that it may take."""
+
+    kind: Literal[tuple(KINDS)] = "layered"  # type: ignore[valid-type]  # names of the catalogue
+    cycles: Annotated[int, Field(ge=32, le=MOST_CYCLES, multiple_of=32)] = Field(
+        default=128, description="cycles in a packet: fewer for less delay, more for fewer bits"
+    )
+    tile: Annotated[int, Field(ge=8, le=128, multiple_of=8)] = Field(
+        default=64, description="side of a tile, pixels; a lost packet damages one tile"
+    )
+    layers: Annotated[int, Field(ge=1, le=LAYERS)] = Field(
+        default=LAYERS, description=f"layered: layers that are made; {LAYERS} lose nothing"
+    )
+    k: Annotated[float, Field(gt=0, le=1000)] = Field(
+        default=3.0, description="statistical: limit of a change, in standard deviations"
+    )
+    refine: Annotated[int, Field(ge=0, le=255)] = Field(
+        default=8, description="statistical: widths in the mean after a change, 0 for none"
+    )
+    rate: Annotated[float, Quantity("bit rate", above=0, most=1e15)] | None = Field(
+        default=None, description="bits a second, at most; what the link carries when absent"
+    )
+    buffer: Annotated[float, Quantity("time", above=0, most=10)] = Field(
+        default=20e-3, description="time that a packet may wait before it is sent"
+    )
+
+    @model_validator(mode="after")
+    def _agrees(self) -> CodeSection:
+        """Keys of another code would change nothing, which is a mistake."""
+        for kind, keys in (("statistical", ("k", "refine")), ("layered", ("layers",))):
+            given = [key for key in keys if key in self.model_fields_set]
+            if given and self.kind != kind:
+                raise ValueError(f"{given[0]} must be given with kind = {kind!r}, not {self.kind!r}")
+        if self.refine == 1:
+            raise ValueError("refine must be 0, or 2 to 255, not 1")
+        return self
+
+    def code(self, threshold: float, threshold_noise: float = 0.0) -> StreamCode:
+        """The code. threshold, threshold_noise: of the pixel, electrons."""
+        if self.kind != "statistical":
+            return StreamCode(self.kind, self.cycles, self.tile, self.layers)
+        return StreamCode(
+            self.kind, self.cycles, self.tile, LAYERS, self.k, self.refine, threshold,
+            threshold_noise,
+        )  # fmt: skip
+
+    def control(self, clock_hz: float, carried: float | None = None) -> RateControl | None:
+        """The rate control at `clock_hz` cycles a second; None where nothing limits the rate.
+
+        carried: bits a second that the link carries.
+        """
+        limits = [rate for rate in (self.rate, carried) if rate is not None]
+        if not limits:
+            return None
+        return RateControl(min(limits) / clock_hz, max(int(min(limits) * self.buffer) // 8, 1))
