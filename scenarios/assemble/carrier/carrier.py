@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,12 +21,13 @@ from link.trial.check import goodput_change
 from link.trial.plan import LinkPlan
 from link.trial.planned import PlannedLink, check_plan, plan_link
 from scenarios.assemble.camera.setup import CameraSetup
+from scenarios.assemble.carrier.coding import Decoder, Sender
 from scenarios.assemble.carrier.far import FarEnd, Schedule
 from scenarios.assemble.carrier.near import NearEnd
 from scenarios.assemble.carrier.stages import EachBlock, Later
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.scenario import Scenario
-from sensor.codec.packets import CodeSection, decoder_of, sender_of
+from sensor.codec.packets.section import CodeSection
 from sensor.latched.readout import readout_stages
 
 __all__ = ["LINK_STREAM", "RECEIVED", "Carrier", "make_carrier"]
@@ -63,7 +65,7 @@ class Carrier:
     @property
     def hold(self) -> int:
         """Cycles from filming to showing: the group, the wait in the send buffer, the link."""
-        return self.section.cycles + self.section.wait + self.setup.delay
+        return self.section.cycles + _wait(self.section, self.camera) + self.setup.delay
 
     @property
     def cycles(self) -> int:
@@ -125,7 +127,11 @@ class Carrier:
         """
         setup, clock, cycles = self.setup, self.camera.setting.clock, self.camera.cycles
         shape = self.camera.shape
-        end = NearEnd(sender_of(self.section, shape, clock, cycles, setup.rate), setup)
+        model = self.camera.setting
+        code = self.section.code(model.threshold, model.threshold_noise)
+        control = self.section.control(clock.hz, setup.rate * clock.hz)
+        assert control is not None  # the link limits the rate
+        end = NearEnd(Sender(code, shape, cycles, control), setup)
         air = setup.setting.make_air(end.sent, end.sent.planes, self.link.plan.air_effects)
         sensor = self.link.make_camera(air.row_delay)
         recorder = Recorder(folder / LINK_STREAM, sensor.shape, setup.cycles, clock)
@@ -134,7 +140,7 @@ class Carrier:
             sensor.shape, setup.cycles, detector=modem.detector, interleave=modem.interleave
         )
         schedule = Schedule(setup.lead, self.hold, self.section.cycles, cycles, clock)
-        decoder = decoder_of(self.section, shape, clock, cycles)
+        decoder = Decoder(code, shape)
         return {
             **{name: Later(stage, setup.lead, cycles) for name, stage in near.items()},
             "code": end,
@@ -149,6 +155,11 @@ class Carrier:
             "received": EachBlock(Recorder(folder / RECEIVED, shape, cycles, clock)),
             **{name: EachBlock(stage) for name, stage in far.items()},
         }  # fmt: skip
+
+
+def _wait(section: CodeSection, camera: CameraSetup) -> int:
+    """Largest wait in the send buffer, cycles."""
+    return math.ceil(section.buffer * camera.setting.clock.hz)
 
 
 def _promised(setup: StreamSetup, plan: LinkPlan) -> float:
@@ -178,7 +189,7 @@ def make_carrier(
             f"{setting.clock.hz:g} Hz", "leave it out: the link counts the sensor's cycles",
         )  # fmt: skip
     setup = set_up_stream(
-        link, setting, device, progress, camera.cycles, 2 * section.cycles + section.wait
+        link, setting, device, progress, camera.cycles, 2 * section.cycles + _wait(section, camera)
     )
     planned, promised = plan_link(setup), 0.0
     for tolerance in _TOLERANCES:

@@ -16,7 +16,7 @@ from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.interface.section import ImagerLens, ImagerSection
 from scenarios.scenes.catalogue import SceneSection
-from sensor.codec.packets import CodeSection
+from sensor.codec.packets.section import CodeSection
 from sensor.sections.sensor import SensorSection
 
 __all__ = [

@@ -1,0 +1,146 @@
+"""The stream code at both ends of a link, as its near and far end use it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.spikes.viform import Viform, Words
+from cosim.stage import State
+from sensor.codec.columns import Damaged
+from sensor.codec.packets.catalogue import StreamCode
+from sensor.codec.packets.decoder import StreamDecoder
+from sensor.codec.packets.encoder import StreamEncoder
+from sensor.codec.packets.packet import Packet
+from sensor.codec.packets.rate import RateControl
+
+__all__ = ["Counts", "Decoder", "Sender"]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What a sender has coded and sent.
+
+    Attributes:
+        coded_bytes: all packets of the code.
+        sent_bytes: packets that the rate control has chosen.
+        dropped: packets that it has left out.
+        dropped_spikes: spikes whose time only those packets have.
+        peak_bytes: largest content of the send buffer.
+        layers: packets sent of each layer.
+    """
+
+    coded_bytes: int
+    sent_bytes: int
+    dropped: int
+    dropped_spikes: int
+    peak_bytes: int
+    layers: tuple[int, ...]
+
+
+class Sender:
+    """Coder, rate control and the packets that wait for the panel.
+
+    The rate control counts the bits that the link carries in simulated time. It never asks how far
+    the panel is, so its choice does not depend on the order in which the stages of a chain run.
+
+    Args:
+        code: of the stream.
+        shape: (height, width) of the stream.
+        cycles: length of the stream.
+        control: rate control, with the bits a cycle that the link carries.
+    """
+
+    def __init__(
+        self, code: StreamCode, shape: tuple[int, int], cycles: int, control: RateControl
+    ) -> None:
+        self._encoder, self._control = StreamEncoder(code, shape), control
+        self._cycles = cycles
+        self._queue: deque[tuple[int, bytes]] = deque()
+
+    @property
+    def counts(self) -> Counts:
+        count, control = self._control.statistics, self._control
+        return Counts(
+            count["offered_bytes"], count["sent_bytes"], count["dropped_packets"],
+            count["dropped_spikes"], control.buffer.peak, tuple(control.layers_sent),
+        )  # fmt: skip
+
+    def put(self, data: Viform) -> None:
+        """Codes the next block. A packet can be sent from the end of its last cycle on."""
+        packets = self._encoder.encode(data.words, data.start, data.cycles)
+        stop = data.start + data.cycles
+        if stop == self._cycles:
+            packets += self._encoder.flush()
+        groups: dict[int, list[Packet]] = {}
+        for packet in packets:
+            groups.setdefault(packet.first + packet.cycles, []).append(packet)
+        for end, group in groups.items():
+            self._control.send(end)
+            left = {id(packet) for packet in self._control.offer(group, end)}
+            self._queue.extend((end, p.to_bytes()) for p in group if id(p) not in left)
+
+    def pop(self, before: int) -> bytes | None:
+        """The next packet that can be sent from cycle `before` on or earlier; None for none."""
+        if self._queue and self._queue[0][0] <= before:
+            return self._queue.popleft()[1]
+        return None
+
+    def state(self) -> State:
+        waiting = [data for _, data in self._queue]
+        parts = {"encoder": self._encoder.state(), "control": self._control.state()}
+        return {
+            "ends": np.array([end for end, _ in self._queue], np.int64),
+            "lengths": np.array([len(data) for data in waiting], np.int64),
+            "packets": np.frombuffer(b"".join(waiting), np.uint8).copy(),
+            **{f"{part}/{key}": value for part, state in parts.items()
+               for key, value in state.items()},
+        }  # fmt: skip
+
+    def restore(self, state: State) -> None:
+        for part, stage in (("encoder", self._encoder), ("control", self._control)):
+            prefix = f"{part}/"
+            stage.restore(
+                {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
+            )
+        data, at = state["packets"].tobytes(), 0
+        self._queue.clear()
+        for end, length in zip(state["ends"], state["lengths"], strict=True):
+            self._queue.append((int(end), data[at : at + int(length)]))
+            at += int(length)
+
+
+class Decoder:
+    """Packets to a stream; see `PacketDecoder`.
+
+    Args:
+        code: of the stream.
+        shape: (height, width) of the stream.
+
+    Attributes:
+        held: tiles that were shown with the rate that they had last.
+    """
+
+    def __init__(self, code: StreamCode, shape: tuple[int, int]) -> None:
+        self._decoder = StreamDecoder(code, shape)
+        self.held = 0
+
+    def take(self, packet: bytes) -> int | None:
+        """Takes a packet. Returns the cycle after its last one; None if it is of no use."""
+        if not self._decoder.take(packet):
+            return None
+        try:
+            read = Packet.of(packet)
+        except Damaged:
+            return None
+        return read.first + read.cycles
+
+    def read(self, stop: int) -> tuple[Words, npt.NDArray[np.bool_]]:
+        """The words of the cycles before `stop` that were not read yet, and the tiles of which
+        nothing has ever arrived."""
+        decoded = self._decoder.read(stop)
+        self.held += int(decoded.held.sum())
+        return decoded.words, decoded.missing
