@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from cosim import Clock, InputError
 from scenarios.assemble.schema.scenario import LinkScenario, Scenario
-from sensor.device.chips import CHIPS, Chip
+from sensor.device.chips import Chip
 from sensor.latched.effects.effect import Operation
 from sensor.latched.setting import CameraSetting
 from sensor.sections.parameters import effect_parameters
@@ -21,13 +21,13 @@ def camera_setting(
 
     Args:
         scenario: a scenario with a section [sensor].
-        height, width: size of the array, pixels; None for the size of the chip.
+        height, width: size of the array, pixels, in place of the chip's; None for that of the chip.
 
     Raises:
         InputError: the threshold is below one electron, or parameters are not physical.
     """
     section, device = scenario.sensor, scenario.sensor.pattern
-    chip, clock = _resized(CHIPS[section.chip], height, width), Clock.from_hz(section.clock)
+    chip, clock = _resized(section.own_chip, height, width), Clock.from_hz(section.clock)
     # The threshold levels are assumed to be linear; they are not published.
     threshold = section.threshold * section.threshold_level / chip.threshold_levels
     if threshold < 1:

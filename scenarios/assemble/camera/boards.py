@@ -34,10 +34,12 @@ __all__ = ["NO_ERROR", "BoardCamera", "BoardPanel", "Boards", "open_boards", "re
 NO_ERROR: Final = "a board's spikes are not held against full physics"
 _SIMULATED: Final = (
     ("pattern", None), ("circuit", None), ("threshold_noise", 0.0), ("dead_time", 0.0),
+    ("width", None), ("height", None), ("row_time", None),
     ("row_skew", 0.0), ("comparator_delay", 0.0), ("row_jitter", 0.0),
     ("row_wander", 0.0), ("drift", 0.0), ("crosstalk", 0.0), ("sub_threshold", None),
 )  # fmt: skip
-"""Keys of the sensor that a board's pixels do not have, with their defaults."""
+"""Keys of the sensor that a board has no such effect for, or a size of its own, with their
+defaults."""
 
 
 def refuse_boards(scenario: Scenario) -> None:
@@ -239,7 +241,7 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
                 if value != default:
                     raise InputError(
                         f"sensor.{name}", "absent with sensor.source", "given",
-                        "leave it out: the board's pixels have none",
+                        "leave it out: the board's pixels have none, and its array has its own size",
                     )  # fmt: skip
             boards.source = stack.enter_context(open_board(section.source, "sensor.source"))
         if sink is not None:

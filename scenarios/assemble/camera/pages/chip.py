@@ -15,7 +15,7 @@ def machine(run: LatchedRun) -> str:
     chip = setting.chip
     provenance = chip.provenance()
     numbers = [
-        ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
+        ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
         ["latch clock", f"{setting.clock.hz / 1e3:g} kHz",
          provenance["clocks"] if setting.clock.hz in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{setting.threshold:g} e", "scenario"],
