@@ -56,7 +56,9 @@ def write_clip(
     reduce = -(-max(stream.shape) // largest) if largest else 1
     tall, wide = (min(reduce, n) for n in stream.shape)  # a narrow strip keeps its pixels
     times = max(1, -(-smallest // min(stream.shape[0] // tall, stream.shape[1] // wide)))
-    height, width = (n // by * times // 2 * 2 for n, by in zip(stream.shape, (tall, wide), strict=True))
+    height, width = (
+        n // by * times // 2 * 2 for n, by in zip(stream.shape, (tall, wide), strict=True)
+    )
     if not height or not width:
         size = f"{stream.shape[1]}x{stream.shape[0]}"
         raise InputError("the stream", "at least 2x2 pixels for a clip", size, "use viform image")

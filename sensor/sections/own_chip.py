@@ -1,4 +1,4 @@
-"""The chip of a [sensor] section: a preset, with the user's own numbers in place of the preset's."""
+"""The chip of a [sensor] section: a preset, with the user's own numbers in their places."""
 
 from __future__ import annotations
 

@@ -241,7 +241,7 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
                 if value != default:
                     raise InputError(
                         f"sensor.{name}", "absent with sensor.source", "given",
-                        "leave it out: the board's pixels have none, and its array has its own size",
+                        "leave it out: the board's array is of its own kind and size",
                     )  # fmt: skip
             boards.source = stack.enter_context(open_board(section.source, "sensor.source"))
         if sink is not None:
