@@ -194,9 +194,11 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     # More cycles than the figure has dots would cause aliasing.
     span = (long.first, long.first + long.cycles)
     start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
-    columns = [run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)]
-    rows = [[float(plane[r, c]) for plane in columns] for r, c, _ in points]
-    truth = np.array(rows) * run.white_rate
+    truth = np.empty((len(points), knots))
+    for k in range(knots):  # plane by plane, as planes may be large
+        plane = run.source.truth(start + (stop - start) * k // (knots - 1))
+        truth[:, k] = [float(plane[row, column]) for row, column, _ in points]
+    truth *= run.white_rate
     figures = run.folder / "figures"
     instants = [s.cycle for s in run.shots]
     interval_figure(run.stream, points, truth, span, instants, figures / "intervals.png")
