@@ -20,7 +20,7 @@ from sensor.latched.effects.catalogue import EFFECTS, acting, defaults, named
 from sensor.latched.effects.effect import CommonGain, PixelEffect
 from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.pixel.model import ExactModel, Reset
-from sensor.latched.writes import Phase, Write, phases_of
+from sensor.latched.writes import Phase, Registers, Write, phases_of
 
 __all__ = ["CameraSetting"]
 
@@ -120,6 +120,13 @@ class CameraSetting:
     def phases(self) -> tuple[Phase, ...]:
         """The registers between the writes."""
         return phases_of(self.writes, self.threshold, self.chip.height)
+
+    @property
+    def registers(self) -> Registers | None:
+        """Thresholds and windows of the run; None without writes."""
+        if not self.writes:
+            return None
+        return Registers(self.phases, self.threshold, self.chip.height)
 
     @property
     def levels(self) -> tuple[CameraSetting, ...]:

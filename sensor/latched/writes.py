@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Phase", "Write", "phases_of", "rows_read", "threshold_shares"]
+__all__ = ["Phase", "Registers", "Write", "phases_of", "rows_read", "threshold_shares"]
 
 
 @dataclass(frozen=True)
@@ -108,3 +108,26 @@ def rows_read(phases: Sequence[Phase], first: int, stop: int) -> tuple[int, int]
     windows = [phase.window for phase, _ in _overlaps(phases, first, stop)]
     top, low = max(window[0] for window in windows), min(window[1] for window in windows)
     return top, max(top, low)
+
+
+@dataclass(frozen=True)
+class Registers:
+    """Thresholds and windows of a run, for the scale of its images.
+
+    Attributes:
+        phases: the registers between the writes.
+        threshold: to which rates are relative, electrons.
+        height: rows of the chip.
+    """
+
+    phases: tuple[Phase, ...]
+    threshold: float
+    height: int
+
+    def shares(self, first: int, stop: int) -> npt.NDArray[np.float64]:
+        """`threshold_shares` in cycles `first` to `stop`, as a column, (height, 1)."""
+        return threshold_shares(self.phases, self.threshold, self.height, first, stop)[:, None]
+
+    def rows(self, first: int, stop: int) -> tuple[int, int]:
+        """`rows_read` in cycles `first` to `stop`."""
+        return rows_read(self.phases, first, stop)

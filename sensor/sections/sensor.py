@@ -24,6 +24,7 @@ from sensor.sections.colour import ColourSection
 from sensor.sections.continuous import ContinuousSection
 from sensor.sections.own_chip import check_chip, own_chip, row_skew
 from sensor.sections.sub_threshold import DarkLimit, SubThresholdSection
+from sensor.sections.writes import LEVELS, Writes, check_writes
 
 __all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
 
@@ -36,8 +37,6 @@ DUPLICATED = ((0, 2), (1, 3))
 Pitch = Annotated[float, Quantity("length", above=0, most=1000)]
 Part = Annotated[float, Field(gt=0, le=1)]
 _OWN = "{}; the preset's number when absent"
-LEVELS = 16
-"""Threshold settings from outside (Huang 2022 section 6), on either chip."""
 
 
 class LensSection(Section):
@@ -173,6 +172,7 @@ class SensorSection(_Sections):
     channel: ChannelSection | None = Field(
         default=None, description="output that asynchronous pixels share; none when absent"
     )
+    writes: Writes = Field(default=(), description="register writes in mid-run, in their order")
 
     @model_validator(mode="before")
     @classmethod
@@ -213,6 +213,7 @@ class SensorSection(_Sections):
     @model_validator(mode="after")
     def _can_be_built(self) -> SensorSection:
         check_chip(self)
+        check_writes(self)
         return self
 
     @model_validator(mode="after")

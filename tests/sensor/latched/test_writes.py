@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -86,7 +87,7 @@ def test_words_of_consecutive_calls_join() -> None:
         return out
 
     cuts = [0, 5, 37, 38, 70, 100]
-    parts = [(packed(bits[a:b]), b - a) for a, b in zip(cuts, cuts[1:], strict=False)]
+    parts = [(packed(bits[a:b]), b - a) for a, b in pairwise(cuts)]
     np.testing.assert_array_equal(join_words(parts), packed(bits))
 
 

@@ -198,6 +198,10 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     for k in range(knots):  # plane by plane, as planes may be large
         plane = run.source.truth(start + (stop - start) * k // (knots - 1))
         truth[:, k] = [float(plane[row, column]) for row, column, _ in points]
+        if (registers := run.setting.registers) is not None:
+            cycle = clock.cycle_at(start + (stop - start) * k // (knots - 1))
+            share = registers.shares(cycle, cycle + 1)
+            truth[:, k] *= [float(share[row, 0]) for row, _, _ in points]
     truth *= run.white_rate
     figures = run.folder / "figures"
     instants = [s.cycle for s in run.shots]
@@ -268,7 +272,7 @@ def stream_page(run: LatchedRun) -> Page:
     placing = " --preceding" if run.scenario.image.preceding else ""
     image = (
         f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
-        f"--window {run.scenario.image.window}{placing} --scale {run.white_rate!r} --out a.png"
+        f"--window {run.scenario.image.window}{placing} --scale {shot.white!r} --out a.png"
     )
     where = "from the same board"
     if run.scenario.sensor.source is None:
