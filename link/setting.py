@@ -180,6 +180,8 @@ def check_receiver(sensor: SensorSection) -> None:
     ):
         if getattr(sensor, name) is not None:
             raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
+    if sensor.writes:
+        raise InputError("sensor.writes", "empty in a link", "given", "leave them out")
     _refuse_lens(sensor.lens)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from cosim.config.amounts import amount
 from cosim.files.whole import whole
-from cosim.report.png import encode
+from cosim.report.png import encode, reduced
 from cosim.run.result import Result
 
 __all__ = ["cards", "data", "figure", "opening", "plot", "run_time", "table", "write_page"]
@@ -25,10 +25,11 @@ def figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> s
     """A picture with its caption.
 
     Args:
+        image: of any size; larger pictures than LARGEST_PICTURE are reduced.
         exact: whether it is lossless (PNG) or a JPEG.
         css: class.
     """
-    content = encode(image, ".png" if exact else ".jpg")
+    content = encode(reduced(image), ".png" if exact else ".jpg")
     source = data(content, "image/png" if exact else "image/jpeg")
     pixels = ' class="pixels"' if exact else ""
     return (

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.light.light import Box, Plane
-from cosim.report.png import for_display
+from cosim.report.png import LARGEST_PICTURE, for_display
 from cosim.spikes.viform import SpikeStream, count_spikes
 
 __all__ = ["WINDOWS", "accumulation", "busiest_box", "crop", "enlarge", "mark_pixels"]
@@ -47,8 +47,9 @@ def crop(image: npt.NDArray[np.uint8], box: Box) -> Grey:
 
 
 def enlarge(image: Grey, least: int = 360) -> Grey:
-    """Enlarges small pictures by an integer factor. least: width in pixels to reach."""
-    times = max(1, math.ceil(least / image.shape[1]))
+    """Enlarges small pictures by an integer factor. least: width in pixels to reach, unless the
+    longer side would become longer than LARGEST_PICTURE."""
+    times = max(1, min(math.ceil(least / image.shape[1]), LARGEST_PICTURE // max(image.shape)))
     return np.kron(image, np.ones((times, times), np.uint8)) if times > 1 else image
 
 

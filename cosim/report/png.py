@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +13,14 @@ from cosim.errors import InputError
 from cosim.files.whole import whole
 
 __all__ = [
-    "Levels", "coloured", "encode", "for_display", "to_linear_bytes", "write_linear_png",
+    "LARGEST_PICTURE", "Levels", "coloured", "encode", "for_display", "reduced", "to_linear_bytes", "write_linear_png",
     "write_png",
 ]  # fmt: skip
 
 Grey = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.floating[Any]]
+LARGEST_PICTURE: Final = 2000
+"""Longer side of the pictures of a report, pixels; larger ones are reduced."""
 
 
 def to_linear_bytes(x: Levels, scale: float = 1.0) -> Grey:
@@ -60,6 +62,17 @@ def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90
     if not fine:
         raise RuntimeError(f"OpenCV could not encode a {image.shape} picture as {ending}")
     return bytes(data)
+
+
+def reduced(image: npt.NDArray[np.uint8], longest: int = LARGEST_PICTURE) -> Any:
+    """The picture with a longer side of at most `longest` pixels, by means over its pixels."""
+    import cv2
+
+    times = -(-max(image.shape[:2]) // longest)
+    if times == 1:
+        return image
+    height, width = (max(1, n // times) for n in image.shape[:2])
+    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
 
 
 def write_png(path: Path, image: Grey) -> None:

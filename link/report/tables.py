@@ -106,7 +106,7 @@ def machine_section(link: LinkEvaluation) -> str:
         ["light of an ON cell", f"{link.scene.on:.3g} thresholds a tick", "computed"],
         ["background light", f"{link.scene.background:.3g} thresholds a tick", "computed"],
         ["blur", f"{link.scene.blur:.3g} camera pixels, standard deviation", "computed"],
-        ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
+        ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
         ["latch clock", f"{camera.clock.hz / 1e3:g} kHz",
          provenance["clocks"] if camera.clock.hz in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{camera.threshold:g} e", "scenario"],

@@ -2,7 +2,7 @@
 
 from rtl_model.stand_in.display import BoardDisplay
 from rtl_model.stand_in.opening import OpenBoard, open_board
-from rtl_model.stand_in.sensor import BoardSensor, finest_level, quantise
+from rtl_model.stand_in.sensor import BoardSensor, finest_level, quantise, written_levels
 
 __all__ = [
     "BoardDisplay",
@@ -11,4 +11,5 @@ __all__ = [
     "finest_level",
     "open_board",
     "quantise",
+    "written_levels",
 ]

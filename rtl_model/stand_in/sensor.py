@@ -10,6 +10,7 @@ The cycle model is imported in the function that needs it, because it imports nu
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from rtl_model.registers import mask, quantum
 from rtl_model.stand_in.opening import OpenBoard
 from rtl_model.stand_in.stepping import Stepper
 
-__all__ = ["BoardSensor", "finest_level", "quantise"]
+__all__ = ["BoardSensor", "finest_level", "quantise", "written_levels"]
 
 LEVELS: Final = 16
 STEP_MOST: Final = 255
@@ -42,6 +43,24 @@ def finest_level(rate: float) -> int:
     """
     fits = [k for k in range(LEVELS) if rate * quantum(k) <= STEP_MOST]
     return max(fits, default=0)
+
+
+def written_levels(rate: float, ratios: Sequence[float]) -> list[int] | None:
+    """Levels for the thresholds of a run, the finest that the light allows; None for none.
+
+    Level k fires at 256 (k + 1) - 1 electrons. So the levels are chosen such that the k + 1 have
+    the exact ratios, and a threshold is off by at most 1 / 256 (k + 1) of itself.
+
+    Args:
+        rate: highest rate of the scene at the first threshold, spikes per tick.
+        ratios: each threshold over the first.
+    """
+    for first in range(LEVELS - 1, -1, -1):
+        levels = [(first + 1) * ratio - 1 for ratio in ratios]
+        whole = all(abs(k - round(k)) < 1e-9 and 0 <= round(k) < LEVELS for k in levels)
+        if whole and rate * quantum(first) <= STEP_MOST:
+            return [round(k) for k in levels]
+    return None
 
 
 def quantise(
@@ -103,8 +122,20 @@ class BoardSensor:
         self._stepper = Stepper(self._board, info)
         self._uploaded: npt.NDArray[np.uint8] | None = None
         self._charge = np.zeros((info.rows, info.columns), np.int64)
+        self._rows = (0, info.rows - 1)
         _set_up(self._board, info, level, self._reset)
         self._stepper.restart()
+
+    def write(self, level: int, rows: tuple[int, int]) -> None:
+        """Writes threshold and window of the stopped board; both hold from the next tick on.
+
+        Args:
+            level: of the threshold.
+            rows: (first, stop) rows that are read.
+        """
+        self._level, self._rows = level, (rows[0], rows[1] - 1)
+        self._board.write("sensor_threshold", level)
+        self._board.write("sensor_rows", self._rows[1] << 16 | self._rows[0])
 
     def expose(self, steps: npt.NDArray[np.uint8], ticks: int) -> Planes:
         """Spikes of the next ticks, (ticks, rows, columns) bool.
@@ -142,7 +173,7 @@ class BoardSensor:
     def _expected(self, steps: npt.NDArray[np.uint8], ticks: int) -> Planes:
         from rtl_model.cycle import Settings, planes
 
-        settings = Settings(threshold=self._level, reset_rule=self._reset)
+        settings = Settings(threshold=self._level, reset_rule=self._reset, rows=self._rows)
         return planes(self._info.geometry, settings, steps, ticks, self._charge)
 
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 from cosim import Clock, InputError
 from scenarios.assemble.schema.scenario import LinkScenario, Scenario
-from sensor.device.chips import CHIPS, Chip
+from sensor.device.chips import Chip
 from sensor.latched.effects.effect import Operation
 from sensor.latched.setting import CameraSetting
 from sensor.sections.parameters import effect_parameters
+from sensor.sections.writes import LEVELS, register_writes
 
 __all__ = ["camera_setting"]
 
@@ -21,24 +22,35 @@ def camera_setting(
 
     Args:
         scenario: a scenario with a section [sensor].
-        height, width: size of the array, pixels; None for the size of the chip.
+        height, width: size of the array, pixels, in place of the chip's; None for that of the chip.
 
     Raises:
         InputError: the threshold is below one electron, or parameters are not physical.
     """
     section, device = scenario.sensor, scenario.sensor.pattern
-    chip, clock = _resized(CHIPS[section.chip], height, width), Clock.from_hz(section.clock)
+    chip, clock = _resized(section.own_chip, height, width), Clock.from_hz(section.clock)
     # The threshold levels are assumed to be linear; they are not published.
     threshold = section.threshold * section.threshold_level / chip.threshold_levels
-    if threshold < 1:
+    written = [write.threshold_level or LEVELS for write in section.writes]
+    least = min(section.threshold_level, *written, LEVELS)
+    if section.threshold * least / chip.threshold_levels < 1:
         raise InputError(
             "sensor.threshold_level", "one at which the threshold is at least 1 e",
-            f"{section.threshold_level} of {section.threshold:g} e", "raise it",
+            f"{least} of {section.threshold:g} e", "raise it",
+        )  # fmt: skip
+    beyond = [write.window for write in section.writes if write.window is not None]
+    if any(window[1] > chip.height for window in beyond):
+        raise InputError(
+            "the windows of sensor.writes", f"rows within 0 to {chip.height}",
+            str([list(window) for window in beyond]), "change them",
         )  # fmt: skip
     temperature = 25.0 if device is None else device.temperature
+    # Noise must fit the lowest threshold, too.
+    effect_parameters(section, Operation(clock, section.threshold * least / LEVELS, temperature))
     return CameraSetting(
         chip, clock, threshold, scenario.seed, section.wavelength, reset=section.reset,
         parameters=effect_parameters(section, Operation(clock, threshold, temperature)),
+        writes=register_writes(section, clock),
     )  # fmt: skip
 
 

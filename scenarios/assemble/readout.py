@@ -37,6 +37,11 @@ def refuse_leftovers(scenario: Scenario) -> None:
             "display", "absent unless sensor.readout = synchronous", f"given with {current}",
             "leave it out, or set sensor.readout=synchronous",
         )  # fmt: skip
+    if scenario.display is not None and scenario.sensor.writes:
+        raise InputError(
+            "sensor.writes", "empty with a display, whose white is one spike rate", "given",
+            "leave them out, or the display",
+        )  # fmt: skip
     for name in _IMAGED:
         if scenario.display is not None and getattr(scenario.sensor, name) is not None:
             raise InputError(

@@ -147,7 +147,7 @@ def _machine(judged: ContinuousRun) -> str:
     spec = judged.spec
     setting, chip, section = spec.setting, spec.setting.chip, spec.section.continuous
     assert section is not None
-    provenance, plain = chip.provenance(), ContinuousSection()
+    plain = ContinuousSection()
 
     def ground(*names: str) -> str:
         same = all(getattr(section, n) == getattr(plain, n) for n in names)
@@ -157,7 +157,7 @@ def _machine(judged: ContinuousRun) -> str:
     full = "1e5 lux at QE 0.7, Huang 2022 section 4.3"
     numbers = [
         ["pixels", f"{chip.width} x {chip.height}",
-         "scenario" if section.width or section.height else provenance["width"]],
+         "scenario" if section.width or section.height else chip.size_origin],
         ["report clock", f"{setting.clock.hz / 1e3:g} kHz", "scenario"],
         ["monitor's time constant", f"{setting.time_constant * 1e3:g} ms",
          ground("time_constant")],

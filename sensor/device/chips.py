@@ -7,9 +7,10 @@ example (100 um2 at QE 0.7, section 4.3) is the natural assumption.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
 
-__all__ = ["CHIPS", "Chip"]
+__all__ = ["CHIPS", "GIVEN", "MOST_PIXELS", "Chip"]
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,8 @@ class Chip:
         pitch: of a pixel, um.
         fill_factor, quantum_efficiency: in (0, 1].
         threshold_levels: settings from outside.
+        assumed: names of the numbers that are assumed.
+        given: names of the numbers that the user gives in place of the preset's.
     """
 
     name: str
@@ -34,6 +37,7 @@ class Chip:
     fill_factor: float
     quantum_efficiency: float
     assumed: frozenset[str]
+    given: frozenset[str] = frozenset()
 
     @property
     def pixel_area(self) -> float:
@@ -45,10 +49,29 @@ class Chip:
         return photons_per_lux * self.pixel_area * self.quantum_efficiency
 
     def provenance(self) -> dict[str, str]:
-        """ "published" or "assumed" for every number."""
-        named = [f.name for f in fields(self) if f.name not in ("name", "title", "assumed")]
-        return {n: "assumed" if n in self.assumed else "published" for n in named}
+        """ "published", "assumed" or "given by the user" for every number."""
+        named = [f.name for f in fields(self) if f.name not in _NO_NUMBERS]
+        origin = {n: "assumed" if n in self.assumed else "published" for n in named}
+        return origin | dict.fromkeys(self.given, GIVEN)
 
+    @property
+    def size_origin(self) -> str:
+        """Origin of the size, as in `provenance`."""
+        wide, high = (self.provenance()[name] for name in ("width", "height"))
+        return wide if wide == high else f"width {wide}, height {high}"
+
+    def own(self, **numbers: float | None) -> Chip:
+        """The chip with these numbers in place of the preset's; None leaves a number as it is."""
+        given = {name: value for name, value in numbers.items() if value is not None}
+        changed: dict[str, Any] = {**given, "given": self.given | given.keys()}
+        return replace(self, **changed)
+
+
+GIVEN: Final = "given by the user"
+"""Origin of a number that stands in the scenario."""
+MOST_PIXELS: Final = 64_000_000
+"""Largest array, 8000 x 8000: the size up to which runs are tested."""
+_NO_NUMBERS: Final = ("name", "title", "assumed", "given")
 
 _ASSUMED = frozenset({"pitch", "fill_factor", "quantum_efficiency"})
 

@@ -20,6 +20,7 @@ from sensor.latched.effects.catalogue import EFFECTS, acting, defaults, named
 from sensor.latched.effects.effect import CommonGain, PixelEffect
 from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.pixel.model import ExactModel, Reset
+from sensor.latched.writes import Phase, Registers, Write, phases_of
 
 __all__ = ["CameraSetting"]
 
@@ -54,6 +55,7 @@ class CameraSetting:
                 use its lumped form: its reset in dead_time, `overshoot` electrons beyond each
                 threshold, and a dark current of `leak` electrons a second, below 0. The lumped
                 form changes the rate by at most `lumped_error`, relative.
+        writes: writes to the registers during the run, in the order of their cycles.
     """
 
     chip: Chip
@@ -64,6 +66,7 @@ class CameraSetting:
     effects: tuple[PixelEffect, ...]
     reset: Reset
     parameters: Mapping[str, Any] = field(hash=False)
+    writes: tuple[Write, ...] = ()
 
     def __init__(
         self,
@@ -75,6 +78,7 @@ class CameraSetting:
         effects: tuple[PixelEffect, ...] | None = None,
         reset: Reset = "residual",
         parameters: Mapping[str, Any] | None = None,
+        writes: tuple[Write, ...] = (),
         **sizes: Any,
     ) -> None:
         absent = defaults()
@@ -86,7 +90,7 @@ class CameraSetting:
             effects = tuple(EFFECTS.values())
         self.__dict__.update(
             chip=chip, clock=clock, threshold=threshold, seed=seed, wavelength_nm=wavelength_nm,
-            effects=effects, reset=reset, parameters=absent | chosen,
+            effects=effects, reset=reset, parameters=absent | chosen, writes=writes,
         )  # fmt: skip
 
     def __getattr__(self, name: str) -> Any:
@@ -111,6 +115,24 @@ class CameraSetting:
         for transfer in self.model.transfers:
             electrons = transfer.share(electrons / self.threshold) * self.threshold
         return electrons
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        """The registers between the writes."""
+        return phases_of(self.writes, self.threshold, self.chip.height)
+
+    @property
+    def registers(self) -> Registers | None:
+        """Thresholds and windows of the run; None without writes."""
+        if not self.writes:
+            return None
+        return Registers(self.phases, self.threshold, self.chip.height)
+
+    @property
+    def levels(self) -> tuple[CameraSetting, ...]:
+        """The setting at each threshold of the run, without writes."""
+        thresholds = dict.fromkeys(phase.threshold for phase in self.phases)
+        return tuple(replace(self, threshold=level, writes=()) for level in thresholds)
 
     @property
     def acting_effects(self) -> tuple[Effect, ...]:

@@ -16,11 +16,13 @@ from cosim.compute.opencl import Device
 from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.fixed_point import ONE, Charge
 from sensor.latched.pixel.model import ExactModel, ExactPixels, PixelState
+from sensor.latched.pixel.settling import settle
 from sensor.latched.pixel.thresholds import thresholds
 from sensor.latched.row_timing import PlaneTiming
 from sensor.latched.setting import CameraSetting
+from sensor.latched.written import RewrittenPixels, WrittenPixels
 
 __all__ = ["Tier", "TierPixels", "make_pixels", "tier_pixels"]
 
@@ -72,15 +74,40 @@ class _Exact:
     def expose(self, light: Light, start: int, cycles: int) -> Words:
         return self._pixels.expose(self._exposure.each(light, start, cycles), cycles)
 
+    def _running(self, spikes: npt.NDArray[np.uint64]) -> Charge:
+        """Threshold of the current interval, (n,) Q24.40. That of the first interval has another
+        distribution."""
+        model = self._model
+        if not model.noisy:
+            return np.full(spikes.shape, model.q, np.int64)
+        later = thresholds(model.table(), spikes, self._numbers, model.seed)
+        return np.where(spikes == 0, model.first_thresholds(self._numbers), later)
+
     def fraction(self) -> npt.NDArray[np.float64]:
-        """Stored charge over the threshold of the current interval. The threshold of the first
-        interval has another distribution."""
-        now, model = self._pixels.state(), self._model
-        running = np.full(now.deficit.shape, model.q, np.int64)
-        if model.noisy:
-            later = thresholds(model.table(), now.spikes, self._numbers, model.seed)
-            running = np.where(now.spikes == 0, model.first_thresholds(self._numbers), later)
-        return 1 - (now.deficit + 1) / np.maximum(running, ONE // 1024)
+        """Stored charge over the threshold of the current interval."""
+        now = self._pixels.state()
+        return 1 - (now.deficit + 1) / np.maximum(self._running(now.spikes), ONE // 1024)
+
+    def take_over(
+        self, before: _Exact, cycle: int, fresh: npt.NDArray[np.bool_], interval: int
+    ) -> npt.NDArray[np.bool_] | None:
+        """Continues the pixels of another threshold; see `RewrittenPixels`."""
+        old, model = before._pixels.state(), self._model
+        charge = np.where(fresh, 0, before._running(old.spikes) - old.deficit - 1)
+        spikes = np.where(fresh, np.uint64(interval), old.spikes)
+        deficit = self._running(spikes) - charge - 1
+        fires = None
+        if model.reset == "residual" and not model.dead:
+
+            def draw(k: npt.NDArray[np.uint64], due: npt.NDArray[np.bool_]) -> Charge | int:
+                if not model.noisy:
+                    return model.q
+                return thresholds(model.table(), k, self._numbers[due], model.seed)
+
+            fires = settle(deficit, spikes, model.q, draw)
+        self._exposure = before._exposure
+        self._pixels.restore(PixelState(deficit, spikes))
+        return fires
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         now = self._pixels.state()
@@ -117,6 +144,27 @@ def tier_pixels(
     Raises:
         ValueError: the fast tier has no device, or `row_delay` has another shape.
     """
+
+    def make(threshold: float) -> RewrittenPixels:
+        level = replace(setting, threshold=threshold, writes=())
+        return _level_pixels(tier, level, shape, numbers, rows, device, flags, row_delay)
+
+    if not setting.writes:
+        return make(setting.threshold)
+    return WrittenPixels(setting.phases, make, np.repeat(rows, shape[1]))
+
+
+def _level_pixels(
+    tier: Tier,
+    setting: CameraSetting,
+    shape: tuple[int, int],
+    numbers: npt.NDArray[np.uint32],
+    rows: npt.NDArray[np.int64],
+    device: Device | None,
+    flags: npt.NDArray[np.uint8] | None,
+    row_delay: npt.NDArray[np.int64] | None,
+) -> Any:
+    """Pixels whose registers are not written; the arguments are those of `tier_pixels`."""
     offsets = setting.sampling_offsets
     if offsets is not None:
         offsets = offsets[rows]

@@ -32,6 +32,7 @@ def write_clip(
     rate: float,
     progress: Progress | None = None,
     largest: int | None = None,
+    smallest: int = 1,
 ) -> None:
     """A TFP image every `every` cycles, shown at `rate` images a second through the sRGB curve.
 
@@ -39,6 +40,7 @@ def write_clip(
         scale: the spike rate that becomes white.
         largest: pixels of the longer side; images are reduced by a whole number to stay within it.
             H.264, VP9 in .webm; odd sizes lose their last line.
+        smallest: pixels of the shorter side; smaller images are enlarged by a whole number.
     """
     import av
 
@@ -52,7 +54,11 @@ def write_clip(
             raise InputError(name, must, f"{value:g}", "leave it out for the default")
     instants = range(0, stream.cycles, every)
     reduce = -(-max(stream.shape) // largest) if largest else 1
-    height, width = (n // reduce // 2 * 2 for n in stream.shape)
+    tall, wide = (min(reduce, n) for n in stream.shape)  # a narrow strip keeps its pixels
+    times = max(1, -(-smallest // min(stream.shape[0] // tall, stream.shape[1] // wide)))
+    height, width = (
+        n // by * times // 2 * 2 for n, by in zip(stream.shape, (tall, wide), strict=True)
+    )
     if not height or not width:
         size = f"{stream.shape[1]}x{stream.shape[0]}"
         raise InputError("the stream", "at least 2x2 pixels for a clip", size, "use viform image")
@@ -69,9 +75,14 @@ def write_clip(
             if codec == "libx264":
                 video.options = {"crf": "20", "preset": "veryfast"}
             for n, cycle in enumerate(instants):
-                rates = tfp(stream, cycle, window)[: height * reduce, : width * reduce]
+                rates = tfp(stream, cycle, window)
                 if reduce > 1:
-                    rates = rates.reshape(height, reduce, width, reduce).mean(axis=(1, 3))
+                    high, long = rates.shape[0] // tall, rates.shape[1] // wide
+                    rates = rates[: high * tall, : long * wide]
+                    rates = rates.reshape(high, tall, long, wide).mean(axis=(1, 3))
+                if times > 1:
+                    rates = rates.repeat(times, axis=0).repeat(times, axis=1)
+                rates = rates[:height, :width]
                 frame = av.VideoFrame.from_ndarray(for_display(rates / white), format="gray")
                 container.mux(video.encode(frame))
                 if progress is not None:

@@ -32,13 +32,15 @@ class Imaged(Protocol):
     def truth(self) -> Plane: ...
 
 
-def to_white(rate: npt.NDArray[np.floating[Any]], white_rate: float) -> Estimate:
+def to_white(
+    rate: npt.NDArray[np.floating[Any]], white_rate: float | npt.NDArray[np.float64]
+) -> Estimate:
     """Linear estimate of reflectance: spikes a cycle, scaled so that white = 1, in [0, 1].
 
     In float64, so that a picture of it is the one `viform image --scale WHITE_RATE` makes: 1/2 a
     cycle at 0.6 is 212.5 of 255, and float32 would fall to the other side of it.
     """
-    return np.clip(rate.astype(np.float64) / max(white_rate, LEAST_RATE), 0, 1)
+    return np.clip(rate.astype(np.float64) / np.maximum(white_rate, LEAST_RATE), 0, 1)
 
 
 def psnr(image: Estimate, truth: Plane) -> float:
@@ -56,10 +58,11 @@ def ssim(image: Estimate, truth: Plane) -> float:
 
 
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:
-    """PSNR and SSIM of each method, mean over the instants."""
+    """PSNR and SSIM of each method, mean over the instants; NaN without any."""
     means = {}
     for method in methods:
         pairs = [(getattr(shot, method), shot.truth) for shot in shots]
-        means[f"{method}_psnr"] = Metric(float(np.mean([psnr(*pair) for pair in pairs])), "dB")
-        means[f"{method}_ssim"] = Metric(float(np.mean([ssim(*pair) for pair in pairs])), "1")
+        for name, figure, unit in (("psnr", psnr, "dB"), ("ssim", ssim, "1")):
+            values = [figure(*pair) for pair in pairs] or [math.nan]
+            means[f"{method}_{name}"] = Metric(float(np.mean(values)), unit)
     return means

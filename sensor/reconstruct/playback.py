@@ -9,7 +9,7 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream, count_spikes
 
-__all__ = ["check_cycle", "tfp"]
+__all__ = ["check_cycle", "tfp", "tfp_span"]
 
 
 def check_cycle(stream: SpikeStream, at: int) -> None:
@@ -19,6 +19,12 @@ def check_cycle(stream: SpikeStream, at: int) -> None:
         raise InputError(
             "--at", f"a cycle from 0 to {last}", str(at), f"try --at {stream.cycles // 2}"
         )
+
+
+def tfp_span(cycles: int, at: int, window: int, preceding: bool = False) -> tuple[int, int]:
+    """First cycle of the window of `tfp`, and the one after its last, within the stream."""
+    stop = at + 1 if preceding else min(at + window // 2 + 1, cycles)
+    return max(at + 1 - window if preceding else at - window // 2, 0), stop
 
 
 def tfp(
@@ -37,6 +43,5 @@ def tfp(
         raise InputError(
             "--window", "odd and at least 1", str(window), f"try {max(window, 0) // 2 * 2 + 1}"
         )
-    stop = at + 1 if preceding else min(at + window // 2 + 1, stream.cycles)
-    first = max(at + 1 - window if preceding else at - window // 2, 0)
+    first, stop = tfp_span(stream.cycles, at, window, preceding)
     return count_spikes(stream, first, stop).astype(np.float32) / np.float32(stop - first)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from cosim.report.png import coloured, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from sensor.reconstruct.fidelity import Estimate, Imaged, to_white
 from sensor.reconstruct.intervals import interval_rate, isi
-from sensor.reconstruct.playback import tfp
+from sensor.reconstruct.playback import tfp, tfp_span
 from sensor.reconstruct.readings import Dim, DimLight
 
 __all__ = [
@@ -28,6 +28,13 @@ __all__ = [
 
 LATCHED: Final = ("tfp", "tfi")
 """Estimates of a latched stream."""
+
+
+class Registers(Protocol):
+    """Thresholds and windows of a run; see `sensor.latched.writes.Registers`."""
+
+    def shares(self, first: int, stop: int) -> npt.NDArray[np.float64]: ...
+    def rows(self, first: int, stop: int) -> tuple[int, int]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +47,8 @@ class Shot:
         tfp, tfi: its estimates.
         tau: length of the interval that holds the instant, cycles, (H, W) int64; 0 for none.
         dim: pixels that are read below threshold or rejected as dark; None without either.
+        white: spikes a cycle of white in the window of TFP.
+        rows: (first, stop) rows that are read in all of that window.
     """
 
     cycle: int
@@ -48,6 +57,16 @@ class Shot:
     tfi: Estimate
     tau: npt.NDArray[np.int64]
     dim: Dim | None = None
+    white: float = 1.0
+    rows: tuple[int, int] = (0, 2**31)
+
+    @property
+    def read(self) -> Shot:
+        """The instant on the rows that are read in all of its window."""
+        part = slice(*self.rows)
+        return replace(
+            self, truth=self.truth[part], tfp=self.tfp[part], tfi=self.tfi[part], tau=self.tau[part]
+        )
 
 
 def take_shots(
@@ -59,23 +78,38 @@ def take_shots(
     dim_light: DimLight | None = None,
     *,
     preceding: bool = False,
+    registers: Registers | None = None,
 ) -> list[Shot]:
     """Images of these cycles, with the truth in the middle of each.
 
+    The estimates are scaled by the spike rate of white: TFP by its mean over the window, TFI by
+    that of the level at the instant. An interval that runs across a write is scaled by that level
+    as well. A row that is not read is black.
+
     Args:
         window, preceding: of TFP.
+        white_rate: spikes a cycle of white, at the threshold of the setting.
         dim_light: how both estimates have dim pixels; None for from spikes alone.
+        registers: thresholds and windows of a run with register writes; None without them.
     """
     shots = []
     for cycle in instants:
         tau = isi(stream, cycle)
         truth = source.truth(stream.clock.middle(cycle))
         dim = None if dim_light is None else dim_light.at(stream, cycle)
-        mean, instant = (
-            to_white(rate if dim is None else dim.put(rate), white_rate)
-            for rate in (tfp(stream, cycle, window, preceding=preceding), interval_rate(tau))
+        span = tfp_span(stream.cycles, cycle, window, preceding)
+        rows = (0, stream.shape[0]) if registers is None else registers.rows(*span)
+        white, now = (
+            np.full(1, white_rate) if registers is None else white_rate * registers.shares(*cycles)
+            for cycles in (span, (cycle, cycle + 1))
         )
-        shots.append(Shot(cycle, truth, mean, instant, tau, dim))
+        mean, instant = (
+            to_white(rate if dim is None else dim.put(rate), scale)
+            for rate, scale in (
+                (tfp(stream, cycle, window, preceding=preceding), white), (interval_rate(tau), now)
+            )
+        )  # fmt: skip
+        shots.append(Shot(cycle, truth, mean, instant, tau, dim, float(np.max(white)), rows))
     return shots
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sensor.device.chips import GIVEN
 from sensor.latched.effects.catalogue import all_keys
 from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
@@ -33,6 +34,9 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
     silicon = {name: asked[name] for name in same} | {"preset": "silicon"}
     preset = sizes(SensorSection.model_validate(silicon))
     rows = []
+    if section.row_time is not None:
+        size = f"{section.row_time * 1e9:g} ns, all rows in {section.skew:.3g} of a cycle"
+        rows.append(["row time", size, GIVEN])
     for name, key in all_keys():
         value = asked.get(name)
         if not key.reported or value is None or not float(str(value).split()[0]):

@@ -13,15 +13,18 @@ from cosim.config.quantity import (
     Frequency,
     Quantity,
     Section,
+    Time,
     Wavelength,
 )
-from sensor.device.chips import CHIPS
+from sensor.device.chips import CHIPS, Chip
 from sensor.latched.effects.catalogue import CATALOGUE, all_keys
 from sensor.latched.effects.effect import Key
-from sensor.sections.asynchronous import AsynchronousSection, ChannelSection
+from sensor.sections.asynchronous import AsynchronousSection, ChannelSection, Side
 from sensor.sections.colour import ColourSection
 from sensor.sections.continuous import ContinuousSection
+from sensor.sections.own_chip import check_chip, own_chip, row_skew
 from sensor.sections.sub_threshold import DarkLimit, SubThresholdSection
+from sensor.sections.writes import LEVELS, Writes, check_writes
 
 __all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
 
@@ -31,8 +34,9 @@ SPIKING = tuple(
 """Faults that only a pixel which spikes has."""
 DUPLICATED = ((0, 2), (1, 3))
 """Duplicated rows of SpikeOne under the preset `silicon`, as in a recording of a 400 x 250 chip."""
-LEVELS = 16
-"""Threshold settings from outside (Huang 2022 section 6), on either chip."""
+Pitch = Annotated[float, Quantity("length", above=0, most=1000)]
+Part = Annotated[float, Field(gt=0, le=1)]
+_OWN = "{}; the preset's number when absent"
 
 
 class LensSection(Section):
@@ -116,6 +120,22 @@ class _ChipSection(Section):
     reset: Literal["residual", "hard", "subtract"] = Field(
         default="residual", description="what becomes of charge beyond the threshold at a spike"
     )
+    width: Side | None = Field(default=None, examples=[640], description=_OWN.format("pixels"))
+    height: Side | None = Field(default=None, examples=[480], description=_OWN.format("pixels"))
+    pitch: Pitch | None = Field(
+        default=None, examples=["10 um"], description=_OWN.format("of a pixel")
+    )
+    fill_factor: Part | None = Field(
+        default=None, examples=[0.6], description=_OWN.format("share of the pitch's area")
+    )
+    quantum_efficiency: Part | None = Field(
+        default=None, examples=[0.7], description=_OWN.format("electrons a photon")
+    )
+    row_time: Time | None = Field(
+        default=None,
+        examples=["20 ns"],
+        description="time to read a row; states row_skew = row_time x height x clock",
+    )
     duplicated_rows: tuple[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], ...] = (
         Field(
             default=(),
@@ -152,6 +172,7 @@ class SensorSection(_Sections):
     channel: ChannelSection | None = Field(
         default=None, description="output that asynchronous pixels share; none when absent"
     )
+    writes: Writes = Field(default=(), description="register writes in mid-run, in their order")
 
     @model_validator(mode="before")
     @classmethod
@@ -160,6 +181,8 @@ class SensorSection(_Sections):
         if not isinstance(data, dict) or data.get("preset") != "silicon":
             return data
         sizes = _silicon_sizes(data)
+        if data.get("row_time") is not None:  # which states the skew
+            sizes.pop("row_skew", None)
         if data.get("circuit") is not None:  # whose reset takes its own time
             sizes.pop("dead_time", None)
         pattern = data.get("pattern", {})
@@ -171,13 +194,31 @@ class SensorSection(_Sections):
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
         own = {n: v for n, v in sizes.items() if n in cls.model_fields}
         latched = data.get("readout", "synchronous") == "synchronous" and not data.get("source")
-        if latched and data.get("chip") == "spikeone":
+        own_height = data.get("height")
+        tall = not isinstance(own_height, int) or own_height > max(map(max, DUPLICATED))
+        if latched and data.get("chip") == "spikeone" and tall:
             own["duplicated_rows"] = DUPLICATED
         return own | data | {"pattern": pattern}
 
+    @property
+    def own_chip(self) -> Chip:
+        """The preset with the numbers of this section in their places."""
+        return own_chip(self)
+
+    @property
+    def skew(self) -> float:
+        """Share of a cycle in which the rows are sampled, by row_time if it is given."""
+        return row_skew(self)
+
+    @model_validator(mode="after")
+    def _can_be_built(self) -> SensorSection:
+        check_chip(self)
+        check_writes(self)
+        return self
+
     @model_validator(mode="after")
     def _has_these_rows(self) -> SensorSection:
-        pairs, height = self.duplicated_rows, CHIPS[self.chip].height
+        pairs, height = self.duplicated_rows, self.own_chip.height
         if pairs and (self.readout != "synchronous" or self.source is not None):
             raise InputError(
                 "sensor.duplicated_rows", "empty, except with a simulated synchronous readout",

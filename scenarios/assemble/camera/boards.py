@@ -34,10 +34,12 @@ __all__ = ["NO_ERROR", "BoardCamera", "BoardPanel", "Boards", "open_boards", "re
 NO_ERROR: Final = "a board's spikes are not held against full physics"
 _SIMULATED: Final = (
     ("pattern", None), ("circuit", None), ("threshold_noise", 0.0), ("dead_time", 0.0),
+    ("width", None), ("height", None), ("row_time", None),
     ("row_skew", 0.0), ("comparator_delay", 0.0), ("row_jitter", 0.0),
     ("row_wander", 0.0), ("drift", 0.0), ("crosstalk", 0.0), ("sub_threshold", None),
 )  # fmt: skip
-"""Keys of the sensor that a board's pixels do not have, with their defaults."""
+"""Keys of the sensor that a board has no such effect for, or a size of its own, with their
+defaults."""
 
 
 def refuse_boards(scenario: Scenario) -> None:
@@ -55,26 +57,55 @@ class BoardCamera:
         shape: (rows, columns) of the board.
         name: name of the board, for messages.
         worst: largest error of a pixel's rate so far by rounding to electrons, spikes a cycle.
-        level: threshold level of the board.
+        level: threshold level of the board, at the lowest threshold of the run.
         sensor: the board's sensor.
     """
 
     def __init__(self, place: OpenBoard, setting: CameraSetting, rate: float, cycles: int) -> None:
-        from rtl_model.stand_in import BoardSensor, finest_level
+        from rtl_model.stand_in import BoardSensor
 
         self.shape = (place.info.rows, place.info.columns)
         self.name, self.worst = place.name, 0.0
-        self.level = finest_level(rate)
-        self._setting = setting
+        self._setting, self._phases = setting, setting.phases
+        self._levels = self._levels_of(rate)
+        self._first, self.level = self._levels[0], min(self._levels)
         self._exposure = Exposure(setting.clock, setting.electrons_per_lux)
-        self.sensor = BoardSensor(place, self.level, setting.reset, cycles)
+        self.sensor = BoardSensor(place, self._first, setting.reset, cycles)
+
+    def _levels_of(self, rate: float) -> list[int]:
+        """The board's level in each phase. Raises InputError if the light is too bright for levels
+        with the ratios of the written ones."""
+        from rtl_model.stand_in import finest_level, written_levels
+
+        if not self._setting.writes:
+            return [finest_level(rate)]
+        thresholds = [phase.threshold for phase in self._phases]
+        first = thresholds[0]
+        levels = written_levels(
+            rate * self._setting.threshold / first, [each / first for each in thresholds]
+        )
+        if levels is None:
+            raise InputError(
+                "sensor.writes", f"threshold levels that {self.name} has for this light, of at "
+                "most 255 electrons a tick", f"thresholds of {sorted(set(thresholds))} e",
+                "lower sensor.lens.white_rate, or choose levels of a simpler ratio",
+            )  # fmt: skip
+        return levels
 
     def step(self, light: Light, block: Block) -> Viform:
         """The latched flags of one block. Consecutive ticks with equal electrons are one burst."""
         steps = self._steps(light, block)
         changes = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=(1, 2))) + 1
-        edges = [0, *changes.tolist(), len(steps)]
-        parts = [self.sensor.expose(steps[a], b - a) for a, b in pairwise(edges)]
+        writes = {
+            phase.start - block.start: n for n, phase in enumerate(self._phases)
+            if block.start <= phase.start < block.stop and self._setting.writes
+        }  # fmt: skip
+        edges = sorted({0, *changes.tolist(), *writes, len(steps)})
+        parts = []
+        for a, b in pairwise(edges):
+            if a in writes:
+                self.sensor.write(self._levels[writes[a]], self._phases[writes[a]].window)
+            parts.append(self.sensor.expose(steps[a], b - a))
         stream = Viform.from_planes(np.concatenate(parts), self._setting.clock)
         return Viform(stream.words, block.cycles, self._setting.clock, block.start)
 
@@ -83,7 +114,7 @@ class BoardCamera:
         from rtl_model.stand_in import quantise
 
         steps = np.empty((block.cycles, *self.shape), np.uint8)
-        scale = 1 / (ONE * self._setting.threshold)
+        scale = 1 / (ONE * self._phases[0].threshold)
         for span in self._exposure.each(light, block.start, block.cycles):
             for n in range(span.cycles):
                 if n and span.slope is None:
@@ -93,8 +124,9 @@ class BoardCamera:
                 if span.slope is not None:
                     charge = charge + span.slope * (span.elapsed + n)
                 rate = charge.reshape(self.shape).astype(np.float64) * scale
-                steps[span.first + n], off = quantise(rate, self.level)
-                self.worst = max(self.worst, float(np.abs(off).max()))
+                steps[span.first + n], off = quantise(rate, self._first)
+                most = float(np.abs(off).max()) * quantum(self._first) / quantum(self.level)
+                self.worst = max(self.worst, most)
         return steps
 
 
@@ -239,7 +271,7 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
                 if value != default:
                     raise InputError(
                         f"sensor.{name}", "absent with sensor.source", "given",
-                        "leave it out: the board's pixels have none",
+                        "leave it out: the board's array is of its own kind and size",
                     )  # fmt: skip
             boards.source = stack.enter_context(open_board(section.source, "sensor.source"))
         if sink is not None:

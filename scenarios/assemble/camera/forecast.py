@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,13 @@ def _display(setup: CameraSetup, plan: RunPlan) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
+def _writes(setup: CameraSetup, plan: RunPlan) -> dict[str, Any]:
+    """The register writes of the run and what the plan says of them; {} without any."""
+    if not setup.setting.writes:
+        return {}
+    return {"writes": [asdict(phase) for phase in setup.setting.phases], "notes": plan.notes}
+
+
 def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
     """The document of `viform plan --json`."""
     plan = setup.plan(setup.scenario.tolerance)
@@ -68,5 +76,5 @@ def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
         speeds=_measure(setup, plan, everything),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
         tiles=setup.survey.classes, full_physics_tiles=int(plan.fine.sum()),
-        display=_display(setup, plan),
+        display=_display(setup, plan), **_writes(setup, plan),
     )  # fmt: skip

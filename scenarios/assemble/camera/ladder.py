@@ -32,6 +32,7 @@ from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
 from sensor import SpikeCamera
+from sensor.latched.levels import fast_can_follow
 from sensor.latched.patches import PatchCamera
 from sensor.latched.reference.error import DRAWS, reference_error
 from sensor.latched.tiers import Tier
@@ -68,7 +69,8 @@ def _signature(plan: RunPlan) -> tuple[bytes, ...]:
 
 
 def _ladder(setup: CameraSetup) -> list[_Rung]:
-    tiers: list[Tier] = ["exact"] if setup.device is None else ["exact", "fast"]
+    follows = fast_can_follow(setup.setting, setup.survey.scene)
+    tiers: list[Tier] = ["exact", "fast"] if setup.device is not None and follows else ["exact"]
     return [
         _Rung(tier, tolerances, plan)
         for tier in tiers

@@ -248,10 +248,11 @@ class LatchedMachine:
         dim, names = dim_light(setup, self.camera, recording.folder)
         shots = take_shots(
             stream, self.source, setup.instants, image.window, setup.white_rate, dim,
-            preceding=image.preceding,
+            preceding=image.preceding, registers=setup.setting.registers,
         )  # fmt: skip
         files = names + write_images(recording.folder, shots, LATCHED)
-        metrics = judge(shots, LATCHED) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
+        seen = [shot.read for shot in shots if shot.rows[0] < shot.rows[1]]
+        metrics = judge(seen, LATCHED) | {"spike_rate": Metric(spike_rate(stream), "spikes/cycle")}
         metrics |= dim_metrics(setup, shots)
         if setup.mosaic is not None:
             files += write_colour(recording.folder, shots, setup.mosaic)
@@ -313,7 +314,7 @@ def assemble_latched(
         setup = set_up_camera(boards.simulated, device, boards.size)
         source = setup.source()
         plan = setup.plan(scenario.tolerance)
-        notes = list(setup.choice.notes)
+        notes = [*setup.choice.notes, *plan.notes]
         display = None
         if plan.display is not None and setup.scenario.display is not None:
             display = make_display_chain(

@@ -22,6 +22,7 @@ from sensor.latched.arithmetic import exact_error, fast_error, moved_spikes
 from sensor.latched.effects.costs import EXACT, QUIET, reference_cost
 from sensor.latched.effects.windows import rare_error
 from sensor.latched.fine_tiles import FineTiles, MixedPatches
+from sensor.latched.levels import error_over_levels, fast_can_follow, planned_effects
 from sensor.latched.patches import PatchCamera
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier
@@ -105,6 +106,16 @@ class RunPlan:
         rng = np.random.default_rng([seed, 1])
         missing = np.setdiff1d(which[whole], which[chosen])
         return [int(rng.choice(whole[which[whole] == one])) for one in missing]
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for the user on the choice of the tier."""
+        if self.tier == "exact" and not fast_can_follow(self.full, self.survey.scene):
+            return [
+                "sensor.writes: the exact tier runs, as the bounds of the fast tier do not hold "
+                "across these writes"
+            ]
+        return []
 
     @property
     def promised(self) -> npt.NDArray[np.float64]:
@@ -213,14 +224,15 @@ def _arithmetic(
     tolerance: float,
     mixed: bool,
     display: DisplaySetting | None,
+    spans: Sequence[Span],
 ) -> _Arithmetic:
     """The arithmetic of a tier, with the reference in the tiles in which it could use more than its
     part of the tolerance: in the exact tier as much as all left-out effects together may use, in
     the fast tier less, as the exact tier can take its place."""
     if tier == "fast":
-        error, part = fast_error(setting, scene), FAST_PART * SHARE
+        error, part = error_over_levels(setting, scene, spans, fast_error), FAST_PART * SHARE
     else:
-        error, part = exact_error(setting, scene), SHARE
+        error, part = error_over_levels(setting, scene, spans, exact_error), SHARE
     if display is not None:
         error = error + _moved_light(setting, scene, tier, display, end=False)
     fine = error > part * accepted_error(tolerance) if mixed else np.zeros(error.shape, bool)
@@ -263,12 +275,12 @@ def plan_run(
     """
     scene = survey.scene if display is None else _through_observer(survey.scene, display)
     tiers: list[Tier] = ["exact"] if tier is None else [tier]
-    if tier is None and device is not None and tolerance > 0:
+    if tier is None and device is not None and tolerance > 0 and fast_can_follow(setting, scene):
         tiers.append("fast")
-    found = [_arithmetic(setting, scene, each, tolerance, mixed, display) for each in tiers]
+    found = [_arithmetic(setting, scene, each, tolerance, mixed, display, spans) for each in tiers]
     arithmetic = min(found, key=lambda each: each.cost(scene))
     tier, fine = arithmetic.tier, arithmetic.fine
-    effects = setting.acting_effects
+    effects = planned_effects(setting, spans)
     if tier != "fast":  # the exact tier simulates all tiles with the same effects
         effects = tuple(replace(effect, scope="plane") for effect in effects)
     exempt = {effect.name: fine for effect in effects}

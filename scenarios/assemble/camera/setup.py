@@ -162,5 +162,11 @@ def set_up_camera(
     setting = camera_setting(scenario, *(size or ()))
     choice = choose_lens(scenario, setting)
     cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    late = [write.cycle for write in setting.writes if write.cycle >= cycles]
+    if late:
+        raise InputError(
+            "sensor.writes", f"at cycles below {cycles}, the end of the run", f"at {late[0]}",
+            "lengthen duration or drop it",
+        )  # fmt: skip
     instants = choose_windows(scenario, cycles)
     return CameraSetup(scenario, setting, choice, cycles, instants, choose_device(device))

@@ -111,6 +111,14 @@ def _text(document: dict[str, Any]) -> str:
             f"{document['full_physics_tiles']} of {sum(tiles.values())} tiles are simulated with "
             "full physics: there the arithmetic of this tier could use too much of the tolerance"
         )
+    for phase in document.get("writes", []):
+        lines.append(
+            f"from cycle {phase['start']}: threshold {phase['threshold']:g} e, rows "
+            f"{phase['window'][0]} to {phase['window'][1] - 1}"
+        )
+    if document.get("writes"):
+        lines.append("bounds are sums over the thresholds of the run")
+    lines += document.get("notes", [])
     if document.get("display"):
         display = document["display"]
         lines.append(

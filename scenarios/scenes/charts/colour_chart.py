@@ -81,4 +81,8 @@ class ColourChart:
 
     def points(self) -> list[tuple[int, int, str]]:
         places = [(self.patch(n), name) for n, (name, _) in enumerate(PATCHES)]
-        return [((y0 + y1) // 2, (x0 + x1) // 2, name) for (y0, y1, x0, x1), name in places]
+        low, right = (side - 1 for side in self.shape)
+        return [
+            (min((y0 + y1) // 2, low), min((x0 + x1) // 2, right), name)
+            for (y0, y1, x0, x1), name in places
+        ]

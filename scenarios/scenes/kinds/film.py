@@ -9,6 +9,7 @@ from pydantic import Field
 
 from cosim.config.quantity import Frequency, Illuminance, Section, Time
 from cosim.light.source import Source
+from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
 __all__ = ["FilmScene"]
@@ -49,4 +50,6 @@ class FilmScene(Section):
         from scenarios.scenes.charts.chart import Chart
         from scenarios.scenes.drawing.analytic import AnalyticSource
 
-        return AnalyticSource(Chart(grid.shape), self.illuminance, grid.clock)
+        return sized(
+            grid.shape, lambda shape: AnalyticSource(Chart(shape), self.illuminance, grid.clock)
+        )

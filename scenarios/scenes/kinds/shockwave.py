@@ -10,6 +10,7 @@ from pydantic import Field
 from cosim import InputError
 from cosim.config.quantity import Illuminance, Quantity, Section, Time
 from cosim.light.source import Source
+from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
 __all__ = ["ShockwaveScene"]
@@ -52,9 +53,9 @@ class ShockwaveScene(Section):
         from scenarios.scenes.drawing.paced import PacedSource
         from scenarios.scenes.flow.shockwave import Shockwave
 
-        try:
+        def draw(shape: tuple[int, int]) -> PacedSource:
             tunnel = Shockwave(
-                grid.shape,
+                shape,
                 mach=self.mach,
                 model=self.model,
                 angle=math.radians(self.angle),
@@ -63,11 +64,14 @@ class ShockwaveScene(Section):
                 chamber=self.chamber,
                 knife=math.radians(self.knife),
             )
+            source = PacedSource(tunnel, self.illuminance, grid.clock, grid.aligned)
+            if tunnel.episodes()[-1][1] * grid.clock.hz > grid.cycles:
+                source.degraded.append("the run ends before the flow is steady: lengthen duration")
+            return source
+
+        try:
+            return sized(grid.shape, draw)
         except ValueError as exc:  # limits that depend on several keys
             name, _, rest = str(exc).partition(" must be ")
             must, _, value = rest.rpartition(", not ")
             raise InputError(f"scene.{name}", must, value, "change it") from exc
-        source = PacedSource(tunnel, self.illuminance, grid.clock, grid.aligned)
-        if tunnel.episodes()[-1][1] * grid.clock.hz > grid.cycles:
-            source.degraded.append("the run ends before the flow is steady: lengthen duration")
-        return source

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from cosim.config.quantity import Illuminance, Quantity, Section
 from cosim.light.source import Source
+from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
 __all__ = ["StarScene"]
@@ -28,5 +29,8 @@ class StarScene(Section):
         from scenarios.scenes.charts.star import Star
         from scenarios.scenes.drawing.analytic import AnalyticSource
 
-        star = Star(grid.shape, spokes=self.spokes, revolutions=self.rotation)
-        return AnalyticSource(star, self.illuminance, grid.clock)
+        def draw(shape: tuple[int, int]) -> Source:
+            star = Star(shape, spokes=self.spokes, revolutions=self.rotation)
+            return AnalyticSource(star, self.illuminance, grid.clock)
+
+        return sized(grid.shape, draw)

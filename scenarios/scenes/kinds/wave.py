@@ -8,6 +8,7 @@ from pydantic import Field
 
 from cosim.config.quantity import Illuminance, Quantity, Section
 from cosim.light.source import Source
+from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
 __all__ = ["WaveScene"]
@@ -27,4 +28,7 @@ class WaveScene(Section):
         from scenarios.scenes.drawing.analytic import AnalyticSource
         from scenarios.scenes.people.wave import Wave
 
-        return AnalyticSource(Wave(grid.shape, rate=self.rate), self.illuminance, grid.clock)
+        def draw(shape: tuple[int, int]) -> Source:
+            return AnalyticSource(Wave(shape, rate=self.rate), self.illuminance, grid.clock)
+
+        return sized(grid.shape, draw)

@@ -194,11 +194,10 @@ def _traffic(judged: EventRun) -> str:
 def _machine(judged: EventRun) -> str:
     spec = judged.spec
     setting, model, chip = spec.setting, spec.model, spec.setting.chip
-    provenance = chip.provenance()
     readings = f"{model.longest / 1e12:g} s, {model.levels} levels" if model.longest else "none"
     device = setting.pattern
     numbers = [
-        ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
+        ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
         ["charge threshold Q", f"{model.threshold} e", "scenario"],
         ["shortest width", f"{model.shortest / 1e3:g} ns", "scenario"],
         ["longest width, reading", readings, "scenario"],

@@ -59,6 +59,9 @@ class _RowSampling(PixelEffect):
         )
     }
 
+    def configure(self, section: Any, operation: Operation) -> Mapping[str, Any]:
+        return {"row_skew": section.skew}
+
     def bound(self, setting: Setting, scene: Summary) -> Bound:
         return _moved(setting.row_skew, scene)
 

@@ -20,6 +20,7 @@ from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
+from sensor.latched.fast.taking_over import taken_over
 from sensor.latched.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET, TIMING
 from sensor.latched.pixel.transfer import light_source
 
@@ -253,6 +254,14 @@ class FastPixels:
         self._upload(
             pad(np.asarray(state["charge"], np.int32)), pad(np.asarray(state["spikes"], np.uint64))
         )
+
+    def take_over(
+        self, before: FastPixels, cycle: int, fresh: npt.NDArray[np.bool_], interval: int
+    ) -> npt.NDArray[np.bool_]:
+        """Continues the pixels of another threshold; see `RewrittenPixels` and `taken_over`."""
+        state, fires = taken_over(self._array, before._array, before.state(), fresh, interval)
+        self.restore(state)
+        return fires
 
 
 def _filled(groups: npt.NDArray[np.intp]) -> npt.NDArray[np.uint32]:

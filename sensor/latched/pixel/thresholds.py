@@ -10,7 +10,18 @@ from cosim.compute.streams import Stream
 from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import threshold
 
-__all__ = ["first_thresholds", "initial_deficit", "thresholds"]
+__all__ = ["first_thresholds", "initial_deficit", "spike_words", "thresholds"]
+
+
+def spike_words(
+    k: npt.NDArray[np.uint64], pixels: npt.NDArray[np.uint32], seed: int
+) -> npt.NDArray[np.uint32]:
+    """Random word of spike k of each pixel, (n,) uint32: word k mod 4 of counter (pixel, high and
+    low word of k div 4, 0), with key (seed, SHOT_NOISE)."""
+    block = k >> np.uint64(2)
+    high, low = block >> np.uint64(32), block & np.uint64(0xFFFFFFFF)
+    words = philox4x32((pixels, high, low, 0), (seed, Stream.SHOT_NOISE))
+    return np.asarray(np.choose((k & np.uint64(3)).astype(np.intp), words), np.uint32)
 
 
 def thresholds(
@@ -19,10 +30,7 @@ def thresholds(
     pixels: npt.NDArray[np.uint32],
     seed: int,
 ) -> Charge:
-    """Threshold of spike k of each pixel, (n,) Q24.40.
-
-    The random word is word k mod 4 of counter (pixel, high and low word of k div 4, 0), with key
-    (seed, SHOT_NOISE).
+    """Threshold of spike k of each pixel, (n,) Q24.40: the quantile of its random word.
 
     Args:
         table: quantiles, see `interval_table`.
@@ -30,10 +38,7 @@ def thresholds(
         pixels: (n,) numbers of the pixels.
         seed: of the run.
     """
-    block = k >> np.uint64(2)
-    high, low = block >> np.uint64(32), block & np.uint64(0xFFFFFFFF)
-    words = philox4x32((pixels, high, low, 0), (seed, Stream.SHOT_NOISE))
-    return threshold(table, np.choose((k & np.uint64(3)).astype(np.intp), words))
+    return threshold(table, spike_words(k, pixels, seed))
 
 
 def first_thresholds(table: Charge, pixels: npt.NDArray[np.uint32], seed: int) -> Charge:

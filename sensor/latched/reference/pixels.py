@@ -14,7 +14,8 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.spikes.viform import words_for
 from sensor.circuit.circuit import Circuit
 from sensor.device.pattern import FixedPattern
-from sensor.latched.pixel.model import ExactModel
+from sensor.latched.pixel.model import JUMP, ROOM, ExactModel
+from sensor.latched.pixel.thresholds import spike_words
 from sensor.latched.pixel.transfer import transfer_light
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import LEAST, draw_all, law_of
@@ -97,8 +98,9 @@ class ReferencePixels:
         self._overshoot = overshoot
         shot = model.shot
         self._law = law_of(model.threshold, model.threshold_noise, shot, model.shift)
+        self._shot = shot
         self._levels: list[tuple[Plane, Values]] = []
-        goal, charge = self._initial(shot)
+        goal, charge = self._initial()
         self._state: dict[str, Any] = {
             "tick": np.zeros(n, np.int64), "part": np.zeros(n), "charge": charge, "goal": goal,
             "spikes": np.zeros(n, np.uint64), "held": charge.copy(),
@@ -106,14 +108,18 @@ class ReferencePixels:
             "cycle": np.full(1, -1),
         }  # fmt: skip
 
-    def _initial(self, shot: bool) -> tuple[Values, Values]:
-        """Threshold of spike 0 and initial charge, (n,) electrons each, as in `ExactModel.initial`:
-        intervals are weighted by their length, and the charge is uniform below the threshold."""
+    def _first_goals(self) -> Values:
+        """Threshold of spike 0, (n,) electrons, as in `ExactModel.first_thresholds`."""
         model, numbers, law = self._model, self._numbers, self._law
         if model.random_start and model.noisy:
-            longer = model.threshold + shot + model.threshold_noise**2 / model.threshold
-            law = law_of(longer, model.threshold_noise, shot, model.shift)
-        goal = draw_all(law, philox4x32((numbers, 0, 0, 0), (model.seed, Stream.SHOT_NOISE))[0])
+            longer = model.threshold + self._shot + model.threshold_noise**2 / model.threshold
+            law = law_of(longer, model.threshold_noise, self._shot, model.shift)
+        return draw_all(law, spike_words(np.zeros(numbers.size, np.uint64), numbers, model.seed))
+
+    def _initial(self) -> tuple[Values, Values]:
+        """Threshold of spike 0 and initial charge, (n,) electrons each, as in `ExactModel.initial`:
+        intervals are weighted by their length, and the charge is uniform below the threshold."""
+        model, numbers, goal = self._model, self._numbers, self._first_goals()
         if not model.random_start:
             return goal, np.zeros(goal.size)
         words = philox4x32((numbers, 0, 0, 0), (model.seed, Stream.INITIAL_CHARGE))[0]
@@ -247,6 +253,52 @@ class ReferencePixels:
             run(*before, *phases, *inputs, self._circuit, *drawn, words)
         state["cycle"] = np.full(1, start + cycles)
         return words
+
+    def take_over(
+        self, before: ReferencePixels, cycle: int, fresh: npt.NDArray[np.bool_], interval: int
+    ) -> npt.NDArray[np.bool_] | None:
+        """Continues the pixels of another threshold; see `RewrittenPixels`. Raises ValueError for
+        a circuit, whose threshold is a voltage."""
+        if self._circuit is not None:
+            raise ValueError("a written threshold must be one without a circuit")
+        model, state, numbers = self._model, before.state(), self._numbers
+        latch = self._latches(cycle, 0)[self._rows, 0]
+        # Light is integrated from the write on, unless a dead time runs beyond it.
+        late = (state["tick"] >= latch) & ~fresh
+        tick = np.where(late, state["tick"], latch)
+        part = np.where(late, state["part"], 0.0)
+        charge = np.where(fresh, 0.0, np.where(late, state["charge"], state["held"]))
+        spikes = np.where(fresh, np.uint64(interval), state["spikes"])
+        goal = np.where(
+            spikes == 0, self._first_goals(),
+            draw_all(self._law, spike_words(spikes, numbers, model.seed)),
+        )  # fmt: skip
+        fires = None
+        if model.reset == "residual":
+            fires = charge >= goal
+            excess = charge - goal
+            whole = np.where(
+                excess > ROOM * self._law.q, np.maximum(excess // self._law.q - JUMP, 0), 0
+            )
+            charge -= whole * self._law.q
+            first = spikes.copy()
+            spikes += whole.astype(np.uint64)
+            due = fires
+            while due.any():
+                charge[due] -= goal[due]
+                spikes[due] += np.uint64(1)
+                words = spike_words(spikes[due], numbers[due], model.seed)
+                goal[due] = draw_all(self._law, words)
+                due = charge >= goal
+            dead = model.dead_time * float(self._clock.period) * PS
+            away = np.where(fires, part + dead * (spikes - first), part)
+            tick, part = tick + np.floor(away).astype(np.int64), away % 1.0
+        held = np.where(late & (fires is None or ~fires), state["held"], charge)
+        self._state = state | {
+            "tick": tick, "part": part, "charge": charge, "goal": goal, "spikes": spikes,
+            "held": held,
+        }  # fmt: skip
+        return fires
 
     def fraction(self) -> Values:
         """Charge at each pixel's last latch over the threshold of its current interval, including

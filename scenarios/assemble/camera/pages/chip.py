@@ -5,6 +5,7 @@ from __future__ import annotations
 from cosim.report.parts import table
 from scenarios.assemble.camera.judged import LatchedRun
 from sensor.sections.provenance import fault_rows, optics_rows
+from sensor.sections.writes import write_rows
 
 __all__ = ["machine"]
 
@@ -15,7 +16,7 @@ def machine(run: LatchedRun) -> str:
     chip = setting.chip
     provenance = chip.provenance()
     numbers = [
-        ["pixels", f"{chip.width} x {chip.height}", provenance["width"]],
+        ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
         ["latch clock", f"{setting.clock.hz / 1e3:g} kHz",
          provenance["clocks"] if setting.clock.hz in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{setting.threshold:g} e", "scenario"],
@@ -30,7 +31,7 @@ def machine(run: LatchedRun) -> str:
     if scenario.sensor.threshold_level < chip.threshold_levels:
         level = f"{scenario.sensor.threshold_level} of {chip.threshold_levels}"
         numbers.insert(3, ["threshold level", f"{level}, assumed linear", "scenario"])
-    numbers += fault_rows(scenario.sensor)
+    numbers += fault_rows(scenario.sensor) + write_rows(scenario.sensor, setting.clock)
     if scenario.sensor.pattern is not None and setting.pattern is not None:
         celsius = scenario.sensor.pattern.temperature
         dark = f"{setting.pattern.dark:.3g} e/s at {celsius:g} °C"

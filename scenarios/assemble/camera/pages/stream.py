@@ -177,7 +177,7 @@ def _playback(run: LatchedRun) -> str:
     path = run.folder / "playback.mp4"
     write_clip(
         run.stream, path, window=run.scenario.image.window, every=every,
-        scale=max(run.white_rate, LEAST_RATE), rate=25.0, largest=640,
+        scale=max(run.white_rate, LEAST_RATE), rate=25.0, largest=640, smallest=2,
     )  # fmt: skip
     slower = 25.0 * every / run.stream.clock.hz
     return (
@@ -194,9 +194,15 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     # More cycles than the figure has dots would cause aliasing.
     span = (long.first, long.first + long.cycles)
     start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
-    columns = [run.source.truth(start + (stop - start) * k // (knots - 1)) for k in range(knots)]
-    rows = [[float(plane[r, c]) for plane in columns] for r, c, _ in points]
-    truth = np.array(rows) * run.white_rate
+    truth = np.empty((len(points), knots))
+    for k in range(knots):  # plane by plane, as planes may be large
+        plane = run.source.truth(start + (stop - start) * k // (knots - 1))
+        truth[:, k] = [float(plane[row, column]) for row, column, _ in points]
+        if (registers := run.setting.registers) is not None:
+            cycle = clock.cycle_at(start + (stop - start) * k // (knots - 1))
+            share = registers.shares(cycle, cycle + 1)
+            truth[:, k] *= [float(share[row, 0]) for row, _, _ in points]
+    truth *= run.white_rate
     figures = run.folder / "figures"
     instants = [s.cycle for s in run.shots]
     interval_figure(run.stream, points, truth, span, instants, figures / "intervals.png")
@@ -266,7 +272,7 @@ def stream_page(run: LatchedRun) -> Page:
     placing = " --preceding" if run.scenario.image.preceding else ""
     image = (
         f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
-        f"--window {run.scenario.image.window}{placing} --scale {run.white_rate!r} --out a.png"
+        f"--window {run.scenario.image.window}{placing} --scale {shot.white!r} --out a.png"
     )
     where = "from the same board"
     if run.scenario.sensor.source is None:
