@@ -39,6 +39,11 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     check_options(scenario, options)
     if isinstance(scenario, Scenario):
         if scenario.link is not None:
+            if scenario.sensor.readout != "synchronous":
+                raise InputError(
+                    "sensor.readout", "synchronous with a [link]", scenario.sensor.readout,
+                    "leave it out: a link carries latched spikes",
+                )  # fmt: skip
             from scenarios.assemble.carrier.machine import assemble_carried
 
             return assemble_carried(name, scenario, options.device, options.resume, progress)

@@ -1,0 +1,153 @@
+"""A camera's stream over a link to a display: the same bits, in any order of work, and its limits."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cosim import InputError, Interrupted
+from cosim.files import ZarrStream
+from cosim.run.chain import STREAM
+from cosim.run.machine import Options
+from scenarios.assemble.carrier.carrier import RECEIVED
+from scenarios.assemble.carrier.machine import CarriedMachine
+from scenarios.assemble.machine import assemble
+from scenarios.assemble.schema.loading import load
+
+
+
+class Quiet:
+    """Shows no progress."""
+
+    def start(self, what: str, total: int) -> None:
+        pass
+
+    def advance(self, done: int) -> None:
+        pass
+
+    def note(self, text: str) -> None:
+        pass
+
+
+TINY = (
+    "sensor.width=96", "sensor.height=64", "duration=8 ms", "image.at=[160]",
+    "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
+    "code.cycles=64", "code.tile=32",
+)  # fmt: skip
+"""A chip of 96 x 64 pixels, and a panel that carries its stream without loss."""
+
+
+def machine_of(*sets: str, drop: tuple[str, ...] = ("display",)) -> CarriedMachine:
+    name, scenario = load("glass-over-light", [*TINY, *sets])
+    scenario = scenario.model_copy(update=dict.fromkeys(drop))
+    made = assemble(name, scenario, Options(), Quiet())
+    assert isinstance(made, CarriedMachine)
+    return made
+
+
+def run(folder: Path, *sets: str, parallel: bool = True, **given: Any) -> Any:
+    """Runs the chain alone; returns it."""
+    folder.mkdir(exist_ok=True)
+    made = machine_of(*sets, **given)
+    chain = made.chain(folder)
+    chain.parallel = parallel
+    chain.load()
+    chain.run(Quiet())
+    made.close()
+    return chain
+
+
+def words(folder: Path, name: str) -> np.ndarray:
+    stream = ZarrStream(folder / name)
+    return stream.read_words(0, 1 << 20)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    folder = tmp_path_factory.mktemp("whole")
+    return folder, run(folder)
+
+
+def test_a_stream_that_fits_arrives_bit_for_bit(whole: tuple[Path, Any]) -> None:
+    folder, chain = whole
+    sent = words(folder, STREAM)
+    assert np.bitwise_count(sent).sum() > 100_000
+    assert np.array_equal(sent, words(folder, RECEIVED))
+    far, near = chain.stages["receiver"], chain.stages["code"]
+    assert near.sender.counts.dropped == far.late == far.missing == 0
+    assert far.receiver.frames_lost == 0
+
+
+def test_stages_one_after_another_give_the_same_bits(
+    whole: tuple[Path, Any], tmp_path: Path
+) -> None:
+    chain = run(tmp_path, parallel=False)
+    for name in (STREAM, "link.zarr", RECEIVED):
+        assert np.array_equal(words(whole[0], name), words(tmp_path, name)), name
+    assert chain.stages["receiver"].arrivals == whole[1].stages["receiver"].arrivals
+
+
+@pytest.mark.parametrize(
+    "at", [pytest.param(64, marks=pytest.mark.slow), 192, pytest.param(384, marks=pytest.mark.slow)]
+)
+def test_an_interrupted_chain_goes_on_to_the_same_bits(
+    whole: tuple[Path, Any], tmp_path: Path, at: int
+) -> None:
+    class Stopping(Quiet):
+        def advance(self, done: int) -> None:
+            if done == at:
+                signal.raise_signal(signal.SIGINT)
+
+    made = machine_of()
+    chain = made.chain(tmp_path)
+    with pytest.raises(Interrupted):
+        chain.run(Stopping())
+    made.close()
+    assert chain.checkpoint.exists()
+    again = run(tmp_path)
+    assert again.begin >= at
+    for name in (STREAM, "link.zarr", RECEIVED):
+        assert np.array_equal(words(whole[0], name), words(tmp_path, name)), name
+
+
+def test_a_link_that_carries_too_little_loses_layers_and_never_stalls(tmp_path: Path) -> None:
+    chain = run(tmp_path, "code.rate=2 Mbit/s")
+    near, far = chain.stages["code"], chain.stages["receiver"]
+    count = near.sender.counts
+    assert count.dropped > 0 and far.late == far.missing == 0
+    seconds = 320 / 40e3
+    assert 0.5 * 2e6 * seconds / 8 < count.sent_bytes <= 2e6 * (seconds + 3.2e-3) / 8
+    assert count.peak_bytes <= 2e6 * 3.2e-3 / 8
+    sent, shown = words(tmp_path, STREAM), words(tmp_path, RECEIVED)
+    assert not np.array_equal(sent, shown)
+    mean = np.bitwise_count(shown).sum() / np.bitwise_count(sent).sum()
+    assert 0.95 < mean < 1.05  # spikes that are not sent are spread, not lost
+
+
+@pytest.mark.parametrize(
+    ("sets", "text"),
+    [
+        (("link.file=a.bin",), "link.file must be absent with a [scene], not"),
+        (("link.size=5",), "link.size must be absent with a [scene], not 5"),
+        (("link.sensor.clock=20 kHz",), "link.sensor.clock must be the sensor's, 40000 Hz"),
+        (("link.sensor.readout=continuous",), "link.sensor.readout must be synchronous"),
+        (("sensor.readout=asynchronous",), "sensor.readout must be synchronous with a [link]"),
+        (("code.cycles=40",), "code.cycles must be a multiple of 32"),
+    ],
+)
+def test_what_cannot_be_sent_is_refused_in_one_line(sets: tuple[str, ...], text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        machine_of(*sets)
+    assert text in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_code_without_a_link_is_refused() -> None:
+    with pytest.raises(InputError, match=r"code must be given with a \[link\]"):
+        load("glass", ["code.kind=raw"])
+    with pytest.raises(InputError, match=r"link.sensor must be absent without a \[scene\]"):
+        load("light-link", ["link.sensor.chip=spikeone", "link.sensor.threshold=1000 e"])
