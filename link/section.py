@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from cosim import InputError
-from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share
+from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share, Time
 from link.detect.catalogue import DETECTORS
 from link.mode import CELLS, LINE_CODES, PARITIES, TICKS
 from sensor.sections.sensor import SensorSection
@@ -88,6 +89,22 @@ class AimSection(Section):
         default=30.0, examples=["30 Hz"]
     )
     occluded: Share = Field(default=0.0, description="share of the panel, from its left, hidden")
+    blocked: tuple[tuple[Time, Time], ...] = Field(
+        default=(),
+        max_length=100,
+        examples=['[["2 ms", "4 ms"]]'],
+        description="spans in which the whole panel is hidden, from the start of the scene, or of "
+        "the link without a scene",
+    )
+
+    @field_validator("blocked")
+    @classmethod
+    def _in_order(cls, spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        edges = [edge for span in spans for edge in span]
+        if any(one >= two for one, two in pairwise(edges)):
+            raise ValueError("must be spans [start, stop] in order, that do not overlap")
+        return spans
+
 
 
 class AirSection(Section):
@@ -153,6 +170,12 @@ class LinkSection(Section):
     size: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
         default=4_000_000, description="of the random bytes"
     )
+    join: Time = Field(
+        default=0.0,
+        examples=["3 ms"],
+        description="from the start of the scene until the receiver begins to listen; only with a "
+        "[scene]",
+    )
     distance: Metres = Field(
         default=2e6, examples=["2 m"], description="from the panel to the lens"
     )
@@ -186,6 +209,11 @@ class LinkScenario(Section):
 
     @model_validator(mode="after")
     def _has_one_camera(self) -> LinkScenario:
+        if self.link.join:
+            raise InputError(
+                "link.join", "absent without a [scene]", f"{self.link.join:g} s",
+                "leave it out: a file needs its whole transmission",
+            )  # fmt: skip
         if self.link.sensor is not None:
             raise InputError(
                 "link.sensor", "absent without a [scene]", "given",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim import Clock, InputError
+from cosim import Clock, InputError, seconds_to_ps
 from cosim.light.lens import FASTEST_F_NUMBER
 from display import SpikePanel
 from link.air import Aim, Air, AirSetting, Optics, Scene, Source, f_number_for
@@ -118,8 +118,8 @@ def payload_of(scenario: LinkScenario) -> Payload:
         raise bad(exc.strerror or str(exc)) from exc
 
 
-def _refuse_lens(lens: LensSection) -> None:
-    """Raises InputError for a lens in [sensor.lens]: that of a link is in [link.aim].
+def _refuse_lens(lens: LensSection, section: str) -> None:
+    """Raises InputError for a lens in the camera's section: that of a link is in [link.aim].
 
     Only the transmission is read from [sensor.lens].
     """
@@ -127,7 +127,7 @@ def _refuse_lens(lens: LensSection) -> None:
     for name in ("f_number", "white_rate", "magnification", "psf"):
         if getattr(lens, name) != getattr(plain, name):
             raise InputError(
-                f"sensor.lens.{name}", "absent in a link", f"{getattr(lens, name)}",
+                f"{section}.lens.{name}", "absent in a link", f"{getattr(lens, name)}",
                 "leave it out: link.aim has the lens",
             )  # fmt: skip
 
@@ -165,11 +165,18 @@ def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
     return replace(optics, f_number=number)
 
 
-def check_receiver(sensor: SensorSection) -> None:
-    """Raises InputError for a camera that cannot receive a link."""
+def check_receiver(sensor: SensorSection, name: str = "sensor") -> None:
+    """Raises InputError for a camera that cannot receive a link.
+
+    Args:
+        sensor: its section.
+        name: of the section.
+    """
     if sensor.readout != "synchronous":
-        raise InputError("sensor.readout", "synchronous in a link", sensor.readout, "leave it out")
-    for name in (
+        raise InputError(
+            f"{name}.readout", "synchronous in a link", sensor.readout, "leave it out"
+        )  # fmt: skip
+    for key in (
         "source",
         "asynchronous",
         "continuous",
@@ -178,11 +185,11 @@ def check_receiver(sensor: SensorSection) -> None:
         "dark_limit",
         "colour",
     ):
-        if getattr(sensor, name) is not None:
-            raise InputError(f"sensor.{name}", "absent in a link", "given", "leave it out")
+        if getattr(sensor, key) is not None:
+            raise InputError(f"{name}.{key}", "absent in a link", "given", "leave it out")
     if sensor.writes:
-        raise InputError("sensor.writes", "empty in a link", "given", "leave them out")
-    _refuse_lens(sensor.lens)
+        raise InputError(f"{name}.writes", "empty in a link", "given", "leave them out")
+    _refuse_lens(sensor.lens, name)
 
 
 def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
@@ -215,7 +222,8 @@ def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
     return LinkSetting(
         camera, spike_panel, optics,
         Aim((aim.offset_x, aim.offset_y), aim.rotation, (aim.tilt_x, aim.tilt_y), aim.vibration,
-            aim.vibration_frequency, aim.occluded),
+            aim.vibration_frequency, aim.occluded,
+            tuple((seconds_to_ps(a), seconds_to_ps(b)) for a, b in aim.blocked)),
         AirSetting(
             distance, air.ambient, air.surroundings,
             None if air.visibility is None else air.visibility * _MICRO, air.particles,

@@ -151,7 +151,7 @@ class Air:
         )
         self.flicker, self.patches = flicker_of(optics, air)
         self.factors = FlickerSeries(self.flicker, seconds, self.patches.count, air.seed)
-        self._hidden = round(aim.occluded * optics.width)
+        self._hidden, self._blocked = round(aim.occluded * optics.width), aim.blocked
         self._glare, self._stray = air.glare, sun_glare(optics, air, aim, shape)
         self._halo = lengths(optics, air.distance).camera * halo_angle(optics.wavelength_nm)
         self._base = np.full(shape, level.around + level.fog, np.float32)
@@ -169,6 +169,12 @@ class Air:
         self._resume = 0
         end = first_light + panel.clock.edge(planes)
         dark = self._lux(np.zeros(panel.shape, np.bool_), (0.0, 0.0), np.ones(self.patches.count))
+        self._dark = dark
+        if self._blocked:
+            hidden, self._hidden = self._hidden, optics.width
+            off = np.zeros(panel.shape, np.bool_)
+            self._dark = self._lux(off, (0.0, 0.0), np.ones(self.patches.count))
+            self._hidden = hidden
         self._before = Piece(0, first_light, dark, dark) if first_light > 0 else None
         self._after = Piece(end, max(end + 1, _FOREVER), dark, dark)
 
@@ -237,6 +243,9 @@ class Air:
             stop = min(begin + self._ticks, self._planes)
             shift, factors = self.shift(self._edge(begin)), self.factors[symbol]
             planes = [self._lux(plane, shift, factors) for plane in self._emission.planes(symbol)]
+            start = self._edge(begin)
+            if any(low <= start < high for low, high in self._blocked):
+                planes = [self._dark] * len(planes)
             edges = range(begin, stop + 1) if len(planes) > 1 else (begin, stop)
             at = [self._edge(n) for n in edges]
             self._pieces[symbol] = tuple(

@@ -53,6 +53,8 @@ class Aim:
         vibration: standard deviation of the image's shift along each axis, camera pixels.
         vibration_frequency: resonance, Hz, at a tenth of critical damping.
         occluded: share of the panel, from its left side, that is hidden.
+        blocked: spans of time (start, stop), ps, in which the whole panel is hidden. A symbol is
+            hidden if it begins in one.
     """
 
     offset: tuple[float, float] = (0.0, 0.0)
@@ -61,6 +63,7 @@ class Aim:
     vibration: float = 0.0
     vibration_frequency: float = 30.0
     occluded: float = 0.0
+    blocked: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from cosim.spikes.viform import Viform
-from link.coding.stream_boxes import StreamInbox
+from link.coding.stream_boxes import StreamInbox, stream_blocks
 from link.layout import Layout
 from link.receiving.received import Received
 from link.receiving.receiver import Receiver
@@ -21,6 +22,7 @@ class PacketReceiver:
         cycles: length of the recording, ticks.
         detector: its name.
         interleave: as used by the sender.
+        begin: cycle from which on the receiver listens, a multiple of the blocks' length.
 
     Attributes:
         known: tick up to which all packets that arrive at all have been returned; the length of the
@@ -31,8 +33,9 @@ class PacketReceiver:
 
     def __init__(
         self, shape: tuple[int, int], cycles: int, *, detector: str = "joint",
-        interleave: bool = True,
+        interleave: bool = True, begin: int = 0,
     ) -> None:  # fmt: skip
+        self._begin = begin
         self._inbox: StreamInbox | None = None
         self._interleave, self._cycles = interleave, cycles
         self._receiver = Receiver(shape, detector=detector, inbox=self._open)
@@ -50,10 +53,23 @@ class PacketReceiver:
     def frames_lost(self) -> int:
         return 0 if self._inbox is None else self._inbox.frames_lost
 
+    @property
+    def interruptions(self) -> list[tuple[int, int]]:
+        """Spans of ticks of which no frame arrived, between two of which all did; from two blocks
+        on."""
+        session, inbox = self._receiver.session, self._inbox
+        if session is None or inbox is None:
+            return []
+        layout, groups = session.layout, stream_blocks(session.layout).groups
+        length = round(groups * layout.group * layout.mode.ticks)
+        right = [each.tick for each in session.instants if each.right]
+        return [(a, b - length) for a, b in pairwise(right) if b - a > 2 * length + 2]
+
     def step(self, data: Viform) -> list[tuple[int, bytes]]:
         """Takes the words of a block. Returns the packets that were decoded, with the tick at which
         the last row of their light was latched, in order."""
-        self._receiver.step(data)
+        if data.start >= self._begin:
+            self._receiver.step(data)
         if data.start + data.cycles >= self._cycles:
             self.received = self._receiver.finish()
             self.known = float(self._cycles)

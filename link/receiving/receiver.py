@@ -198,9 +198,13 @@ class Receiver:
             session.advance(self.recording)
 
     def _was_dark(self, old: Session) -> bool:
-        """Whether the panel was dark for a while in the stored ticks, and lit after it."""
-        spans = lit_spans(self.recording, old.layout, old.refined.homography)
-        return len(spans) > 1 or bool(spans and spans[0][0] > self.recording.first + _DARK)
+        """Whether the panel was dark for _DARK of the stored ticks, and lit after them."""
+        dark = self.recording.first
+        for low, high in lit_spans(self.recording, old.layout, old.refined.homography):
+            if low > dark + _DARK:
+                return True
+            dark = high
+        return False
 
     @property
     def _received(self) -> int:

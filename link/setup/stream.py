@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -147,6 +147,9 @@ def set_up_stream(
         mode, rng.bytes(layout.group_bytes(groups)), "stand-in",
         most_symbols=TRAINING + groups * layout.group,
     )  # fmt: skip
+    late = clock.edge(lead)  # the spans of the scenario begin with the stream
+    blocked = tuple((low + late, high + late) for low, high in setting.aim.blocked)
+    setting = replace(setting, aim=replace(setting.aim, blocked=blocked))
     whole = TRAINING + blocks * form.groups * layout.group + layout.closing
     dark = setting.first_light + panel.edge(whole * mode.ticks)
     ticks = clock.cycle_at(dark) + 1 + TAIL

@@ -20,6 +20,7 @@ from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
+from display.probes.camera import ProbeCamera
 from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
 from scenarios.assemble.camera.dim import dim_light, dim_metrics, reading_camera
 from scenarios.assemble.camera.judged import LatchedRun
@@ -269,9 +270,7 @@ class LatchedMachine:
         assert display is not None
         begin = time.perf_counter()
         with ThreadPoolExecutor(1) as pool:  # neither of the two loads two cores
-            probing = pool.submit(
-                display.probes, SpikeProbeCamera(self.setup.setting, self.setup.device)
-            )
+            probing = pool.submit(display.probes, self.probe_camera())
             fidelity = chain_fidelity(display)
             seconds["images"] = time.perf_counter() - begin
             outcome = DisplayOutcome.of(display, fidelity, probing.result())
@@ -285,6 +284,10 @@ class LatchedMachine:
         metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
         seconds["images"] += time.perf_counter() - begin
         return _Images([], None, outcome, metrics, outcome.latency(), files)
+
+    def probe_camera(self) -> ProbeCamera:
+        """The camera whose stream the display shows in its probes."""
+        return SpikeProbeCamera(self.setup.setting, self.setup.device)
 
     def judged(self, run: Run) -> LatchedRun:
         """The data of the run for its pages."""

@@ -12,6 +12,8 @@ from cosim import InputError
 from cosim.files import Recorder
 from cosim.run.machine import Finding
 from cosim.run.progress import Progress
+from cosim.stage import BLOCK
+from display.probes.camera import ProbeCamera
 from link.air import ber
 from link.receiving.packets import PacketReceiver
 from link.section import LinkScenario
@@ -24,9 +26,11 @@ from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.carrier.coding import Decoder, Sender
 from scenarios.assemble.carrier.far import FarEnd, Schedule
 from scenarios.assemble.carrier.near import NearEnd
+from scenarios.assemble.carrier.probe import CodedProbeCamera
 from scenarios.assemble.carrier.stages import EachBlock, Later
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.scenario import Scenario
+from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 from sensor.latched.readout import readout_stages
 
@@ -68,9 +72,34 @@ class Carrier:
         return self.section.cycles + _wait(self.section, self.camera) + self.setup.delay
 
     @property
+    def code(self) -> StreamCode:
+        """The code, for the pixels of the camera."""
+        model = self.camera.setting
+        return self.section.code(model.threshold, model.threshold_noise)
+
+    def probe(self, camera: ProbeCamera) -> CodedProbeCamera:
+        """A camera of probes behind the code."""
+        height, width = self.camera.shape
+        return CodedProbeCamera(
+            camera, self.section, self.code, self.setup.rate / (height * width)
+        )
+
+    @property
     def cycles(self) -> int:
         """Cycles of the link."""
         return self.setup.cycles
+
+    @property
+    def joins(self) -> int:
+        """Cycle of the link from which on the receiver listens: the start of a block."""
+        assert self.camera.scenario.link is not None
+        join = self.camera.scenario.link.join
+        late = round(join * self.camera.setting.clock.hz) // BLOCK * BLOCK
+        return self.setup.lead + late if late else 0
+
+    def stream_ms(self, cycle: int) -> float:
+        """Time of a cycle of the link from the start of the stream, ms."""
+        return (cycle - self.setup.lead) / self.camera.setting.clock.hz * 1e3
 
     @property
     def pixel_cycles(self) -> int:
@@ -127,8 +156,7 @@ class Carrier:
         """
         setup, clock, cycles = self.setup, self.camera.setting.clock, self.camera.cycles
         shape = self.camera.shape
-        model = self.camera.setting
-        code = self.section.code(model.threshold, model.threshold_noise)
+        code = self.code
         control = self.section.control(clock.hz, setup.rate * clock.hz)
         assert control is not None  # the link limits the rate
         end = NearEnd(Sender(code, shape, cycles, control), setup)
@@ -137,7 +165,8 @@ class Carrier:
         recorder = Recorder(folder / LINK_STREAM, sensor.shape, setup.cycles, clock)
         modem = setup.scenario.link.modem
         receiver = PacketReceiver(
-            sensor.shape, setup.cycles, detector=modem.detector, interleave=modem.interleave
+            sensor.shape, setup.cycles, detector=modem.detector, interleave=modem.interleave,
+            begin=self.joins,
         )
         schedule = Schedule(setup.lead, self.hold, self.section.cycles, cycles, clock)
         decoder = Decoder(code, shape)
@@ -181,7 +210,7 @@ def make_carrier(
     assert scenario.link is not None and scenario.code is not None
     section = scenario.code
     link = _link_scenario(scenario)
-    check_receiver(link.sensor)
+    check_receiver(link.sensor, "link.sensor")
     setting = camera_setting(link)
     if setting.clock != camera.setting.clock:
         raise InputError(
@@ -225,5 +254,5 @@ def _link_scenario(scenario: Scenario) -> LinkScenario:
     return LinkScenario(
         title=scenario.title, tolerance=scenario.tolerance,
         seed=(scenario.seed + 0x9E3779B9) % 2**32,  # the two chips have noise of their own
-        link=link.model_copy(update={"sensor": None}), sensor=sensor,
+        link=link.model_copy(update={"sensor": None, "join": 0.0}), sensor=sensor,
     )  # fmt: skip

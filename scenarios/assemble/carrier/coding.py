@@ -17,6 +17,8 @@ from sensor.codec.packets.encoder import StreamEncoder
 from sensor.codec.packets.packet import Packet
 from sensor.codec.packets.rate import RateControl
 
+Mask = npt.NDArray[np.bool_]
+
 __all__ = ["Counts", "Decoder", "Sender"]
 
 
@@ -119,14 +121,10 @@ class Decoder:
     Args:
         code: of the stream.
         shape: (height, width) of the stream.
-
-    Attributes:
-        held: tiles that were shown with the rate that they had last.
     """
 
     def __init__(self, code: StreamCode, shape: tuple[int, int]) -> None:
         self._decoder = StreamDecoder(code, shape)
-        self.held = 0
 
     def take(self, packet: bytes) -> int | None:
         """Takes a packet. Returns the cycle after its last one; None if it is of no use."""
@@ -138,9 +136,8 @@ class Decoder:
             return None
         return read.first + read.cycles
 
-    def read(self, stop: int) -> tuple[Words, npt.NDArray[np.bool_]]:
-        """The words of the cycles before `stop` that were not read yet, and the tiles of which
-        nothing has ever arrived."""
+    def read(self, stop: int) -> tuple[Words, Mask, Mask]:
+        """The words of the cycles before `stop` that were not read yet, the tiles of which nothing
+        has ever arrived, and those that are shown with the rate that they had last."""
         decoded = self._decoder.read(stop)
-        self.held += int(decoded.held.sum())
-        return decoded.words, decoded.missing
+        return decoded.words, decoded.missing, decoded.held

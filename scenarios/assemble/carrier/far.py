@@ -22,6 +22,7 @@ from link.receiving.packets import PacketReceiver
 
 __all__ = ["FarEnd", "PacketDecoder", "Schedule"]
 
+Mask = npt.NDArray[np.bool_]
 ReadBack = Callable[[int, int], Words]
 
 
@@ -33,9 +34,10 @@ class PacketDecoder(Protocol):
         that is damaged, or of cycles that were read already."""
         ...
 
-    def read(self, stop: int) -> tuple[Words, npt.NDArray[np.bool_]]:
+    def read(self, stop: int) -> tuple[Words, Mask, Mask]:
         """The words of the cycles before `stop` that were not read yet, and which tiles of them,
-        (rows, columns) bool, are missing: nothing of their packets has arrived."""
+        (rows, columns) bool, are missing, because nothing of them has ever arrived, and which are
+        shown with the rate that they had last."""
         ...
 
 
@@ -76,7 +78,9 @@ class FarEnd:
         arrivals: of each packet that arrived in time, the cycle of the link at which it did, its
             bytes, and the cycle of the stream after its last one.
         late: packets that arrived too late.
-        missing: tiles of groups of which nothing arrived in time.
+        gaps: of each group that was not shown whole, the cycle of the stream at which it begins,
+            its missing tiles, and those that were shown with the rate that they had last.
+        missing: tiles of groups of which nothing has ever arrived.
         tiles: tiles of all groups shown.
     """
 
@@ -88,6 +92,7 @@ class FarEnd:
         self._read_back = read_back
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._shown = self._stepped = 0
+        self.gaps: list[tuple[int, int, int]] = []
         self.arrivals: list[tuple[int, int, int]] = []
         self.late = self.missing = self.tiles = 0
 
@@ -118,8 +123,11 @@ class FarEnd:
             self.arrivals.append((tick, len(packet), end))
 
     def _blocks(self, stop: int) -> list[Viform]:
-        words, missing = self._decoder.read(stop)
-        self.missing += int(missing.sum())
+        words, missing, held = self._decoder.read(stop)
+        lost, kept = int(missing.sum()), int(held.sum())
+        if lost or kept:
+            self.gaps.append((self._shown, lost, kept))
+        self.missing += lost
         self.tiles += missing.size
         first, self._shown = self._shown, stop
         return [

@@ -21,7 +21,7 @@ from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED, Carrier
 from scenarios.assemble.carrier.far import FarEnd
 from scenarios.assemble.carrier.near import NearEnd
 from sensor.reconstruct.fidelity import judge
-from sensor.reconstruct.shots import LATCHED, Shot, interval_latency, spike_rate, take_shots
+from sensor.reconstruct.shots import LATCHED, Shot, spike_rate, take_shots
 
 __all__ = ["CarrierOutcome", "judge_carrier"]
 
@@ -124,11 +124,15 @@ def judge_carrier(
     pixel_cycles = setup.cycles * machine.pixels
     count = near.sender.counts
     on_time = sum(size for _, size, _ in far.arrivals)
-    latency = [
-        *interval_latency(clock, direct),
-        *_latency(carrier, near, far, 1e12 / clock.hz),
-        *outcome.latency,
-    ]
+    section = machine.scenario.display
+    drive = "" if section is None else section.drive
+    hold_us = carrier.hold / clock.hz * 1e6
+    latency = [*_latency(carrier, near, far, 1e12 / clock.hz), *outcome.latency]
+    watched = {
+        name.replace("latency_", "latency_photon_"): Metric(metric.value + hold_us, "us")
+        for name, metric in outcome.metrics.items()
+        if name.startswith("latency_") and metric.unit == "us" and metric.value is not None
+    }
     metrics = {
         **outcome.metrics,
         "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
@@ -144,13 +148,20 @@ def judge_carrier(
         "packets_dropped": Metric(count.dropped, "packets"),
         "packets_late": Metric(far.late, "packets"),
         "tiles_missing": Metric(far.missing, "tiles"),
+        "tiles_held": Metric(sum(held for _, _, held in far.gaps), "tiles"),
+        "recovery_us": Metric(_recovery(carrier, far), "us"),
+        "latency_photon_us": watched.get(
+            "latency_photon_grey_us" + ("" if drive == "impulse" else f"_{drive}"),
+            Metric(None, "us"),
+        ),
         "buffer_peak_bytes": Metric(count.peak_bytes, "bytes"),
-        "latency_us": Metric(carrier.hold / clock.hz * 1e6, "us"),
+        "latency_us": Metric(hold_us, "us"),
+        **watched,
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),
         "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
     }
-    worse = _causes(received, far, count.dropped)
+    worse = _causes(carrier, received, far, count.dropped)
     return replace(
         outcome,
         outcome="degraded" if worse and outcome.outcome == "ok" else outcome.outcome,
@@ -164,20 +175,47 @@ def judge_carrier(
     )
 
 
-def _causes(received: Received, far: FarEnd, dropped: int) -> list[str]:
+def _recovery(carrier: Carrier, far: FarEnd) -> float | None:
+    """Time from the end of the last blockage, or from the receiver's first cycle if it joins late,
+    to the filming of the first group that is shown whole from then on, us; None without either."""
+    clock, lead = carrier.camera.setting.clock, carrier.setup.lead
+    blocked = carrier.setup.setting.aim.blocked
+    ends = [clock.cycle_at(stop) - lead for _, stop in blocked]
+    if carrier.joins:
+        ends.append(carrier.joins - lead)
+    if not ends:
+        return None
+    if not far.gaps:
+        return 0.0
+    whole = far.gaps[-1][0] + carrier.section.cycles
+    return max(whole - max(ends), 0) / clock.hz * 1e6
+
+
+def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> list[str]:
     """What the stream has lost on its way, and why."""
     causes = []
+    verdict = f"{received.verdict.cause.value}: {received.verdict.text}"
+    lost = far.receiver.frames_lost
     if not received.instants:
-        causes.append(f"nothing arrived: {received.verdict.cause.value}: {received.verdict.text}")
-    elif far.receiver.frames_lost:
-        causes.append(
-            f"{far.receiver.frames_lost} frames of the link were lost: "
-            f"{received.verdict.cause.value}"
+        causes.append(f"nothing arrived over the link: {verdict}")
+    elif lost and far.receiver.interruptions:
+        spans = ", ".join(
+            f"{carrier.stream_ms(low):.4g} to {carrier.stream_ms(high):.4g} ms"
+            for low, high in far.receiver.interruptions
         )
+        causes.append(f"the light of the link was interrupted at {spans}: {lost} frames were lost")
+    elif lost:
+        causes.append(f"{lost} frames of the link were lost: {verdict}")
     if dropped:
         causes.append(
             f"{dropped} packets were not sent: the link carries less than the stream brings"
         )
-    if far.missing:
-        causes.append(f"{far.missing} of {far.tiles} tiles were shown without any packet of theirs")
+    if far.gaps:
+        first, last = far.gaps[0][0], far.gaps[-1][0] + carrier.section.cycles
+        hz = carrier.camera.setting.clock.hz
+        causes.append(
+            f"{far.missing} tiles of groups were shown dark and "
+            f"{sum(held for _, _, held in far.gaps)} with the rate that they had last, between "
+            f"{first / hz * 1e3:.4g} and {last / hz * 1e3:.4g} ms of the stream"
+        )
     return causes

@@ -70,6 +70,8 @@ def test_an_occlusion_loses_its_own_packets_and_no_others() -> None:
     got, receiver = received(toy.planes(), hide)
     packets = [packet for _, packet in got]
     assert set(packets) <= set(taken) and packets == [p for p in taken if p in set(packets)]
+    ((low, high),) = receiver.interruptions
+    assert 380 <= low <= 400 and 520 <= high <= 540
     assert receiver.frames_lost > 0 and len(packets) > 0.6 * len(taken)
     late = [packet for tick, packet in got if tick > 600]
     assert late and late == taken[taken.index(late[0]) : taken.index(late[0]) + len(late)]

@@ -128,6 +128,51 @@ def test_a_link_that_carries_too_little_loses_layers_and_never_stalls(tmp_path: 
     assert 0.95 < mean < 1.05  # spikes that are not sent are spread, not lost
 
 
+def test_a_blocked_link_comes_back_by_itself(tmp_path: Path) -> None:
+    """The tiles keep their last rate; one group after the light is back all is right."""
+    chain = run(tmp_path, "duration=16 ms", 'link.aim.blocked=[["4 ms", "7 ms"]]')
+    far = chain.stages["receiver"]
+    ((low, high),) = far.receiver.interruptions
+    # The blocks that the span touches are lost.
+    assert 0 <= 128 + 160 - low <= 21 and 0 <= high - 128 - 280 <= 21
+    assert far.missing == 0 and far.receiver.frames_lost > 0
+    begun, ended = far.gaps[0][0], far.gaps[-1][0] + 64
+    assert 64 <= begun <= 192 and ended <= 280 + 64
+    sent, shown = words(tmp_path, STREAM), words(tmp_path, RECEIVED)
+    same = (sent == shown).all(axis=(1, 2))
+    # Of the groups at both ends some layers have arrived: no tile keeps its rate there.
+    assert same[: begun // 32 - 2].all() and same[ended // 32 + 2 :].all() and not same.all()
+    dark = shown[begun // 32 : ended // 32]
+    assert np.bitwise_count(dark).sum() > 0.5 * np.bitwise_count(
+        sent[begun // 32 : ended // 32]
+    ).sum()
+
+
+@pytest.mark.slow
+def test_a_receiver_that_joins_late_shows_the_rest(tmp_path: Path) -> None:
+    chain = run(tmp_path, "duration=20 ms", "link.join=5 ms")
+    far = chain.stages["receiver"]
+    assert far.missing > 0 and far.gaps[-1][0] < 200 + 128
+    sent, shown = words(tmp_path, STREAM), words(tmp_path, RECEIVED)
+    same = (sent == shown).all(axis=(1, 2))
+    assert same[-12:].all() and not shown[:4].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clock", [-50, 50])
+def test_clocks_50_ppm_apart_do_no_harm(tmp_path: Path, clock: int) -> None:
+    run(tmp_path, f"link.panel.clock_offset={clock}", "duration=40 ms")
+    assert np.array_equal(words(tmp_path, STREAM), words(tmp_path, RECEIVED))
+
+
+@pytest.mark.slow
+def test_half_a_panel_hidden_is_named(tmp_path: Path) -> None:
+    """Reed-Solomon cannot mend half of the bytes."""
+    chain = run(tmp_path, "link.aim.occluded=0.5")
+    far = chain.stages["receiver"]
+    assert far.missing == far.tiles and far.receiver.received.verdict.text
+
+
 @pytest.mark.parametrize(
     ("sets", "text"),
     [
