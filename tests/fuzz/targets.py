@@ -12,6 +12,7 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
+import fastcrc
 import numpy as np
 import typer
 
@@ -34,6 +35,11 @@ from scenarios.scenes.clips.film import FilmSource
 from sensor.codec.coding import Code
 from sensor.codec.files import open_any
 from sensor.codec.fsc import write_fsc
+from sensor.codec.packets.catalogue import StreamCode
+from sensor.codec.packets.decoder import StreamDecoder
+from sensor.codec.packets.encoder import StreamEncoder
+from sensor.codec.packets.packet import HEADER
+from sensor.codec.vfl import write_vfl
 from tests.fuzz.engine import LONGEST, Target
 from tests.link.receiving.toy import small
 
@@ -87,6 +93,38 @@ def _coded(folder: Path) -> list[bytes]:
         write_fsc(_stream(), path, code)
         out.append(path.read_bytes())
     return out
+
+
+_CODES = (
+    StreamCode(tile=16), StreamCode("raw"), StreamCode("first-spike", cycles=32),
+    StreamCode("statistical", k=3.0, refine=4, threshold=1000.0), StreamCode(layers=4),
+)  # fmt: skip
+
+
+def _packet_files(folder: Path) -> list[bytes]:
+    out = []
+    for code in _CODES:
+        path = folder / "seed.vfl"
+        write_vfl(_stream(), path, code)
+        out.append(path.read_bytes())
+    return out
+
+
+def _packets(folder: Path) -> list[bytes]:
+    stream = _stream(128)
+    packets = StreamEncoder(_CODES[0], stream.shape).encode(stream.words, 0)
+    return [packet.to_bytes() for packet in packets]
+
+
+def _take(data: bytes, folder: Path) -> None:
+    """What was damaged, and the same with a checksum that holds."""
+    stream = _stream(128)
+    decoder = StreamDecoder(_CODES[0], stream.shape)
+    decoder.take(data)
+    if len(data) >= HEADER:
+        crc = fastcrc.crc32.iscsi(data[:12] + data[HEADER:])
+        decoder.take(data[:12] + crc.to_bytes(4, "little") + data[HEADER:])
+    decoder.read(stream.cycles)
 
 
 def _intensities(folder: Path) -> list[bytes]:
@@ -368,6 +406,8 @@ TARGETS: tuple[Target, ...] = (
     Target("intensity arrays", _members(_intensities),
            _packed(_intensities, "a.npz", read_intensities)),
     Target("first spikes", _coded, _file("a.fsc", _read)),
+    Target("packet file", _packet_files, _file("a.vfl", _read)),
+    Target("packets", _packets, _take),
     Target("zarr metadata", *_store("json"), text=True),
     Target("zarr chunk", *_store("chunk")),
     Target("scenario", _scenarios, _file("a.toml", lambda p: load(str(p))), text=True),

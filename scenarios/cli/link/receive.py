@@ -25,7 +25,7 @@ _WORDS = 8
 def link_receive(
     stream: Annotated[
         Path,
-        typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, or a run's folder"),
+        typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl, or a run's folder"),
     ],
     out: Annotated[Path, typer.Option(help="folder to write to; the file goes to received/")],
     detector: Annotated[str, typer.Option(help="joint, threshold or forward-backward")] = "joint",

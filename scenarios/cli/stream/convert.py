@@ -14,7 +14,7 @@ from scenarios.cli.output import Json, make_progress, print_document, size_optio
 __all__ = ["convert"]
 
 
-FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz, .fsc"
+FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl"
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,14 @@ class ClipOptions:
 
 @dataclass(frozen=True)
 class CodeOptions:
-    """Options for writing a first-spike file; the help texts describe them."""
+    """Options for writing a first-spike or packet file; the help texts describe them."""
 
     code: Annotated[
-        str | None, typer.Option(help=".fsc: line or repeat (lossless), or statistical")
+        str | None,
+        typer.Option(
+            help=".fsc: line or repeat (lossless), or statistical; .vfl: layered, raw, "
+            "first-spike or statistical"
+        ),
     ] = None
     k: Annotated[
         float | None, typer.Option("--k", help="statistical: limit of a change, in RSDs")
@@ -48,6 +52,10 @@ class CodeOptions:
     refine: Annotated[
         int | None, typer.Option(help="statistical: intervals in the mean after a change")
     ] = None
+    layers: Annotated[
+        int | None, typer.Option(help=".vfl, layered: layers to keep; 8, all of them, lose nothing")
+    ] = None
+    cycles: Annotated[int | None, typer.Option(help=".vfl: cycles in a packet [128]")] = None
 
 
 @expand_options
@@ -77,7 +85,7 @@ def convert(
     """
     from cosim import InputError
     from cosim.files import FORMATS, ending_of, locate_stream, notes_of, write_stream
-    from sensor.codec.files import choose_code, is_coded, open_any, write_coded
+    from sensor.codec.files import choose_code, is_coded, left, open_any, write_coded
     from sensor.reconstruct.clip import CLIPS, write_clip
 
     if source.suffix.lower() in CLIPS:
@@ -113,7 +121,7 @@ def convert(
         elif coded is not None:
             write_coded(opened, out, coded)
             if not coded.lossless:
-                lost = [f"{out} holds only changes beyond {coded.k:g} standard deviations"]
+                lost = [f"{out} holds only {left(coded)}"]
         else:
             lost = write_stream(opened, out, head=head, config=config)
     finally:

@@ -103,7 +103,7 @@ class Layered:
         total = int(counts.sum())
         times, starts = np.empty(total + 1, np.int16), np.empty(counts.size + 1, np.int32)
         find_spikes(words, times, starts)
-        coder = _Coder(MOST_DECISIONS * (total + 1), TIME_CONTEXTS)
+        coder = _Coder(MOST_DECISIONS * (total // 2 + counts.size), TIME_CONTEXTS)  # half at most
         layers = []
         for high, low in TIME_LAYERS:
             n, spikes, gain = put_times(times, starts, high, low, cycles, coder.decisions)

@@ -25,6 +25,7 @@ _SIDES = 5
 _EDGES = 3 * 2 * _SIDES * _SIZES
 TIME_CONTEXTS = (2 * _SIZES * _SIDES * _SIDES + _EDGES) * NUMBER
 _MOST = 512
+_LEVELS = 9
 WINDOW = 41
 """Cycles of the window whose counts a gain is about: that of TFP in every report."""
 SCALE = 1 << 16
@@ -55,6 +56,17 @@ def _weights() -> npt.NDArray[np.int64]:
 
 _WEIGHT = _weights()
 _CLASS = np.concatenate([[0], _classes()]).astype(np.int64)
+
+
+def _kinds() -> npt.NDArray[np.int64]:
+    """First context of a midpoint between steady neighbours, by level and span: one set for each
+    class of the mean interval and each parity of the span."""
+    level, span = np.ogrid[:_LEVELS, : _MOST + 1]
+    place = 2 * _CLASS[span >> (level + 1)] + span % 2
+    return ((place * _SIDES + 2) * _SIDES + 2) * NUMBER
+
+
+_KIND = _kinds()
 
 
 @njit(cache=True, nogil=True)
@@ -88,12 +100,11 @@ def _between(times, i, k, n):  # type: ignore[no-untyped-def]
     a, b = peek16(times, i - h), peek16(times, i + h)
     whole = b - a
     half = whole & 1
-    x = 2 * (a - peek16(times, max(i - 2 * h, 1))) - whole if i > h + h else 0
+    x = 2 * (a - peek16(times, i - 2 * h)) - whole
     y = peek16(times, min(i + 3 * h, n)) - b - whole if i + 3 * h <= n else 0
-    kind = (_CLASS[whole >> (k + 1)] * 2 + half) * _SIDES * _SIDES
-    kind += (min(max(x, -2), 2) + 2) * _SIDES + min(max(y, -2), 2) + 2
+    kind = _KIND[k, whole] + (min(max(x, -2), 2) * _SIDES + min(max(y, -2), 2)) * NUMBER
     up = half & (1 if x < 0 else 0)
-    return a + (whole >> 1) + up, kind * NUMBER, a + h, b - h, whole
+    return a + (whole >> 1) + up, kind, a + h, b - h, whole
 
 
 @njit(cache=True, nogil=True)
@@ -142,22 +153,30 @@ def put_times(times, starts, high, low, cycles, decisions):  # type: ignore[no-u
     """
     m, spikes, gain = 0, 0, 0
     out, base = np.int64(decisions.ctypes.data), np.int64(times.ctypes.data)
+    most_spikes = np.diff(starts).max()
     for k in range(high, low - 1, -1):
         h = 1 << k
+        if h > most_spikes:
+            continue
         for p in range(starts.size - 1):
             n = np.int64(starts[p + 1] - starts[p])
             o = base + 2 * (np.int64(starts[p]) - 1)
             i = h
             while i <= n:
-                if i > h and i + h <= n:
-                    t, kind, least, most, whole = _between(o, i, k, n)
-                else:
+                if i == h or i + h > n:
                     t, kind, least, most, whole = _at_edge(o, i, k, n, cycles)
-                if least < most:
-                    d = peek16(o, i) - t
-                    m = put_number(out, m, kind, d)
-                    gain += (d * d << 2 * k) * _WEIGHT[min(whole, _MOST)]
-                i += 2 * h
+                    if least < most:
+                        d = peek16(o, i) - t
+                        m = put_number(out, m, kind, d)
+                        gain += (d * d << 2 * k) * _WEIGHT[min(whole, _MOST)]
+                    i += 2 * h
+                while i + h <= n:
+                    t, kind, least, most, whole = _between(o, i, k, n)
+                    if least < most:
+                        d = peek16(o, i) - t
+                        m = put_number(out, m, kind, d)
+                        gain += (d * d << 2 * k) * _WEIGHT[whole]
+                    i += 2 * h
             spikes += (n + h) >> (k + 1)
     return m, spikes, gain
 
@@ -170,9 +189,11 @@ def get_times(words, model, starts, high, low, cycles, times):  # type: ignore[n
     """
     code, span, at = open_bits(words)
     size, data, states = words.size, np.int64(words.ctypes.data), np.int64(model.ctypes.data)
-    base = np.int64(times.ctypes.data)
+    base, most_spikes = np.int64(times.ctypes.data), np.diff(starts).max()
     for k in range(high, low - 1, -1):
         h = 1 << k
+        if h > most_spikes:
+            continue
         for p in range(starts.size - 1):
             n = np.int64(starts[p + 1] - starts[p])
             o = base + 2 * (np.int64(starts[p]) - 1)

@@ -56,13 +56,11 @@ def encode_bits(decisions, count, model, out):  # type: ignore[no-untyped-def]
         context, bit = decision >> 1, decision & 1
         state = np.int64(model[context])
         bound = (span >> _SHARE) * (np.uint64(state >> 16) | _ONE)
-        if bit:
-            low += bound
-            span -= bound
-            if low < bound:
-                _carry(out, at)
-        else:
-            span = bound
+        step = bound if bit else np.uint64(0)
+        span = span - bound if bit else bound
+        low += step
+        if low < step:
+            _carry(out, at)
         model[context] = _learned(state, bit)
         if span <= _LOW:
             out[at] = low >> _HALF

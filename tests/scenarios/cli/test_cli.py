@@ -147,7 +147,7 @@ def test_a_clip_in_the_place_of_a_scenario_or_stream_is_pointed_to_film(refused,
         f"`viform run film --set scene.path={clip}`"
     )
     line = refused("image", clip, "--at", 1, "--out", tmp_path / "a.png")
-    assert ".events.npz, .fsc or the folder of a run, not " in line
+    assert ".events.npz, .fsc, .vfl or the folder of a run, not " in line
     assert "`viform run film --set scene.path=...`" in line
 
 
