@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,10 @@ from cosim.run.chain import STREAM
 from cosim.run.machine import Outcome, Recording
 from cosim.run.result import Latency, Metric, latency_rows
 from cosim.spikes.viform import words_for
+from display.chain.display import DisplayChain
+from display.probes.latency import PARTS, spike_latency
+from display.probes.latency import Latency as StepLatency
+from display.probes.metrics import DIM, GREY, NAMES, WHITE
 from link.evaluation.delay import LIGHT
 from link.receiving import Received
 from scenarios.assemble.camera.machine import LatchedMachine
@@ -25,6 +30,8 @@ from sensor.reconstruct.shots import LATCHED, Shot, spike_rate, take_shots
 
 __all__ = ["CarrierOutcome", "judge_carrier"]
 
+WATCHED: Final = (DIM, GREY, WHITE)
+"""Lights after a step that is watched through the whole chain, spikes a cycle."""
 _PART = 8
 """Words that are compared at a time."""
 
@@ -96,6 +103,16 @@ def _latency(carrier: Carrier, near: NearEnd, far: FarEnd, period_ps: float) -> 
     ]
 
 
+def _watched(
+    carrier: Carrier, machine: LatchedMachine, display: DisplayChain
+) -> list[StepLatency]:
+    """Steps of light from the dark, filmed, coded with the link's share of bits, decoded and shown:
+    the time until the display has gone half way, without the hold of the link."""
+    camera, panel = machine.probe_camera(), display.panel
+    rows = spike_latency(carrier.probe(camera), panel, WATCHED, camera.seed)
+    return [row for row in rows if row.drive == panel.drive and row.way == "rise"]
+
+
 def judge_carrier(
     carrier: Carrier, machine: LatchedMachine, recording: Recording, outcome: Outcome
 ) -> Outcome:
@@ -124,15 +141,20 @@ def judge_carrier(
     pixel_cycles = setup.cycles * machine.pixels
     count = near.sender.counts
     on_time = sum(size for _, size, _ in far.arrivals)
-    section = machine.scenario.display
-    drive = "" if section is None else section.drive
     hold_us = carrier.hold / clock.hz * 1e6
-    latency = [*_latency(carrier, near, far, 1e12 / clock.hz), *outcome.latency]
-    watched = {
-        name.replace("latency_", "latency_photon_"): Metric(metric.value + hold_us, "us")
-        for name, metric in outcome.metrics.items()
-        if name.startswith("latency_") and metric.unit == "us" and metric.value is not None
+    watched = [] if machine.display is None else _watched(carrier, machine, machine.display)
+    photon = {
+        f"latency_photon_{NAMES[row.rate]}_us": Metric(row.total.median + hold_us, "us")
+        for row in watched
     }
+    latency = [
+        *_latency(carrier, near, far, 1e12 / clock.hz),
+        *(
+            Latency(stage, part.low, part.median, part.high)
+            for row in watched if row.rate == GREY
+            for stage, part in zip(PARTS, row.parts, strict=True)
+        ),
+    ]  # fmt: skip
     metrics = {
         **outcome.metrics,
         "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
@@ -150,13 +172,12 @@ def judge_carrier(
         "tiles_missing": Metric(far.missing, "tiles"),
         "tiles_held": Metric(sum(held for _, _, held in far.gaps), "tiles"),
         "recovery_us": Metric(_recovery(carrier, far), "us"),
-        "latency_photon_us": watched.get(
-            "latency_photon_grey_us" + ("" if drive == "impulse" else f"_{drive}"),
-            Metric(None, "us"),
-        ),
         "buffer_peak_bytes": Metric(count.peak_bytes, "bytes"),
         "latency_us": Metric(hold_us, "us"),
-        **watched,
+        "latency_photon_us": photon.get(
+            f"latency_photon_{NAMES[GREY]}_us", Metric(None, "us")
+        ),
+        **photon,
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),
         "bytes_corrected": Metric(received.bytes_corrected, "bytes"),

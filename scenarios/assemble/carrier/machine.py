@@ -12,7 +12,6 @@ from typing import Any
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput
-from display.probes.camera import ProbeCamera
 from scenarios.assemble.camera.machine import LatchedMachine, assemble_latched
 from scenarios.assemble.carrier.carrier import Carrier, make_carrier
 from scenarios.assemble.carrier.judged import judge_carrier
@@ -57,9 +56,6 @@ class CarriedMachine(LatchedMachine):
         near = super().stages(folder)
         far = {"display": near.pop("display")} if self.display is not None else {}
         return self.carrier.join(near, far, folder)
-
-    def probe_camera(self) -> ProbeCamera:
-        return self.carrier.probe(super().probe_camera())
 
     def identity(self) -> str:
         text = super().identity() + self.carrier.identity()
