@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cosim.spikes.viform import Viform, Words
-from cosim.stage import State
+from cosim.spikes.viform import WORD, Viform, Words, words_for
+from cosim.stage import BLOCK, State, blocks
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.decoder import StreamDecoder
@@ -59,7 +59,8 @@ class Sender:
     def __init__(
         self, code: StreamCode, shape: tuple[int, int], cycles: int, control: RateControl
     ) -> None:
-        self._encoder, self._control = StreamEncoder(code, shape), control
+        self._code, self._control = code, control
+        self._encoder = StreamEncoder(code, shape)
         self._cycles = cycles
         self._queue: deque[tuple[int, bytes]] = deque()
 
@@ -90,6 +91,18 @@ class Sender:
         if self._queue and self._queue[0][0] <= before:
             return self._queue.popleft()[1]
         return None
+
+    def through(self, stream: Viform) -> Viform:
+        """A whole stream as it is decoded from the packets that are sent; for studies without a
+        link."""
+        decoder = Decoder(self._code, stream.shape)
+        for block in blocks(stream.cycles, BLOCK):
+            words = stream.words[block.start // WORD : words_for(block.stop)]
+            self.put(Viform(words, block.cycles, stream.clock, block.start))
+        while (packet := self.pop(stream.cycles)) is not None:
+            decoder.take(packet)
+        words, _, _ = decoder.read(stream.cycles)
+        return Viform(words, stream.cycles, stream.clock, stream.start)
 
     def state(self) -> State:
         waiting = [data for _, data in self._queue]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -25,6 +26,7 @@ from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED, Carrier
 from scenarios.assemble.carrier.far import FarEnd
 from scenarios.assemble.carrier.near import NearEnd
+from scenarios.assemble.carrier.rates import RatePoint, code_rates
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import LATCHED, Shot, spike_rate, take_shots
 
@@ -45,6 +47,7 @@ class CarrierOutcome:
         direct, through: images from the camera's own stream and from the decoded one.
         received: result of the receiver.
         near, far: the ends of the link.
+        rates: every code at every rate, on a part of the stream.
         views: data of the camera's machine for its page.
     """
 
@@ -54,6 +57,7 @@ class CarrierOutcome:
     received: Received
     near: NearEnd
     far: FarEnd
+    rates: list[RatePoint]
     views: object
 
 
@@ -182,6 +186,12 @@ def judge_carrier(
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),
         "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
     }
+    begin, model = time.perf_counter(), setup.setting
+    rates = code_rates(
+        streams[0], direct[len(direct) // 2], carrier.section, model.threshold,
+        model.threshold_noise, image.window, setup.white_rate,
+    )  # fmt: skip
+    recording.seconds["rates"] = time.perf_counter() - begin
     worse = _causes(carrier, received, far, count.dropped)
     return replace(
         outcome,
@@ -192,7 +202,9 @@ def judge_carrier(
         latency=latency,
         files=[*outcome.files, LINK_STREAM, RECEIVED],
         notes=[*outcome.notes, *worse, *carrier.link.beyond],
-        views=CarrierOutcome(carrier, direct, through, received, near, far, outcome.views),
+        views=CarrierOutcome(
+            carrier, direct, through, received, near, far, rates, outcome.views
+        ),
     )
 
 

@@ -15,7 +15,7 @@ from cosim.run.result import Throughput
 from scenarios.assemble.camera.machine import LatchedMachine, assemble_latched
 from scenarios.assemble.carrier.carrier import Carrier, make_carrier
 from scenarios.assemble.carrier.judged import judge_carrier
-from scenarios.assemble.carrier.page import FIGURE, carrier_sections
+from scenarios.assemble.carrier.page import FIGURE, RATES_FIGURE, carrier_sections
 from scenarios.assemble.schema.scenario import Scenario
 
 __all__ = ["CarriedMachine", "assemble_carried"]
@@ -84,7 +84,7 @@ class CarriedMachine(LatchedMachine):
         sections = carrier_sections(run)
         return replace(
             page, sections=[*sections, *page.sections],
-            files=[*page.files, FIGURE],
+            files=[*page.files, FIGURE, RATES_FIGURE],
         )  # fmt: skip
 
 

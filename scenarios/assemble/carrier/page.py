@@ -10,10 +10,12 @@ from cosim.report.parts import plot, table
 from cosim.report.png import for_display
 from cosim.run.machine import Run
 from scenarios.assemble.carrier.judged import CarrierOutcome
+from scenarios.assemble.carrier.rates import rates_figure
 
-__all__ = ["FIGURE", "carrier_sections"]
+__all__ = ["FIGURE", "RATES_FIGURE", "carrier_sections"]
 
 FIGURE = "figures/through-link.png"
+RATES_FIGURE = "figures/rates.png"
 _RATES = ("stream_bps", "link_bps", "goodput_bps")
 
 
@@ -21,7 +23,7 @@ def carrier_sections(run: Run) -> list[str]:
     """HTML of the sections; writes their figure."""
     views = run.outcome.views
     assert isinstance(views, CarrierOutcome)
-    return [_ends(run, views), _cost(run), _time(run, views)]
+    return [_ends(run, views), _cost(run), _time(run, views), _rates(run, views)]
 
 
 def _ends(run: Run, views: CarrierOutcome) -> str:
@@ -38,6 +40,18 @@ def _ends(run: Run, views: CarrierOutcome) -> str:
         "<h2>Both ends of the link</h2><p>The stream of the first chip was coded, sent by the "
         "panel, filmed by the second chip, decoded and shown. The images are those of the same "
         "instants of the stream.</p>" + plot(path, "images of both ends of the link")
+    )
+
+
+def _rates(run: Run, views: CarrierOutcome) -> str:
+    path = run.folder / RATES_FIGURE
+    rates_figure(views.rates, path)
+    return (
+        "<h2>Picture and wait against the rate of the link</h2><p>The middle of the picture was "
+        "coded again with every code, at rates of the link that are stated for a megapixel: PSNR "
+        "of TFP at the middle instant against the true light, and the longest wait in the send "
+        "buffer. Where the link carries less than the code makes, the layered code sends fewer "
+        "layers, the others fewer tiles.</p>" + plot(path, "PSNR and wait against rate")
     )
 
 

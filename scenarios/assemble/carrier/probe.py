@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Light, Viform
-from cosim.stage import BLOCK, blocks
 from display.probes.camera import ProbeCamera
-from scenarios.assemble.carrier.coding import Decoder, Sender
+from scenarios.assemble.carrier.coding import Sender
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 
@@ -68,12 +67,4 @@ class CodedProbeCamera:
         carried = self.bits * stream.shape[0] * stream.shape[1] * self.clock.hz
         control = self.section.control(self.clock.hz, carried)
         assert control is not None
-        sender = Sender(self.code, stream.shape, stream.cycles, control)
-        decoder = Decoder(self.code, stream.shape)
-        for block in blocks(stream.cycles, BLOCK):
-            words = stream.words[block.start // 32 : -(-block.stop // 32)]
-            sender.put(Viform(words, block.cycles, stream.clock, block.start))
-        while (packet := sender.pop(stream.cycles)) is not None:
-            decoder.take(packet)
-        words, _, _ = decoder.read(stream.cycles)
-        return Viform(words, stream.cycles, stream.clock, stream.start)
+        return Sender(self.code, stream.shape, stream.cycles, control).through(stream)

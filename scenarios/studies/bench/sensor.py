@@ -25,6 +25,7 @@ from display import GL_INSTALL, probe_gl
 from display.render.context import gl_packages
 from scenarios.studies.bench.display import display_rows
 from scenarios.studies.bench.link import link_rows
+from scenarios.studies.bench.loop import loop_rows
 from scenarios.studies.bench.readout import readout_row
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.latched.effects import SHOT_NOISE
@@ -198,7 +199,7 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
     return rows
 
 
-PARTS = {"sensor": _sensor, "display": display_rows, "link": link_rows}
+PARTS = {"sensor": _sensor, "display": display_rows, "link": link_rows, "loop": loop_rows}
 """The parts that have a benchmark."""
 
 
@@ -206,7 +207,7 @@ def _need_gl() -> None:
     works, description = probe_gl()
     if not works:
         raise MissingPackages(
-            "GL through EGL", "available for bench display", f"missing: {description}",
+            "GL through EGL", "available for bench display and loop", f"missing: {description}",
             f"install it ({GL_INSTALL}) or measure another part, such as viform bench sensor",
             gl_packages(),
         )  # fmt: skip
@@ -215,7 +216,7 @@ def _need_gl() -> None:
 def bench(device: Device | None, parts: list[str]) -> dict[str, Any]:
     """The document of `viform bench --json`; the ceiling is None without an OpenCL device. Raises
     MissingPackages before any measurement if a part needs OpenGL and it is missing."""
-    if "display" in parts:
+    if {"display", "loop"} & set(parts):
         _need_gl()
     chip = CHIPS["spiketwo"]
     ceiling = _ceiling(device, chip.width * chip.height) if device is not None else None

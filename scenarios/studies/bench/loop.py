@@ -1,0 +1,90 @@
+"""Throughput of whole chains: camera to display, and camera, link and display."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from cosim.compute.opencl import Device
+from cosim.run.machine import Options
+from cosim.run.timing import Row
+from scenarios.assemble.camera.machine import LatchedMachine
+from scenarios.assemble.machine import assemble
+from scenarios.assemble.schema.loading import load
+
+__all__ = ["LOOPS", "loop_rows"]
+
+LOOPS: Final = {"loop.glass": "glass", "loop.glass-over-light": "glass-over-light"}
+"""Scenarios by the name of their row."""
+DURATION: Final = "16 ms"
+"""Of light: a part of the shipped scenarios, whose cost grows with the time."""
+
+
+class _Silent:
+    """Shows no progress."""
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None: ...
+
+
+def loop_rows(
+    device: Device | None, ceiling: float | None, sets: tuple[str, ...] = ()
+) -> list[Row]:
+    """A row for each chain, and one for each of its stages alone.
+
+    The chain of the plan runs from its first to its last block, with the recording, without the
+    report. The stages work at the same time; the plain way is one after another. The value of a
+    stage is what it would reach if it had nothing to wait for, so the slowest stage is the one with
+    the smallest.
+
+    Args:
+        device: OpenCL device, None for the compiled form.
+        ceiling: of the machine; chains have none.
+        sets: further values of --set.
+    """
+    rows = []
+    for name, scenario in LOOPS.items():
+        spent, seconds, simulated = _run(scenario, device, sets, parallel=True)
+        _, plain, _ = _run(scenario, device, sets, parallel=False)
+        cycles, hz = simulated
+        rows.append(_row(name, "chain", cycles, seconds, hz, plain / seconds))
+        rows += [
+            _row(f"{name}.{stage}", "stage", cycles, took, hz, None)
+            for stage, took in spent.items()
+        ]
+    return rows
+
+
+def _row(
+    name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None
+) -> Row:
+    value = cycles / max(seconds, 1e-9)
+    return Row(name, tier, value, "planes/s", value / hz, None, plain)
+
+
+def _run(
+    scenario: str, device: Device | None, sets: tuple[str, ...], *, parallel: bool
+) -> tuple[dict[str, float], float, tuple[int, float]]:
+    """Seconds of each stage, seconds of the chain, and (cycles, cycles a second) of the scene.
+
+    The time of a chain that fails to keep its plan is that of its last try.
+    """
+    name, loaded = load(scenario, [f"duration={DURATION}", *sets])
+    options = Options("numba" if device is None else device.name)
+    machine = assemble(name, loaded, options, _Silent())
+    try:
+        with TemporaryDirectory() as folder:
+            assert isinstance(machine, LatchedMachine)
+            chain = machine.chain(Path(folder))
+            chain.parallel = parallel
+            begin = time.perf_counter()
+            spent = chain.run(_Silent())
+            seconds = time.perf_counter() - begin
+        return spent, seconds, (machine.setup.cycles, machine.setup.setting.clock.hz)
+    finally:
+        machine.close()
