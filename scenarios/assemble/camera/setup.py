@@ -15,6 +15,7 @@ from cosim.light.source import Source
 from cosim.plan.paired import Span, windows
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
+from scenarios.assemble.camera.dim_limits import check_dim
 from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan, plan_run
 from scenarios.assemble.camera.stages import LensStage, SceneStage
 from scenarios.assemble.chip import camera_setting
@@ -162,5 +163,6 @@ def set_up_camera(
     setting = camera_setting(scenario, *(size or ()))
     choice = choose_lens(scenario, setting)
     cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    check_dim(scenario.sensor, setting, cycles)
     instants = choose_windows(scenario, cycles)
     return CameraSetup(scenario, setting, choice, cycles, instants, choose_device(device))

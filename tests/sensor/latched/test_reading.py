@@ -183,14 +183,29 @@ def test_a_dim_scene_is_seen_by_readings(
 @pytest.mark.parametrize(
     ("sets", "said"),
     [
-        (("sensor.sub_threshold.limit=1 s",), "sensor.sub_threshold.limit must be 1 to 400"),
+        (
+            ("sensor.sub_threshold.limit=1 s",),
+            "sensor.sub_threshold.limit must be 25 µs to 10 ms, one cycle to the run, not '1 s'; "
+            "shorten it, or lengthen duration",
+        ),
+        (
+            ("sensor.sub_threshold.limit=1 us",),
+            "25 µs to 10 ms, one cycle to the run, not '1 µs'; lengthen it, or raise sensor.clock",
+        ),
         (("sensor.dark_limit=dark current",), "sensor.pattern.dark_current must be above 0"),
-        (("sensor.dark_limit=soon",), "or 'dark current'"),
+        (
+            ("sensor.dark_limit=dark",),
+            "must be a time such as '64 ms', or 'dark current', not 'dark'; "
+            "write --set sensor.dark_limit='64 ms'",
+        ),
         (("sensor.sub_threshold.limit=1 ms", "sensor.readout=asynchronous"), "synchronous"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(
-    capsys: pytest.CaptureFixture[str], sets: tuple[str, ...], said: str
-) -> None:
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, sets: tuple[str, ...],
+    said: str,
+) -> None:  # fmt: skip
+    """Before a device is opened."""
+    monkeypatch.setattr("scenarios.assemble.camera.setup.choose_device", lambda _: 1 / 0)
     code, _, told = run(capsys, *DIM, *sets)
     assert code == 2 and said in told and told.strip().count("\n") == 0
