@@ -19,6 +19,7 @@ from sensor.reconstruct.shots import Shot
 
 __all__ = ["dim_light", "dim_metrics", "dim_range", "reading_camera"]
 
+
 def reading_camera(camera: SpikeCamera, setup: CameraSetup) -> SpikeCamera | ReadingCamera:
     """The camera of a run, which also reads the charge if the scenario has it do so."""
     section = setup.scenario.sensor.sub_threshold
@@ -44,7 +45,9 @@ def dim_range(setup: CameraSetup) -> float | None:
     sensor = setup.scenario.sensor
     if sensor.sub_threshold is None:
         return None
-    return spike_dynamic_range(cycles_between(sensor, setup.setting), 1, sensor.sub_threshold.levels)
+    return spike_dynamic_range(
+        cycles_between(sensor, setup.setting), 1, sensor.sub_threshold.levels
+    )
 
 
 def dim_metrics(setup: CameraSetup, shots: list[Shot]) -> dict[str, Metric]:

@@ -30,7 +30,9 @@ def _with_every_effect(setup: CameraSetup, plan: RunPlan) -> RunPlan | None:
     tolerance, names = setup.scenario.tolerance, [e.name for e in setup.setting.acting_effects]
     everything = setup.plan(tolerance, tier=plan.tier, forced=names)
     kept = (run.plan.kept for run in (plan, everything))
-    mine, theirs = ([np.broadcast_to(k[n], plan.fine.shape)[~plan.fine] for n in names] for k in kept)
+    mine, theirs = (
+        [np.broadcast_to(k[n], plan.fine.shape)[~plan.fine] for n in names] for k in kept
+    )
     return None if np.array_equal(mine, theirs) else everything
 
 
