@@ -102,7 +102,8 @@ def write_colour(folder: Path, shots: Sequence[Imaged], mosaic: Mosaic) -> list[
 
 
 def colour_differences(shots: Sequence[Imaged], mosaic: Mosaic) -> dict[str, Metric]:
-    """Mean colour difference to the true light by method, over pixels and instants (CIE 1976)."""
+    """Mean colour difference by method to the true light behind the same filters, its missing
+    colours filled in the same way, over pixels and instants (CIE 1976)."""
     by_method: dict[str, list[float]] = {method: [] for method in LATCHED}
     for shot in shots:
         truth = in_colour(mosaic, shot.truth)
