@@ -43,7 +43,7 @@ RANGE = "rtl_model.imagers.hardware_chain"
 
 MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
     "000": [
-        ("sensor.dynamic_range.spike", "photons_per_lux", scaled(1.03)),
+        ("cosim.light.radiometry", "photons_per_lux", scaled(1.03)),
         ("sensor.asynchronous.pixel.array", "AsynchronousPixels.rate", scaled(1.05)),
         ("sensor.asynchronous.pixel.array", "interval_table",
          lambda right: lambda q: right(q * 0.8)),

@@ -178,6 +178,16 @@ def test_a_dim_scene_is_seen_by_readings(
     assert value["dark_limit"] == pytest.approx(longest_width(20_000, 1000.0))
     saved = read_readings(tmp_path / "run" / "readings.npz")
     assert saved.level.shape == (6, 250, 400) and "readings.npz" in seen["files"]
+    # `viform image` makes the pictures of the run, of its readings and without its dark.
+    white, run_folder = str(value["white_rate"]), str(tmp_path / "run")
+    for method in ("tfp", "tfi"):
+        of_run = next((tmp_path / "run/images").glob(f"{method}-*.png"))
+        cycle, png = of_run.stem.partition("-")[2], str(tmp_path / "a.png")
+        words = ["--method", method, "--scale", white, "--out", png, "--window", "201", "--json"]
+        assert _main(["image", run_folder, "--at", cycle, *words]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["sub_threshold_pixels"] > 50_000 and told["dark_pixels"] is not None
+        assert Path(png).read_bytes() == of_run.read_bytes()
 
 
 @pytest.mark.parametrize(
