@@ -45,7 +45,7 @@ MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
     "000": [
         ("cosim.light.radiometry", "photons_per_lux", scaled(1.03)),
         ("sensor.asynchronous.pixel.array", "AsynchronousPixels.rate", scaled(1.05)),
-        ("sensor.asynchronous.pixel.array", "interval_table",
+        ("sensor.latched.pixel.interval", "interval_table",
          lambda right: lambda q: right(q * 0.8)),
         ("sensor.device.chips", "Chip.electrons_per_lux", scaled(0.97)),
         ("sensor.latched.pixel.model", "ExactModel.q",
