@@ -65,7 +65,7 @@ MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
          lambda right: lambda value: right(max(value, 1))),
         (f"{ADAPTIVE}.device.decision", "shortened", fixed(1)),
         (f"{ADAPTIVE}.device.timing", "Timing.period", scaled(2)),
-        (f"{ADAPTIVE}.device.switching", "ring", lambda right: lambda n, rows, code: n),
+        (f"{ADAPTIVE}.device.codes", "ring", lambda right: lambda n, rows, code: n),
         (f"{ADAPTIVE}.device.loop", "shortest_exposure", scaled(3)),
     ],
     "002": [
