@@ -33,8 +33,8 @@ def laws_figure(laws: Laws, title: str, path: Path, kind: str) -> None:
         label = f"mean {law.mean:g}: variance {law.variance:.3f}, corr. {law.correlation:.3f}"
         intervals.plot(lengths, law.histogram, marker=".", label=label)
     intervals.set(
-        xlim=(0.5, longest + 0.5), ylim=(0, 1.4 * highest or 1.0), xlabel="interval, cycles",
-        ylabel="share", title="intervals of pixels with the same mean",
+        xlim=(0.5, longest + 0.5), ylim=(0, 1.6 * highest or 1.0), xlabel="interval, cycles",
+        ylabel="share", title="intervals, by the mean of the pixel",
     )  # fmt: skip
     if laws.intervals:
         intervals.legend(fontsize="x-small", loc="upper right")
@@ -47,8 +47,9 @@ def laws_figure(laws: Laws, title: str, path: Path, kind: str) -> None:
         low, high = np.floor(known.min()), min(np.ceil(known.max()) + 1, _MOST)
         inside = np.minimum(known, high)
         excess.hist(inside, bins=np.linspace(low, high, _BINS + 1), log=True, color="#4a6fa5")
+    beyond = f"\n(the last bin: {_MOST:g} or more)" if (known > _MOST).any() else ""
     excess.set(
-        xlabel=f"rate over the surroundings, % (end: {_MOST:g} or more)", ylabel="pixels",
+        xlabel=f"rate over the surroundings, %{beyond}", ylabel="pixels",
         title=f"spread {laws.core:.2%}, kurtosis {laws.kurtosis:.3g}",
     )  # fmt: skip
     figure.suptitle(title)
