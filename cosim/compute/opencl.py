@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -179,14 +180,22 @@ class Device:
 
     def kernel(self, source: str, name: str, options: tuple[str, ...] = ()) -> Any:
         """A kernel of `source`. Each (source, options) is compiled once in a process; pyopencl and
-        PoCL store the binary on disk for later ones."""
+        PoCL store the binary on disk for later ones.
+
+        Warnings of the compiler are shown with PYOPENCL_COMPILER_OUTPUT=1 alone: on processors
+        without AVX-512, those of PoCL's own library are on every program."""
         import pyopencl as cl
 
         key = (source, options)
         if key not in self._programs:
-            self._programs[key] = cl.Program(self.context, source).build(
-                list(options), cache_dir=str(cache_folder() / "programs")
-            )
+            shown = os.environ.get("PYOPENCL_COMPILER_OUTPUT")
+            with warnings.catch_warnings():
+                if not shown:
+                    warnings.simplefilter("ignore", cl.CompilerWarning)
+                self._programs[key] = cl.Program(self.context, source).build(
+                    list(options) if shown else [*options, "-w"],
+                    cache_dir=str(cache_folder() / "programs"),
+                )
         return cl.Kernel(self._programs[key], name)
 
     def upload(self, array: npt.NDArray[Any]) -> Any:

@@ -60,7 +60,7 @@ class Error:
         ci: (low, high) limits at 99.9 %. `high` holds for all tiles together, where an error is one
             of tiles.
         tiles_checked: number of tiles in which pixels were measured, None if there are no tiles.
-        tiles_over: number of them whose error is above the tolerance.
+        tiles_over: number of them whose error is proven to be above the tolerance.
     """
 
     value: float | None

@@ -110,7 +110,7 @@ class ImagerMachine:
         if self.trace is not None:
             notes.append(f"waveforms of the sequencer: {self.trace}")
         faults = planned.model.faults(chain.imager)
-        notes += faults
+        notes += [*faults, *planned.model.notes(frames)]
         metrics = {
             "frames": Metric(len(frames), "1"),
             "frame_rate": Metric(_frame_rate(frames), "Hz"),

@@ -26,8 +26,16 @@ WITHIN: Final = 0.1
 """Pixels whose mean interval is within this of one of MEANS are pooled, cycles."""
 LONGEST: Final = 64
 """Longest interval of a histogram, cycles; longer ones count as this long."""
+STILL_CORRELATION: Final = 0.2
+"""Largest correlation of successive intervals that noise of still light is taken for. Noise of a
+pixel makes it 0 or less; light that changes over many intervals, positive."""
+STILL_COMMON: Final = 100.0
+"""Largest common variance that a drift of the gain under still light is taken for; a recorded chip
+has 13."""
 _LEAST: Final = 8
 """Fewest intervals of a pixel that counts."""
+_POOLED: Final = 30
+"""Fewest pixels of a class whose correlation tells of the light."""
 _BYTES: Final = 1 << 30
 """Bytes of a stream that are read at most."""
 _AROUND: Final = 5
@@ -87,6 +95,18 @@ class Laws:
     below: int
     highest: float
     common: float
+
+    @property
+    def motion(self) -> str | None:
+        """Why the light cannot have been still; None if it may have been."""
+        known = [law.correlation for law in self.intervals if law.pixels >= _POOLED]
+        most = max((c for c in known if np.isfinite(c)), default=0.0)
+        told = []
+        if most > STILL_CORRELATION:
+            told.append(f"successive intervals correlate by +{most:.2g}")
+        if self.common > STILL_COMMON:
+            told.append(f"the common noise is {self.common:.3g}")
+        return " and ".join(told) or None
 
     def document(self) -> dict[str, Any]:
         """The laws for JSON, without the arrays of pixels."""

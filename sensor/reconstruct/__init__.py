@@ -7,7 +7,7 @@ from sensor.reconstruct.intervals import (
     tau_levels,
     tfi,
 )
-from sensor.reconstruct.playback import tfp
+from sensor.reconstruct.playback import tfp, tfp_span
 
 METHODS = ("tfp", "tfi", "tau")
 """Names of the methods on the command line."""
@@ -20,4 +20,5 @@ __all__ = [
     "tau_levels",
     "tfi",
     "tfp",
+    "tfp_span",
 ]

@@ -21,12 +21,6 @@ def check_cycle(stream: SpikeStream, at: int) -> None:
         )
 
 
-def tfp_span(cycles: int, at: int, window: int, preceding: bool = False) -> tuple[int, int]:
-    """First cycle of the window of `tfp`, and the one after its last, within the stream."""
-    stop = at + 1 if preceding else min(at + window // 2 + 1, cycles)
-    return max(at + 1 - window if preceding else at - window // 2, 0), stop
-
-
 def tfp(
     stream: SpikeStream, at: int, window: int = 41, *, preceding: bool = False
 ) -> npt.NDArray[np.float32]:
@@ -38,10 +32,18 @@ def tfp(
         preceding: the window ends with cycle `at`, as in Huang 2022 (3.3.1); otherwise its centre
             is `at`, which has no lag.
     """
+    first, stop = tfp_span(stream, at, window, preceding=preceding)
+    return count_spikes(stream, first, stop).astype(np.float32) / np.float32(stop - first)
+
+
+def tfp_span(
+    stream: SpikeStream, at: int, window: int, *, preceding: bool = False
+) -> tuple[int, int]:
+    """First cycle of the window of `tfp`, and the one after its last, within the stream."""
     check_cycle(stream, at)
     if window < 1 or (window % 2 == 0 and not preceding):
         raise InputError(
             "--window", "odd and at least 1", str(window), f"try {max(window, 0) // 2 * 2 + 1}"
         )
-    first, stop = tfp_span(stream.cycles, at, window, preceding)
-    return count_spikes(stream, first, stop).astype(np.float32) / np.float32(stop - first)
+    stop = at + 1 if preceding else min(at + window // 2 + 1, stream.cycles)
+    return max(at + 1 - window if preceding else at - window // 2, 0), stop

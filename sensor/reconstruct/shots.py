@@ -97,7 +97,7 @@ def take_shots(
         tau = isi(stream, cycle)
         truth = source.truth(stream.clock.middle(cycle))
         dim = None if dim_light is None else dim_light.at(stream, cycle)
-        span = tfp_span(stream.cycles, cycle, window, preceding)
+        span = tfp_span(stream, cycle, window, preceding=preceding)
         rows = (0, stream.shape[0]) if registers is None else registers.rows(*span)
         white, now = (
             np.full(1, white_rate) if registers is None else white_rate * registers.shares(*cycles)
@@ -136,7 +136,8 @@ def write_colour(folder: Path, shots: Sequence[Imaged], mosaic: Mosaic) -> list[
 
 
 def colour_differences(shots: Sequence[Imaged], mosaic: Mosaic) -> dict[str, Metric]:
-    """Mean colour difference to the true light by method, over pixels and instants (CIE 1976)."""
+    """Mean colour difference by method to the true light behind the same filters, its missing
+    colours filled in the same way, over pixels and instants (CIE 1976)."""
     by_method: dict[str, list[float]] = {method: [] for method in LATCHED}
     for shot in shots:
         truth = in_colour(mosaic, shot.truth)

@@ -112,7 +112,7 @@ class _ChipSection(Section):
     )
     dark_limit: DarkLimit | None = Field(
         default=None,
-        examples=["dark current"],
+        examples=["64 ms", "dark current"],
         description="width from which on an interval is rejected as dark; 'dark current' for "
         "threshold over sensor.pattern.dark_current; nothing is rejected when absent",
     )

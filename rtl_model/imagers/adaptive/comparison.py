@@ -24,8 +24,5 @@ class AdaptiveComparison(Comparison):
             Setting(pixels, longest_exposure(DEFAULT_LONGEST)),
         )
 
-    def sent(self, section: AdaptiveSection) -> int:
-        return section.rows * section.columns
-
     def setting(self, section: AdaptiveSection, pixels: Any) -> str:
         return "chosen by itself"

@@ -56,16 +56,21 @@ def coupling_section(imager: AdaptiveExposure, path: Path) -> str:
     figure, axes = plt.subplots(2, 1, figsize=(9.5, 4.4), sharex=True, layout="constrained")
     rows = []
     for ax, (idle, phase) in zip(axes, PHASES, strict=True):
+        highest = 0.0
         for code, colour in CODES:
             corner = replace(coupling, code=code, idle=idle)
             kicks = _kicks(imager, corner)
-            ax.plot(kicks[-1], color=colour, linewidth=0.9, label=f"{code} code")
+            rows_of, middle = np.arange(kicks.shape[1]), kicks.mean(axis=0)
+            low, high = kicks.min(axis=0), kicks.max(axis=0)
+            ax.fill_between(rows_of, low, high, color=colour, alpha=0.2, linewidth=0)
+            ax.plot(rows_of, middle, color=colour, linewidth=0.9, label=f"{code} code")
+            highest = max(highest, float(high.max()))
             name = f"{code} code, {phase}" + (" (this run)" if corner == coupling else "")
             rows.append([name, *(f"{value:.3g} e" for value in _figures(kicks))])
-        ax.set_ylim(bottom=0)
+        ax.set_ylim(0, 1.3 * highest or 1.0)
         style_axes(ax, y=f"added charge, e\n{phase}")
-    axes[0].legend(fontsize=8, frameon=False, loc="upper right")
-    axes[1].set_xlabel("row of the last frame", fontsize=9)
+    axes[0].legend(fontsize=8, frameon=False, loc="upper right", ncols=2)
+    axes[1].set_xlabel("row", fontsize=9)
     save_figure(figure, path)
     noise = imager.pixels.setting.read_noise
     return (
@@ -76,7 +81,8 @@ def coupling_section(imager: AdaptiveExposure, path: Path) -> str:
         "in both codes, with and without idle phases. A row is sampled in all columns together, so "
         "the disturbance is a pattern of rows: noise is its RMS deviation from the mean over rows "
         "and frames, fixed pattern the part that stays in a row. Read noise is "
-        f"{noise:.3g} e.</p>"
+        f"{noise:.3g} e. In the figure, lines are the mean over the frames, bands the least and "
+        "the most of a frame.</p>"
         + table(["counters", "mean", "noise, RMS", "fixed pattern, RMS"], rows)
         + plot(path, "charge that switching logic adds to each row, four ways")
     )

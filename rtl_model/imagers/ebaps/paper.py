@@ -95,7 +95,7 @@ def _chip() -> list[Row]:
         listed("002 §5", "high voltage, volts", [0, 1500],
                [_least_volts(pixels), HIGH_VOLTAGE], "V",
                note=f"gain {pixels.tube.gain(1500):.0f} at 1500 V, {pixels.tube.gain(0):.0f} at 0: "
-               f"{bright:.0f} and {dark:.0f} DN", by="component"),
+               f"{bright:.0f} and {dark:.0f} DN", by="constant"),
     ]  # fmt: skip
 
 

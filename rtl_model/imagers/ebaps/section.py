@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Quantity, Section, Temperature, Wavelength
 from rtl_model.imagers.interface.section import Device, ImagerSection, Writes
 
 __all__ = ["EbapsSection"]
+
+_GAASP: Final = 730.0
+"""Wavelength from which on a photocathode of GaAsP has no response, nm."""
 
 
 class EbapsBoardSection(Section):
@@ -75,15 +79,21 @@ class EbapsSection(ImagerSection):
 
     @model_validator(mode="after")
     def _check(self) -> EbapsSection:
-        line = self.illuminant == "monochromatic"
-        for wrong, must in (
-            (line and self.wavelength is None, "with a wavelength for monochromatic light"),
-            (not line and self.wavelength, "without a wavelength, or with monochromatic light"),
-            (
-                line and self.photocathode == "GaAsP" and (self.wavelength or 0) >= 730,
-                "with a wavelength below 730 nm, where GaAsP ends",
-            ),
-        ):
-            if wrong:
-                raise ValueError(f"must be one {must}")
+        line, nm = self.illuminant == "monochromatic", self.wavelength
+        key, given = "imager.wavelength", "absent" if nm is None else f"{nm:g} nm"
+        if line and nm is None:
+            raise InputError(
+                key, "given with monochromatic light", given,
+                "write --set imager.wavelength='640 nm'",
+            )  # fmt: skip
+        if not line and nm is not None:
+            raise InputError(
+                key, f"absent with imager.illuminant = {self.illuminant}", given,
+                "write --set imager.illuminant=monochromatic",
+            )  # fmt: skip
+        if self.photocathode == "GaAsP" and nm is not None and nm >= _GAASP:
+            raise InputError(
+                key, f"below {_GAASP:g} nm, where GaAsP ends", given,
+                "lower it, or write --set imager.photocathode=GaAs",
+            )  # fmt: skip
         return self

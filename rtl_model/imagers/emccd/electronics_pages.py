@@ -82,19 +82,23 @@ def _pixel(axes: Any, drive: SineDrive) -> None:
 def _loop(axes: Any, drive: SineDrive) -> None:
     """Distance of the peak from its end."""
     slow = replace(drive, settings=replace(drive.settings, droop=10 * drive.settings.droop))
-    for of, start, step, colour, line in (
-        (drive, 0, _LAST, BLUE, "-"), (drive, _LAST, 0, GREEN, "-"), (slow, _LAST, 0, GREEN, "--"),
+    for of, start, step, colour, line, name in (
+        (drive, 0, _LAST, BLUE, "-", "up"), (drive, _LAST, 0, GREEN, "-", "down"),
+        (slow, _LAST, 0, GREEN, "--", "down, ten times the droop time"),
     ):  # fmt: skip
         count = int(drive.hertz * 15 * drive.settings.response)
         micros = np.arange(1, count + 1) / drive.hertz * 1e6
         begin, end = of.steady(start), of.steady(step)
         apart = np.abs(of.course(start, step, count)[:, 1] - end)
-        axes.plot(micros, apart, color=colour, linewidth=1.2, linestyle=line)
+        axes.plot(micros, apart, color=colour, linewidth=1.2, linestyle=line, label=name)
         if of is drive:
             pole = float(abs(of.poles(step)).max())
             axes.plot(micros, abs(begin - end) * pole ** (micros * drive.hertz / 1e6), color=INK,
                       linewidth=0.9, linestyle=":")  # fmt: skip
             axes.axhline(SETTLED / of.voltage.slope(end), color=colour, linewidth=0.6)
+    axes.plot([], [], color=INK, linewidth=0.9, linestyle=":", label="slowest pole")
+    axes.plot([], [], color=INK, linewidth=0.6, label="1 % of the gain, of each colour")
+    axes.legend(fontsize=7.5, frameon=False, loc="center right", bbox_to_anchor=(1.0, 0.48))
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 50)
     style_axes(axes, "us after the step", "peak from its end, V")
@@ -110,7 +114,7 @@ def _phase(axes: Any, drive: SineDrive) -> None:
         axes.plot(degrees, gains, color=colour, label=f"step {step}")
     axes.axvline(drive.settings.phase, color=MARK, linewidth=0.8)
     axes.set_yscale("log")
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(fontsize=8, frameon=False, loc="center right", bbox_to_anchor=(1.0, 0.3))
     style_axes(axes, "phase of the crest, degrees", "gain")
 
 

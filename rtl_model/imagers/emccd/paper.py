@@ -48,23 +48,23 @@ def emccd_rows() -> list[Row]:
 
 def _exposure() -> list[Row]:
     timing = Timing()
-    least, most, step = exposure_range(timing)
+    _, most, step = exposure_range(timing)
     register = next(r for r in DESIGN.specific if r.name == "emccd_exposure")
     beyond = Settings((1 << register.width) - 1).within(timing).steps
     shortest, second, longest = (_exposed(timing, steps) for steps in (1, 2, beyond))
     return [
         number("003 §0", "shortest exposure", "10", shortest * 1e6, "us",
                note="edges between two frame transfers of the sequence", by="component"),
-        number("003 §0", "shortest exposure of another design, cited", str(_CITED_MS), least * 1e3,
-               "ms", relation="<", note="ours lies below it; theirs has no first transfer",
-               by="component"),
+        number("003 §0", "shortest exposure of another design, cited", str(_CITED_MS),
+               shortest * 1e3, "ms", relation="<",
+               note="ours lies below it; theirs has no first transfer", by="component"),
         number("003 §2", "longest exposure", "40.96", longest * 1e3, "ms",
                note="edges of the sequence, for the largest value of the register",
                by="component"),
         number("003 §2", "step of exposure", "10", (second - shortest) * 1e6, "us",
                note="edges of the sequence", by="component"),
         unprinted("003 §2", "steps of exposure", beyond, holds=beyond == round(most / step),
-                  note="40.96 ms in 10 us; what is written beyond is cut to it", by="component"),
+                  note="40.96 ms in 10 us; what is written beyond is cut to it", by="constant"),
     ]  # fmt: skip
 
 
@@ -106,8 +106,8 @@ def _chip() -> list[Row]:
                by="constant"),
         number("003 §1", "pixel clocks of a line", "552", line, "clocks",
                note="between two rows of the sequence, less the shift", by="component"),
-        number("003 §1", "row shifts of a frame transfer", "528", cycle.transfer / timing.transfer,
-               by="component"),
+        number("003 §1", "row shifts of a frame transfer", "528", _shifts(Settings(1))[0],
+               note="counted in the sequence, clock by clock", by="component"),
         number("003 abstract", "quantum efficiency, at the most", "93",
                100 * pixels.responsivity / photons, "%", note=f"at {chip.WAVELENGTH:g} nm",
                by="formula"),
@@ -216,7 +216,7 @@ def _rows() -> list[Row]:
     before, read = cycle.before, cycle.settings.rows
     printed_after = after_printed(before, read)
     left = timing.rows - before - read
-    dumped = _shifts(timing, cycle.settings)
+    dumped = _shifts(Settings(1, before, read))[1]
     rows += [
         listed("003 §2", "least and most rows of a window", [1, 512], [whole[0], whole[-1]],
                "rows", by="component"),
@@ -242,17 +242,20 @@ def _small() -> Timing:
     return Timing(columns=4, line=6, transfer=2, shift=2, dump=2, clear=1)
 
 
-def _shifts(timing: Timing, settings: Settings) -> int:
-    """Number of rows that leave the store after the second transfer, counted clock by clock."""
+def _shifts(settings: Settings) -> tuple[int, int]:
+    """Number of rows that move from the image in the second transfer, and that leave the store
+    after it, counted clock by clock."""
     small = _small()
-    sequencer = CounterSequencer(small, Settings(1, settings.first, settings.rows))
-    count, high = 0, 0
-    for _ in range(frame_clocks(small, Settings(1, settings.first, settings.rows))):
+    sequencer = CounterSequencer(small, settings)
+    moved, left, high = 0, 0, 0
+    for _ in range(frame_clocks(small, settings)):
         signals = sequencer.tick()
         leaving = signals["phase"] in (Phase.DUMP_BEFORE, Phase.READOUT, Phase.DUMP_AFTER)
-        count += leaving and signals["store_clock"] and not high
+        edge = signals["store_clock"] and not high
+        moved += edge and signals["phase"] == Phase.SECOND_TRANSFER
+        left += edge and leaving
         high = signals["store_clock"]
-    return count
+    return moved, left
 
 
 def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Row]:
@@ -266,8 +269,8 @@ def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Ro
     white = columns_filled(charge[2])
     return [
         number("003 fig. 4", "columns at the head that turn white at a gain of 200", "42", white,
-               "columns", note=f"{electrons:.0f} e a pixel on {lit} columns: the light is not "
-               "printed, so it was chosen; the spilling does the rest", by="component"),
+               "columns", note=f"{electrons:.0f} e a pixel on {lit} columns, chosen for these "
+               "columns, as the light is not printed: its closed form, spilled", by="formula"),
     ]  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Quantity, Section, Temperature, Time
 from rtl_model.imagers.emccd.device.supplies import ORDER, broken_interlock
 from rtl_model.imagers.interface.section import Device, ImagerSection, Writes
@@ -128,13 +129,19 @@ class EmccdSection(ImagerSection):
     @model_validator(mode="after")
     def _check(self) -> EmccdSection:
         pulses = bool(self.pulses) + (self.pulse_rate is not None)
-        for wrong, must in (
-            (self.gain is not None and self.gain_step is not None, "with gain or gain_step alone"),
-            (self.first_row + self.rows > 512, "with a window within its 512 rows"),
-            (self.sync == "external" and not pulses, "with pulses or pulse_rate to wait for"),
-            (pulses > 1, "with either pulses or pulse_rate"),
-            (list(self.pulses) != sorted(self.pulses), "with pulses in order of time"),
-        ):
+        both = self.gain is not None and self.gain_step is not None
+        last = self.first_row + self.rows
+        unsorted = list(self.pulses) != sorted(self.pulses)
+        for wrong, key, must, actual, remedy in (
+            (both, "gain", "absent with gain_step", f"{self.gain}", "give one of them"),
+            (last > 512, "rows", "a window within its 512 rows", f"one to row {last}",
+             "lower it or first_row"),
+            (self.sync == "external" and not pulses, "sync",
+             "internal without pulses or pulse_rate to wait for", "external", "give one of them"),
+            (pulses > 1, "pulse_rate", "absent with pulses", f"{self.pulse_rate} Hz",
+             "give one of them"),
+            (unsorted, "pulses", "in order of time", "unsorted", "sort them"),
+        ):  # fmt: skip
             if wrong:
-                raise ValueError(f"must be one {must}")
+                raise InputError(f"imager.{key}", must, actual, remedy)
         return self

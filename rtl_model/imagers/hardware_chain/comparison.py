@@ -46,9 +46,6 @@ class HardwareChainComparison(Comparison):
         """Exposures from the shortest to the longest, at the gains that are set."""
         return Setting(pixels, SHORTEST), Setting(replace(pixels, exposure=LONGEST), LONGEST)
 
-    def sent(self, section: HardwareChainSection) -> int:
-        return section.rows * section.columns
-
     def setting(self, section: HardwareChainSection, pixels: Any) -> str:
         name = section.sensor if section.own_sensor is None else section.own_sensor.name
         gain = math.prod((section.analog_gain, section.digital_gain))

@@ -20,7 +20,7 @@ __all__ = ["chain_sections"]
 def chain_sections(model: HardwareChainModel, run: ImagerRun) -> str:
     """Writes the figures and returns the HTML of the sections."""
     folder = run.folder / "figures"
-    text = "<h2>Noise in the dark</h2>" + _noise(model, run)
+    text = "<h2>Noise in the dark, and saturation</h2>" + _noise(model, run)
     dark = next((n for n, f in enumerate(run.frames) if f.state["light_most"] == 0), None)
     if dark is not None:
         _stripes(model, run.frame(dark), folder / "dark.png")
@@ -59,7 +59,7 @@ def _noise(model: HardwareChainModel, run: ImagerRun) -> str:
     rows += [["saturation, by the first stage that clips: " + chain.limit,
               f"{chain.saturation:.6g} e"]]  # fmt: skip
     rows += [["measured in the flooded frames", _electrons(full)]]
-    return table(["origin", "electrons at the sensor, RMS"], rows)
+    return table(["noise by origin (RMS), and saturation", "electrons at the sensor"], rows)
 
 
 def _electrons(value: float | None) -> str:

@@ -24,6 +24,7 @@ from rtl_model.imagers.hardware_chain.ripple import Ripple
 from sensor.dynamic_range import Chain, SensorNoise, rounding_variance
 from sensor.imagers import Exposed, ImagerSummary, normal
 from sensor.imagers.draws import poisson
+from sensor.imagers.pixel import steady_effects
 
 __all__ = ["PEDESTAL", "ChainPixels"]
 
@@ -172,10 +173,7 @@ class ChainPixels:
     @cached_property
     def effects(self) -> dict[str, Effect]:
         """See `PixelModel`."""
-        return {
-            name: Effect(name, source, stream, self._bound(name), lambda scene, ns=_NS[name]: ns)  # type: ignore[misc]
-            for name, (stream, source) in _SOURCES.items()
-        }
+        return steady_effects(_SOURCES, _NS, self._bound)
 
     def _bound(self, name: str) -> Callable[[Summary], Bound]:
         """The larger of the change of a value's mean and of its noise. A noise with the share p of

@@ -59,9 +59,9 @@ class Comparison(ABC):
     def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
         """The least and the most sensitive setting within the range of all controls."""
 
-    @abstractmethod
     def sent(self, section: Any) -> int:
         """Number of pixels of a frame that leave the imager."""
+        return int(section.rows * section.columns)
 
     @abstractmethod
     def setting(self, section: Any, pixels: Any) -> str:

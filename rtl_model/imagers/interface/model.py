@@ -137,6 +137,10 @@ class ImagerModel(ABC):
         make the outcome "degraded"."""
         return []
 
+    def notes(self, frames: Sequence[FrameFigures]) -> list[str]:
+        """What the user should know of the frames of a run, a line each."""
+        return []
+
     def picture(self, values: npt.NDArray[np.uint16], bits: int) -> npt.NDArray[np.uint8]:
         """The 8-bit picture of a frame, (H, W): linear, with full scale as white."""
         return np.rint(values / (((1 << bits) - 1) / 255)).astype(np.uint8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any, Final
 
@@ -15,6 +16,9 @@ THRESHOLDS: Final = (100.0, 62_400.0)
 """Range of the threshold, e: assumed, and the whole swing of 10 fF and 1 V."""
 DARKEST: Final = 0.02
 """Reflectance that still reaches the threshold of a pulse width within the exposure."""
+MARGIN: Final = 6.0
+"""Standard deviations of its charge and reset by which it does, so that noise leaves no pixel
+without a pulse."""
 FULL: Final = 0.8
 """Share of its most pulses that white makes in pulse frequency."""
 
@@ -41,9 +45,6 @@ class _PulseComparison(Comparison):
         low, high = (replace(pixels, threshold=q) for q in THRESHOLDS)
         return Setting(high, pixels.exposure), Setting(low, pixels.exposure)
 
-    def sent(self, section: PulseSection) -> int:
-        return section.rows * section.columns
-
     def setting(self, section: PulseSection, pixels: Any) -> str:
         return f"threshold {pixels.threshold:g} e, {pixels.bits} bits"
 
@@ -54,7 +55,8 @@ class PwmComparison(_PulseComparison):
     title = "pulse-width modulation"
 
     def wanted(self, pixels: Any, electrons: float) -> float:
-        return DARKEST * electrons
+        charge = DARKEST * electrons
+        return charge - MARGIN * math.hypot(math.sqrt(charge), pixels.reset)
 
 
 class PfmComparison(_PulseComparison):

@@ -68,5 +68,11 @@ class PulseModel(ImagerModel):
             "mean": Metric(frames[-1].mean, "DN"),
         }
 
+    def notes(self, frames: Sequence[FrameFigures]) -> list[str]:
+        unreached = (0, 0) if self.section.kind == "pfm" else (self.pixels.full,) * 2
+        if not frames or any((frame.least, frame.most) != unreached for frame in frames):
+            return []
+        return ["no pixel reached the threshold: lower imager.threshold or give more light"]
+
     def latency(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> list[Latency]:
         return read_latency(frames)

@@ -26,6 +26,7 @@ from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
 from sensor.imagers import Exposed, ImagerSummary, normal
 from sensor.imagers.draws import gamma, poisson
+from sensor.imagers.pixel import steady_effects
 
 __all__ = ["PfmPixels", "PulsePixels", "PwmPixels"]
 
@@ -90,10 +91,7 @@ class PulsePixels:
     @cached_property
     def effects(self) -> dict[str, Effect]:
         """See `PixelModel`."""
-        return {
-            name: Effect(name, source, stream, self._bound(name), lambda scene, ns=_NS[name]: ns)  # type: ignore[misc]
-            for name, (stream, source) in _SOURCES.items()
-        }
+        return steady_effects(_SOURCES, _NS, self._bound)
 
     def parts(self, electrons: float) -> dict[str, float]:
         """Variance of a value by effect at a mean charge of the exposure, DN^2, and "sum" with that

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cosim import InputError
+from cosim.config.amounts import amount
 from cosim.config.quantity import Charge, Current, Noise, Quantity
 from rtl_model.imagers.interface.section import ImagerSection
 
@@ -43,7 +45,10 @@ class PulseSection(ImagerSection):
     @model_validator(mode="after")
     def _check(self) -> PulseSection:
         if self.shortest > self.exposure:
-            raise ValueError("must be one whose exposure is not below shortest")
+            raise InputError(
+                "imager.shortest", f"at most the exposure, {amount(self.exposure, 's')}",
+                amount(self.shortest, "s"), "lower it, or lengthen imager.exposure",
+            )  # fmt: skip
         return self
 
 

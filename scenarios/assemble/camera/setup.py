@@ -15,6 +15,7 @@ from cosim.light.source import Source
 from cosim.plan.paired import Span, windows
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
+from scenarios.assemble.camera.dim_limits import check_dim
 from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan, plan_run
 from scenarios.assemble.camera.stages import LensStage, SceneStage
 from scenarios.assemble.chip import camera_setting
@@ -168,5 +169,6 @@ def set_up_camera(
             "sensor.writes", f"at cycles below {cycles}, the end of the run", f"at {late[0]}",
             "lengthen duration or drop it",
         )  # fmt: skip
+    check_dim(scenario.sensor, setting, cycles)
     instants = choose_windows(scenario, cycles)
     return CameraSetup(scenario, setting, choice, cycles, instants, choose_device(device))

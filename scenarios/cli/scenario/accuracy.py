@@ -35,8 +35,7 @@ def accuracy(
     measure = getattr(study, "every_tile", None) if every_tile else study.ladder
     if measure is None:
         raise InputError(
-            "--every-tile", "given with sensor.readout = synchronous", "with another scenario",
-            "leave it out",
+            "--every-tile", "given with a scenario of a latched chip", name, "leave it out",
         )  # fmt: skip
     if every_tile and figure is not None:
         raise InputError("--figure", "given without --every-tile", "with it", "leave one out")

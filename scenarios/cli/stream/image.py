@@ -27,20 +27,24 @@ def image(
         bool, typer.Option("--preceding", help="end the window of tfp with the instant")
     ] = False,
     longest: Annotated[
-        str, typer.Option(help="cycles of tau that become black, or 'auto' for the longest")
-    ] = "255",
+        str | None,
+        typer.Option(help="cycles of tau that become black, or 'auto' for the longest [255]"),
+    ] = None,
     scale: Annotated[float, typer.Option(help="rate that becomes white")] = 1.0,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     json: Json = False,
 ) -> None:
-    """Write the image at an instant: round(255 clip(x / scale, 0, 1)), 8-bit grey."""
+    """Write the image at an instant: round(255 clip(x / scale, 0, 1)), 8-bit grey. A run that reads
+    below threshold, or rejects the dark, has its dim pixels by that in tfp and tfi."""
     import math
 
     from cosim import InputError
     from cosim.files import notes_of
     from cosim.report.png import to_linear_bytes, write_png
-    from sensor import METHODS, tau_image, tfi, tfp
+    from scenarios.assemble.dim_of_run import dim_of_run
+    from sensor import METHODS, isi, tau_levels, tfi, tfp
     from sensor.codec.files import open_any
+    from sensor.reconstruct import tfp_span
 
     if method not in METHODS:
         raise InputError("--method", f"one of {', '.join(METHODS)}", repr(method), "choose one")
@@ -48,7 +52,12 @@ def image(
         raise InputError(
             "--scale", "a number above 0", f"{scale:g}", "write the white_rate of the run"
         )
-    if longest != "auto" and not (longest.isdecimal() and int(longest) > 0):
+    for option, own, given in (
+        ("--preceding", "tfp", preceding), ("--longest", "tau", longest is not None),
+    ):  # fmt: skip
+        if given and method != own:
+            raise InputError(option, f"given with --method {own}", f"with {method}", "leave it out")
+    if longest not in (None, "auto") and not (longest.isdecimal() and int(longest) > 0):
         raise InputError(
             "--longest",
             "a number of cycles above 0, or auto",
@@ -56,10 +65,21 @@ def image(
             "leave it out for 255",
         )
     opened, notes = open_any(stream, size_option(size))
+    dim, black, span = None, None, None
     if method == "tau":
-        grey = tau_image(opened, at, None if longest == "auto" else int(longest))
+        tau = isi(opened, at)
+        black = max(int(tau.max(initial=0)), 1) if longest == "auto" else int(longest or 255)
+        grey = tau_levels(tau, black)
     else:
-        rate = tfp(opened, at, window, preceding=preceding) if method == "tfp" else tfi(opened, at)
+        if method == "tfp":
+            span = tfp_span(opened, at, window, preceding=preceding)
+            rate = tfp(opened, at, window, preceding=preceding)
+        else:
+            rate = tfi(opened, at)
+        light = dim_of_run(stream)
+        if light is not None:
+            dim = light.at(opened, at)
+            rate = dim.put(rate)
         grey = to_linear_bytes(rate, scale)
     write_png(out, grey)
     for note in (*notes, *notes_of(opened)):
@@ -69,6 +89,10 @@ def image(
             {
                 "stream": str(stream), "out": str(out), "method": method, "at": at,
                 "window": window if method == "tfp" else None,
+                "window_cycles": None if span is None else span[1] - span[0],
+                "preceding": preceding if method == "tfp" else None, "longest": black,
+                "sub_threshold_pixels": None if dim is None else int(dim.read.sum()),
+                "dark_pixels": None if dim is None else int(dim.dark.sum()),
                 "scale": None if method == "tau" else scale,
                 "cycles": opened.cycles, "height": opened.shape[0], "width": opened.shape[1],
             }

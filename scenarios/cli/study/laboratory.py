@@ -22,7 +22,10 @@ def laboratory(
             "light: .dat, .raw, .npz, .zarr, or the folder of a run"
         ),
     ],
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of all temporal noise")] = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, max=2**32 - 1, help="seed of a camera's temporal noise [1]"),
+    ] = None,
     figure: Annotated[Path | None, typer.Option(help="figure to draw, .png or .svg")] = None,
     size: Annotated[str | None, typer.Option(help="WxH of a recording without a header")] = None,
     json: Json = False,
@@ -37,11 +40,18 @@ def laboratory(
             "CAMERA", f"one of {', '.join(CAMERAS)}, or a recording that exists", repr(camera),
             "choose one",
         )  # fmt: skip
+    if recording and seed is not None:
+        raise InputError("--seed", "given with a camera", "with a recording", "leave it out")
+    if not recording and size is not None:
+        raise InputError("--size", "given with a recording", "with a camera", "leave it out")
     if figure is not None and figure.suffix.lower() not in (".png", ".svg"):
         raise InputError("--figure", "a .png or .svg", str(figure), "choose one")
     if figure is not None and not figure.absolute().parent.is_dir():
         raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
-    document = _laws(Path(camera), size, figure) if recording else _emva(camera, seed, figure)
+    document = (
+        _laws(Path(camera), size, figure) if recording
+        else _emva(camera, 1 if seed is None else seed, figure)
+    )  # fmt: skip
     if json:
         print_document(document)
     else:
@@ -83,6 +93,8 @@ def _laws(path: Path, size: str | None, figure: Path | None) -> dict[str, Any]:
 
     stream, notes = open_any(path, size_option(size))
     laws = measure_laws(stream)
+    if laws.motion is not None:
+        notes.append(f"the light was not still: {laws.motion}; these laws are also the scene's")
     if figure is not None:
         from sensor.laboratory.laws_figure import laws_figure
 

@@ -60,7 +60,8 @@ def film_frames(
     footage = film_at(imager, placed, light, instant, scenario.seed, effects)
     frames = _Frames(scenario, comparison, model.make().pixels, footage, corner, white)
     image = frames.estimate(footage.frame)
-    corrected = frames.without_smear(footage.frame, imager)
+    unsmeared = frames.without_smear(footage.frame, imager)
+    corrected = None if unsmeared is None else np.clip(unsmeared, 0, 1)
     # The still frames have the first instant of the scene.
     first, now = truth(0), truth(instant)
     quiet = np.ones(SHAPE, bool)
@@ -103,7 +104,7 @@ def film_frames(
         np.clip(image, 0, 1), figures, time.perf_counter() - begin, corrected,
         [
             replace(point, formula=frames.formula(point.reflectance))
-            for point in snr_curve(stills, first, quiet)
+            for point in snr_curve(frames.sharp(footage.still, imager), first, quiet)
         ],
     )  # fmt: skip
 
@@ -183,14 +184,19 @@ class _Frames:
         return black_and_slope(self.pixels, seconds)[1] * self._white * seconds
 
     def without_smear(self, frame: Frame, imager: Any) -> npt.NDArray[np.float64] | None:
-        """Reflectance in [0, 1] after correction of the frame-transfer smear, column by column over
-        all rows of the frame; None for an imager without smear."""
+        """Reflectance, not clipped, after correction of the frame-transfer smear, column by column
+        over all rows of the frame; None for an imager without smear."""
         signal = frame.values.astype(np.float64) - self._black
         whole = self._comparison.without_smear(signal, imager, frame.exposure / PS)
         if whole is None:
             return None
         part = whole[self._rows(frame), self._left : self._left + SHAPE[1]]
-        return np.clip(part / self._white_step(frame), 0, 1)
+        return np.asarray(part / self._white_step(frame))
+
+    def sharp(self, frames: list[Frame], imager: Any) -> list[npt.NDArray[np.float64]]:
+        """Reflectance of each frame, without smear if the imager has any."""
+        corrected = ((frame, self.without_smear(frame, imager)) for frame in frames)
+        return [self.estimate(frame) if image is None else image for frame, image in corrected]
 
     def sent(self) -> tuple[float, float]:
         """Number of bits and of pixels that the imager transmits for a frame."""

@@ -82,7 +82,7 @@ def write_snr(path: Path, cameras: list[Camera]) -> None:
     """Draws signal over noise against reflectance: measured, and lines of the closed forms."""
     plt = pyplot()
     figure, ax = plt.subplots(figsize=(8.8, 4.6), layout="constrained")
-    for camera in cameras:
+    for camera in (camera for camera in cameras if camera.snr):
         at = [point.reflectance for point in camera.snr]
         (drawn,) = ax.plot(
             at, [decibels(point.measured) for point in camera.snr], "o", markersize=4,
@@ -122,7 +122,8 @@ def write_compare_report(
         "<h2>Side by side</h2>", table(head, rows), _EXPLAINED,
         "<h2>Signal over noise against light</h2><p>Dots: measured where nothing moves. Lines: the "
         "closed form of the pixels at the setting of power-on, without the noise of a subtracted "
-        "dark frame.</p>", plot(folder / SNR, "signal over noise against reflectance"),
+        "dark frame. The signal of the EMCCD is without the smear of frame transfer, whose shot "
+        "noise remains.</p>", plot(folder / SNR, "signal over noise against reflectance"),
         "<h2>Cameras</h2>", settings,
         "<h2>The spike camera's scenario</h2>"
         f"<pre>{html.escape(to_toml(comparison.spike))}</pre>",

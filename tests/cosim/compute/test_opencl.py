@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -129,6 +130,30 @@ def test_a_program_is_compiled_once_for_each_source_and_options(
     fresh.finish()
     out = fresh.download(buffer, np.empty_like(values))
     np.testing.assert_array_equal(out, (values + 3) * 3 + 3 + 10)
+
+
+_NOISY = """
+from cosim.compute.opencl import open_device
+source = "kernel void f(global int *x) { int unused; double y = x[0]; x[1] = sin(y); }"
+open_device().kernel("#warning read me\\n" + source, "f")
+"""
+"""Compiles in its own process: clang writes to the standard error of the process."""
+
+
+def test_warnings_of_the_compiler_are_shown_on_request_alone(
+    device: Device, tmp_path: Path
+) -> None:
+    own = ("POCL_CACHE_DIR", "PYOPENCL_COMPILER_OUTPUT")
+    clean = {name: value for name, value in os.environ.items() if name not in own}
+    said = []
+    for asked in ({}, {"PYOPENCL_COMPILER_OUTPUT": "1"}):
+        environment = clean | {"VIFORM_CACHE": str(tmp_path / f"cache{len(asked)}")} | asked
+        command = [sys.executable, "-c", _NOISY]
+        child = subprocess.run(command, capture_output=True, text=True, env=environment)
+        assert child.returncode == 0, child.stderr
+        said.append(child.stderr)
+    assert said[0] == ""
+    assert "read me" in said[1]
 
 
 def test_the_cache_is_the_first_folder_that_can_be_written(

@@ -35,6 +35,14 @@ def test_the_documents_are_made_of_the_tables():
     ]
 
 
+@pytest.mark.parametrize("name", IMAGERS)
+def test_the_page_of_the_imagers_names_every_kind_and_its_keys(name):
+    text = (ROOT / "docs" / "imagers.md").read_text(encoding="utf-8")
+    row = next(line for line in text.splitlines() if re.match(rf"\| `.*`{name}`|\| `{name}`", line))
+    said = set(re.findall(r"`\[?(?:imager\.)?(\w+)\]?`", text))
+    assert set(IMAGERS[name].section.model_fields) - said - {"kind"} == set(), row
+
+
 @pytest.mark.parametrize("name", WITH_REGISTERS)
 def test_every_table_is_sound(name):
     made = design(name)

@@ -75,16 +75,39 @@ def test_a_wrong_key_is_refused_in_one_line(assignment, says):
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"sync": "external"}, "with pulses or pulse_rate to wait for"),
-        ({"gain": 10, "gain_step": 3}, "with gain or gain_step alone"),
-        ({"first_row": 500, "rows": 20}, "within its 512 rows"),
-        ({"pulses": ["2 ms", "1 ms"]}, "in order of time"),
-        ({"pulses": ["2 ms"], "pulse_rate": "3 Hz"}, "with either pulses or pulse_rate"),
+        ({"sync": "external"}, "imager.sync must be internal without pulses or pulse_rate to wait"),
+        ({"gain": 10, "gain_step": 3}, "imager.gain must be absent with gain_step, not 10.0"),
+        ({"first_row": 500, "rows": 20}, "imager.rows must be a window within its 512 rows"),
+        ({"pulses": ["2 ms", "1 ms"]}, "imager.pulses must be in order of time"),
+        ({"pulses": ["2 ms"], "pulse_rate": "3 Hz"}, "imager.pulse_rate must be absent with pulse"),
     ],
 )
 def test_an_emccd_that_cannot_be_is_refused(keys, says):
     with pytest.raises(InputError, match=says):
         scenario("emccd", **keys)
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys", "says"),
+    [
+        ("ebaps", {"wavelength": "640 nm"},
+         "imager.wavelength must be absent with imager.illuminant = lamp, not 640 nm; "
+         "write --set imager.illuminant=monochromatic"),
+        ("ebaps", {"illuminant": "monochromatic"},
+         "imager.wavelength must be given with monochromatic light, not absent; "
+         "write --set imager.wavelength='640 nm'"),
+        ("ebaps", {"illuminant": "monochromatic", "wavelength": "750 nm", "photocathode": "GaAsP"},
+         "imager.wavelength must be below 730 nm, where GaAsP ends, not 750 nm; "
+         "lower it, or write --set imager.photocathode=GaAs"),
+        ("pwm", {"exposure": "1 ms", "shortest": "2 ms"},
+         "imager.shortest must be at most the exposure, 1 ms, not 2 ms; "
+         "lower it, or lengthen imager.exposure"),
+    ],
+)  # fmt: skip
+def test_keys_that_do_not_fit_together_are_refused_by_name(kind, keys, says):
+    with pytest.raises(InputError) as caught:
+        scenario(kind, **keys)
+    assert str(caught.value) == says
 
 
 @pytest.mark.parametrize(
@@ -97,7 +120,7 @@ def test_an_emccd_that_cannot_be_is_refused(keys, says):
 def test_a_key_that_is_set_goes_before_the_other_of_its_pair(given, left, gone):
     _, loaded = load("emccd-window", [given])
     assert getattr(loaded.imager, left) and getattr(loaded.imager, gone) is None
-    with pytest.raises(InputError, match="with gain or gain_step alone"):
+    with pytest.raises(InputError, match=r"imager\.gain must be absent"):
         load("emccd-window", ["imager.gain=40", "imager.gain_step=3"])
 
 

@@ -76,6 +76,22 @@ def test_the_pattern_is_found_beside_a_scene() -> None:
     assert max(map(abs, laws.neighbours)) < 0.1
 
 
+def test_light_that_was_not_still_is_told() -> None:
+    """Thresholds with noise under light that swings by a half in 800 cycles, and under still
+    light."""
+    rng, shape, mean = np.random.default_rng(6), (40, 50), 4.0
+    cycles = np.arange(CYCLES)
+    for swing, still in ((0.0, True), (0.5, False)):
+        light = (1 + swing * np.sin(2 * np.pi * cycles / 800)) / mean
+        charge = np.concatenate([[0.0], np.cumsum(light)])
+        goal = np.cumsum(1 + 0.1 * rng.standard_normal((2000, 900)), axis=1)
+        times = np.interp(goal - 1 + rng.random((2000, 1)), charge, np.arange(CYCLES + 1.0))
+        laws = measure_laws(stream(times, shape))
+        assert (laws.motion is None) is still
+    assert laws.motion is not None
+    assert "correlate by +0." in laws.motion and "the common noise is" in laws.motion
+
+
 def test_a_stream_that_says_nothing_is_refused() -> None:
     for cycles, said in ((32, "of 64 cycles or more"), (128, "one with spikes")):
         words = np.zeros((cycles // 32, 4, 4), np.uint32)

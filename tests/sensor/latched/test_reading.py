@@ -178,19 +178,44 @@ def test_a_dim_scene_is_seen_by_readings(
     assert value["dark_limit"] == pytest.approx(longest_width(20_000, 1000.0))
     saved = read_readings(tmp_path / "run" / "readings.npz")
     assert saved.level.shape == (6, 250, 400) and "readings.npz" in seen["files"]
+    # `viform image` makes the pictures of the run, of its readings and without its dark.
+    white, run_folder = str(value["white_rate"]), str(tmp_path / "run")
+    for method in ("tfp", "tfi"):
+        of_run = next((tmp_path / "run/images").glob(f"{method}-*.png"))
+        cycle, png = of_run.stem.partition("-")[2], str(tmp_path / "a.png")
+        words = ["--method", method, "--scale", white, "--out", png, "--window", "201", "--json"]
+        assert _main(["image", run_folder, "--at", cycle, *words]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["sub_threshold_pixels"] > 50_000 and told["dark_pixels"] is not None
+        assert Path(png).read_bytes() == of_run.read_bytes()
 
 
 @pytest.mark.parametrize(
     ("sets", "said"),
     [
-        (("sensor.sub_threshold.limit=1 s",), "sensor.sub_threshold.limit must be 1 to 400"),
+        (
+            ("sensor.sub_threshold.limit=1 s",),
+            "sensor.sub_threshold.limit must be 25 µs to 10 ms, one cycle to the run, not '1 s'; "
+            "shorten it, or lengthen duration",
+        ),
+        (
+            ("sensor.sub_threshold.limit=1 us",),
+            "25 µs to 10 ms, one cycle to the run, not '1 µs'; lengthen it, or raise sensor.clock",
+        ),
         (("sensor.dark_limit=dark current",), "sensor.pattern.dark_current must be above 0"),
-        (("sensor.dark_limit=soon",), "or 'dark current'"),
+        (
+            ("sensor.dark_limit=dark",),
+            "must be a time such as '64 ms', or 'dark current', not 'dark'; "
+            "write --set sensor.dark_limit='64 ms'",
+        ),
         (("sensor.sub_threshold.limit=1 ms", "sensor.readout=asynchronous"), "synchronous"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(
-    capsys: pytest.CaptureFixture[str], sets: tuple[str, ...], said: str
-) -> None:
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, sets: tuple[str, ...],
+    said: str,
+) -> None:  # fmt: skip
+    """Before a device is opened."""
+    monkeypatch.setattr("scenarios.assemble.camera.setup.choose_device", lambda _: 1 / 0)
     code, _, told = run(capsys, *DIM, *sets)
     assert code == 2 and said in told and told.strip().count("\n") == 0

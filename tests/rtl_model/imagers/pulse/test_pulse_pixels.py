@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
+from cosim import InputError
+from rtl_model.imagers.interface.model import measure_frame
 from rtl_model.imagers.pulse.model import PulseModel
 from rtl_model.imagers.pulse.section import PfmSection, PwmSection
 from sensor.imagers import Exposed, Still
@@ -131,5 +132,17 @@ def test_a_bound_holds_what_leaving_an_effect_out_does(kind: str) -> None:
 
 
 def test_a_shortest_width_beyond_the_exposure_is_refused() -> None:
-    with pytest.raises(ValidationError, match="exposure is not below shortest"):
+    with pytest.raises(InputError, match=r"imager\.shortest must be at most the exposure, 20 ms"):
         PwmSection.model_validate({"kind": "pwm", "shortest": "30 ms"})
+
+
+@pytest.mark.parametrize("kind", ["pwm", "pfm"])
+def test_a_run_whose_light_reaches_no_threshold_says_so(kind: str) -> None:
+    made = model(kind, threshold=60_000.0, dark_current=0.0)
+    for electrons, said in ((1000.0, 1), (200_000.0, 0)):
+        imager = made.make()
+        still = Still(np.full(made.shape, lux_of(made, electrons)))
+        film = imager.film(still, made.timing.ready(1), seed=1, kept=EVERY)
+        notes = made.notes([measure_frame(frame) for frame in film])
+        assert len(notes) == said and all("lower imager.threshold" in note for note in notes)
+    assert made.notes([]) == []

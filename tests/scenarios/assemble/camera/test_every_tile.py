@@ -70,13 +70,21 @@ def test_a_display_is_compared_by_its_radiance(capsys):
     code, found = document(capsys, "glass", *SMALL, "--set", "display.observer=camera")
     assert found["error_of"] == "radiance"
     assert all(row["worst_error"] >= row["error"] for row in found["rows"])
-    assert code == (not all(row["holds"] for row in found["rows"]))
+    assert code == 0 and all(row["holds"] for row in found["rows"])
 
 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("light-link",), "--every-tile must be given with sensor.readout = synchronous"),
+        (
+            ("light-link",),
+            "--every-tile must be given with a scenario of a latched chip, not light-link",
+        ),
+        (("emccd-window",), "a scenario of a latched chip, not emccd-window; leave it out"),
+        (
+            ("step", "--set", "sensor.readout=asynchronous"),
+            "a scenario of a latched chip, not step; leave it out",
+        ),
         (("step", "--figure", "a.png"), "--figure must be given without --every-tile"),
     ],
 )

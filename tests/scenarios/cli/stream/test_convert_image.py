@@ -128,8 +128,32 @@ def test_image_says_with_json_what_it_did(viform, recording, tmp_path):
     answer = viform("image", recording, "--at", 30, "--method", "tau", "--out", out, "--json")
     assert json.loads(answer.out) == {
         "stream": str(recording), "out": str(out), "method": "tau", "at": 30, "window": None,
-        "scale": None, "cycles": 61, "height": 8, "width": 16,
+        "window_cycles": None, "preceding": None, "longest": 255, "sub_threshold_pixels": None,
+        "dark_pixels": None, "scale": None, "cycles": 61, "height": 8, "width": 16,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("options", "used"),
+    [((30,), 41), ((55,), 26), ((5, "--preceding"), 6), ((60, "--preceding"), 41)],
+)
+def test_a_window_is_cut_at_the_ends_and_json_says_to_how_many_cycles(
+    viform, recording, spikes, tmp_path, options, used
+):
+    out, at = tmp_path / "a.png", options[0]
+    told = json.loads(viform("image", recording, "--at", *options, "--out", out, "--json").out)
+    assert (told["window"], told["window_cycles"]) == (41, used)
+    assert told["preceding"] is ("--preceding" in options)
+    stop = at + 1 if told["preceding"] else min(at + 21, 61)
+    rate = spikes[stop - used : stop].mean(axis=0)
+    assert np.abs(picture(out) - 255 * rate).max() <= 0.5 + 1e-4
+
+
+def test_json_has_the_longest_interval_that_became_black(viform, recording, spikes, tmp_path):
+    tau = max(interval(spikes[:, r, c], 30) for c in range(16) for r in range(8))
+    out = ["--out", tmp_path / "a.png", "--json"]
+    answer = viform("image", recording, "--at", 30, "--method", "tau", "--longest", "auto", *out)
+    assert json.loads(answer.out)["longest"] == tau
 
 
 def test_a_dat_is_read_with_the_size_that_is_given(viform, recording, spikes, tmp_path):
@@ -161,6 +185,10 @@ def test_a_dat_is_read_with_the_size_that_is_given(viform, recording, spikes, tm
          "--scale must be a number above 0, not -0.6; write the white_rate of the run"),
         (["--at", 5, "--method", "mean"],
          "--method must be one of tfp, tfi, tau, not 'mean'; choose one"),
+        (["--at", 5, "--method", "tfi", "--preceding"],
+         "--preceding must be given with --method tfp, not with tfi; leave it out"),
+        (["--at", 5, "--longest", "9"],
+         "--longest must be given with --method tau, not with tfp; leave it out"),
         (["--at", 5, "--size", "16"],
          "--size must be WIDTHxHEIGHT such as 400x250, not '16'; write it in this form"),
         (["--at", 5, "--size", "8x16"], "--size must be 16x8 for {stream}, not 8x16; leave it out"),

@@ -68,6 +68,10 @@ def test_a_recording_has_its_laws(viform, tmp_path):
         (("emccd", "--figure", "a.jpg"), "--figure must be a .png or .svg, not a.jpg; choose one"),
         (("emccd", "--figure", "/nowhere/a.png"), "--figure must be in a folder that exists, not "
          "/nowhere/a.png; create the folder"),
+        ((__file__, "--seed", 1), "--seed must be given with a camera, not with a recording; "
+         "leave it out"),
+        (("emccd", "--size", "16x8"), "--size must be given with a recording, not with a camera; "
+         "leave it out"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_one_line(refused, words, says):

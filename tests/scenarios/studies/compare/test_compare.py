@@ -17,6 +17,9 @@ from rtl_model.imagers.ebaps.comparison import EbapsComparison
 from rtl_model.imagers.ebaps.section import EbapsSection
 from rtl_model.imagers.emccd.comparison import EmccdComparison
 from rtl_model.imagers.emccd.section import EmccdSection
+from rtl_model.imagers.pulse.comparison import DARKEST, PwmComparison
+from rtl_model.imagers.pulse.model import PulseModel
+from rtl_model.imagers.pulse.section import PwmSection
 from scenarios.studies.compare import load_comparison
 from scenarios.studies.compare.measure import EDGE, noise, still_blur
 from scenarios.studies.compare.motion import RAMP, Motion
@@ -218,6 +221,22 @@ def test_knobs_follow_the_light_and_leave_what_is_given() -> None:
     assert bright.gain == 1 and 0.78 * 130e3 < white <= 0.8 * 130e3
 
 
+@pytest.mark.parametrize("white", [5.0, 40.0])
+def test_noise_leaves_no_dark_pixel_without_a_pulse(white: float) -> None:
+    """At the darkest reflectance every width ends, and its noise is the closed form's."""
+    section = PwmSection(kind="pwm", dark_current="0 e/s")  # type: ignore[arg-type]
+    chosen = PwmComparison().adjust(section, white, white / 2, frozenset())
+    pixels = PulseModel(chosen).pixels
+    light, rows = DARKEST * white * chosen.exposure, np.full(64, chosen.exposure)
+    exposed = Exposed(np.full((64, 500), light), rows, np.zeros(64), 0, 0)
+    values = pixels.convert(exposed, 1, frozenset(pixels.effects))
+    assert values.max() < pixels.full
+    lux = pixels.lux(values)
+    assert float(lux.mean() / lux.std()) == pytest.approx(
+        pixels.snr(light, chosen.exposure), rel=0.1
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -272,6 +291,10 @@ def test_the_command_films_one_scene_by_all(viform: Callable[..., Any], tmp_path
     assert of("spike-tfi", "data_rate") == SHAPE[0] * SHAPE[1] * 40e3
     assert of("emccd", "noise") < of("adaptive-exposure", "noise") < of("spike-tfi", "noise")
     assert of("spike-tfp", "psnr") > of("emccd", "psnr") > of("ebaps", "psnr")
+    # The noise of the dark is that of the closed form; the smear is no signal of the EMCCD.
+    dark = {name: points[0] for name, points in document["snr"].items() if points}
+    assert dark["pwm"]["measured"] == pytest.approx(dark["pwm"]["formula"], rel=0.1)
+    assert all(p["measured"] < 1.25 * p["formula"] for p in document["snr"]["emccd"])
     for name in document["files"]:
         assert (out / name).exists()
     assert json.loads((out / "compare.json").read_text())["rows"] == document["rows"]
