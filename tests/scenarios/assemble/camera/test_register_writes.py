@@ -74,7 +74,8 @@ def test_writes_land_on_their_cycles() -> None:
         (HALF, ("display.drive=hold",), "empty with a display"),
         (HALF, ("sensor.circuit.capacitance=10 fF",), "sensor.circuit must be absent with"),
         (HALF, ("sensor.dark_limit=1 ms",), "sensor.dark_limit must be absent with"),
-        ('{"cycle":5,"threshold_level":1}', ("sensor.threshold=10 e",), "threshold is at least 1 e"),
+        ('{"cycle":5,"threshold_level":1}', ("sensor.threshold=10 e",),
+         "threshold is at least 1 e"),
         ('{"cycle":5,"threshold_level":1}', ("sensor.threshold_noise=100 e",),
          "sensor.threshold_noise must be at most the threshold, 62.5 e"),
     ],
@@ -230,6 +231,7 @@ def test_the_plan_names_the_writes(viform) -> None:
     answer = viform("plan", "step", *words, "--device", "numba", "--json")
     document = json.loads(answer.out)
     assert [phase["start"] for phase in document["writes"]] == [0, 60, 81]
-    assert "from cycle 81: threshold 500 e, rows 8 to 31" in viform(
-        "plan", "step", *words, "--device", "numba"
-    ).out
+    assert (
+        "from cycle 81: threshold 500 e, rows 8 to 31"
+        in viform("plan", "step", *words, "--device", "numba").out
+    )
