@@ -24,10 +24,14 @@ INSTANT: Final = 27
 """Bytes a pixel of the images of one instant: truth in float32, two estimates, and intervals."""
 PLANE: Final = 17
 """Bytes a pixel of each new plane of light in a block: at the scene, and behind the lens."""
-CHARGE: Final = 8
-"""Further bytes of such a plane in the exact tier on the processor: its charge in Q24.40."""
-DISPLAY: Final = 1000
+CHARGE: Final = 14
+"""Further bytes of such a plane without OpenCL: its charge in the exact tier, Q24.40."""
+SHOWN: Final = 730 * 2**20
+"""Bytes of the program with a display: also OpenGL and the probes."""
+DISPLAY: Final = 840
 """Bytes a pixel of a run with a display: renderer, observers and reference displays."""
+SEEN: Final = 80
+"""Bytes a pixel of what all observers see of one instant on all displays."""
 
 
 def peak_memory(setup: CameraSetup, planes: float = 0.0) -> int:
@@ -39,7 +43,7 @@ def peak_memory(setup: CameraSetup, planes: float = 0.0) -> int:
     """
     pixels = setup.shape[0] * setup.shape[1]
     if setup.display is not None:
-        return PROGRAM + DISPLAY * pixels
+        return SHOWN + (DISPLAY + SEEN * len(setup.instants)) * pixels
     light = PLANE + (CHARGE if setup.device is None else 0)
     new = light * planes * min(setup.cycles, BLOCK)
     return PROGRAM + round((IMAGES + INSTANT * len(setup.instants) + new) * pixels)

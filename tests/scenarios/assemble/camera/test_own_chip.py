@@ -59,7 +59,8 @@ def test_row_time_states_the_skew_at_any_clock() -> None:
     [
         (["sensor.width=0"], "sensor.width must be at least 1, not '0'"),
         (["sensor.width=65536"], "sensor.width must be at most 65535"),
-        (["sensor.width=8001", "sensor.height=8000"], "must be at most 64,000,000 pixels, not 8001"),
+        (["sensor.width=8001", "sensor.height=8000"],
+         "must be at most 64,000,000 pixels, not 8001 x 8000"),
         (["sensor.height=2.5"], "sensor.height must be a whole number"),
         (["sensor.pitch=5"], "sensor.pitch must be a length such as '10 um'"),
         (["sensor.pitch=0 um"], "above 0 um"),
