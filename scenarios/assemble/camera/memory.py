@@ -28,9 +28,9 @@ CHARGE: Final = 14
 """Further bytes of such a plane without OpenCL: its charge in the exact tier, Q24.40."""
 SHOWN: Final = 730 * 2**20
 """Bytes of the program with a display: also OpenGL and the probes."""
-DISPLAY: Final = 840
+DISPLAY: Final = 630
 """Bytes a pixel of a run with a display: renderer, observers and reference displays."""
-SEEN: Final = 80
+SEEN: Final = 300
 """Bytes a pixel of what all observers see of one instant on all displays."""
 
 
