@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -20,7 +21,7 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Sketch, Source
 from cosim.stage import BLOCK, Block
 
-__all__ = ["SAMPLES", "Sketched", "Survey", "survey", "through"]
+__all__ = ["SAMPLES", "Sketched", "Survey", "limits", "survey", "through"]
 
 SAMPLES = 9
 """Instants at which a rendered scene is sampled."""
@@ -79,11 +80,20 @@ def survey(source: Source, clock: Clock, cycles: int) -> Survey:
     """The survey of a run of `cycles` cycles. It consumes the source."""
     if not isinstance(source, Sketched):
         return _exact_survey(source, clock, cycles)
+    sketch = source.sketch(cycles, SAMPLES)
+    least, most = limits(sketch)
+    certain = np.ones(least.shape, bool)
+    y0, y1, x0, x1 = sketch.box
+    certain[y0:y1, x0:x1] = False
+    return Survey(least, most, certain, sketch.planes_per_cycle)
+
+
+def limits(sketch: Sketch) -> tuple[Plane, Plane]:
+    """Least and most light of a sketched scene, (H, W) each, in lux: over its samples, and in its
+    box over what an edge may bring from around a pixel between them."""
     from scipy.ndimage import maximum_filter, minimum_filter
 
-    sketch = source.sketch(cycles, SAMPLES)
-    least, most = np.min(sketch.planes, axis=0), np.max(sketch.planes, axis=0)
-    certain = np.ones(least.shape, bool)
+    least, most = reduce(np.minimum, sketch.planes).copy(), reduce(np.maximum, sketch.planes).copy()
     y0, y1, x0, x1 = sketch.box
     if y1 > y0 and x1 > x0:
         reach = int(min(np.ceil(sketch.reach), max(least.shape)))
@@ -96,8 +106,7 @@ def survey(source: Source, clock: Clock, cycles: int) -> Survey:
         size = 2 * reach + 1
         least[y0:y1, x0:x1] = minimum_filter(least[wide], size, mode="nearest")[inner]
         most[y0:y1, x0:x1] = maximum_filter(most[wide], size, mode="nearest")[inner]
-        certain[y0:y1, x0:x1] = False
-    return Survey(least, most, certain, sketch.planes_per_cycle)
+    return least, most
 
 
 def through(light: Survey, relay: Callable[[Light], Light]) -> Survey:

@@ -13,8 +13,8 @@ from cosim.errors import InputError
 from cosim.files.whole import whole
 
 __all__ = [
-    "LARGEST_PICTURE", "Levels", "coloured", "encode", "for_display", "reduced", "to_linear_bytes", "write_linear_png",
-    "write_png",
+    "LARGEST_PICTURE", "Levels", "coloured", "encode", "for_display", "reduced", "to_linear_bytes",
+    "write_linear_png", "write_png",
 ]  # fmt: skip
 
 Grey = npt.NDArray[np.uint8]

@@ -84,7 +84,7 @@ def slow_motion(clock: Clock, cycles: int, shape: tuple[int, int]) -> SlowMotion
     every = exposure_cycles(cycles)
     first = cycles % every
     exposure = (clock.edge(cycles) - clock.edge(first)) // (cycles // every)
-    by = -(-max(shape) // TILE)
+    by = min(-(-max(shape) // TILE), *shape)  # a narrow strip stays longer
     return SlowMotion(shape, clock.edge(first), clock.edge(cycles), exposure, by)
 
 

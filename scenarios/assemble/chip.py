@@ -31,14 +31,14 @@ def camera_setting(
     chip, clock = _resized(section.own_chip, height, width), Clock.from_hz(section.clock)
     # The threshold levels are assumed to be linear; they are not published.
     threshold = section.threshold * section.threshold_level / chip.threshold_levels
-    written = [write.threshold_level or LEVELS for write in section.writes]
-    least = min(section.threshold_level, *written, LEVELS)
+    writes = section.writes or ()
+    least = min(section.threshold_level, *(w.threshold_level or LEVELS for w in writes), LEVELS)
     if section.threshold * least / chip.threshold_levels < 1:
         raise InputError(
             "sensor.threshold_level", "one at which the threshold is at least 1 e",
             f"{least} of {section.threshold:g} e", "raise it",
         )  # fmt: skip
-    beyond = [write.window for write in section.writes if write.window is not None]
+    beyond = [write.window for write in writes if write.window is not None]
     if any(window[1] > chip.height for window in beyond):
         raise InputError(
             "the windows of sensor.writes", f"rows within 0 to {chip.height}",

@@ -172,7 +172,9 @@ class SensorSection(_Sections):
     channel: ChannelSection | None = Field(
         default=None, description="output that asynchronous pixels share; none when absent"
     )
-    writes: Writes = Field(default=(), description="register writes in mid-run, in their order")
+    writes: Writes | None = Field(
+        default=None, description="register writes in mid-run, in their order; none when absent"
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -56,6 +56,8 @@ def _cycle(write: WriteSection, clock: Clock) -> int:
 
 def check_writes(section: Any) -> None:
     """Raises InputError for writes that no chip has, or that a run cannot make."""
+    if not section.writes:
+        return
     height = own_chip(section).height
     for n, write in enumerate(section.writes):
         key = f"sensor.writes[{n}]"
@@ -75,8 +77,6 @@ def check_writes(section: Any) -> None:
                 f"{key}.window", f"rows [first, stop) within 0 to {height}",
                 str(list(write.window)), "change it",
             )  # fmt: skip
-    if not section.writes:
-        return
     for name in ("circuit", "sub_threshold", "dark_limit"):
         if getattr(section, name) is not None:
             raise InputError(
@@ -106,14 +106,14 @@ def register_writes(section: Any, clock: Clock) -> tuple[Write, ...]:
             else section.threshold * write.threshold_level / LEVELS,
             write.window,
         )
-        for write in section.writes
+        for write in section.writes or ()
     )  # fmt: skip
 
 
 def write_rows(section: Any, clock: Clock) -> list[list[str]]:
     """A row of a report's table for each write."""
     rows = []
-    for write in section.writes:
+    for write in section.writes or ():
         parts = []
         if write.threshold_level is not None:
             charge = section.threshold * write.threshold_level / LEVELS

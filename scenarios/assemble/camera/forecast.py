@@ -12,6 +12,7 @@ from cosim import BLOCK, Block
 from cosim.light.light import PlaneMap
 from cosim.plan.forecast import Speeds, forecast_document
 from cosim.plan.patches import PatchPlane
+from scenarios.assemble.camera.memory import check_run_memory, peak_memory
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
 from sensor.latched.patches import PatchCamera
@@ -86,10 +87,14 @@ def _writes(setup: CameraSetup, plan: RunPlan) -> dict[str, Any]:
 def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
     """The document of `viform plan --json`."""
     plan = setup.plan(setup.scenario.tolerance)
-    return forecast_document(
+    planes = plan.survey.light.planes
+    check_run_memory(setup, planes)
+    document = forecast_document(
         name, plan.plan, tier=plan.tier, device=setup.device_name, tier_error=plan.tier_error,
         speeds=_measure(setup, plan, _with_every_effect(setup, plan)),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
         tiles=setup.survey.classes, full_physics_tiles=int(plan.fine.sum()),
         display=_display(setup, plan), **_writes(setup, plan),
     )  # fmt: skip
+    document["predicted"]["memory_bytes"] = peak_memory(setup, planes)
+    return document

@@ -24,6 +24,7 @@ from display.probes.camera import ProbeCamera
 from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
 from scenarios.assemble.camera.dim import dim_light, dim_metrics, reading_camera
 from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.camera.memory import check_run_memory, memory_note
 from scenarios.assemble.camera.pages.display import display_page
 from scenarios.assemble.camera.pages.display_tables import display_lines
 from scenarios.assemble.camera.pages.stream import stream_page
@@ -315,9 +316,12 @@ def assemble_latched(
     with ExitStack() as stack:
         boards = stack.enter_context(open_boards(scenario, resume))
         setup = set_up_camera(boards.simulated, device, boards.size)
+        check_run_memory(setup)  # before the survey, which needs a part of it
         source = setup.source()
         plan = setup.plan(scenario.tolerance)
-        notes = [*setup.choice.notes, *plan.notes]
+        planes = plan.survey.light.planes
+        check_run_memory(setup, planes)
+        notes = [*setup.choice.notes, *plan.notes, memory_note(setup, planes)]
         display = None
         if plan.display is not None and setup.scenario.display is not None:
             display = make_display_chain(

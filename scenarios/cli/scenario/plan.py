@@ -138,5 +138,8 @@ def _text(document: dict[str, Any]) -> str:
             f"{_number(predicted['full_physics_s'])} s; drawing the scene takes "
             f"{_number(predicted['scene_s'])} s"
         )
+    if "memory_bytes" in predicted:
+        gib = predicted["memory_bytes"] / 2**30
+        lines.append(f"a run needs about {gib:.2g} GiB of memory at its peak")
     lines.append("a bound with ~ is a doubled estimate; costs are per pixel and cycle")
     return "\n".join(lines)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from cosim import Block, Box, Light, Plane
 from cosim.light.light import PlaneMap
 from cosim.light.source import Sketch, Source
+from cosim.light.survey import limits
 from scenarios.scenes.drawing.canvas import LARGEST, SMALLEST
 
 __all__ = ["SizedSource", "sized"]
@@ -63,11 +64,9 @@ class SizedSource:
 
         def sketch(*given: Any) -> Sketch:
             made: Sketch = found(*given)
-            wider = max(a / b for a, b in zip(self.shape, self._source.shape, strict=True))
-            planes = [self._placed(plane) for plane in made.planes]
-            return replace(
-                made, planes=planes, reach=made.reach * max(wider, 1.0), box=self._box(made.box)
-            )
+            # An edge may come from a drawn pixel that no pixel of the array shows.
+            planes = [self._placed(plane) for plane in limits(made)]
+            return replace(made, planes=planes, reach=0.0, box=self._box(made.box))
 
         return sketch
 

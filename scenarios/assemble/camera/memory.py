@@ -1,0 +1,64 @@
+"""Peak memory of a run of a latched camera, stated before the run.
+
+The statement is a fit to measured runs: a part of the program itself, and bytes a pixel of what a
+run holds at its peak, which is while it computes its images. The slow tests in
+`tests/scenarios/assemble/camera/test_memory.py` measure runs against it.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from cosim import BLOCK
+from cosim.compute.memory import check_memory
+from scenarios.assemble.camera.setup import CameraSetup
+
+__all__ = ["check_run_memory", "memory_note", "peak_memory"]
+
+PROGRAM: Final = 440 * 2**20
+"""Bytes of the program with its libraries and compiled kernels."""
+IMAGES: Final = 136
+"""Bytes a pixel of a run under constant light: state of the pixels, words of the stream, survey,
+and intervals and figures of merit of one image."""
+INSTANT: Final = 27
+"""Bytes a pixel of the images of one instant: truth in float32, two estimates, and intervals."""
+PLANE: Final = 17
+"""Bytes a pixel of each new plane of light in a block: at the scene, and behind the lens."""
+CHARGE: Final = 14
+"""Further bytes of such a plane without OpenCL: its charge in the exact tier, Q24.40."""
+SHOWN: Final = 730 * 2**20
+"""Bytes of the program with a display: also OpenGL and the probes."""
+DISPLAY: Final = 630
+"""Bytes a pixel of a run with a display: renderer, observers and reference displays."""
+SEEN: Final = 300
+"""Bytes a pixel of what all observers see of one instant on all displays."""
+
+
+def peak_memory(setup: CameraSetup, planes: float = 0.0) -> int:
+    """Predicted peak memory of a run, bytes.
+
+    Args:
+        setup: the camera and its scene.
+        planes: new planes of light a cycle, from the survey of the scene.
+    """
+    pixels = setup.shape[0] * setup.shape[1]
+    if setup.display is not None:
+        return SHOWN + (DISPLAY + SEEN * len(setup.instants)) * pixels
+    light = PLANE + (CHARGE if setup.device is None else 0)
+    new = light * planes * min(setup.cycles, BLOCK)
+    return PROGRAM + round((IMAGES + INSTANT * len(setup.instants) + new) * pixels)
+
+
+def check_run_memory(setup: CameraSetup, planes: float = 0.0) -> None:
+    """Raises InputError for a run that the free memory does not hold."""
+    check_memory(
+        "the memory of this run", peak_memory(setup, planes),
+        "lower sensor.width and sensor.height, or give fewer instants as image.at",
+    )  # fmt: skip
+
+
+def memory_note(setup: CameraSetup, planes: float) -> str:
+    """The statement for the user."""
+    height, width = setup.shape
+    gib = peak_memory(setup, planes) / 2**30
+    return f"the run needs about {gib:.2g} GiB of memory at its peak, for {width} x {height} pixels"
