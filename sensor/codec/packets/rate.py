@@ -82,7 +82,7 @@ class RateControl:
         return left_out
 
     def _bases(self, tiles: dict[int, list[Packet]]) -> dict[int, int]:
-        """Tile -> 1, of those whose layer 0 the buffer holds, from another tile on in each group."""
+        """Tile -> 1, if the buffer holds its layer 0, beginning at another tile in each group."""
         names = sorted(tiles)
         turn = self._groups * (len(names) // 3 + 1) % max(len(names), 1)
         free, depth = self.buffer.free, {}
