@@ -118,3 +118,24 @@ def test_fidelity_is_that_of_counts_in_a_window(stream):
     assert fidelity(part, part) == float("inf")
     mean_square = np.mean((np.linspace(0, 0.6, 24)) ** 2)
     assert fidelity(dark, part) == pytest.approx(-10 * np.log10(mean_square), abs=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scenario", "settings"),
+    [("film", []), ("wave", []), ("star", []), ("step", []), ("shockwave", []),
+     ("film", ["sensor.preset=silicon"])],
+)  # fmt: skip
+def test_streams_of_the_scenarios_come_back_bit_by_bit(viform, tmp_path, scenario, settings):
+    folder, path = tmp_path / "run", tmp_path / "a.vfl"
+    chosen = [f"--set={s}" for s in ("duration=5 ms", "image.at=[100]", *settings)]
+    assert viform("run", scenario, *chosen, "--out", folder).code in (0, 1)
+    stream = open_stream(folder)
+    assert viform("convert", folder, path).code == 0
+    again = VflStream(path)
+    assert again.cycles == stream.cycles
+    for first in range(0, 7):
+        np.testing.assert_array_equal(
+            again.read_words(first, first + 1), stream.read_words(first, first + 1)
+        )
+    assert 8 * path.stat().st_size < 0.5 * stream.cycles * stream.shape[0] * stream.shape[1]
