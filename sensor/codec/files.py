@@ -28,7 +28,8 @@ def open_any(path: Path, size: tuple[int, int] | None) -> tuple[SpikeStream, lis
         ending = ending_of(path)
         if path.exists() and not path.is_dir() and ending not in FORMATS and ending != ".yaml":
             raise InputError(
-                "the stream", f"a {', '.join((*FORMATS, FSC, VFL))} or the folder of a run", str(path),
+                "the stream", f"a {', '.join((*FORMATS, FSC, VFL))} or the folder of a run",
+                str(path),
                 "film a clip with `viform run film --set scene.path=...`, or convert the stream",
             )  # fmt: skip
         return open_stream(path, size), []
@@ -43,7 +44,9 @@ def open_any(path: Path, size: tuple[int, int] | None) -> tuple[SpikeStream, lis
     if size not in (None, (width, height)):
         raise InputError("--size", f"{width}x{height} for {path}", f"{size[0]}x{size[1]}",
                          "leave it out")  # fmt: skip
-    return stream, [] if code.lossless else [f"{path} holds what is left of a stream: {left(code)}"]
+    if code.lossless:
+        return stream, []
+    return stream, [f"{path} holds what is left of a stream: {left(code)}"]
 
 
 def left(code: Code | StreamCode) -> str:

@@ -15,7 +15,9 @@ __all__ = ["image"]
 def image(
     stream: Annotated[
         Path,
-        typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl, or the folder of a run"),
+        typer.Argument(
+            help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl, or the folder of a run"
+        ),
     ],
     out: Annotated[Path, typer.Option(help="PNG to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],

@@ -24,6 +24,8 @@ from scenarios.studies.codes.scenes import (
 )
 from sensor import EFFECTS, make_pixels, tfi, tfp
 from sensor.codec import Code, entropy_bounds, event_rate, recode
+from sensor.codec.packets.catalogue import StreamCode
+from sensor.codec.packets.through import from_packets, size_of, to_packets
 from sensor.codec.size import REFINE, coded_size, zstd_size
 from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
@@ -34,6 +36,8 @@ __all__ = ["KS", "SizeRow", "SteadyRow", "bench_code", "steady"]
 
 THRESHOLDS = (100.0, 1000.0, 30_000.0)
 KS = (1.0, 2.0, 3.0, 5.0)
+RUNGS = (1, 3, 5, 6, 7, 8)
+"""Numbers of layers of the layered code."""
 INSTANTS = (320, 1280, 2240)
 WINDOW = 41
 MEANS = (4.3, 20.3)
@@ -56,7 +60,8 @@ class SizeRow:
         repeat_zstd, line_zstd: the same with zstd 3 where it is smaller.
         sent: number of spikes in each code over the spikes of the stream, by name.
         statistical: sizes of the statistical codes, by name.
-        psnr: PSNR of TFP and TFI after each statistical code, dB.
+        layered: sizes of the layered code with its first layers, by their number.
+        psnr: PSNR of TFP and TFI after each statistical code and each number of layers, dB.
     """
 
     scene: str
@@ -71,6 +76,7 @@ class SizeRow:
     line_zstd: float
     sent: dict[str, float]
     statistical: dict[str, float]
+    layered: dict[str, float]
     psnr: dict[str, dict[str, float]]
 
 
@@ -137,19 +143,25 @@ def _size_row(scene: str, threshold: float, shot: bool, device: Device | None) -
     zstd["best_19"] = zstd_size(stream, 19, (best,))[best]
     sizes, sent = {}, {}
     for name in ("repeat", "line"):
-        code = Code("repeat") if name == "repeat" else Code("line")
-        sizes[name], events = coded_size(stream, code, None)
-        sizes[f"{name}_zstd"], _ = coded_size(stream, code)
+        first = Code("repeat") if name == "repeat" else Code("line")
+        sizes[name], events = coded_size(stream, first, None)
+        sizes[f"{name}_zstd"], _ = coded_size(stream, first)
         sent[name] = events / max(spikes, 1)
     statistical, quality = {}, {"stream": _fidelity(stream, source)}
-    for name, code in _codes(threshold).items():
-        statistical[name], events = coded_size(stream, code)
+    for name, lossy in _codes(threshold).items():
+        statistical[name], events = coded_size(stream, lossy)
         sent[name] = events / max(spikes, 1)
-        quality[name] = _fidelity(recode(stream, code), source)
+        quality[name] = _fidelity(recode(stream, lossy), source)
+    layered, code = {}, StreamCode()
+    packets = to_packets(stream, code)
+    for layers in RUNGS:
+        kept = [packet for packet in packets if packet.layer < layers]
+        layered[f"{layers}"] = size_of(kept, stream)
+        quality[f"{layers}"] = _fidelity(from_packets(kept, stream, code), source)
     return SizeRow(
         scene, threshold, shot, spikes / (CYCLES * SHAPE[0] * SHAPE[1]), zstd,
         event_bits(stream, spikes), sizes["repeat"], sizes["repeat_zstd"], sizes["line"],
-        sizes["line_zstd"], sent, statistical, quality,
+        sizes["line_zstd"], sent, statistical, layered, quality,
     )  # fmt: skip
 
 

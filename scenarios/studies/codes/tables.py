@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["light_name", "markdown"]
+__all__ = ["light_name", "markdown", "table"]
 
 
 def light_name(row: dict[str, Any]) -> str:
@@ -12,15 +12,16 @@ def light_name(row: dict[str, Any]) -> str:
     return f"Q = {row['threshold']:g}" if row["shot_noise"] else "no shot noise"
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def markdown(document: dict[str, Any]) -> str:
-    """Three tables: lossless sizes, the statistical code, and steady light with its closed
-    forms."""
-    lossless, lossy, steady = [], [], []
+    """Four tables: lossless sizes, the statistical code, the layered code, and steady light with
+    its closed forms."""
+    lossless, lossy, layered, steady = [], [], [], []
     for row in document["sizes"]:
         place = [row["scene"], light_name(row), f"{row['spike_rate']:.3f}"]
         zstd = row["zstd"]
@@ -36,6 +37,11 @@ def markdown(document: dict[str, Any]) -> str:
             left = row["psnr"][name]
             cells.append(f"{size:.4f}: {left['tfp']:.1f}, {left['tfi']:.1f}")
         lossy.append(place[:2] + cells)
+        cells = cells[:1]
+        for name, size in row["layered"].items():
+            left = row["psnr"][name]
+            cells.append(f"{size:.4f}: {left['tfp']:.1f}, {left['tfi']:.1f}")
+        layered.append(place[:2] + cells)
     for row in document["steady"]:
         steady.append(
             [f"{row['mean']:g}", f"{row['threshold']:g}"]
@@ -44,16 +50,18 @@ def markdown(document: dict[str, Any]) -> str:
             + [f"{row['level_error'][n]:.2%}" for n in ("stream", "k3", "k3r", "k5", "k5r")]
         )
     names = list(document["sizes"][0]["statistical"]) if document["sizes"] else []
+    rungs = list(document["sizes"][0]["layered"]) if document["sizes"] else []
     ks = list(document["steady"][0]["predicted"]) if document["steady"] else []
     return "\n".join(
         (
-            _table(
+            table(
                 ["scene", "light", "spikes a cycle", "zstd 3, planes", "zstd 3, words",
                  "zstd 3, pixels", "zstd 19, best", "events", "repeat", "repeat + zstd", "line",
                  "line + zstd"], lossless,
             ),
-            _table(["scene", "light", "the stream", *names], lossy),
-            _table(
+            table(["scene", "light", "the stream", *names], lossy),
+            table(["scene", "light", "the stream", *(f"{n} layers" for n in rungs)], layered),
+            table(
                 ["mean width", "Q", "floor", "ceiling", "zstd 19", "repeat", "line",
                  *(f"sent, {k}" for k in ks), "rate error, stream", "k3", "k3r", "k5", "k5r"],
                 steady,

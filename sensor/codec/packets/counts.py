@@ -9,8 +9,6 @@ gradient between the blocks on both sides.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -34,12 +32,20 @@ Sums = npt.NDArray[np.int32]
 
 def pyramid(counts: Sums) -> list[Sums]:
     """Sums of blocks of 1, 2, 4 and 8 pixels of (h, w) counts; those at the border are cut."""
-    levels: list[Any] = [counts]
+    levels = [counts]
     for _ in range(TOP):
-        below = levels[-1]
-        rows = np.add.reduceat(below, np.arange(0, below.shape[0], 2), axis=0)
-        levels.append(np.add.reduceat(rows, np.arange(0, below.shape[1], 2), axis=1))
+        levels.append(_paired(levels[-1]))
     return levels
+
+
+@njit(cache=True, nogil=True)
+def _paired(below):  # type: ignore[no-untyped-def]
+    """Sums of 2 x 2 blocks."""
+    sums = np.zeros(((below.shape[0] + 1) >> 1, (below.shape[1] + 1) >> 1), np.int32)
+    for y in range(below.shape[0]):
+        for x in range(below.shape[1]):
+            sums[y >> 1, x >> 1] += below[y, x]
+    return sums
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -125,7 +131,8 @@ def _part(sums, parts, y, x, step, level, height, width, cycles):  # type: ignor
     left, right = _extent(2 * x, level - 1, width), _extent(2 * x + 1, level - 1, width)
     block = np.int64(sums[y, x])
     if step == 0:
-        whole, one, other, damp, first = block, left * (upper + lower), right * (upper + lower), 4, 0
+        high = upper + lower
+        whole, one, other, damp, first = block, left * high, right * high, 4, 0
         before, after = _around(sums, y, x, 0, 1)
     else:
         wide = left if step == 1 else right
@@ -173,7 +180,8 @@ def put_parts(sums, parts, level, height, width, cycles, decisions, m):  # type:
 def get_parts(words, model, reader, sums, parts, level, height, width, cycles):  # type: ignore[no-untyped-def]
     """Fills in the sums one level below `level`; whether they can be.
 
-    parts: zeros at first. words, model: of the packet. reader: (3,) uint64, code, span and place of `open_bits`, changed.
+    parts: zeros at first. words, model: of the packet. reader: (3,) uint64, code, span and place of
+    `open_bits`, changed.
     """
     code, span, at = reader[0], reader[1], np.int64(reader[2])
     data, states = np.int64(words.ctypes.data), np.int64(model.ctypes.data)
@@ -204,6 +212,8 @@ def get_parts(words, model, reader, sums, parts, level, height, width, cycles): 
 
 def spread(sums: Sums, shape: tuple[int, int]) -> Sums:
     """Counts of (h, w) pixels that make up sums of blocks, as equal as whole numbers can be."""
+    if sums.shape == shape:
+        return sums
     level = 0
     while -(-shape[0] >> level) > sums.shape[0] or -(-shape[1] >> level) > sums.shape[1]:
         level += 1

@@ -44,8 +44,11 @@ class Decoded:
 
 
 class StreamDecoder:
-    """Decodes a stream from cycle `start` on, 0 or the first of a group. It takes any bytes, and never waits: what has not come by
-    the time that it is read counts as lost."""
+    """Decodes a stream from cycle `start` on, 0 or the first of a group.
+
+    It takes any bytes, and never waits: what has not come by the time that it is read counts as
+    lost.
+    """
 
     def __init__(self, code: StreamCode, shape: tuple[int, int], start: int = 0) -> None:
         self._code, self._tiles, self._maker = code, Tiles(shape, code.tile), code.make()
@@ -84,7 +87,8 @@ class StreamDecoder:
         ):
             self._counts["refused"] += 1
             return False
-        if packet.first < self._at or (packet.first == self._at // group * group and len(self._group)):
+        begun = packet.first == self._at // group * group and len(self._group) > 0
+        if packet.first < self._at or begun:
             self._counts["late"] += 1
             return False
         self._packets.setdefault(packet.first, {})[packet.tile, packet.layer] = packet

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.spikes.viform import Words, words_for
+from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.counts import (
     MOST_PART,
@@ -51,6 +51,7 @@ SUM_LAYERS: Final = ((), (3, 2), (1,))
 TIME_LAYERS: Final = ((8, 4), (3, 3), (2, 2), (1, 1), (0, 0))
 """Levels of times, from and to, in layers 3 to 7; no packet has 512 spikes before a 512th."""
 LAYERS = len(SUM_LAYERS) + len(TIME_LAYERS)
+Times = npt.NDArray[np.int16]
 
 
 class _Coder:
@@ -76,39 +77,14 @@ class Layered:
 
     def encode(self, words: Words, cycles: int) -> list[Layer]:
         """As `TileCode.encode`."""
-        _, height, width = words.shape
-        counts = np.bitwise_count(words).sum(axis=0, dtype=np.int32)
-        layers = self._sums(counts, cycles)
-        if self.layers > len(SUM_LAYERS):
-            layers += self._times(words, counts, cycles)
-        return layers[: self.layers]
-
-    def _sums(self, counts: Sums, cycles: int) -> list[Layer]:
-        height, width = counts.shape
-        levels = pyramid(counts)
-        coder = _Coder(MOST_PART * (counts.size + 64), SUM_CONTEXTS)
-        n = put_blocks(levels[TOP], height, width, cycles, coder.decisions)
-        layers = [Layer(coder.code(n), 0, 0.0)]
-        for splits in SUM_LAYERS[1:]:
-            n, gain = 0, 0
-            for level in splits:
-                n, more = put_parts(
-                    levels[level], levels[level - 1], level, height, width, cycles, coder.decisions, n
-                )
-                gain += more
-            layers.append(Layer(coder.code(n), 0, gain / SCALE * WINDOW**2 / cycles))
-        return layers
-
-    def _times(self, words: Words, counts: Sums, cycles: int) -> list[Layer]:
-        total = int(counts.sum())
-        times, starts = np.empty(total + 1, np.int16), np.empty(counts.size + 1, np.int32)
+        n, height, width = words.shape
+        times = np.empty(WORD * n * height * width, np.int16)
+        starts = np.empty(height * width + 1, np.int32)
         find_spikes(words, times, starts)
-        coder = _Coder(MOST_DECISIONS * (total // 2 + counts.size), TIME_CONTEXTS)  # half at most
-        layers = []
-        for high, low in TIME_LAYERS:
-            n, spikes, gain = put_times(times, starts, high, low, cycles, coder.decisions)
-            layers.append(Layer(coder.code(n), spikes, gain / SCALE))
-        return layers
+        layers = _sums(np.diff(starts).reshape(height, width), cycles)
+        if self.layers > len(SUM_LAYERS):
+            layers += _times(times, starts, cycles)
+        return layers[: self.layers]
 
     def decode(self, layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Words:
         """As `TileCode.decode`."""
@@ -126,6 +102,35 @@ class Layered:
             fill_times(times, starts, low, cycles)
         draw_spikes(times, starts, words)
         return words
+
+
+def _sums(counts: Sums, cycles: int) -> list[Layer]:
+    """Layers 0 to 2 from the spikes of each pixel, (h, w)."""
+    height, width = counts.shape
+    levels = pyramid(counts)
+    coder = _Coder(MOST_PART * (counts.size + 64), SUM_CONTEXTS)
+    n = put_blocks(levels[TOP], height, width, cycles, coder.decisions)
+    layers = [Layer(coder.code(n), 0, 0.0)]
+    for splits in SUM_LAYERS[1:]:
+        n, gain = 0, 0
+        for level in splits:
+            n, more = put_parts(
+                levels[level], levels[level - 1], level, height, width, cycles, coder.decisions, n
+            )
+            gain += more
+        layers.append(Layer(coder.code(n), 0, gain / SCALE * WINDOW**2 / cycles))
+    return layers
+
+
+def _times(times: Times, starts: Sums, cycles: int) -> list[Layer]:
+    """Layers 3 to 7 from spikes as `find_spikes` lists them."""
+    most = int(starts[-1]) // 2 + len(starts)  # half of them in one layer, and one of each pixel
+    coder = _Coder(MOST_DECISIONS * most, TIME_CONTEXTS)
+    layers = []
+    for high, low in TIME_LAYERS:
+        n, spikes, gain = put_times(times, starts, high, low, cycles, coder.decisions)
+        layers.append(Layer(coder.code(n), spikes, gain / SCALE))
+    return layers
 
 
 def _read_sums(layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Sums:

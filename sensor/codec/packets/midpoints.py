@@ -37,8 +37,8 @@ MOST_DECISIONS = 24
 def _classes() -> npt.NDArray[np.int64]:
     """Class of the mean interval: two for each octave."""
     mean = np.arange(1, _MOST + 2)
-    octave = np.floor(np.log2(mean)).astype(int)
-    return (2 * octave + (mean >= 1.5 * 2.0**octave)).clip(0, _SIZES - 1)
+    octave = np.array([int(n).bit_length() - 1 for n in mean])
+    return (2 * octave + (2 * mean >= 3 << octave)).clip(0, _SIZES - 1)
 
 
 def _weights() -> npt.NDArray[np.int64]:
@@ -177,7 +177,7 @@ def put_times(times, starts, high, low, cycles, decisions):  # type: ignore[no-u
                         m = put_number(out, m, kind, d)
                         gain += (d * d << 2 * k) * _WEIGHT[whole]
                     i += 2 * h
-            spikes += (n + h) >> (k + 1)
+            spikes += int((n + h) >> (k + 1))
     return m, spikes, gain
 
 

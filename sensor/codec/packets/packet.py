@@ -1,7 +1,7 @@
 """A packet: one layer of one tile during a group of cycles. Numbers are little-endian.
 
-    code (1 byte: its place in the catalogue), layer (1), cycles (2), tile (4), first cycle / 32 (4),
-    CRC-32C of these twelve bytes and the data (4), data
+    code (1 byte: its place in the catalogue), layer (1), cycles (2), tile (4), first cycle / 32
+    (4), CRC-32C of these twelve bytes and the data (4), data
 
 Tiles are counted in raster order. The length of the data is the carrier's business. A packet that
 is lost takes its layer, and the finer ones, of its tile in its cycles, and nothing else.
@@ -58,12 +58,11 @@ class Packet:
     def to_bytes(self) -> bytes:
         """The packet as it is sent. Raises ValueError for numbers beyond its fields."""
         try:
-            head = _HEAD.pack(
-                self.code, self.layer, self.cycles, self.tile, self.first // WORD
-            )
+            head = _HEAD.pack(self.code, self.layer, self.cycles, self.tile, self.first // WORD)
         except struct.error as exc:
             raise ValueError(f"a packet must start below cycle 2^37: {exc}") from exc
-        return head + _CRC.pack(fastcrc.crc32.iscsi(self.data, fastcrc.crc32.iscsi(head))) + self.data
+        crc = fastcrc.crc32.iscsi(self.data, fastcrc.crc32.iscsi(head))
+        return head + _CRC.pack(crc) + self.data
 
     @classmethod
     def of(cls, data: bytes) -> Packet:

@@ -22,6 +22,8 @@ from sensor.codec.packets.packet import Packet
 __all__ = ["RateControl"]
 
 MOST_LAYERS = 8
+SPREAD = 4
+"""A group takes one in SPREAD of the bits that are free, so that groups are equally good."""
 COUNTERS = ("offered_bytes", "sent_bytes", "offered_spikes", "dropped_spikes", "dropped_packets",
             "dropped_tiles")  # fmt: skip
 
@@ -62,8 +64,9 @@ class RateControl:
             tiles[packet.tile].append(packet)
         depth = self._bases(tiles)
         cycles = max((p.cycles for p in packets), default=0)
-        room = int(self.budget * cycles) + 4 * self.buffer.limit - 8 * self.buffer.size
-        self._refine(tiles, depth, room)
+        spare = 4 * self.buffer.limit - 8 * self.buffer.size
+        spare = spare // SPREAD if spare > 0 else spare
+        self._refine(tiles, depth, int(self.budget * cycles) + spare)
         self._groups += 1
         left_out = []
         for layer in range(MOST_LAYERS):
@@ -82,7 +85,7 @@ class RateControl:
         return left_out
 
     def _bases(self, tiles: dict[int, list[Packet]]) -> dict[int, int]:
-        """Tile -> 1, of those whose layer 0 the buffer holds, from another tile on in each group."""
+        """Tile -> 1, if the buffer holds its layer 0, beginning at another tile in each group."""
         names = sorted(tiles)
         turn = self._groups * (len(names) // 3 + 1) % max(len(names), 1)
         free, depth = self.buffer.free, {}

@@ -47,7 +47,8 @@ class CodeSection(Section):
         for kind, keys in (("statistical", ("k", "refine")), ("layered", ("layers",))):
             given = [key for key in keys if key in self.model_fields_set]
             if given and self.kind != kind:
-                raise ValueError(f"{given[0]} must be given with kind = {kind!r}, not {self.kind!r}")
+                other = f"kind = {kind!r}, not {self.kind!r}"
+                raise ValueError(f"{given[0]} must be given with {other}")
         if self.refine == 1:
             raise ValueError("refine must be 0, or 2 to 255, not 1")
         return self

@@ -208,6 +208,9 @@ def test_the_bench_tells_still_from_moving_and_agrees_with_the_closed_forms(docu
     for row in rows.values():
         assert row["psnr"]["stream"]["tfp"] > 20
         assert row["statistical"]["k5"] <= row["statistical"]["k1"]
+        assert sorted(row["layered"].values()) == list(row["layered"].values())
+        assert row["psnr"]["8"] == row["psnr"]["stream"]  # all layers: every bit
+        assert row["psnr"]["3"]["tfp"] > row["psnr"]["k3"]["tfp"]
     (steady,) = document["steady"]
     assert steady["floor"] < min(steady["zstd"], steady["repeat"], steady["line"])
     for k in ("k1", "k2", "k3"):
@@ -215,7 +218,7 @@ def test_the_bench_tells_still_from_moving_and_agrees_with_the_closed_forms(docu
     assert steady["level_error"]["stream"] < steady["level_error"]["k5r"]
     assert steady["level_error"]["k5r"] < steady["level_error"]["k5"] / 2
     text = markdown(document)
-    assert text.count("| step | ") == text.count("| pan | ") == 4
+    assert text.count("| step | ") == text.count("| pan | ") == 6
     draw(document, tmp_path / ".a.png.part")
     assert (tmp_path / ".a.png.part").read_bytes().startswith(b"\x89PNG")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -68,7 +70,7 @@ def test_each_layer_takes_error_away():
         gone = unpack_planes(left, 0, 256).cumsum(axis=0).astype(int) - truth
         errors.append(float(np.mean((gone[41:] - gone[:-41]) ** 2)))
     assert errors[-1] == 0
-    assert all(fine < 0.97 * coarse for coarse, fine in zip(errors, errors[1:], strict=False))
+    assert all(fine < 0.97 * coarse for coarse, fine in itertools.pairwise(errors))
 
 
 def test_the_gain_is_the_error_of_counts_that_a_layer_takes_away():

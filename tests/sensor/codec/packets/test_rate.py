@@ -86,7 +86,7 @@ def test_the_midpoints_of_steady_trains_go_first():
 
     control = RateControl(8 * 100 * 5 / 128, 100)
     control.buffer.limit = 500
-    control.budget = (8 * 500 - 4 * 500) / 128 + 0.1
+    control.budget = (8 * 500 - 4 * 500 / 4) / 128 + 0.1
     left_out = control.offer(tile(0, 1.0) + tile(1, 5.0), 128)
     assert {(p.tile, p.layer) for p in left_out} == {(0, 1), (0, 2), (0, 3)}
 

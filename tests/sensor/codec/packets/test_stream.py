@@ -45,7 +45,8 @@ def packets_of(code, words, cut=1, cycles=CYCLES, through_state=False):
 
 def fed(code, packets):
     decoder = StreamDecoder(code, SHAPE)
-    assert all([decoder.take(packet.to_bytes()) for packet in packets])
+    taken = [decoder.take(packet.to_bytes()) for packet in packets]
+    assert all(taken)
     return decoder
 
 
