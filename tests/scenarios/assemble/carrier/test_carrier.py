@@ -1,4 +1,4 @@
-"""A camera's stream over a link to a display: the same bits, in any order of work, and its limits."""
+"""A camera's stream over a link to a display: the same bits in any order of work; its limits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from scenarios.assemble.carrier.carrier import RECEIVED
 from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
-
 
 
 class Quiet:
