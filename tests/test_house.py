@@ -45,7 +45,7 @@ ROOMS = {
     ),
     "display": (
         "drives", "panels", "observe", "effects quality references render", "probes setting window",
-        "section trial", "chain stability",
+        "section trial", "camera", "chain stability",
     ),
     "rtl_model": (
         "geometry prbs", "registers", "cycle readout", "verilated", "imagers lockstep synthesis",
