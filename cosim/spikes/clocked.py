@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.spikes.events import Events, mark_planes
 from cosim.spikes.viform import WORD, Viform, Words, words_for
-from cosim.stage import Block
+from cosim.stage import Block, State
 
 __all__ = [
     "Change", "Changes", "ClockedEvents", "HeldPlanes", "Reported", "latching_cycles", "tick_ends",
@@ -80,6 +80,14 @@ class ClockedEvents:
         self.spikes += latched
         self.lost += int(stop - first) - latched
         return Viform(words, block.cycles, self._clock, block.start)
+
+    def state(self) -> State:
+        """The counts: nothing else depends on earlier blocks."""
+        return {"counts": np.array([self.spikes, self.lost], np.int64)}
+
+    def restore(self, state: State) -> None:
+        """Restores a `state`."""
+        self.spikes, self.lost = (int(n) for n in state["counts"])
 
 
 class Change(NamedTuple):
@@ -182,10 +190,8 @@ class Reported:
         first, last = np.searchsorted(self._cycle, [start, stop])
         cycles = self._cycle[first:last]
         places = np.flatnonzero(np.diff(cycles, prepend=-1)) + first
-        ends = np.append(places, last)
-        return [
-            self._newest(slice(a, b)) for a, b in zip(places.tolist(), ends[1:].tolist(), strict=True)
-        ]  # fmt: skip
+        ends = [*places[1:].tolist(), last]
+        return [self._newest(slice(a, b)) for a, b in zip(places.tolist(), ends, strict=True)]
 
     def _newest(self, span: slice) -> Change:
         pixel, value = self._pixel[span], self._value[span]

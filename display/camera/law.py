@@ -1,8 +1,8 @@
 """Banding of a rolling shutter: measured from a picture, and in closed form for pulses.
 
 Rows begin one after another, so a row sees the light at its own phase. With pulses of the period P
-that last d P, an exposure T = (m + u) P collects m d P and the overlap of a pulse with a window u P.
-Over the rows this overlap is a trapezoid. Each harmonic k of the light is weakened by
+that last d P, an exposure T = (m + u) P collects m d P, and the overlap of a pulse with a window
+u P. Over the rows this overlap is a trapezoid. Each harmonic k of the light is weakened by
 |sinc(k T / P)|; whole periods leave no bands.
 """
 

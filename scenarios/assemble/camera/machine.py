@@ -18,13 +18,13 @@ from cosim.run.inputs import digest
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
+from display.camera.stage import PanelCamera
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
 from scenarios.assemble.camera.dim import dim_light, dim_metrics, reading_camera
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.display import display_page
-from scenarios.assemble.camera.pages.display_tables import display_lines
 from scenarios.assemble.camera.pages.stream import stream_page
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
@@ -33,6 +33,9 @@ from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.show.filmed import filmed_metrics, write_frames
+from scenarios.assemble.show.playing import make_camera
+from scenarios.assemble.show.tables import display_lines
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
 from sensor.latched.reading import ReadingCamera
@@ -87,6 +90,7 @@ class LatchedMachine:
         verifier: stage that checks the plan during the recording; None if a board generates the
             spikes.
         display: the display, None without one.
+        filmer: the camera that films the display, None without one.
         advice: notes for the user before the run, without those of the scene.
         boards: open boards of the run.
         opened: stack that closes the boards and the display.
@@ -100,6 +104,7 @@ class LatchedMachine:
     camera: SpikeCamera | ReadingCamera | BoardCamera
     verifier: Verifier | None
     display: DisplayChain | None
+    filmer: PanelCamera | None
     advice: list[str]
     boards: Boards
     opened: ExitStack
@@ -140,13 +145,15 @@ class LatchedMachine:
         setup = self.setup
         plan = setup.plan_keeping(self.scenario.tolerance, effects)
         camera, verifier = _planned(plan, setup, self.boards)
-        display = self.display
+        display, filmer = self.display, None
         if display is not None and plan.display is not None:
             display.close()
             display = make_display_chain(
                 display.section, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
                 setup.instants, plan.display, display.pursuit, display.points,
             )  # fmt: skip
+            filmer = make_camera(self.scenario.camera, display, setup.shape, setup.cycles,
+                                 self.scenario.seed)  # fmt: skip
         return replace(
             self,
             plan=plan,
@@ -154,6 +161,7 @@ class LatchedMachine:
             verifier=verifier,
             source=setup.source(),
             display=display,
+            filmer=filmer,
         )
 
     def chain(self, folder: Path) -> BlockChain:
@@ -169,6 +177,8 @@ class LatchedMachine:
         }
         if self.display is not None:
             stages = self.display.stages(stages)
+        if self.filmer is not None:
+            stages["film"] = self.filmer
         height, width = self.camera.shape
         return BlockChain(
             f"{self.name}: {setup.cycles} cycles of {width} x {height}", stages, setup.cycles,
@@ -277,8 +287,12 @@ class LatchedMachine:
         assert section is not None
         panel = None if section.colour is None else self.setup.mosaic
         files = write_observer_images(recording.folder, outcome, panel)
+        filmed = {}
+        if self.filmer is not None:
+            files += write_frames(recording.folder, self.filmer)
+            filmed = filmed_metrics(self.filmer)
         rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
-        metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
+        metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")} | filmed
         seconds["images"] += time.perf_counter() - begin
         return _Images([], None, outcome, metrics, outcome.latency(), files)
 
@@ -288,7 +302,7 @@ class LatchedMachine:
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
             self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
-            images.display, setup.mosaic,
+            images.display, setup.mosaic, self.filmer,
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:
@@ -311,7 +325,7 @@ def assemble_latched(
         source = setup.source()
         plan = setup.plan(scenario.tolerance)
         notes = list(setup.choice.notes)
-        display = None
+        display = filmer = None
         if plan.display is not None and setup.scenario.display is not None:
             display = make_display_chain(
                 setup.scenario.display, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
@@ -319,10 +333,13 @@ def assemble_latched(
             )  # fmt: skip
             stack.callback(display.close)
             notes += display.notes
+            filmer = make_camera(
+                scenario.camera, display, setup.shape, setup.cycles, scenario.seed
+            )
         camera, verifier = _planned(plan, setup, boards)
         notes += boards.notes(camera)
         return LatchedMachine(
-            name, scenario, setup, source, plan, camera, verifier, display, notes, boards,
+            name, scenario, setup, source, plan, camera, verifier, display, filmer, notes, boards,
             stack.pop_all(),
         )  # fmt: skip
 
