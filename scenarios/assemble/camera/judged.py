@@ -11,10 +11,10 @@ from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
 from cosim.run.machine import Finding, Run
 from cosim.run.result import Result
-from display.camera.stage import PanelCamera
 from display.chain.outcome import DisplayOutcome
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.show.filmer import Filmer
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
 from sensor.reconstruct.shots import Shot
@@ -52,7 +52,7 @@ class LatchedRun:
     sizes: Sizes | None
     display: DisplayOutcome | None
     mosaic: Mosaic | None = None
-    filmer: PanelCamera | None = None
+    filmer: Filmer | None = None
 
     @property
     def folder(self) -> Path:

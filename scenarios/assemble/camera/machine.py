@@ -18,7 +18,6 @@ from cosim.run.inputs import digest
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
-from display.camera.stage import PanelCamera
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
@@ -33,7 +32,7 @@ from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.show.filmed import filmed_metrics, write_frames
+from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.playing import make_camera
 from scenarios.assemble.show.tables import display_lines
 from sensor import SpikeCamera
@@ -104,7 +103,7 @@ class LatchedMachine:
     camera: SpikeCamera | ReadingCamera | BoardCamera
     verifier: Verifier | None
     display: DisplayChain | None
-    filmer: PanelCamera | None
+    filmer: Filmer | None
     advice: list[str]
     boards: Boards
     opened: ExitStack
@@ -153,7 +152,7 @@ class LatchedMachine:
                 setup.instants, plan.display, display.pursuit, display.points,
             )  # fmt: skip
             filmer = make_camera(self.scenario.camera, display, setup.shape, setup.cycles,
-                                 self.scenario.seed)  # fmt: skip
+                                 self.scenario.seed, setup.device)  # fmt: skip
         return replace(
             self,
             plan=plan,
@@ -178,7 +177,7 @@ class LatchedMachine:
         if self.display is not None:
             stages = self.display.stages(stages)
         if self.filmer is not None:
-            stages["film"] = self.filmer
+            stages |= self.filmer.stages(folder)
         height, width = self.camera.shape
         return BlockChain(
             f"{self.name}: {setup.cycles} cycles of {width} x {height}", stages, setup.cycles,
@@ -289,8 +288,9 @@ class LatchedMachine:
         files = write_observer_images(recording.folder, outcome, panel)
         filmed = {}
         if self.filmer is not None:
-            files += write_frames(recording.folder, self.filmer)
-            filmed = filmed_metrics(self.filmer)
+            at = [self.setup.setting.clock.middle(n) for n in self.setup.instants]
+            files += self.filmer.write(recording.folder, at)
+            filmed = self.filmer.metrics()
         rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
         metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")} | filmed
         seconds["images"] += time.perf_counter() - begin
@@ -334,7 +334,7 @@ def assemble_latched(
             stack.callback(display.close)
             notes += display.notes
             filmer = make_camera(
-                scenario.camera, display, setup.shape, setup.cycles, scenario.seed
+                scenario.camera, display, setup.shape, setup.cycles, scenario.seed, setup.device
             )
         camera, verifier = _planned(plan, setup, boards)
         notes += boards.notes(camera)

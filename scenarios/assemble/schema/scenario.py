@@ -9,12 +9,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, create_model
 
 from cosim.config.quantity import Duration, Section
-from display.camera.section import FramesSection
 from display.section import DisplaySection
 from link.section import LinkScenario
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.interface.section import ImagerLens, ImagerSection
+from scenarios.assemble.schema.filming import CameraSection
 from scenarios.scenes.catalogue import SceneSection
 from sensor.sections.recorded import RecordedSection
 from sensor.sections.sensor import SensorSection
@@ -75,7 +75,7 @@ class Scenario(Section):
     scene: SceneSection
     sensor: SensorSection
     display: DisplaySection | None = _DISPLAY
-    camera: FramesSection | None = _CAMERA
+    camera: CameraSection | None = _CAMERA
     image: ImageSection = ImageSection()
 
 
@@ -91,7 +91,7 @@ class RecordingScenario(Section):
     )
     sensor: RecordedSection
     display: DisplaySection | None = _DISPLAY
-    camera: FramesSection | None = _CAMERA
+    camera: CameraSection | None = _CAMERA
     image: ImageSection = ImageSection()
 
 
@@ -112,7 +112,7 @@ class ImagerScenario(Section):
         default=None,
         description="the display that shows the frames, as spikes; none by default",
     )
-    camera: FramesSection | None = _CAMERA
+    camera: CameraSection | None = _CAMERA
     image: ImageSection | None = Field(
         default=None, description="the instants at which the display is seen"
     )

@@ -15,7 +15,6 @@ from cosim.run.result import Metric, Throughput
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from display.probes.camera import ProbeCamera
 from scenarios.assemble.show.feeds import Feed
-from scenarios.assemble.show.filmed import filmed_metrics, write_frames
 from scenarios.assemble.show.playing import SHOWN, Playing
 from scenarios.assemble.show.sections import display_cards, display_sections
 from scenarios.assemble.show.shown import Shown
@@ -117,8 +116,9 @@ class ShownMachine:
         files = write_observer_images(recording.folder, outcome)
         filmed = {}
         if playing.camera is not None:
-            files += write_frames(recording.folder, playing.camera)
-            filmed = filmed_metrics(playing.camera)
+            at = [playing.clock.middle(n) for n in playing.instants]
+            files += playing.camera.write(recording.folder, at)
+            filmed = playing.camera.metrics()
         seconds["images of the display"] = time.perf_counter() - begin
         stage = playing.chain.panel_stage
         effects = playing.chain.setting.acting_effects

@@ -8,20 +8,24 @@ from pathlib import Path
 from typing import Any, Final
 
 from cosim import Clock, run_blocks
+from cosim.compute.opencl import Device
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
 from cosim.run.chain import STREAM
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.progress import Progress
 from display.camera.rolling import make_shutter
-from display.camera.section import FramesSection
 from display.camera.stage import PanelCamera
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.pursuit import Pursuit, pursuit_of
 from display.panels.fit import fit_words
 from display.section import DisplaySection
 from scenarios.assemble.camera.stages import SceneStage
+from scenarios.assemble.schema.filming import CameraSection, SpikesSection
 from scenarios.assemble.show.feeds import Feed, Planes
+from scenarios.assemble.show.filmed import FramesFilmer
+from scenarios.assemble.show.filmer import Filmer
+from scenarios.assemble.show.spike_camera import make_spikes_filmer
 
 __all__ = ["SHOWN", "Playing", "make_camera", "make_playing"]
 
@@ -43,7 +47,7 @@ class Playing:
 
     chain: DisplayChain
     source: Source | None
-    camera: PanelCamera | None
+    camera: Filmer | None
     clock: Clock
     cycles: int
     shape: tuple[int, int]
@@ -74,7 +78,7 @@ class Playing:
             stages["planes to disk"] = Recorder(place, self.shape, self.cycles, self.clock)
         stages = self.chain.stages(stages)
         if self.camera is not None:
-            stages["film"] = self.camera
+            stages |= self.camera.stages(folder)
         with room_for("the planes of the display", folder):
             spent = run_blocks(
                 stages, self.cycles, progress=progress.advance, remedy=how_to_resume(folder)
@@ -86,7 +90,7 @@ class Playing:
 
 def make_playing(
     section: DisplaySection,
-    camera: FramesSection | None,
+    camera: CameraSection | None,
     feed: Feed,
     instants: Sequence[int],
     seed: int,
@@ -134,12 +138,13 @@ def make_playing(
 
 
 def make_camera(
-    section: FramesSection | None,
+    section: CameraSection | None,
     display: DisplayChain,
     stream: tuple[int, int],
     cycles: int,
     seed: int,
-) -> PanelCamera | None:
+    device: Device | None = None,
+) -> Filmer | None:
     """The camera that films a display; None without a section.
 
     Args:
@@ -148,6 +153,7 @@ def make_camera(
         stream: (height, width) of the stream.
         cycles: length of the run, cycles.
         seed: seed of the noise.
+        device: OpenCL device of a spike camera, None for numba; the bits are the same.
 
     Raises:
         InputError: the camera does not fit the panel or the run.
@@ -156,4 +162,7 @@ def make_camera(
         return None
     panel = display.panel
     mapping = None if panel.shape == stream else fit_words(display.section.fit, stream, panel.shape)
-    return PanelCamera(section, make_shutter(section, panel, cycles), seed, mapping)
+    if isinstance(section, SpikesSection):
+        return make_spikes_filmer(section, panel, cycles, seed, device, mapping)
+    shutter = make_shutter(section, panel, cycles)
+    return FramesFilmer(PanelCamera(section, shutter, seed, mapping))

@@ -22,7 +22,6 @@ from display.chain.clip import RATE, chosen_tiles, write_display_clip
 from display.chain.outcome import SPIKE, TRUTH, DisplayOutcome
 from display.panels.panel import metric_key
 from scenarios.assemble.show.figures import latency_figure, wave_figure
-from scenarios.assemble.show.filmed import filmed_cards, filmed_section
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import band_tables, display_table, light_table
 
@@ -96,7 +95,7 @@ def display_cards(shown: Shown) -> list[tuple[str, str, str]]:
              "image of the still eye against that of the true light"
              + beside("psnr", ".1f", " dB"))
         )  # fmt: skip
-    return [*rows, *([] if shown.camera is None else filmed_cards(shown))]
+    return [*rows, *([] if shown.camera is None else shown.camera.cards())]
 
 
 def _views(shown: Shown, observer: str) -> str:
@@ -245,8 +244,8 @@ def display_sections(shown: Shown) -> tuple[list[str], list[str]]:
         coding = pool.submit(_write_clip, shown)
         _overview(shown)
         if shown.camera is not None:
-            body.append(filmed_section(shown))
-            files.append("figures/bands.png")
+            body.append(shown.camera.section(shown))
+            files += shown.camera.figures
         body += [_views(shown, observer) for observer in outcome.chain.observers]
         if outcome.fidelity:
             body += [_bands(outcome), _waves(shown)]

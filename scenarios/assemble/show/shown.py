@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from cosim import Clock, SpikeStream
 from cosim.run.machine import Run
-from display.camera.stage import PanelCamera
 from display.chain.outcome import DisplayOutcome
+from scenarios.assemble.show.filmer import Filmer
 
 __all__ = ["Shown"]
 
@@ -31,5 +31,5 @@ class Shown:
     clock: Clock
     instants: list[int]
     stream: SpikeStream
-    camera: PanelCamera | None = None
+    camera: Filmer | None = None
     overview: str = "overview.png"

@@ -56,16 +56,21 @@ SOURCES = {
 }
 DISPLAY = {"beside": ["1000 Hz"], "projector": "none", "renderer": "numpy"}
 FILM = {"kind": "frames", "frame_rate": "1 kHz", "exposure": "300 us", "readout": "400 us"}
+SPIKES = {"kind": "spikes", "sensor": {"threshold": "1000 e", "clock": "20 kHz"}}
 SINKS = {
     "none": {},
     "display": {"display": DISPLAY},
     "display, camera": {"display": DISPLAY, "camera": FILM},
+    "display, spikes": {"display": DISPLAY, "camera": SPIKES},
     "camera": {"camera": FILM},
     "board": {"display": {"sink": "serial:virtual"}},
     "board, camera": {"display": {"sink": "serial:virtual"}, "camera": FILM},
 }
 SLOW = {"latched", "board", "emccd", "ebaps"}
 """Sources of many pixels, of many cycles, or with probes that take their time."""
+
+SLOWER = {"adaptive-exposure", "hardware-chain"}
+"""Sources whose plan takes seconds: the display alone is in the ordinary suite."""
 
 ALONE = (
     "camera must be absent without a [display], not given alone; add a [display], which it films, "
@@ -90,7 +95,7 @@ REFUSED = {
     **{(source, "board, camera"): UNLIT for source in SOURCES},
     **{
         ("bring-up", sink): BRING_UP.format("display")
-        for sink in ("display", "display, camera", "board", "board, camera")
+        for sink in SINKS if "display" in SINKS[sink]
     },
     ("bring-up", "camera"): BRING_UP.format("camera"),
 }
@@ -109,7 +114,8 @@ def cases():
         for sink in SINKS:
             if (source, sink) in ELSEWHERE:
                 continue
-            slow = source in SLOW and (source, sink) not in REFUSED
+            slow = source in SLOW or (source in SLOWER and sink != "display")
+            slow = slow and (source, sink) not in REFUSED
             marks = [pytest.mark.slow] if slow else []
             yield pytest.param(source, sink, marks=marks, id=f"{source} - {sink}")
 
@@ -159,4 +165,5 @@ def test_a_source_before_a_sink(source, sink, tmp_path):
         return
     assert named["total_light"] is None or 0 <= named["total_light"] < 1.5
     assert (named["psnr_spike"] is None) == (source == "file")
-    assert (named.get("camera_frames", 0) >= 1) == ("camera" in SINKS[sink])
+    assert (named.get("camera_frames", 0) >= 1) == (SINKS[sink].get("camera") is FILM)
+    assert ("camera_spike_rate" in named) == (SINKS[sink].get("camera") is SPIKES)

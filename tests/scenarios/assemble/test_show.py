@@ -12,6 +12,7 @@ from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from display.probes import metrics
 from rtl_model.imagers.catalogue import IMAGERS
+from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.show import assembling
 from scenarios.assemble.show.feeds import held_events, held_reports, only_full
@@ -197,6 +198,68 @@ def test_a_recording_is_shown_as_it_is_and_has_no_truth(tmp_path):
     files = {str(p.relative_to(tmp_path / "run")) for p in (tmp_path / "run").rglob("*.*")
              if p.is_file() and "stream.zarr" not in str(p)}  # fmt: skip
     assert files == set(done.result.files) - {"stream.zarr"}
+
+
+def filmed(folder, planes, **sensor):
+    """A recording on a panel of the impulse drive, filmed by a spike camera; white is 0.5 spikes a
+    cycle on the panel."""
+    write_stream(Viform.from_planes(planes, CLOCK), folder / "a.npz")
+    chip = {"threshold": "1000 e", "clock": "20 kHz", "lens": {"white_rate": 0.8}} | sensor
+    return {
+        "title": "a", "sensor": {"source": f"file:{folder / 'a.npz'}", "white_rate": 0.5},
+        "display": PANEL | {"drive": "impulse"}, "camera": {"kind": "spikes", "sensor": chip},
+    }  # fmt: skip
+
+
+def test_a_spike_camera_sees_the_light_of_the_panel(tmp_path):
+    """Columns of the panel are white, half white and dark: 0.8, 0.4 and no spikes a cycle. Light
+    begins at the end of plane 0, and a row is later by its place in the scan."""
+    planes = np.zeros((400, 6, 30), bool)
+    planes[::2, :, :10], planes[::4, :, 10:20] = True, True
+    done = run(filmed(tmp_path, planes), tmp_path / "run", report=write_report)
+    stream = open_stream(tmp_path / "run/camera.zarr")
+    assert stream.shape == (6, 30) and stream.cycles == 200 and stream.clock.hz == 20e3
+    seen = Viform(stream.read_words(0, 7), 200, stream.clock).planes()
+    for columns, rate in ((slice(10), 0.8), (slice(10, 20), 0.4), (slice(20, 30), 0.0)):
+        counts = seen[:, :, columns].sum(axis=0)
+        # A Poisson threshold of 1000 e: the deviation of n spikes is sqrt(n / 1000).
+        assert abs(counts.mean() - rate * 199.5) < 1 + 5 * np.sqrt(rate * 199 / 1000 / 60)
+    assert value(done, "camera_white_rate") == 0.8
+    page = (tmp_path / "run/report.html").read_text(encoding="utf-8")
+    assert "What a spike camera sees of the display" in page
+    assert {"camera.zarr", "images/filmed-00040.png"} <= set(done.result.files)
+
+
+def test_a_spike_camera_goes_on_from_its_checkpoint(tmp_path):
+    planes = np.random.default_rng(7).random((320, 6, 8)) < 0.3
+    data = validate(filmed(tmp_path, planes))
+    machine = assemble("a", data, Options(), SilentProgress())
+    filmer = machine.playing.camera
+    stream = Viform.from_planes(planes, CLOCK)
+    for name, size in (("one", 320), ("two", 64)):
+        (stage,) = filmer.stages(tmp_path / name).values()
+        for first in range(0, 320, size):
+            stage.step(
+                Viform(stream.words[first // 32 : (first + size) // 32], size, CLOCK, first),
+                Block(first, size),
+            )  # fmt: skip
+            (after,) = filmer.stages(tmp_path / name).values()
+            after.restore({key: each.copy() for key, each in stage.state().items()})
+            stage = after
+    machine.close()
+    one, two = (open_stream(tmp_path / n / "camera.zarr") for n in ("one", "two"))
+    assert one.cycles == two.cycles == 160
+    np.testing.assert_array_equal(one.read_words(0, 5), two.read_words(0, 5))
+
+
+def test_only_a_latched_chip_films_the_display(tmp_path):
+    data = filmed(tmp_path, np.zeros((64, 2, 2), bool), readout="continuous")
+    with pytest.raises(InputError) as caught:
+        run(data, tmp_path / "run")
+    assert str(caught.value) == (
+        "camera.sensor.readout must be synchronous, not continuous; leave it out: a latched, "
+        "simulated chip films the display"
+    )
 
 
 @pytest.mark.slow
