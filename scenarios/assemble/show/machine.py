@@ -165,7 +165,7 @@ class ShownMachine:
             subtitle=told,
             cards=cards(display_cards(shown)) + page.cards,
             sections=[*body, *page.sections],
-            files=[*page.files, *files],
+            files=list(dict.fromkeys([*page.files, *files])),
         )
 
     def close(self) -> None:

@@ -227,7 +227,7 @@ def test_a_spike_camera_sees_the_light_of_the_panel(tmp_path):
     assert value(done, "camera_white_rate") == 0.8
     page = (tmp_path / "run/report.html").read_text(encoding="utf-8")
     assert "What a spike camera sees of the display" in page
-    assert {"camera.zarr", "images/filmed-00040.png"} <= set(done.result.files)
+    assert {"camera.zarr", "images/filmed-00020.png"} <= set(done.result.files)
 
 
 def test_a_spike_camera_goes_on_from_its_checkpoint(tmp_path):
