@@ -69,6 +69,8 @@ SINKS = {
 SLOW = {"latched", "board", "emccd", "ebaps"}
 """Sources of many pixels, of many cycles, or with probes that take their time."""
 
+LARGE = {"latched", "emccd"}
+"""Sources of whole chips: the golden renderer would take minutes."""
 SLOWER = {"adaptive-exposure", "hardware-chain"}
 """Sources whose plan takes seconds: the display alone is in the ordinary suite."""
 
@@ -122,6 +124,8 @@ def cases():
 
 def data_of(source, sink):
     data = {"title": f"{source}, {sink}"} | SOURCES[source] | SINKS[sink]
+    if source in LARGE and "sink" not in data.get("display", {"sink": ""}):
+        data["display"] = data["display"] | {"renderer": "gl"}
     if "board" not in data and ("imager" not in data or "display" in data):
         data["image"] = {"at": [40, 60]}
     return data
