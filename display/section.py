@@ -23,6 +23,7 @@ OBSERVERS = ("eye", "pursuit", "camera")
 Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
 FrameRate = Annotated[float, Quantity("frequency", least=1, most=20e3)]
 PlaneRate = Annotated[float, Quantity("frequency", least=100, most=100e3, none=True)]
+PlaneClock = Annotated[float, Quantity("frequency", least=100, most=1e6)]
 Size = Annotated[int, Field(ge=1, le=8192)]
 
 
@@ -33,6 +34,12 @@ class DisplaySection(Section):
         default=None,
         description="serial:PORT or serial:PORT,BAUD: a board displays the planes, and no light "
         "is rendered; PORT as in sensor.source",
+    )
+    clock: PlaneClock | None = Field(
+        default=None,
+        examples=["40 kHz"],
+        description="planes a second for the frames of an [imager], by default 40 kHz; a stream "
+        "has a clock of its own",
     )
     drive: Annotated[str, Choice(DRIVES)] = Field(
         default="causal", description="rule by which a pixel converts its spikes to light"

@@ -45,7 +45,7 @@ ROOMS = {
     ),
     "display": (
         "drives", "panels", "observe", "effects quality references render", "probes setting window",
-        "section trial", "chain stability",
+        "section trial", "camera", "chain stability",
     ),
     "rtl_model": (
         "geometry prbs", "registers", "cycle readout", "verilated", "imagers lockstep synthesis",
@@ -62,7 +62,7 @@ ROOMS = {
 LOOSE = {"scenarios": {"__init__.py", "run.py"}}
 """Files that may stand in a package outside its rooms, where that is limited."""
 
-KINDS = {"Scenario", "LinkScenario", "ImagerScenario", "BoardScenario"}
+KINDS = {"Scenario", "LinkScenario", "ImagerScenario", "BoardScenario", "RecordingScenario"}
 """Classes of scenarios; only `scenarios/assemble` asks which one it has."""
 
 MAX_LINES = 400

@@ -73,7 +73,7 @@ def begin_folder(folder: Path, scenario: str) -> None:
     run."""
     for name in ("result.json", "report.html"):
         (folder / name).unlink(missing_ok=True)
-    for kind in ("t*", "eye", "pursuit", "camera"):
+    for kind in ("t*", "eye", "pursuit", "camera", "filmed"):
         for picture in (folder / "images").glob(f"{kind}-*.png"):
             picture.unlink()
     with whole(folder / "scenario.toml") as part:

@@ -9,11 +9,25 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-__all__ = ["PATHS", "add_digests", "changed_files", "digest"]
+__all__ = ["FILE", "PATHS", "add_digests", "changed_files", "digest", "named_path", "with_path"]
 
-PATHS: Final = (("scene", "path"), ("link", "file"), ("board", "csr"))
-"""Sections and keys that name a file."""
+PATHS: Final = (("scene", "path"), ("link", "file"), ("board", "csr"), ("sensor", "source"))
+"""Sections and keys that may name a file."""
+FILE: Final = "file:"
+"""Beginning of a `sensor.source` that names a file."""
 _SEAL: Final = re.compile(r"# (\w+)\.(\w+): sha256 ([0-9a-f]{64})")
+
+
+def named_path(section: str, key: str, value: str) -> str | None:
+    """The path that a value of `PATHS` names; None for a source that is no file."""
+    if (section, key) != ("sensor", "source"):
+        return value
+    return value.removeprefix(FILE) if value.startswith(FILE) else None
+
+
+def with_path(section: str, key: str, path: str) -> str:
+    """The value of a key of `PATHS` that names a path."""
+    return FILE + path if (section, key) == ("sensor", "source") else path
 
 
 def digest(path: str | Path) -> str | None:
@@ -59,7 +73,8 @@ def changed_files(scenario: str) -> list[tuple[str, str]]:
 def _named(scenario: str) -> list[tuple[str, str, str]]:
     """Section, key and path of every file that a scenario names."""
     data = tomllib.loads(scenario)
-    return [
-        (section, key, data[section][key])
+    named = (
+        (section, key, named_path(section, key, data[section][key]))
         for section, key in PATHS if key in data.get(section, {})
-    ]  # fmt: skip
+    )  # fmt: skip
+    return [(section, key, path) for section, key, path in named if path is not None]

@@ -44,8 +44,9 @@ class DisplayChain:
         motion: exposures of the slow motion.
         points: pixels of interest, (row, column, label); `tap` records their light.
         panel_stage: stage that renders the stream.
-        references: stage of the reference displays and the true light, after the scene.
-        tap: stage that records the light of `points`.
+        references: stage of the reference displays and the true light, after the scene; None
+            without a scene.
+        tap: stage that records the light of `points`; None without a scene.
         notes: notes for the user before the run.
     """
 
@@ -56,8 +57,8 @@ class DisplayChain:
     motion: SlowMotion
     points: list[tuple[int, int, str]]
     panel_stage: PanelStage
-    references: ReferenceStage
-    tap: LightTap
+    references: ReferenceStage | None
+    tap: LightTap | None
     notes: list[str]
 
     @property
@@ -70,13 +71,15 @@ class DisplayChain:
         out: dict[str, Any] = {}
         for name, stage in stages.items():
             out[name] = stage
-            if name == "scene":
+            if name == "scene" and self.references is not None:
                 out |= {"tap": self.tap, "references": self.references}
         return out | {"display": self.panel_stage}
 
     def images(self) -> dict[str, dict[str, npt.NDArray[np.float32]]]:
         """Images by display and observer, (images, height, width), white = 1; valid after the last
-        block."""
+        block. Without a scene, those of the spike display alone."""
+        if self.references is None:
+            return {SPIKE: self.panel_stage.images}
         images = {
             name: {observer: self._on_panel(views) for observer, views in by_observer.items()}
             for name, by_observer in self.references.images().items()
@@ -94,9 +97,10 @@ class DisplayChain:
 
     def frames(self) -> dict[str, npt.NDArray[np.uint8]]:
         """The slow motion by display; valid after the last block."""
-        films = dict(self.references.films)
+        films = {} if self.references is None else dict(self.references.films)
         if self.panel_stage.film is not None:
-            films = {TRUTH: films.pop(TRUTH), SPIKE: self.panel_stage.film} | films
+            truth = {TRUTH: films.pop(TRUTH)} if TRUTH in films else {}
+            films = truth | {SPIKE: self.panel_stage.film} | films
         return {name: film.frames for name, film in films.items()}
 
     def identity(self) -> str:
@@ -104,11 +108,12 @@ class DisplayChain:
         scenario."""
         return f"{self.panel_stage.renderer.name} {self.setting}"
 
-    def probes(self, camera: ProbeCamera) -> Probes:
-        """Latency, blur and flicker of all displays, with this camera in front of the panel."""
+    def probes(self, camera: ProbeCamera, pst_lm: bool = True) -> Probes:
+        """Latency, blur and flicker of all displays, with this camera in front of the panel; PstLM,
+        which needs a minute of light, if wanted."""
         return probe_display(
             camera, self.panel, self.section.reference_panels(), camera.seed,
-            per_degree=self.section.distance, pst_lm=True,
+            per_degree=self.section.distance, pst_lm=pst_lm,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -119,7 +124,7 @@ class DisplayChain:
 def make_display_chain(
     section: DisplaySection,
     scene: tuple[int, int],
-    white: float,
+    white: float | None,
     cycles: int,
     instants: Sequence[int],
     planned: DisplaySetting,
@@ -131,7 +136,8 @@ def make_display_chain(
     Args:
         section: the section [display] of the scenario.
         scene: (height, width) of the scene and of the stream, pixels.
-        white: illuminance of the scene's white, lux.
+        white: illuminance of the scene's white, lux; None for a stream without a scene, which has
+            neither true light nor reference displays.
         cycles: length of the run, cycles.
         instants: cycles of the images.
         planned: the simulated display.
@@ -149,7 +155,6 @@ def make_display_chain(
         _observers(section, at, end, velocity)
         for velocity in (pursuit.velocity, pursuit.velocity * ratio)
     )
-    panels = section.reference_panels()
     motion, panel_motion = (slow_motion(clock, cycles, shape) for shape in (scene, panel))
     setting = planned.with_spans(pursuit.velocity * ratio, exposure_cycles(cycles))
     panel_stage = PanelStage(
@@ -157,8 +162,11 @@ def make_display_chain(
         lambda images: make_renderer(section.renderer, setting.panel, setting.batch, images),
         None if panel == scene else fit_words(section.fit, scene, panel),
     )  # fmt: skip
-    references = ReferenceStage(panels, on_scene, scene, white, clock, cycles, motion)
-    tap = LightTap([(row, column) for row, column, _ in points], clock, white)
+    references, tap = None, None
+    if white is not None:
+        panels = section.reference_panels()
+        references = ReferenceStage(panels, on_scene, scene, white, clock, cycles, motion)
+        tap = LightTap([(row, column) for row, column, _ in points], clock, white)
     notes = [pursuit.note, *_short_run_notes(planned.panel.luminance, cycles / clock.hz)]
     return DisplayChain(
         section, setting, on_scene, pursuit, motion, points, panel_stage, references, tap, notes

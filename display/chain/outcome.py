@@ -29,11 +29,13 @@ class DisplayOutcome:
 
     Attributes:
         chain: stages of the display.
-        images: images by display ("truth", "spike", "60 Hz", ...) and observer.
-        fidelity: fidelity of every display for every observer, by `chain_fidelity`.
+        images: images by display ("truth", "spike", "60 Hz", ...) and observer; only "spike"
+            without a scene.
+        fidelity: fidelity of every display for every observer, by `chain_fidelity`; [] without a
+            scene.
         frames: slow motion by display, (frames, h, w) uint8 with the sRGB curve applied.
         total_light: emitted light over the displayed spikes, packets; None without a spike.
-        probes: latency, blur and flicker.
+        probes: latency, blur and flicker; None without a camera to probe with.
         jod: ColorVideoVDP by display, by `color_video_vdp`.
     """
 
@@ -42,15 +44,19 @@ class DisplayOutcome:
     fidelity: list[Fidelity]
     frames: dict[str, npt.NDArray[np.uint8]]
     total_light: float | None
-    probes: Probes
+    probes: Probes | None
     jod: dict[str, float]
 
     @classmethod
-    def of(cls, chain: DisplayChain, fidelity: list[Fidelity], probes: Probes) -> DisplayOutcome:
+    def of(
+        cls, chain: DisplayChain, fidelity: list[Fidelity], probes: Probes | None
+    ) -> DisplayOutcome:
         emitted, spikes = chain.panel_stage.emitted, chain.panel_stage.spikes
         total = emitted / spikes if emitted is not None and spikes else None
         frames, section = chain.frames(), chain.section
-        jod = color_video_vdp(frames, TRUTH, chain.motion, section.distance, section.luminance)
+        jod = {}
+        if TRUTH in frames:
+            jod = color_video_vdp(frames, TRUTH, chain.motion, section.distance, section.luminance)
         return cls(chain, chain.images(), fidelity, frames, total, probes, jod)
 
     @property
@@ -74,11 +80,20 @@ class DisplayOutcome:
             out |= fidelity.metrics()
         out |= {f"jod_{metric_key(name)}": Metric(jod, "JOD") for name, jod in self.jod.items()}
         total = Metric(self.total_light, "emitted/expected")
-        return display_metrics(self.probes) | out | {"total_light": total}
+        if not self.fidelity:
+            out |= {f"psnr_{SPIKE}": Metric(None, "dB"), f"ssim_{SPIKE}": Metric(None, "1")}
+        probed = {} if self.probes is None else display_metrics(self.probes)
+        return probed | out | {"total_light": total}
 
     def latency(self) -> list[Latency]:
         """Photon-to-photon latency by stage, from dark to mid grey with the drive of the run:
-        median and 5 to 95 % of the pixels."""
+        median and 5 to 95 % of the pixels. Without probes, the closed form of the panel alone: from
+        the latch of a spike to its row, over all rows."""
+        if self.probes is None:
+            panel = self.chain.panel
+            scan = panel.row_delay * (panel.shape[0] - 1) / panel.shape[0]
+            least, most = panel.transport / 1e6, (panel.transport + scan) / 1e6
+            return [Latency("latch to light", least, (least + most) / 2, most)]
         return [
             Latency(stage, part.low, part.median, part.high)
             for row in self.probes.latency
@@ -90,7 +105,10 @@ class DisplayOutcome:
 
 
 def chain_fidelity(chain: DisplayChain) -> list[Fidelity]:
-    """Fidelity of every display for every observer; valid after the last block."""
+    """Fidelity of every display for every observer, [] without a scene; valid after the last
+    block."""
+    if chain.references is None:
+        return []
     return display_fidelity(chain.images(), list(chain.observers))
 
 

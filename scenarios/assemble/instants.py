@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from cosim import InputError
-from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.schema.scenario import ImageSection, RecordingScenario, Scenario
 
-__all__ = ["choose_instants", "choose_windows"]
+__all__ = ["choose_instants", "choose_windows", "even_instants"]
 
 
-def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
-    """Cycles of sensor.clock whose images are reconstructed: `image.at`, or five evenly spaced
-    cycles by default.
+def choose_instants(scenario: Scenario | RecordingScenario, cycles: int) -> list[int]:
+    """Cycles of sensor.clock whose images are reconstructed; see `even_instants`."""
+    return even_instants(scenario.image, cycles)
+
+
+def even_instants(image: ImageSection, cycles: int) -> list[int]:
+    """Cycles of images: `image.at`, or five evenly spaced cycles by default.
 
     Raises:
         InputError: a cycle of `image.at` is beyond the end of the run.
     """
-    at = scenario.image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
+    at = image.at or tuple(sorted({cycles * (2 * i + 1) // 10 for i in range(5)}))
     beyond = [n for n in at if n >= cycles]
     if beyond:
         raise InputError(
@@ -24,7 +28,7 @@ def choose_instants(scenario: Scenario, cycles: int) -> list[int]:
     return list(at)
 
 
-def choose_windows(scenario: Scenario, cycles: int) -> list[int]:
+def choose_windows(scenario: Scenario | RecordingScenario, cycles: int) -> list[int]:
     """The same for a latched stream. Each cycle has a window of `image.window` cycles.
 
     Raises:

@@ -17,6 +17,7 @@ from scenarios.assemble.schema.scenario import (
     BoardScenario,
     ImagerScenario,
     LinkScenario,
+    RecordingScenario,
     Scenario,
 )
 
@@ -39,11 +40,6 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     check_options(scenario, options)
     if isinstance(scenario, Scenario):
         if scenario.link is not None:
-            if scenario.sensor.readout != "synchronous":
-                raise InputError(
-                    "sensor.readout", "synchronous with a [link]", scenario.sensor.readout,
-                    "leave it out: a link carries latched spikes",
-                )  # fmt: skip
             from scenarios.assemble.carrier.machine import assemble_carried
 
             return assemble_carried(name, scenario, options.device, options.resume, progress)
@@ -54,19 +50,28 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         refuse_device(scenario.sensor.readout, options.device)
         if scenario.sensor.readout == "asynchronous":
             from scenarios.assemble.asynchronous import assemble_asynchronous
+            from scenarios.assemble.show.assembling import show_events
 
-            return assemble_asynchronous(name, scenario)
+            return show_events(scenario, assemble_asynchronous(name, scenario))
         from scenarios.assemble.continuous import assemble_continuous
+        from scenarios.assemble.show.assembling import show_continuous
 
-        return assemble_continuous(name, scenario)
+        return show_continuous(scenario, assemble_continuous(name, scenario))
+    if isinstance(scenario, RecordingScenario):
+        from scenarios.assemble.recording.machine import assemble_recording
+        from scenarios.assemble.show.assembling import show_recording
+
+        refuse_device("a recorded stream", options.device)
+        return show_recording(scenario, assemble_recording(name, scenario))
     if isinstance(scenario, LinkScenario):
         from scenarios.assemble.link import assemble_link
 
         return assemble_link(name, scenario, options.device, progress)
     if isinstance(scenario, ImagerScenario):
         from scenarios.assemble.imager import assemble_imager
+        from scenarios.assemble.show.assembling import show_frames
 
-        return assemble_imager(name, scenario, options)
+        return show_frames(scenario, assemble_imager(name, scenario, options))
     from rtl_model.bringup.machine.machine import BoardMachine
 
     return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)

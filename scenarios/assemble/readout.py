@@ -27,16 +27,6 @@ _IMAGED = ("sub_threshold", "dark_limit")
 def refuse_leftovers(scenario: Scenario) -> None:
     """Raises InputError for sections and keys that only another readout has."""
     current = scenario.sensor.readout
-    if scenario.sensor.source is not None and current != "synchronous":
-        raise InputError(
-            "sensor.source", "absent unless sensor.readout = synchronous", f"given with {current}",
-            "leave it out: the board latches its spikes by a clock",
-        )  # fmt: skip
-    if scenario.display is not None and current != "synchronous":
-        raise InputError(
-            "display", "absent unless sensor.readout = synchronous", f"given with {current}",
-            "leave it out, or set sensor.readout=synchronous",
-        )  # fmt: skip
     if scenario.display is not None and scenario.sensor.writes:
         raise InputError(
             "sensor.writes", "empty with a display, whose white is one spike rate", "given",

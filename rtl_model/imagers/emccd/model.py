@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
@@ -23,6 +23,7 @@ from rtl_model.imagers.interface.view import View
 from rtl_model.imagers.interface.writes import write_all
 from sensor.imagers import PixelModel
 from sensor.imagers.emccd import EmccdPixels, HighVoltage, excess_noise_squared
+from sensor.imagers.emccd.chip import DARK_ROWS
 
 __all__ = ["STEP", "WARM", "EmccdModel", "cooler_of"]
 
@@ -117,6 +118,9 @@ class EmccdModel(ImagerModel):
         imager.write("emccd_sync", int(s.sync == "external"))
         write_all(imager, s.writes)
         return imager
+
+    def first_row(self, state: Mapping[str, float]) -> int:
+        return DARK_ROWS + int(state["first_row"])
 
     def _written(self, register: str) -> list[int]:
         return [v for _, name, v in self.section.writes if name.removeprefix("emccd_") == register]

@@ -136,6 +136,14 @@ class HardwareChainModel(ImagerModel):
         light = (values - pixels.zero * self.chain.digital) / (self.chain.saturation * pixels.slope)
         return np.rint(mapping.codes(light) * (255 / mapping.steps)).astype(np.uint8)
 
+    def levels(
+        self, values: npt.NDArray[np.uint16], bits: int, white: float
+    ) -> tuple[npt.NDArray[np.int64], int]:
+        """Digital numbers above darkness, with saturation as white."""
+        dark = round(self.pixels.zero * self.chain.digital)
+        full = max(round(self.chain.saturation * self.pixels.slope), 1)
+        return np.maximum(values.astype(np.int64) - dark, 0), full
+
     def measured(self, frames: Sequence[FrameFigures]) -> tuple[float | None, float | None]:
         """Noise in the dark (of all values of frames without light, the ripple in it) and
         saturation (mean of flooded frames above darkness), electrons; None without such frames."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -144,6 +144,23 @@ class ImagerModel(ABC):
     def picture(self, values: npt.NDArray[np.uint16], bits: int) -> npt.NDArray[np.uint8]:
         """The 8-bit picture of a frame, (H, W): linear, with full scale as white."""
         return np.rint(values / (((1 << bits) - 1) / 255)).astype(np.uint8)
+
+    def levels(
+        self, values: npt.NDArray[np.uint16], bits: int, white: float
+    ) -> tuple[npt.NDArray[np.int64], int]:
+        """Values in proportion to light, for a display that shows a frame, and the value that is
+        white there: the digital numbers themselves, with full scale as white.
+
+        Args:
+            values: values of a frame, (rows, W), DN.
+            bits: of a value.
+            white: illuminance of the scene's white on the plane, lux.
+        """
+        return values.astype(np.int64), (1 << bits) - 1
+
+    def first_row(self, state: Mapping[str, float]) -> int:
+        """Row of the plane at which a frame with these figures of the controllers begins."""
+        return 0
 
     def judge(
         self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from cosim.light.radiometry import photons_per_lux
 from cosim.run.result import Latency, Metric
@@ -26,6 +27,9 @@ _KINDS: Final[dict[str, tuple[type[PulsePixels], int]]] = {
 }
 """Pixels, and the parts of an exposure between which the light's course is linear: a width tells
 when the light came, a count does not."""
+
+_LEVELS: Final = 1 << 16
+"""Value of white on a display."""
 
 
 @dataclass(frozen=True)
@@ -76,3 +80,10 @@ class PulseModel(ImagerModel):
 
     def latency(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> list[Latency]:
         return read_latency(frames)
+
+    def levels(
+        self, values: npt.NDArray[np.uint16], bits: int, white: float
+    ) -> tuple[npt.NDArray[np.int64], int]:
+        """The light that a width or a number of pulses means, with the scene's white as white."""
+        light = self.pixels.lux(values) * (_LEVELS / max(white, 1e-300))
+        return np.rint(np.minimum(light, 2.0**40)).astype(np.int64), _LEVELS

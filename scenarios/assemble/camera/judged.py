@@ -14,6 +14,7 @@ from cosim.run.result import Result
 from display.chain.outcome import DisplayOutcome
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.show.filmer import Filmer
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
 from sensor.reconstruct.shots import Shot
@@ -35,6 +36,7 @@ class LatchedRun:
         sizes: sizes of the stream in several codes, None with a display.
         display: outcome of the display, None without one.
         mosaic: filter array on the pixels; None for none.
+        filmer: camera that has filmed the display; None for none.
     """
 
     run: Run
@@ -50,6 +52,7 @@ class LatchedRun:
     sizes: Sizes | None
     display: DisplayOutcome | None
     mosaic: Mosaic | None = None
+    filmer: Filmer | None = None
 
     @property
     def folder(self) -> Path:

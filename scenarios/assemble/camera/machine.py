@@ -26,7 +26,6 @@ from scenarios.assemble.camera.dim import dim_light, dim_metrics, reading_camera
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.memory import check_run_memory, memory_note
 from scenarios.assemble.camera.pages.display import display_page
-from scenarios.assemble.camera.pages.display_tables import display_lines
 from scenarios.assemble.camera.pages.stream import stream_page
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
@@ -35,6 +34,9 @@ from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.show.filmer import Filmer
+from scenarios.assemble.show.playing import make_camera
+from scenarios.assemble.show.tables import display_lines
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics
 from sensor.latched.reading import ReadingCamera
@@ -89,6 +91,7 @@ class LatchedMachine:
         verifier: stage that checks the plan during the recording; None if a board generates the
             spikes.
         display: the display, None without one.
+        filmer: the camera that films the display, None without one.
         advice: notes for the user before the run, without those of the scene.
         boards: open boards of the run.
         opened: stack that closes the boards and the display.
@@ -102,6 +105,7 @@ class LatchedMachine:
     camera: SpikeCamera | ReadingCamera | BoardCamera
     verifier: Verifier | None
     display: DisplayChain | None
+    filmer: Filmer | None
     advice: list[str]
     boards: Boards
     opened: ExitStack
@@ -142,13 +146,15 @@ class LatchedMachine:
         setup = self.setup
         plan = setup.plan_keeping(self.scenario.tolerance, effects)
         camera, verifier = _planned(plan, setup, self.boards)
-        display = self.display
+        display, filmer = self.display, None
         if display is not None and plan.display is not None:
             display.close()
             display = make_display_chain(
                 display.section, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
                 setup.instants, plan.display, display.pursuit, display.points,
             )  # fmt: skip
+            filmer = make_camera(self.scenario.camera, display, setup.shape, setup.cycles,
+                                 self.scenario.seed, setup.device)  # fmt: skip
         return replace(
             self,
             plan=plan,
@@ -156,10 +162,11 @@ class LatchedMachine:
             verifier=verifier,
             source=setup.source(),
             display=display,
+            filmer=filmer,
         )
 
     def stages(self, folder: Path) -> dict[str, Any]:
-        """The stages by name; the display is the last one."""
+        """The stages by name; the display and what films it are the last ones."""
         setup = self.setup
         recorder = Recorder(folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock)
         stages: dict[str, Any] = {
@@ -170,7 +177,11 @@ class LatchedMachine:
             "recorder": recorder,
             **({} if self.boards.panel is None else {"sink": self.boards.panel}),
         }
-        return stages if self.display is None else self.display.stages(stages)
+        if self.display is not None:
+            stages = self.display.stages(stages)
+        if self.filmer is not None:
+            stages |= self.filmer.stages(folder)
+        return stages
 
     def chain(self, folder: Path) -> BlockChain:
         height, width = self.camera.shape
@@ -281,8 +292,13 @@ class LatchedMachine:
         assert section is not None
         panel = None if section.colour is None else self.setup.mosaic
         files = write_observer_images(recording.folder, outcome, panel)
+        filmed = {}
+        if self.filmer is not None:
+            at = [self.setup.setting.clock.middle(n) for n in self.setup.instants]
+            files += self.filmer.write(recording.folder, at)
+            filmed = self.filmer.metrics()
         rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
-        metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")}
+        metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")} | filmed
         seconds["images"] += time.perf_counter() - begin
         return _Images([], None, outcome, metrics, outcome.latency(), files)
 
@@ -296,7 +312,7 @@ class LatchedMachine:
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
             self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
-            images.display, setup.mosaic,
+            images.display, setup.mosaic, self.filmer,
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:
@@ -322,7 +338,7 @@ def assemble_latched(
         planes = plan.survey.light.planes
         check_run_memory(setup, planes)
         notes = [*setup.choice.notes, *plan.notes, memory_note(setup, planes)]
-        display = None
+        display = filmer = None
         if plan.display is not None and setup.scenario.display is not None:
             display = make_display_chain(
                 setup.scenario.display, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
@@ -330,10 +346,13 @@ def assemble_latched(
             )  # fmt: skip
             stack.callback(display.close)
             notes += display.notes
+            filmer = make_camera(
+                scenario.camera, display, setup.shape, setup.cycles, scenario.seed, setup.device
+            )
         camera, verifier = _planned(plan, setup, boards)
         notes += boards.notes(camera)
         return LatchedMachine(
-            name, scenario, setup, source, plan, camera, verifier, display, notes, boards,
+            name, scenario, setup, source, plan, camera, verifier, display, filmer, notes, boards,
             stack.pop_all(),
         )  # fmt: skip
 

@@ -54,7 +54,9 @@ class CarriedMachine(LatchedMachine):
 
     def stages(self, folder: Path) -> dict[str, Any]:
         near = super().stages(folder)
-        far = {"display": near.pop("display")} if self.display is not None else {}
+        names = list(near)
+        shown = names[names.index("display") :] if self.display is not None else []
+        far = {name: near.pop(name) for name in shown}
         return self.carrier.join(near, far, folder)
 
     def identity(self) -> str:

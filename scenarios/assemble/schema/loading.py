@@ -13,9 +13,15 @@ from typing import Any
 from cosim import InputError
 from cosim.config.toml import to_toml
 from cosim.errors import quote, shorten
-from cosim.run.inputs import PATHS
+from cosim.run.inputs import PATHS, named_path, with_path
 from scenarios.assemble.schema.messages import validate
-from scenarios.assemble.schema.scenario import AnyScenario, ImagerScenario, LinkScenario, Scenario
+from scenarios.assemble.schema.scenario import (
+    AnyScenario,
+    ImagerScenario,
+    LinkScenario,
+    RecordingScenario,
+    Scenario,
+)
 from scenarios.scenes.catalogue import scene_keys
 
 __all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
@@ -135,7 +141,8 @@ def _absolute(scenario: AnyScenario) -> AnyScenario:
     """The scenario with absolute paths of its input files."""
     for section, key in PATHS:
         inner = getattr(scenario, section, None)
-        path = getattr(inner, key, None)
+        value = getattr(inner, key, None)
+        path = None if value is None else named_path(section, key, value)
         if inner is None or path is None:
             continue
         try:
@@ -145,7 +152,8 @@ def _absolute(scenario: AnyScenario) -> AnyScenario:
             raise InputError(
                 f"{section}.{key}", "the name of a file", f"{path!r} ({exc})", "check it"
             ) from exc
-        scenario = scenario.model_copy(update={section: inner.model_copy(update={key: place})})
+        named = inner.model_copy(update={key: with_path(section, key, place)})
+        scenario = scenario.model_copy(update={section: named})
     return scenario
 
 
@@ -175,8 +183,10 @@ def load(
     short, data, folder = _read(name)
     for section, key in PATHS if folder is not None else ():
         inner = data.get(section)
-        if isinstance(inner, dict) and isinstance(inner.get(key), str):
-            inner[key] = str(folder / inner[key])
+        value = inner.get(key) if isinstance(inner, dict) else None
+        path = named_path(section, key, value) if isinstance(value, str) else None
+        if isinstance(inner, dict) and folder is not None and path is not None:
+            inner[key] = with_path(section, key, str(folder / path))
     _remove_conflicts(data, assignments or [])
     for assignment in assignments or []:
         assign(data, assignment)
@@ -205,6 +215,8 @@ def _kind(scenario: AnyScenario) -> str:
         return "a spike camera"
     if isinstance(scenario, ImagerScenario):
         return "another imager"
+    if isinstance(scenario, RecordingScenario):
+        return "a recorded stream"
     return "a link" if isinstance(scenario, LinkScenario) else "a board"
 
 

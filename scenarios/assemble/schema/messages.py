@@ -11,10 +11,12 @@ from pydantic import BaseModel, ValidationError
 
 from cosim import InputError
 from cosim.errors import quote, shorten
+from scenarios.assemble.schema.order import check_order, is_recording
 from scenarios.assemble.schema.scenario import (
     AnyScenario,
     BoardScenario,
     LinkScenario,
+    RecordingScenario,
     Scenario,
     export,
     imager_scenario,
@@ -167,21 +169,11 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
 def validate(data: dict[str, Any]) -> AnyScenario:
     """Checks the data of a scenario.
 
-    The section [board], [imager] or [link] selects the kind of scenario; without one of them, it is
-    the scenario of a spike camera. Raises InputError with the first error in one line.
+    The section [board], [imager] or [link] selects the kind of scenario, or a recorded stream as
+    sensor.source; without one of them, it is the scenario of a spike camera. Raises InputError with
+    the first error in one line.
     """
-    for other in ("sensor", "display", "image", "link"):
-        if "imager" in data and other in data:
-            raise InputError(
-                "imager", f"absent in a scenario with [{other}]", "given with it",
-                "remove one of them: an [imager] has only a [scene] and a [lens]",
-            )  # fmt: skip
-    for other in ("scene", "link", "sensor", "imager"):
-        if "board" in data and other in data:
-            raise InputError(
-                "board", f"absent in a scenario with a [{other}]", "given with one",
-                "remove one of them: bring-up.toml has only a [board]",
-            )  # fmt: skip
+    check_order(data)
     whole: type[AnyScenario] = Scenario
     if "board" in data:
         whole = BoardScenario
@@ -189,6 +181,8 @@ def validate(data: dict[str, Any]) -> AnyScenario:
         whole = imager_scenario()
     elif "link" in data and "scene" not in data:
         whole = LinkScenario
+    elif is_recording(data):
+        whole = RecordingScenario
     try:
         return whole.model_validate(data)
     except ValidationError as exc:

@@ -1,4 +1,4 @@
-"""The schemas of the four kinds of scenarios, and their JSON Schema."""
+"""The schemas of the five kinds of scenarios, and their JSON Schema."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, create_model, model_validator
 
-from cosim import InputError
 from cosim.config.quantity import Duration, Section
 from display.section import DisplaySection
 from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.interface.section import ImagerLens, ImagerSection
+from scenarios.assemble.schema.filming import CameraSection
 from scenarios.scenes.catalogue import SceneSection
 from sensor.codec.packets.section import CodeSection
+from sensor.sections.recorded import RecordedSection
 from sensor.sections.sensor import SensorSection
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "ImageSection",
     "ImagerScenario",
     "LinkScenario",
+    "RecordingScenario",
     "Scenario",
     "export",
     "imager_scenario",
@@ -56,6 +58,14 @@ class ImageSection(Section):
         return self.placing == "preceding"
 
 
+_DISPLAY: Any = Field(
+    default=None, description="the display that shows the stream; none by default"
+)
+_CAMERA: Any = Field(
+    default=None, description="the camera that films the display; none by default"
+)
+
+
 class Scenario(Section):
     """A spike camera before a scene, and the display that its stream drives."""
 
@@ -65,9 +75,8 @@ class Scenario(Section):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
     scene: SceneSection
     sensor: SensorSection
-    display: DisplaySection | None = Field(
-        default=None, description="the display that shows the stream; none by default"
-    )
+    display: DisplaySection | None = _DISPLAY
+    camera: CameraSection | None = _CAMERA
     image: ImageSection = ImageSection()
     code: CodeSection | None = Field(
         default=None, description="code of the stream on a link; layered when absent"
@@ -84,14 +93,21 @@ class Scenario(Section):
             return data | {"code": {}}
         return data
 
-    @model_validator(mode="after")
-    def _sent_over_a_link(self) -> Scenario:
-        if self.code is not None and self.link is None:
-            raise InputError(
-                "code", "given with a [link]", "given without one",
-                "add a [link], or write a coded file with `viform convert`",
-            )  # fmt: skip
-        return self
+
+class RecordingScenario(Section):
+    """A recorded stream in the place of a chip, and the display that it drives."""
+
+    title: str = Field(examples=["A recording is shown"])
+    duration: Duration | None = Field(
+        default=None, description="the first part of the stream; by default all of it"
+    )
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(
+        default=1, description="seed of the noise of [camera]"
+    )
+    sensor: RecordedSection
+    display: DisplaySection | None = _DISPLAY
+    camera: CameraSection | None = _CAMERA
+    image: ImageSection = ImageSection()
 
 
 class ImagerScenario(Section):
@@ -107,6 +123,14 @@ class ImagerScenario(Section):
         default=None,
         description="without a lens, the illuminance of the scene falls on the pixels unchanged",
     )
+    display: DisplaySection | None = Field(
+        default=None,
+        description="the display that shows the frames, as spikes; none by default",
+    )
+    camera: CameraSection | None = _CAMERA
+    image: ImageSection | None = Field(
+        default=None, description="the instants at which the display is seen"
+    )
 
 
 class BoardScenario(Section):
@@ -119,7 +143,7 @@ class BoardScenario(Section):
     board: BoardSection = BoardSection()
 
 
-AnyScenario = Scenario | LinkScenario | BoardScenario | ImagerScenario
+AnyScenario = Scenario | LinkScenario | BoardScenario | ImagerScenario | RecordingScenario
 
 
 def imager_scenario() -> type[ImagerScenario]:
@@ -143,6 +167,6 @@ def export() -> dict[str, Any]:
 
 @cache
 def _export(imager: type[ImagerScenario]) -> dict[str, Any]:
-    kinds: Any = Scenario | LinkScenario | BoardScenario | imager
+    kinds: Any = Scenario | LinkScenario | BoardScenario | imager | RecordingScenario
     whole: TypeAdapter[Any] = TypeAdapter(kinds)
     return whole.json_schema(mode="validation")

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 __all__ = ["print_result", "run"]
 
-_FURTHER = ("latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number")
+_FURTHER = (
+    "latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number", "shown_rate",
+    "shown_lost", "shown_clipped", "camera_frames", "camera_banding", "camera_flicker",
+)  # fmt: skip
 """Metrics that are printed below the table of a run with a display."""
 
 

@@ -1,222 +1,38 @@
-"""The page of a run with a display: images and figures of it and of the reference displays."""
+"""The page of a run with a latched camera and a display."""
 
 from __future__ import annotations
 
-import html
 import time
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from cosim import Box
-from cosim.report.figures import sheet_figure
-from cosim.report.parts import cards, data, figure, plot
-from cosim.report.pictures import busiest_box, crop, enlarge
-from cosim.report.png import for_display
+from cosim.report.parts import cards
 from cosim.run.machine import Page
-from display.chain.clip import RATE, chosen_tiles, write_display_clip
-from display.chain.outcome import TRUTH, DisplayOutcome
-from display.panels.panel import metric_key
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
-from scenarios.assemble.camera.pages.display_figures import latency_figure, wave_figure
-from scenarios.assemble.camera.pages.display_tables import band_tables, display_table, light_table
 from scenarios.assemble.camera.pages.plan import (
     error_card,
     full_physics_card,
     left_out_card,
     plan_section,
 )
+from scenarios.assemble.show.sections import display_cards, display_sections
+from scenarios.assemble.show.shown import Shown
 
 __all__ = ["display_page"]
 
-Images = npt.NDArray[np.float32]
-_SEES = {
-    "eye": "What the still eye sees",
-    "pursuit": "What the pursuing eye sees",
-    "camera": "What a camera sees",
-}
-_OVERVIEW = 7
-"""Maximum number of displays in the overview."""
 
-
-def _middle(images: Images) -> Images:
-    return images[len(images) // 2]
-
-
-def _worst_box(outcome: DisplayOutcome, observer: str) -> Box:
-    """The square in which the displays differ most from the true light."""
-    truth = _middle(outcome.images[TRUTH][observer])
-    away = np.zeros_like(truth)
-    for display in outcome.displays:
-        np.maximum(away, np.abs(_middle(outcome.images[display][observer]) - truth), out=away)
-    return busiest_box(away, max(64, min(truth.shape) // 4))
-
-
-def _cards(run: LatchedRun, outcome: DisplayOutcome) -> str:
-    result = run.result
-
-    def figure_of(name: str, digits: str, unit: str = "") -> str:
-        metric = result.metrics.get(name)
-        if metric is None or metric.value is None or not np.isfinite(metric.value):
-            return "unknown"
-        return f"{metric.value:{digits}}{unit}"
-
-    spent, drive = time.perf_counter() - run.began, outcome.probes.drive
-    suffix = "" if drive == "impulse" else f"_{drive}"
-    frames = [name for name in outcome.displays if name.endswith(" Hz")]
-    rival = "120 Hz" if "120 Hz" in frames else next(iter(frames), None)
-    blur = (
-        ""
-        if rival is None
-        else (f"; {rival}: " + figure_of(f"ebet_ms_{metric_key(rival)}", ".2f", " ms"))
-    )
-    fidelity = (
-        ""
-        if rival is None
-        else (f"; {rival}: " + figure_of(f"psnr_{metric_key(rival)}", ".1f", " dB"))
-    )
-    rows = [
-        ("first", figure_of("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET"
-         + blur),
-        ("first", figure_of(f"latency_grey_us{suffix}", ".0f", " µs"),
-         f"photon-to-photon latency, {drive}, mid grey; above full scale, impulse: "
-         + figure_of("latency_bright_us", ".0f", " µs")),
-        ("first", figure_of("flicker_svm_spike", ".2g"),
-         "SVM of the spike display; 1 is just visible"),
-        ("first", figure_of("psnr_spike", ".1f", " dB"),
-         "image of the still eye against that of the true light"
-         + fidelity),
-        ("", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
+def _cards(run: LatchedRun, shown: Shown) -> str:
+    spent = time.perf_counter() - run.began
+    return cards([
+        *display_cards(shown),
+        ("", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms of light"),
         ("", *error_card(run)),
         ("", *full_physics_card(run)),
         ("", *left_out_card(run)),
-    ]  # fmt: skip
-    return cards(rows)
+    ])  # fmt: skip
 
 
-def _views(run: LatchedRun, outcome: DisplayOutcome, observer: str) -> str:
-    """The middle instant on every display: the square in which they differ most, and the whole."""
-    views = {name: _middle(images[observer]) for name, images in outcome.images.items()}
-    box = _worst_box(outcome, observer)
-    parts = "".join(
-        figure(enlarge(crop(for_display(image), box)), outcome.title(name), exact=True)
-        for name, image in views.items()
-    )
-    wholes = "".join(
-        figure(for_display(views[name]), outcome.title(name))
-        for name in list(views)[:3]
-    )  # fmt: skip
-    instant = run.setting.clock.middle(run.instants[len(run.instants) // 2]) / 1e9
-    moving = (
-        f" The eye moves at {outcome.chain.pursuit.velocity:.4g} pixels/s: objects at that speed "
-        "are sharp if the display is fast enough, and static objects are blurred."
-        if observer == "pursuit" else ""
-    )  # fmt: skip
-    return (
-        f"<h2>{_SEES[observer]}</h2><p>The images at {instant:.2f} ms; white is the white of the "
-        f"panel. Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in "
-        f"which the displays differ most.{moving} Linear images are in <code>images/</code>.</p>"
-        f'<div class="grid by4">{parts}</div><div class="grid by3">{wholes}</div>'
-    )
-
-
-def _overview(run: LatchedRun, outcome: DisplayOutcome) -> None:
-    """Writes figures/overview.png: one row for each eye, one column for each display."""
-    names = [TRUTH, *chosen_tiles(outcome.displays, _OVERVIEW - 1)]
-    rows = []
-    for observer in ("eye", "pursuit"):
-        box = _worst_box(outcome, observer)
-        images = [crop(for_display(_middle(outcome.images[n][observer])), box) for n in names]
-        rows.append(("still eye" if observer == "eye" else "pursuing eye", images))
-    sheet_figure([outcome.title(n) for n in names], rows, run.folder / "figures/overview.png")
-
-
-def _write_clip(run: LatchedRun, outcome: DisplayOutcome) -> Path:
-    path = run.folder / "glass.mp4"
-    names = chosen_tiles(list(outcome.images))
-    motion = outcome.chain.motion
-    frames = {name: outcome.frames[name] for name in names}
-    write_display_clip(path, frames, {name: outcome.title(name) for name in names}, motion)
-    return path
-
-
-def _clip(outcome: DisplayOutcome, path: Path) -> str:
-    motion = outcome.chain.motion
-    slower = 1e12 / motion.exposure / RATE
-    return (
-        f"<h2>Slow motion</h2><p>Camera frames of each display, {slower:.0f} times slower than "
-        f"real time, {motion.exposure / 1e9:.3g} ms exposure a frame (<code>glass.mp4</code>).</p>"
-        '<figure><video controls loop muted autoplay playsinline style="max-width:1000px" '
-        f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
-    )
-
-
-def _table(outcome: DisplayOutcome) -> str:
-    luminance, degree = outcome.chain.panel.luminance, outcome.chain.section.distance
-    return (
-        "<h2>The displays</h2>" + display_table(outcome) +
-        "<p>Blur (EBET): an edge from dark to mid grey (0.18 spikes a cycle) moves at 4 000 "
-        "pixels/s; its rise time from 10 to 90 % on the retina of a pursuing eye, divided by 0.8. "
-        "Flicker: of a patch of 16 x 16 pixels of that grey; SVM and visibility (by elaTCSF, at "
-        f"{luminance:g} cd/m² white and {degree:g} pixels a degree) above 1 are visible. PSNR: the "
-        "image in the eye against the image of the true light in the same eye, white = 1; only for "
-        "the drive of this run. Delay: median time from a step of the light, from dark to mid "
-        "grey, until the display reaches half of it. Frame displays and the projector receive the "
-        "true light, without a camera.</p>"
-    )  # fmt: skip
-
-
-def _bands(outcome: DisplayOutcome) -> str:
-    pst = ""
-    if outcome.probes.pst_lm is not None:
-        pst = (
-            f" PstLM of a patch of mid grey, over one minute: {outcome.probes.pst_lm:.2g} "
-            "(the EU limit for lamps is 1)."
-        )
-    return (
-        "<h2>By luminance and drive</h2><p>Dim pixels fire rarely: with the impulse drive they "
-        "flicker; with the hold drive they wait for a second spike. The table has steady patches "
-        "of 16 x 16 pixels, the median of single pixels, and edges at each light; <i>never</i>: "
-        "the light does not reach half of the step within the observed time. The figures of frame "
-        "displays do not depend on the light; the table above has them."
-        + pst
-        + "</p>"
-        + light_table(outcome)
-        + "<h3>What the still eye sees, by luminance</h3><p>Pixels are grouped by the true "
-        "luminance in the still eye (white = 1); mean over the instants: PSNR (peak 1) and SSIM, "
-        "then mean and RMS of the error relative to that luminance.</p>"
-        + "<br>".join(band_tables(outcome))
-    )
-
-
-def _waves(run: LatchedRun, outcome: DisplayOutcome) -> str:
-    path = run.folder / "figures" / "waves.png"
-    caption = wave_figure(run, outcome, path)
-    return (
-        f"<h2>Light of single pixels</h2><p>{html.escape(caption)}</p>"
-        + plot(path, "light of single pixels on every display")
-    )  # fmt: skip
-
-
-def _delays(run: LatchedRun, outcome: DisplayOutcome) -> str:
-    path = run.folder / "figures" / "latency.png"
-    latency_figure(outcome, path)
-    return (
-        "<h2>From photon to photon</h2><p>The time from a step of the light until the light of the "
-        "display crosses half of the step, over all phases of the clock and all rows: mean of each "
-        "part (bars), median and 5 to 95 % of the total (lines); a median outside the frame is "
-        "written as a number. Interval: until the pixel fires, or, for a frame display, until the "
-        "next frame. Readout: until the row is driven. Hold: until the light crosses half; a panel "
-        "that holds intervals waits for a second spike.</p>" + plot(path, "latency by stage")
-    )
-
-
-def _subtitle(run: LatchedRun, outcome: DisplayOutcome) -> str:
-    panel = outcome.chain.panel
+def _subtitle(run: LatchedRun, shown: Shown) -> str:
+    panel = shown.outcome.chain.panel
     return (
         f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles;"
         f" {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, {panel.drive}, "
@@ -226,24 +42,16 @@ def _subtitle(run: LatchedRun, outcome: DisplayOutcome) -> str:
 
 def display_page(run: LatchedRun) -> Page:
     """The page of a run with a display; writes its figures and glass.mp4."""
-    outcome: Any = run.display
-    with ThreadPoolExecutor(1) as pool:  # the clip is encoded while figures are drawn
-        coding = pool.submit(_write_clip, run, outcome)
-        _overview(run, outcome)
-        body = [
-            *(_views(run, outcome, observer) for observer in outcome.chain.observers),
-            _bands(outcome),
-            _waves(run, outcome),
-            _delays(run, outcome),
-            plan_section(run),
-            machine(run),
-        ]
-        body = [_table(outcome), _clip(outcome, coding.result()), *body]
-    files = [
-        "figures/overview.png", "figures/waves.png", "figures/latency.png",
-        *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
-        "glass.mp4",
-    ]  # fmt: skip
+    assert run.display is not None
+    shown = Shown(
+        run.run, run.display, run.setting.clock, run.instants, run.stream, run.filmer
+    )  # fmt: skip
+    body, (overview, *files) = display_sections(shown)
+    files, clip = files[:-1], files[-1]
+    if run.scenario.sensor.source is None:
+        files.append("figures/plan.png")
+    sections = [*body, plan_section(run), machine(run)]
     return Page(
-        run.scenario.title, _subtitle(run, outcome), _cards(run, outcome), body, files=files
-    )
+        run.scenario.title, _subtitle(run, shown), _cards(run, shown), sections,
+        files=[overview, *files, clip],
+    )  # fmt: skip

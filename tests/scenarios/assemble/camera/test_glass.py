@@ -187,16 +187,6 @@ def test_a_panel_of_another_size_is_refused(refused, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
-def test_other_readouts_have_no_display(refused, tmp_path, readout):
-    line = refused(*RUN, "--set", f"sensor.readout={readout}", "--out", tmp_path / "run")
-    assert line == (
-        f"display must be absent unless sensor.readout = synchronous, not given with {readout}; "
-        "leave it out, or set sensor.readout=synchronous"
-    )
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_machine_without_gl_says_so_before_anything_is_written(refused, tmp_path, monkeypatch):
     import moderngl
 
@@ -307,7 +297,7 @@ def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
 
 
 def test_the_table_on_a_terminal(drawn):
-    from scenarios.assemble.camera.pages.display_tables import display_lines
+    from scenarios.assemble.show.tables import display_lines
 
     lines = display_lines(drawn.outcome)
     assert lines[0].split() == ["display", "EBET", "SVM", "PSNR", "still", "pursuing", "delay"]

@@ -1,4 +1,4 @@
-"""The figures on the page of a display."""
+"""The figures in the sections of a display."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from cosim.report.figures import INK, LINE, MARK, pyplot
 from display.chain.outcome import SPIKE, DisplayOutcome
 from display.chain.tap import panel_waves, spike_waves
 from display.probes.latency import PARTS
+from scenarios.assemble.show.shown import Shown
 
 __all__ = ["latency_figure", "wave_figure"]
 
@@ -37,17 +38,18 @@ def _places(levels: Any, waves: Any) -> list[int]:
     return list(dict.fromkeys([moving, *(int(n) for n in still[:1])]))
 
 
-def wave_figure(run: Any, outcome: DisplayOutcome, path: Path) -> str:
+def wave_figure(shown: Shown, path: Path) -> str:
     """Writes the light of two pixels over time on every display, with the true light; returns the
     caption."""
-    chain, clock = outcome.chain, run.setting.clock
-    end = clock.edge(run.stream.cycles)
+    outcome, clock = shown.outcome, shown.clock
+    chain, end = outcome.chain, clock.edge(shown.stream.cycles)
+    assert chain.tap is not None
     first = max(end // 2 - WINDOW // 2, 0)
     at = np.linspace(first, min(first + WINDOW, end) - 1, SAMPLES).astype(np.int64)
     ms, light = at / 1e9, chain.tap.light()
     truth = np.array([light.at(int(t))[0] for t in at])
     starts, spikes = spike_waves(
-        run.stream, chain.panel, [p[:2] for p in chain.points], int(at[-1])
+        shown.stream, chain.panel, [p[:2] for p in chain.points], int(at[-1])
     )
     plane = np.clip(np.searchsorted(starts, at, "right") - 1, 0, len(spikes) - 1)
     waves = {SPIKE: np.where(at[:, None] >= starts[0], spikes[plane], 0.0)}
@@ -91,6 +93,7 @@ def wave_figure(run: Any, outcome: DisplayOutcome, path: Path) -> str:
 def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
     """Writes the latencies by stage, for a step out of the dark: one plot for each light, one bar
     for each display."""
+    assert outcome.probes is not None
     rows_on = [row for row in outcome.probes.latency if row.way == "rise"]
     rates = list(dict.fromkeys(row.rate for row in rows_on))
     plt = pyplot()

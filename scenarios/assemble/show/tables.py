@@ -1,4 +1,4 @@
-"""The tables on the page of a display."""
+"""The tables in the sections of a display."""
 
 from __future__ import annotations
 
@@ -41,8 +41,10 @@ def percent(value: float, sign: str = "") -> str:
 
 def _kinds(outcome: DisplayOutcome) -> list[tuple[str, str, str]]:
     """(display, drive, title) of every row: the spike display with each drive, first that of the
-    run, then the other displays."""
+    run, then the other displays. Without probes, the spike display has one row."""
     probes = outcome.probes
+    if probes is None:
+        return [(name, "", outcome.title(name)) for name in outcome.displays]
     drives = [row.drive for row in probes.flicker if row.display == SPIKE]
     ordered = sorted(dict.fromkeys(drives), key=lambda drive: drive != probes.drive)
     kinds = [(SPIKE, drive, f"spikes, {drive}") for drive in ordered]
@@ -50,6 +52,7 @@ def _kinds(outcome: DisplayOutcome) -> list[tuple[str, str, str]]:
 
 
 def _blur(outcome: DisplayOutcome, display: str, drive: str, edge: tuple[float, float]) -> Blur:
+    assert outcome.probes is not None
     rows = outcome.probes.blur
     return next(
         r for r in rows
@@ -60,6 +63,7 @@ def _blur(outcome: DisplayOutcome, display: str, drive: str, edge: tuple[float, 
 def _flicker(
     outcome: DisplayOutcome, display: str, drive: str, rate: float, area: str = "patch"
 ) -> FlickerFigures:
+    assert outcome.probes is not None
     rows = outcome.probes.flicker
     return next(
         r.figures for r in rows
@@ -68,6 +72,7 @@ def _flicker(
 
 
 def _latency(outcome: DisplayOutcome, display: str, drive: str, rate: float, way: str) -> Latency:
+    assert outcome.probes is not None
     rows = outcome.probes.latency
     return next(
         r for r in rows
@@ -85,22 +90,28 @@ def _time(us: float) -> str:
 def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
     """A row for each display: name, EBET, SVM, percent flicker, visibility, PSNR of the still and
     of the pursuing eye, median delay of mid grey, and ColorVideoVDP where it was computed. PSNR and
-    ColorVideoVDP exist only for the drive of the run."""
-    rows = []
+    ColorVideoVDP exist only for the drive of the run; PSNR needs a scene, the others probes."""
+    probes, rows = outcome.probes, []
     for display, drive, title in _kinds(outcome):
         views, jod = ["", ""], math.nan
-        if display != SPIKE or drive == outcome.probes.drive:
+        mine = display != SPIKE or probes is None or drive == probes.drive
+        if mine and outcome.fidelity:
             views = [
                 number(outcome.fidelity_of(display, who).psnr, ".1f", " dB")
                 for who in ("eye", "pursuit")
             ]
             jod = outcome.jod.get(display, math.nan)
-        flicker = _flicker(outcome, display, drive, GREY)
+        probed, delay = ["", "", "", ""], ""
+        if probes is not None:
+            flicker = _flicker(outcome, display, drive, GREY)
+            blur = _blur(outcome, display, drive, (0.0, GREY)).ebet
+            probed = [
+                number(blur * 1e3, ".3g", " ms"), number(flicker.svm, ".2g"),
+                percent(flicker.percent), number(flicker.visibility, ".2g"),
+            ]  # fmt: skip
+            delay = _time(_latency(outcome, display, drive, GREY, "rise").total.median)
         rows.append([
-            title, number(_blur(outcome, display, drive, (0.0, GREY)).ebet * 1e3, ".3g", " ms"),
-            number(flicker.svm, ".2g"), percent(flicker.percent),
-            number(flicker.visibility, ".2g"), *views,
-            _time(_latency(outcome, display, drive, GREY, "rise").total.median),
+            title, *probed, *views, delay,
             *([number(jod, ".2f", " JOD")] if outcome.jod else []),
         ])  # fmt: skip
     return rows
@@ -117,7 +128,10 @@ def display_table(outcome: DisplayOutcome) -> str:
 
 
 def display_lines(outcome: DisplayOutcome) -> list[str]:
-    """The same table for a terminal: blur, flicker, PSNR of both eyes, delay."""
+    """The same table for a terminal: blur, flicker, PSNR of both eyes, delay; [] if there is none
+    of these."""
+    if not outcome.fidelity and outcome.probes is None:
+        return []
     head = ["display", "EBET", "SVM", "PSNR still", "pursuing", "delay"]
     rows = [[row[k] or "-" for k in (0, 1, 2, 5, 6, 7)] for row in display_rows(outcome)]
     wide = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
@@ -135,9 +149,11 @@ def light_table(outcome: DisplayOutcome) -> str:
         "IEEE 1789", "single pixel (SVM)", "its IEEE 1789", "blur out of the dark", "delay on",
         "delay off",
     ]  # fmt: skip
-    rows = []
-    edges = {(r.ahead, r.behind) for r in outcome.probes.blur}
-    for rate in dict.fromkeys(r.rate for r in outcome.probes.latency):
+    rows: list[list[str]] = []
+    probes = outcome.probes
+    assert probes is not None
+    edges = {(r.ahead, r.behind) for r in probes.blur}
+    for rate in dict.fromkeys(r.rate for r in probes.latency):
         name = f"{rate:g}, {_LIGHTS.get(NAMES[rate], NAMES[rate])}"
         kinds = [kind for kind in _kinds(outcome) if not kind[0].endswith(" Hz")]
         for n, (display, drive, title) in enumerate(kinds):

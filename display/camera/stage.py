@@ -1,0 +1,174 @@
+"""The stage of a camera that films the panel, plane by plane."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Block
+from cosim.spikes.viform import WORD, Viform, Words
+from display.camera.law import banding
+from display.camera.rolling import Shutter
+from display.camera.section import FramesSection
+from display.trial.pixels import PanelPixels
+
+__all__ = ["Filmed", "PanelCamera"]
+
+State = dict[str, npt.NDArray[Any]]
+Values = npt.NDArray[np.float64]
+_SHOT: Final = 1
+"""Number of the noise of frames among the random numbers of a seed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """A frame of the camera.
+
+    Attributes:
+        values: (rows, columns) uint16, DN.
+        steady: (rows,) mean light of each row over a period of the frame, white = 1.
+    """
+
+    values: npt.NDArray[np.uint16]
+    steady: Values
+
+
+class PanelCamera:
+    """Films a panel with a rolling shutter; passes the stream on unchanged.
+
+    Args:
+        section: the section [camera].
+        shutter: its timing before the panel.
+        seed: seed of the noise.
+        mapping: maps words of the stream to words of the panel; None for equal sizes.
+
+    Attributes:
+        section, shutter: as above.
+        frames: complete frames, in order.
+    """
+
+    def __init__(
+        self,
+        section: FramesSection,
+        shutter: Shutter,
+        seed: int,
+        mapping: Callable[[Words], Words] | None = None,
+    ) -> None:
+        self.section, self.shutter, self._seed, self._mapping = section, shutter, seed, mapping
+        height, width = shutter.panel.shape
+        self._pixels = PanelPixels(shutter.panel, height * width)
+        self._open: dict[int, tuple[Values, Values]] = {}
+        self._plane = 0
+        self.frames: list[Filmed] = []
+
+    def step(self, data: Viform, block: Block) -> Viform:
+        """Films the planes of one block; blocks begin at whole words."""
+        words = data.words if self._mapping is None else self._mapping(data.words)
+        for word, first in enumerate(range(0, block.cycles, WORD)):
+            self._film(words[word : word + 1], min(WORD, block.cycles - first))
+        return data
+
+    def _film(self, words: Words, planes: int) -> None:
+        """Films the planes of one word."""
+        shutter, first = self.shutter, self._plane
+        height, width = shutter.panel.shape
+        light = self._pixels.light(words.reshape(1, -1), planes, 1).reshape(planes, height, width)
+        light /= shutter.panel.white_rate
+        rows = light.mean(axis=2).T
+        begin, end = shutter.panel.start(first), shutter.panel.start(first + planes + 1)
+        for frame in range(len(self.frames), shutter.frames):
+            since, until = shutter.span(frame)
+            if since > end:
+                break
+            if until < begin:
+                continue
+            image, steady = self._open.setdefault(
+                frame, (np.zeros((height, width)), np.zeros(height))
+            )
+            weight = shutter.exposed(frame, first, planes)
+            if weight.any():
+                image += np.matmul(weight[:, None, :], light.transpose(1, 0, 2))[:, 0]
+            steady += (shutter.around(frame, first, planes) * rows).sum(axis=1)
+        self._plane += planes
+        self._finish(shutter.panel.start(self._plane))
+
+    def _finish(self, until: int) -> None:
+        """Completes the frames whose light has all come by `until`, ps, or by the last plane."""
+        last = self._plane == self.shutter.planes
+        while len(self.frames) < self.shutter.frames:
+            frame = len(self.frames)
+            if not last and self.shutter.span(frame)[1] > until:
+                break
+            image, steady = self._open.pop(frame)
+            by, _ = self.shutter.box
+            self.frames.append(
+                Filmed(self._read(frame, self._boxed(image)), steady.reshape(-1, by).mean(axis=1))
+            )
+
+    def _boxed(self, image: Values) -> Values:
+        """The mean light on each pixel of the camera, white = 1."""
+        (rows, columns), (high, wide) = self.shutter.shape, self.shutter.box
+        return np.asarray(image.reshape(rows, high, columns, wide).mean(axis=(1, 3)))
+
+    def _read(self, frame: int, light: Values) -> npt.NDArray[np.uint16]:
+        """Light as digital numbers: shot noise, full well, read noise, converter."""
+        section = self.section
+        noise = np.random.default_rng([self._seed, frame, _SHOT])
+        electrons = noise.poisson(light * (section.white * section.full_well)).astype(np.float64)
+        electrons = np.minimum(electrons, section.full_well)
+        electrons += section.read_noise * noise.standard_normal(light.shape)
+        full = (1 << section.bits) - 1
+        values = np.rint(electrons * (full / section.full_well))
+        return np.clip(values, 0, full).astype(np.uint16)
+
+    def pictures(self) -> list[Values]:
+        """The frames, (rows, columns), the panel's white = 1."""
+        section = self.section
+        scale = section.white * ((1 << section.bits) - 1)
+        return [frame.values / scale for frame in self.frames]
+
+    def bands(self) -> tuple[list[float], list[Values]]:
+        """The contrast of bands in every lit frame, and the profile of every frame; see
+        `banding`."""
+        found = [
+            banding(picture, frame.steady)
+            for picture, frame in zip(self.pictures(), self.frames, strict=True)
+        ]
+        return [c for c, _ in found if c is not None], [profile for _, profile in found]
+
+    def flicker(self) -> float | None:
+        """Percent flicker of the frames' mean light over the steady light: (most - least) / (most +
+        least), %. None for fewer than two lit frames."""
+        means = [
+            float(picture.mean() / frame.steady.mean())
+            for picture, frame in zip(self.pictures(), self.frames, strict=True)
+            if frame.steady.mean() > 0
+        ]
+        if len(means) < 2 or max(means) + min(means) == 0:
+            return None
+        return 100 * (max(means) - min(means)) / (max(means) + min(means))
+
+    def state(self) -> State:
+        """Everything that the next block depends on."""
+        state = {"plane": np.array(self._plane), "open": np.array(sorted(self._open), np.int64)}
+        for frame, (image, steady) in self._open.items():
+            state |= {f"image{frame}": image.copy(), f"steady{frame}": steady.copy()}
+        if self.frames:
+            state["values"] = np.stack([frame.values for frame in self.frames])
+            state["steady"] = np.stack([frame.steady for frame in self.frames])
+        return state | {f"pixels/{k}": v for k, v in self._pixels.state().items()}
+
+    def restore(self, state: State) -> None:
+        """Restores a `state`."""
+        self._plane = int(state["plane"])
+        self._open = {
+            int(n): (state[f"image{n}"].copy(), state[f"steady{n}"].copy()) for n in state["open"]
+        }
+        done = zip(state.get("values", ()), state.get("steady", ()), strict=True)
+        self.frames = [Filmed(values, steady) for values, steady in done]
+        mine = {k.removeprefix("pixels/"): v for k, v in state.items() if k.startswith("pixels/")}
+        self._pixels.restore(mine)

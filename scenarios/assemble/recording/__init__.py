@@ -1,0 +1,1 @@
+"""A recorded stream in the place of a chip: opened, recorded into the run's folder, imaged."""

@@ -1,0 +1,163 @@
+"""Opens the recorded stream of a scenario: clock, length, and what is white in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from cosim import Clock, InputError, SpikeStream, seconds_to_ps
+from cosim.files import ending_of, notes_of
+from cosim.files.event_file import ENDING, EventFile, read_events
+from cosim.run.inputs import named_path
+from cosim.spikes.clocked import ClockedEvents
+from cosim.spikes.excerpt import StreamStage
+from cosim.spikes.viform import count_spikes
+from scenarios.assemble.schema.scenario import RecordingScenario
+from sensor.codec.files import open_any
+
+__all__ = ["Recording", "open_recording"]
+
+FASTEST: Final = 1e6
+"""Fastest clock of planes, Hz; events of a faster one must be latched by another clock."""
+BRIGHT: Final = 0.99
+"""Share of the pixels that do not exceed the rate of white, where nothing says it."""
+_CLOCKLESS: Final = (".dat", ".raw")
+"""Formats that do not keep the clock."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recorded stream.
+
+    Attributes:
+        path: the file, or the folder of a run.
+        shape: (height, width).
+        clock: of the cycles.
+        cycles: number of cycles that are used.
+        white_rate: spikes a cycle of white.
+        notes: what the user must know.
+        stream: the stream; None for events that are latched.
+    """
+
+    path: Path
+    shape: tuple[int, int]
+    clock: Clock
+    cycles: int
+    white_rate: float
+    notes: list[str]
+    stream: SpikeStream | None
+
+    def stage(self) -> StreamStage | ClockedEvents:
+        """The stage that reads the stream from its beginning."""
+        if self.stream is not None:
+            return StreamStage(self.stream, self.clock)
+        return ClockedEvents(read_events(self.path), self.clock, self.cycles)
+
+
+def open_recording(scenario: RecordingScenario) -> Recording:
+    """Opens the stream of a scenario. Raises InputError."""
+    section = scenario.sensor
+    path = Path(named_path("sensor", "source", section.source) or "")
+    folder = path
+    if (path / "stream.events.npz").exists() and not (path / "stream.zarr").exists():
+        path = path / "stream.events.npz"
+    if ending_of(path) == ENDING and path.exists() and not path.is_dir():
+        return _events(scenario, path, folder)
+    stream, notes = open_any(path, _size(section.width, section.height))
+    clock = stream.clock if section.clock is None else Clock.from_hz(section.clock)
+    if clock != stream.clock and ending_of(path) not in _CLOCKLESS:
+        raise InputError(
+            "sensor.clock", f"that of {path}, {stream.clock.hz:g} Hz", f"{clock.hz:g} Hz",
+            "leave it out",
+        )  # fmt: skip
+    cycles = _cycles(scenario.duration, clock, stream.cycles)
+    white, told = _white(
+        section.white_rate, folder, lambda: count_spikes(stream, 0, cycles) / cycles
+    )
+    return Recording(
+        path, stream.shape, clock, cycles, white, [*notes_of(stream), *notes, told], stream
+    )
+
+
+def _events(scenario: RecordingScenario, path: Path, folder: Path) -> Recording:
+    """An event file: planes as they are, or latched by another clock."""
+    file, section = EventFile(path), scenario.sensor
+    clock = file.clock if section.clock is None else Clock.from_hz(section.clock)
+    if clock.hz > FASTEST:
+        raise InputError(
+            "sensor.clock", f"given, at most {FASTEST:g} Hz, for events timed at "
+            f"{file.clock.hz:g} Hz", "absent" if section.clock is None else f"{clock.hz:g} Hz",
+            "write --set sensor.clock='40 kHz', which latches them",
+        )  # fmt: skip
+    if _size(section.width, section.height) not in (None, file.shape[::-1]):
+        raise InputError(
+            "sensor.width", f"{file.shape[1]} x {file.shape[0]}, the size of {path}",
+            f"{section.width} x {section.height}", "leave both out",
+        )  # fmt: skip
+    end = file.clock.edge(file.ticks)
+    whole = max(clock.cycle_at(end - 1) + 1, 1)
+    cycles = _cycles(scenario.duration, clock, whole)
+
+    def rate() -> Any:
+        counts = np.zeros(file.shape, np.int64)
+        for part in file.parts():
+            np.add.at(counts, (part["row"], part["column"]), 1)
+        return counts / whole
+
+    white, told = _white(section.white_rate, folder, rate)
+    latched = f"its events are latched by a clock of {clock.hz:g} Hz"
+    return Recording(path, file.shape, clock, cycles, white, [latched, told], None)
+
+
+def _size(width: int | None, height: int | None) -> tuple[int, int] | None:
+    if (width is None) != (height is None):
+        absent, given = ("width", "height") if width is None else ("height", "width")
+        raise InputError(f"sensor.{absent}", f"given with sensor.{given}", "absent", "add it")
+    return None if width is None or height is None else (width, height)
+
+
+def _cycles(duration: float | None, clock: Clock, whole: int) -> int:
+    """Number of cycles of a run. Raises InputError for a duration that the stream does not have."""
+    if duration is None:
+        return whole
+    cycles = clock.cycles_in(seconds_to_ps(duration))
+    if not 1 <= cycles <= whole:
+        raise InputError(
+            "duration", f"from one cycle to all {whole} cycles of the recording, "
+            f"{whole / clock.hz * 1e3:.4g} ms", f"{duration * 1e3:.4g} ms",
+            "change it, or leave it out",
+        )  # fmt: skip
+    return cycles
+
+
+def _white(
+    given: float | None, folder: Path, rate: Callable[[], Any]
+) -> tuple[float, str]:
+    """The spike rate of white and a note on its origin. rate: counts the spikes a cycle of every
+    pixel, (H, W)."""
+    if given is not None:
+        return given, f"white is {given:.3g} spikes a cycle"
+    known = _known_white(folder / "result.json")
+    if known is not None:
+        return known, f"white is {known:.3g} spikes a cycle, as in {folder}"
+    white = min(float(np.quantile(rate(), BRIGHT, method="higher")), 1.0)
+    if white <= 0:
+        return 1.0, "white is 1 spike a cycle: nearly every pixel of the recording is dark"
+    return white, (
+        f"white is {white:.3g} spikes a cycle, which {BRIGHT:.0%} of the pixels do not exceed: "
+        "sensor.white_rate sets it"
+    )
+
+
+def _known_white(result: Path) -> float | None:
+    """`white_rate` of the result of a run; None if there is none."""
+    try:
+        value = json.loads(result.read_text(encoding="utf-8"))["metrics"]["white_rate"]["value"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return float(value) if isinstance(value, int | float) and 0 < value <= 1 else None

@@ -1,0 +1,158 @@
+"""The order of sections: what can follow what in a scenario, in one place.
+
+A scenario's sections are its chain: a source (a scene before a chip or an imager, a recorded
+stream, a board), then the display that shows the stream, then the camera that films the display.
+Everything here is said of the data before they are checked key by key. Each rule refuses one
+combination, in one line with its remedy; what no rule refuses is assembled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from cosim import InputError
+from cosim.run.inputs import FILE
+
+__all__ = ["check_order", "is_recording"]
+
+Data = dict[str, Any]
+
+
+class _Rule(NamedTuple):
+    """A combination that has no meaning.
+
+    Attributes:
+        breaks: whether a scenario has it.
+        what, must, actual, remedy: of the InputError.
+    """
+
+    breaks: Callable[[Data], bool]
+    what: str
+    must: str
+    actual: str
+    remedy: str
+
+
+def _value(data: Data, section: str, key: str) -> Any:
+    """A value of a section; None if the section is absent or no section."""
+    inner = data.get(section)
+    return inner.get(key) if isinstance(inner, dict) else None
+
+
+def is_recording(data: Data) -> bool:
+    """Whether a recorded stream takes the place of the chip."""
+    source = _value(data, "sensor", "source")
+    return isinstance(source, str) and source.startswith(FILE)
+
+
+def _unlatched(data: Data) -> bool:
+    return _value(data, "sensor", "readout") in ("asynchronous", "continuous")
+
+
+def _linked(data: Data) -> bool:
+    """Whether a link carries the stream of a scene."""
+    return "link" in data and "scene" in data
+
+
+def _without(section: str, other: str, remedy: str) -> _Rule:
+    """`section` excludes `other`."""
+    return _Rule(
+        lambda data: section in data and other in data, section,
+        f"absent in a scenario with [{other}]", "given with it", remedy,
+    )  # fmt: skip
+
+
+_IMAGER = (
+    "remove one of them: an [imager] is the sensor itself, before a [scene] and a [lens], and may "
+    "have a [display]"
+)
+_BOARD = "remove one of them: bring-up.toml has only a [board]"
+
+RULES: tuple[_Rule, ...] = (
+    _Rule(
+        lambda data: _linked(data) and _unlatched(data), "sensor.readout",
+        "synchronous with a [link]", "another one",
+        "leave it out: a link carries latched spikes",
+    ),
+    _Rule(
+        lambda data: _linked(data) and _value(data, "sensor", "source") is not None,
+        "sensor.source", "absent with a [link]", "given",
+        "leave it out: a link carries the stream of a simulated chip",
+    ),
+    _Rule(
+        lambda data: _linked(data) and _value(data, "display", "sink") is not None,
+        "display.sink", "absent with a [link]", "given",
+        "leave it out: a board does not yet display what a link has carried",
+    ),
+    _Rule(
+        lambda data: "code" in data and "link" not in data, "code",
+        "given with a [link]", "given without one",
+        "add a [link], or write a coded file with `viform convert`",
+    ),
+    _without("imager", "sensor", _IMAGER),
+    _without("imager", "link", _IMAGER),
+    _Rule(
+        lambda data: "imager" in data and "image" in data and "display" not in data, "image",
+        "absent with an [imager] without a [display]", "given",
+        "leave it out, or add a [display]: its keys set the instants at which the display is seen",
+    ),
+    *(
+        _Rule(
+            lambda data, other=other: "board" in data and other in data, "board",  # type: ignore[misc]
+            f"absent in a scenario with a [{other}]", "given with one", _BOARD,
+        )
+        for other in ("scene", "link", "sensor", "imager", "display", "camera")
+    ),
+    _Rule(
+        lambda data: is_recording(data) and "scene" in data, "scene",
+        "absent with sensor.source = file:PATH, a recorded stream", "given with it",
+        "remove it, or start from `viform run playback`, which has none",
+    ),
+    _Rule(
+        lambda data: is_recording(data) and "link" in data, "sensor.source",
+        "absent in a scenario with a [link]", "file:PATH",
+        "leave it out: `viform link receive` reads a recorded stream",
+    ),
+    _Rule(
+        lambda data: _value(data, "sensor", "source") is not None and _unlatched(data)
+        and not is_recording(data),
+        "sensor.source", "absent unless sensor.readout = synchronous", "given with another",
+        "leave it out: the board latches its spikes by a clock",
+    ),
+    _Rule(
+        lambda data: "camera" in data and "display" not in data, "camera",
+        "absent without a [display]", "given alone",
+        "add a [display], which it films, or leave it out",
+    ),
+    _Rule(
+        lambda data: "camera" in data and _value(data, "display", "sink") is not None, "camera",
+        "absent with display.sink", "given with it",
+        "leave one of them out: a board displays the planes, and no light is rendered",
+    ),
+    _Rule(
+        lambda data: _value(data, "display", "sink") is not None
+        and (_unlatched(data) or is_recording(data) or "imager" in data),
+        "display.sink", "absent unless a latched chip or a board makes the spikes", "given",
+        "leave it out: a board does not yet display the planes of other sources",
+    ),
+    _Rule(
+        lambda data: _value(data, "display", "clock") is not None and "imager" not in data,
+        "display.clock", "absent unless an [imager] feeds the display", "given",
+        "leave it out: the planes have the clock of the stream, sensor.clock",
+    ),
+    _Rule(
+        lambda data: _value(data, "display", "colour") is not None
+        and (_unlatched(data) or is_recording(data) or "imager" in data),
+        "display.colour", "given with sensor.colour of a latched chip alone", "with another source",
+        "leave it out: the panel then has one colour",
+    ),
+)  # fmt: skip
+"""In the order in which they are said."""
+
+
+def check_order(data: Data) -> None:
+    """Raises InputError for the first combination of sections that has no meaning."""
+    for rule in RULES:
+        if rule.breaks(data):
+            raise InputError(rule.what, rule.must, rule.actual, rule.remedy)

@@ -1,0 +1,137 @@
+"""A camera with a rolling shutter before the panel: its files, and its section of the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from cosim.report.figures import INK, LINE, pyplot
+from cosim.report.parts import figure, plot
+from cosim.report.pictures import enlarge
+from cosim.report.png import for_display, write_linear_png
+from cosim.run.result import Metric
+from display.camera.law import pulse_banding
+from display.camera.stage import PanelCamera
+
+if TYPE_CHECKING:
+    from scenarios.assemble.show.shown import Shown
+
+__all__ = ["FramesFilmer"]
+
+_PICTURES: Final = 8
+"""Maximum number of frames that are written and drawn, evenly spaced."""
+_DRAWN: Final = 4
+"""Maximum number of frames in the report."""
+
+
+class FramesFilmer:
+    """A camera with a rolling shutter; implements `Filmer`.
+
+    Attributes:
+        camera: the stage.
+    """
+
+    figures: list[str] = ["figures/bands.png"]  # noqa: RUF012  # never changed
+
+    def __init__(self, camera: PanelCamera) -> None:
+        self.camera = camera
+
+    def stages(self, folder: Path) -> dict[str, Any]:
+        return {"film": self.camera}
+
+    def _chosen(self) -> list[int]:
+        """Numbers of the frames that are written."""
+        last = len(self.camera.frames) - 1
+        return sorted({round(n * last / (_PICTURES - 1)) for n in range(_PICTURES)})
+
+    def write(self, folder: Path, at: list[int]) -> list[str]:
+        """Writes chosen frames, evenly spaced; the instants are not used."""
+        (folder / "images").mkdir(exist_ok=True)
+        pictures, names = self.camera.pictures(), []
+        for n in self._chosen():
+            names.append(f"images/filmed-{n:05d}.png")
+            write_linear_png(folder / names[-1], np.clip(pictures[n], 0, 1))
+        return names
+
+    def metrics(self) -> dict[str, Metric]:
+        """Number of frames, mean contrast of the bands, flicker, and the contrast that white pixels
+        in step would show; None where there is none."""
+        contrasts, _ = self.camera.bands()
+        mean = float(np.mean(contrasts)) if contrasts else None
+        return {
+            "camera_frames": Metric(float(len(self.camera.frames)), "1"),
+            "camera_banding": Metric(mean, "1"),
+            "camera_banding_in_step": Metric(self._in_step(), "1"),
+            "camera_flicker": Metric(self.camera.flicker(), "%"),
+        }
+
+    def _in_step(self) -> float | None:
+        """Contrast of bands if all pixels were white and fired together, in closed form; None for a
+        drive that does not emit packets."""
+        panel = self.camera.shutter.panel
+        if not panel.packets:
+            return None
+        frequency = panel.white_rate * panel.clock.hz
+        duty = panel.white_rate * panel.share
+        return pulse_banding(duty, frequency, self.camera.section.exposure)
+
+    def cards(self) -> list[tuple[str, str, str]]:
+        metrics = self.metrics()
+        banding, flicker = metrics["camera_banding"].value, metrics["camera_flicker"].value
+        other = "" if flicker is None else f"; flicker from frame to frame {flicker:.2g} %"
+        told = "unknown" if banding is None else f"{banding:.1%}"
+        return [("", told, f"contrast of the bands that the camera sees{other}")]
+
+    def _draw_bands(self, path: Path) -> None:
+        """Writes the profile of each drawn frame over its rows."""
+        plt = pyplot()
+        drawing, ax = plt.subplots(figsize=(8.5, 3.0))
+        _, profiles = self.camera.bands()
+        for n in self._chosen()[:_DRAWN]:
+            profile = profiles[n]
+            if np.isfinite(profile).any():
+                ax.plot(profile / np.nanmean(profile), linewidth=1, label=f"frame {n}")
+        ax.set_xlabel("row", fontsize=9, color=INK)
+        ax.set_ylabel("light over steady light", fontsize=9, color=INK)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.spines[["left", "bottom"]].set_color(LINE)
+        ax.tick_params(color=LINE, labelcolor=INK, labelsize=8)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(frameon=False, fontsize=8.5)
+        drawing.tight_layout()
+        drawing.savefig(path, dpi=110)
+        plt.close(drawing)
+
+    def section(self, shown: Shown) -> str:
+        section, shutter = self.camera.section, self.camera.shutter
+        pictures, metrics = self.camera.pictures(), self.metrics()
+        drawn = "".join(
+            figure(enlarge(for_display(np.clip(pictures[n], 0, 1))),
+                   f"frame {n}, {shutter.begin(n) / 1e9:.4g} ms", exact=True)
+            for n in self._chosen()[:_DRAWN]
+        )  # fmt: skip
+        path = shown.run.folder / self.figures[0]
+        self._draw_bands(path)
+        banding, flicker = metrics["camera_banding"].value, metrics["camera_flicker"].value
+        step = metrics["camera_banding_in_step"].value
+        told = "no row is lit" if banding is None else f"{banding:.2%} in the mean"
+        if step is not None:
+            told += f"; white pixels in step would show {step:.2%}"
+        flicker_told = (
+            "one frame has none" if flicker is None
+            else f"{flicker:.2g} % from the darkest to the brightest frame"
+        )  # fmt: skip
+        return (
+            "<h2>What a camera with a rolling shutter sees</h2>"
+            f"<p>{len(pictures)} frames of {shutter.shape[1]} x {shutter.shape[0]} pixels at "
+            f"{section.frame_rate:g} Hz, exposure {section.exposure * 1e3:g} ms, rows within "
+            f"{section.readout * 1e3:g} ms; full well {section.full_well:g} e, of which the "
+            f"panel's white fills {section.white:.0%}. Pictures in <code>images/</code> are linear."
+            f'</p><div class="grid by4">{drawn}</div>'
+            "<p>Bands: the mean of each row over the mean light of that row within a period of the "
+            "frame. Contrast (root 2 times the standard deviation over the mean; photon noise and "
+            f"motion count as well): {told}. Flicker: {flicker_told}.</p>"
+            + plot(path, "bands of the camera's frames")
+        )

@@ -1,0 +1,154 @@
+"""Cameras without a latch, as the probes of a display use them: their output as planes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Clock, Light, Viform
+from cosim.spikes.clocked import latching_cycles
+from cosim.spikes.events import mark_planes
+from cosim.spikes.viform import Words, words_for
+from cosim.stage import Block
+from scenarios.assemble.show.feeds import ContinuousFeed, held_events, held_reports
+from sensor.asynchronous.machine import AsynchronousMachine
+from sensor.asynchronous.model import EventModel, latched
+from sensor.asynchronous.pixel.array import AsynchronousPixels
+from sensor.asynchronous.readout.recorder import gather_events
+from sensor.asynchronous.run import EventSpec
+from sensor.continuous.camera import ContinuousCamera
+from sensor.continuous.run import ContinuousSpec
+
+__all__ = ["ContinuousProbeCamera", "EventProbeCamera"]
+
+MOST = 10**9
+"""Firings of a probe beyond which it ends; probes are small."""
+PART = 4096
+"""Cycles of a probe whose firings are in memory together."""
+
+
+@dataclass(frozen=True)
+class EventProbeCamera:
+    """Small arrays of asynchronous pixels, every effect kept, without their shared channel;
+    implements `ProbeCamera`. It has no row timing.
+
+    Attributes:
+        spec: the camera.
+        model: rules of a pixel.
+    """
+
+    spec: EventSpec
+    model: EventModel
+
+    @classmethod
+    def of(cls, machine: AsynchronousMachine) -> EventProbeCamera:
+        """That of the machine."""
+        return cls(machine.spec, machine.spec.model)
+
+    @property
+    def clock(self) -> Clock:
+        return self.spec.setting.clock
+
+    @property
+    def height(self) -> int:
+        return self.spec.shape[0]
+
+    @property
+    def seed(self) -> int:
+        return self.spec.setting.seed
+
+    def lux(self, rate: float) -> float:
+        return rate * self.model.threshold * self.clock.hz / self.spec.setting.electrons_per_lux
+
+    def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
+        return np.zeros(rows, np.int64)
+
+    def film(
+        self,
+        light: Light,
+        cycles: int,
+        shape: tuple[int, int],
+        seed: int,
+        rows: tuple[int, int] | None = None,
+    ) -> Viform:
+        top, stop = rows or (0, shape[0])
+        pixels = AsynchronousPixels(
+            replace(self.model, seed=seed), (stop - top, shape[1]),
+            self.spec.setting.electrons_per_lux, self.spec.setting.pattern, most=MOST,
+        )  # fmt: skip
+        if self.model.change > 0:
+            end = self.clock.edge(cycles)
+            firings = pixels.step(light, 0, end)
+            events = gather_events(firings, firings.instant, pixels.model, pixels.shape, end)
+            return held_events(events, self.clock, cycles).step(None, Block(0, cycles))
+        return self._latched(pixels, light, cycles)
+
+    def _latched(self, pixels: AsynchronousPixels, light: Light, cycles: int) -> Viform:
+        """The spikes of a light in the planes of the clock; a part of the cycles at a time, as a
+        light of seconds has millions of them."""
+        (height, width), tick = pixels.shape, pixels.model.tick
+        words: Words = np.zeros((words_for(cycles), height, width), np.uint32)
+        for first in range(0, cycles, PART):
+            stop = min(first + PART, cycles)
+            sent = pixels.unordered(light, self.clock.edge(first), self.clock.edge(stop))
+            sent = sent.take(sent.level == pixels.model.levels)
+            at = (latched(sent.instant, tick) + 1) * tick
+            cycle = latching_cycles(at, self.clock, cycles)
+            row, column = np.divmod(sent.pixel, np.uint32(width))
+            inside = cycle < cycles
+            mark_planes(
+                words, row[inside].astype(np.uint16), column[inside].astype(np.uint16),
+                cycle[inside],
+            )  # fmt: skip
+        return Viform(words, cycles, self.clock)
+
+
+@dataclass(frozen=True)
+class ContinuousProbeCamera:
+    """Small arrays of continuous pixels, and their planes; implements `ProbeCamera`. It has no row
+    timing and no shot noise: a minute of noisy pixels takes minutes, and a report needs a change
+    beyond the noise anyway (sensor.continuous.floor).
+
+    Attributes:
+        spec: the camera.
+        feed: how its reports become planes.
+    """
+
+    spec: ContinuousSpec
+    feed: ContinuousFeed
+
+    @property
+    def clock(self) -> Clock:
+        return self.spec.setting.clock
+
+    @property
+    def height(self) -> int:
+        return self.spec.setting.chip.height
+
+    @property
+    def seed(self) -> int:
+        return self.spec.camera.seed
+
+    def lux(self, rate: float) -> float:
+        current = rate * self.spec.white / self.feed.white_rate
+        return current / self.spec.setting.electrons_per_lux
+
+    def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
+        return np.zeros(rows, np.int64)
+
+    def film(
+        self,
+        light: Light,
+        cycles: int,
+        shape: tuple[int, int],
+        seed: int,
+        rows: tuple[int, int] | None = None,
+    ) -> Viform:
+        setting = self.spec.setting
+        chip = replace(setting.chip, height=shape[0], width=shape[1])
+        camera = ContinuousCamera(replace(setting, chip=chip, seed=seed, noise=False), rows)
+        reports = camera.step(light, 0, self.clock.edge(cycles))
+        planes = held_reports(reports, self.spec.white, self.feed.white_rate)
+        return planes.step(None, Block(0, cycles))
