@@ -92,7 +92,7 @@ class AimSection(Section):
     blocked: tuple[tuple[Time, Time], ...] = Field(
         default=(),
         max_length=100,
-        examples=['[["2 ms", "4 ms"]]'],
+        examples=[[["2 ms", "4 ms"]]],
         description="spans in which the whole panel is hidden, from the start of the scene, or of "
         "the link without a scene",
     )

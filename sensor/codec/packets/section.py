@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Quantity, Section
 from sensor.codec.packets.catalogue import KINDS, StreamCode
 from sensor.codec.packets.layered import LAYERS
@@ -38,19 +39,22 @@ class CodeSection(Section):
         default=None, description="bits a second, at most; what the link carries when absent"
     )
     buffer: Annotated[float, Quantity("time", above=0, most=10)] = Field(
-        default=20e-3, description="time that a packet may wait before it is sent"
+        default=20e-3, examples=["20 ms"], description="time that a packet may wait before it is sent"
     )
 
     @model_validator(mode="after")
     def _agrees(self) -> CodeSection:
         """Keys of another code would change nothing, which is a mistake."""
         for kind, keys in (("statistical", ("k", "refine")), ("layered", ("layers",))):
-            given = [key for key in keys if key in self.model_fields_set]
+            fields = type(self).model_fields
+            given = [key for key in keys if getattr(self, key) != fields[key].default]
             if given and self.kind != kind:
-                other = f"kind = {kind!r}, not {self.kind!r}"
-                raise ValueError(f"{given[0]} must be given with {other}")
+                raise InputError(
+                    f"code.{given[0]}", f"given with code.kind = {kind}", f"with {self.kind}",
+                    "leave it out",
+                )  # fmt: skip
         if self.refine == 1:
-            raise ValueError("refine must be 0, or 2 to 255, not 1")
+            raise InputError("code.refine", "0, or 2 to 255", "1", "change it")
         return self
 
     def code(self, threshold: float, threshold_noise: float = 0.0) -> StreamCode:

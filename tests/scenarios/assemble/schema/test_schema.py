@@ -151,7 +151,7 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
          "display.projector='16 kHz'"),
         ("receiver", {},
          "receiver must be one of title, duration, tolerance, seed, scene, sensor, display, "
-         "camera, image, not an unknown key; remove it"),
+         "camera, image, code, link, not an unknown key; remove it"),
     ],
 )  # fmt: skip
 def test_every_other_wrong_input_is_one_line_with_the_mend(key, value, expected):
