@@ -37,6 +37,12 @@ __all__ = ["exact_error", "fast_error", "moved_spikes"]
 
 Values = npt.NDArray[np.float64]
 
+_JUMP: Final = 2 / (3 * np.sqrt(3))
+"""Largest RMS of the light that a spike loses wrongly in the cycle of a jump, over the dead time's
+light after it; see `_dead_shift`."""
+_AFTER: Final = 8
+"""Where all pixels of a tile brighten at once, at least one part in so many of the window comes
+after it. An assumption: a window that ends with the change has less."""
 _SWEEPS: Final = 4
 """Number of times in a run that the light of a pixel sweeps from one end of its range to the
 other."""
@@ -51,8 +57,10 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     """RMS phase by which dead time is off after a number of cycles, in spikes, (tiles,).
 
     Dead time d is a multiple of 2^-16 of a cycle. Where light changes by s a cycle, a spike loses
-    the light of the middle of its cycle instead of that of its own instant, which is off by up to
-    d s / 2 with either sign, RMS d s / sqrt(12). The sum of s^2 over the spikes of one sweep of the
+    the light of the middle of its cycle instead of that of its own instant. Light that changes
+    evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light that jumps by s after
+    the part f of a cycle is off by d s f for the spikes after the jump, of which there are 1 - f in
+    a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f = 2/3. The sum of s^2 over the spikes of one sweep of the
     light is at most the square of its range times the spikes of a cycle, if the sweep takes a
     cycle. _SWEEPS of them are assumed in the run. Noise of the sampling instants makes the cycle of
     a spike longer or shorter, and the light that it loses with it.
@@ -67,7 +75,7 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     spikes = np.minimum(high, 1)
     rounding = abs(model.dead / 65536 - model.dead_time) * high * spikes * cycles
     sweeps = max(_SWEEPS * cycles / scene.cycles, 1)
-    off = 1 / np.sqrt(12) if model.reset == "residual" else 1.0
+    off = _JUMP if model.reset == "residual" else 1.0
     lost = model.dead_time * off * (high - low) * np.maximum(high, 1) * np.sqrt(spikes * sweeps)
     timing = np.asarray(scene.timing) * np.sqrt(2 * spikes * cycles) * model.dead_time * high
     return rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0) + timing
@@ -104,8 +112,13 @@ def _phase_error(
     ))  # fmt: skip
     reaching = np.maximum(low, scene.floor - low) / np.maximum(high - low, 1e-300)
     part = np.sqrt(np.minimum(reaching, 1)) / ESTIMATE_WEIGHT
-    inside = inside + part * _dead_shift(setting, scene, scene.window)
-    smooth = share_of_window(inside, scene) + ends_error(scene, walk + part * dead)
+    moved_inside = _dead_shift(setting, scene, scene.window)
+    # If all of them brighten at once, it is relative to a window that is partly bright.
+    window = (low + (high - low) / _AFTER) * scene.window
+    at_once = share_of_window(moved_inside / ESTIMATE_WEIGHT, scene, window)
+    few = share_of_window(part * moved_inside, scene)
+    smooth = share_of_window(inside, scene) + np.maximum(few, at_once)
+    smooth = smooth + ends_error(scene, walk + part * dead)
     moved = walk + ESTIMATE_WEIGHT * dead
     rare = latch_error(scene, moved) + crossing_error(scene, moved)
     # A saturated pixel fires in every cycle; the fractions at the ends of a window remain.

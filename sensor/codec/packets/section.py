@@ -39,7 +39,9 @@ class CodeSection(Section):
         default=None, description="bits a second, at most; what the link carries when absent"
     )
     buffer: Annotated[float, Quantity("time", above=0, most=10)] = Field(
-        default=20e-3, examples=["20 ms"], description="time that a packet may wait before it is sent"
+        default=20e-3,
+        examples=["20 ms"],
+        description="time that a packet may wait before it is sent",
     )
 
     @model_validator(mode="after")
