@@ -377,8 +377,8 @@ def test_convert_refuses_what_it_cannot_do(refused, recording, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     shutil.copy(recording, "a.npz")
     assert refused("convert", "a.npz", "a.xyz") == (
-        "OUT must be a name ending in .dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl, or of a clip "
-        "(.mp4, .mkv, .mov, .avi, .webm, .gif), not a.xyz; give it one of these"
+        "OUT must be a name ending in .dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl, or of a "
+        "clip (.mp4, .mkv, .mov, .avi, .webm, .gif), not a.xyz; give it one of these"
     )
     assert refused("convert", "a.npz", "no/a.dat").endswith("not in no; mkdir -p no")
     assert refused("convert", "a.npz", "./a.npz") == (
