@@ -71,7 +71,8 @@ def write_vfl(stream: SpikeStream, path: Path, code: StreamCode) -> int:
 
 
 def _write(file: BinaryIO, packet: Packet) -> None:
-    file.write(_NUMBER.pack(packet.size) + packet.to_bytes())
+    data = packet.to_bytes()
+    file.write(_NUMBER.pack(len(data)) + data)
 
 
 class VflStream:

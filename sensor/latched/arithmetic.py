@@ -61,9 +61,9 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light that jumps by s after
     the part f of a cycle is off by d s f for the spikes after the jump, of which there are 1 - f in
     a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f = 2/3. The sum of s^2 over the
-    spikes of one sweep of the light is at most the square of its range times the spikes of a cycle, if the sweep takes a
-    cycle. _SWEEPS of them are assumed in the run. Noise of the sampling instants makes the cycle of
-    a spike longer or shorter, and the light that it loses with it.
+    spikes of one sweep of the light is at most the square of its range times the spikes of a cycle,
+    if the sweep takes a cycle. _SWEEPS of them are assumed in the run. Noise of the sampling
+    instants makes the cycle of a spike longer or shorter, and the light that it loses with it.
 
     Under the other reset rules dead time begins at the latch, and a spike loses light of the next
     cycle: up to d s more or less. This is a limit rather than an expected size, and counts once.

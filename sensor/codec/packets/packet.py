@@ -18,12 +18,14 @@ from cosim.spikes.viform import WORD
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.part import MOST_CYCLES
 
-__all__ = ["HEADER", "Packet"]
+__all__ = ["HEADER", "LENGTH", "Packet"]
 
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<I")
 HEADER = _HEAD.size + _CRC.size
 """Bytes before the data."""
+LENGTH = 4
+"""Bytes of the length of a packet, in files and in the frames of a link."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ class Packet:
 
     @property
     def size(self) -> int:
-        """Bytes on the wire."""
-        return HEADER + len(self.data)
+        """Bytes on the wire, with the length that a row of packets has before each."""
+        return LENGTH + HEADER + len(self.data)
 
     def to_bytes(self) -> bytes:
         """The packet as it is sent. Raises ValueError for numbers beyond its fields."""

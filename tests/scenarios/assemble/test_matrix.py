@@ -57,8 +57,15 @@ SOURCES = {
 DISPLAY = {"beside": ["1000 Hz"], "projector": "none", "renderer": "numpy"}
 FILM = {"kind": "frames", "frame_rate": "1 kHz", "exposure": "300 us", "readout": "400 us"}
 SPIKES = {"kind": "spikes", "sensor": {"threshold": "1000 e", "clock": "20 kHz"}}
+LINK = {
+    "panel": {"width": 192, "height": 192},
+    "modem": {"cell": 2, "ticks": 2, "line": "8b10b", "parity": 16},
+    "sensor": {"chip": "spikeone", "threshold": "1000 e", "reset": "hard"},
+}  # fmt: skip
 SINKS = {
     "none": {},
+    "link": {"link": LINK, "code": {"cycles": 64}},
+    "link, display": {"link": LINK, "display": DISPLAY},
     "display": {"display": DISPLAY},
     "display, camera": {"display": DISPLAY, "camera": FILM},
     "display, spikes": {"display": DISPLAY, "camera": SPIKES},
@@ -90,6 +97,23 @@ BRING_UP = (
     "board must be absent in a scenario with a [{}], not given with one; remove one of them: "
     "bring-up.toml has only a [board]"
 )
+IMAGER = (
+    "imager must be absent in a scenario with [link], not given with it; remove one of them: an "
+    "[imager] is the sensor itself, before a [scene] and a [lens], and may have a [display]"
+)
+UNLATCHED = (
+    "sensor.readout must be synchronous with a [link], not another one; leave it out: a link "
+    "carries latched spikes"
+)
+LINKED = {
+    "board": "sensor.source must be absent with a [link], not given; leave it out: a link carries "
+    "the stream of a simulated chip",
+    "file": "sensor.source must be absent in a scenario with a [link], not file:PATH; leave it "
+    "out: `viform link receive` reads a recorded stream",
+    "bring-up": BRING_UP.format("link"),
+    **dict.fromkeys(("asynchronous", "changes", "continuous"), UNLATCHED),
+    **{name: IMAGER for name, data in SOURCES.items() if "imager" in data},
+}
 LATCHED = ("latched", "board")
 REFUSED = {
     **{(source, "camera"): ALONE for source in SOURCES},
@@ -100,6 +124,10 @@ REFUSED = {
         for sink in SINKS if "display" in SINKS[sink]
     },
     ("bring-up", "camera"): BRING_UP.format("camera"),
+    **{
+        (source, sink): text
+        for source, text in LINKED.items() for sink in ("link", "link, display")
+    },
 }
 ELSEWHERE = {
     **{

@@ -8,7 +8,7 @@ import pytest
 from sensor.codec.packets.buffer import SendBuffer
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.encoder import StreamEncoder
-from sensor.codec.packets.packet import HEADER, Packet
+from sensor.codec.packets.packet import HEADER, LENGTH, Packet
 from sensor.codec.packets.rate import RateControl
 from tests.sensor.codec.packets.streams import steady
 
@@ -132,7 +132,7 @@ def test_a_buffer_is_first_in_first_out_and_idle_time_is_lost():
     assert buffer.send(10_000, 5) == []
     for packet in packets:
         buffer.push(packet, 10)
-    assert buffer.size == buffer.peak == 3 * (HEADER + 4)
+    assert buffer.size == buffer.peak == 3 * (LENGTH + HEADER + 4)
     assert buffer.send(8 * 20 - 1, 20) == []
     assert buffer.send(1 + 8 * 20, 30) == [(packets[0], 20), (packets[1], 20)]
     assert (buffer.size, buffer.longest) == (20, 20)
