@@ -19,6 +19,11 @@ RUNS: dict[str, tuple[str, ...]] = {
     "asynchronous": ("film", *SMALL, *_sets("sensor.readout=asynchronous", "duration=2 ms")),
     "continuous": ("film", *SMALL, *_sets("sensor.readout=continuous", "duration=2 ms")),
     "link": ("light-link", *LINK),
+    "carried": ("glass-over-light", *_sets(
+        "sensor.width=96", "sensor.height=64", "duration=8 ms", "image.at=[160]",
+        "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
+        "code.cycles=64", "code.tile=32", "display.beside=[]", "display.projector=none",
+    )),
     "emccd": ("emccd-window", *_sets("duration=120 ms")),
     "ebaps": ("ebaps-night", *_sets("duration=200 ms", "imager.rows=64", "imager.columns=80")),
     "adaptive": ("adaptive-exposure", *_sets("duration=60 ms")),
