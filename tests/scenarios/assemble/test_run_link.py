@@ -262,8 +262,8 @@ def test_what_cannot_be_run_is_refused_before_anything_is_written(assignments, s
 
 
 def test_scene_and_link_together_and_commands_of_the_other_kind_are_refused(refused):
-    said = refused("run", "light-link", "--set", "scene.kind=star")
-    assert said.startswith("link must be absent in a scenario with a [scene]")
+    said = refused("run", "light-link", "--set", "scene.kind=star", "--set", "link.file=a")
+    assert said.startswith("duration must be given, not absent")  # with a scene it is a camera's
     assert refused("live", "light-link").startswith("the scenario must be one with a [scene]")
 
 

@@ -177,7 +177,9 @@ def test_what_was_assumed_of_the_chip_is_said_to_be(page):
 def test_notes_and_a_degraded_outcome_are_on_the_page(odd):
     page, _ = odd
     assert "Outcome: degraded." in page.text["b"]
-    assert page.text["li"] == [
+    notes = page.text["li"]
+    assert notes.pop(1).startswith("the run needs about ")  # differs from device to device
+    assert notes == [
         "f/1.37 chosen so that white fires at 0.6 a cycle",
         "the light steps at 32 ms, constant before and after",
         "the run ends before the step of the light: lengthen duration",

@@ -385,7 +385,8 @@ def test_convert_refuses_what_it_cannot_do(refused, recording, tmp_path, monkeyp
         "OUT must be another file than IN, not a.npz; choose another name"
     )
     assert refused("convert", "a.mp4", "b.npz") == (
-        "IN must be a stream (.dat, .raw, .npz, .zarr, .events.npz, .fsc), not the clip a.mp4; "
+        "IN must be a stream (.dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl), not the clip "
+        "a.mp4; "
         "film it: viform run film --set scene.path=a.mp4"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
