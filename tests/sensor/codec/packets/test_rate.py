@@ -82,7 +82,7 @@ def test_layers_come_from_coarse_to_fine_without_a_gap(groups):
 def test_the_midpoints_of_steady_trains_go_first():
     """Of two tiles with layers of one size, that which gains less is cut."""
     def tile(number, gain):
-        return [Packet(3, n, number, 0, 128, bytes(84), 10, gain * (n > 0)) for n in range(4)]
+        return [Packet(3, n, number, 0, 128, bytes(80), 10, gain * (n > 0)) for n in range(4)]
 
     control = RateControl(8 * 100 * 5 / 128, 100)
     control.buffer.limit = 500
@@ -93,7 +93,7 @@ def test_the_midpoints_of_steady_trains_go_first():
 
 def test_a_layer_without_gain_is_sent_where_it_leads_to_one_with_gain():
     gains = (0.0, 0.0, 100.0)
-    packets = [Packet(3, n, 0, 0, 128, bytes(84), 0, gain) for n, gain in enumerate(gains)]
+    packets = [Packet(3, n, 0, 0, 128, bytes(80), 0, gain) for n, gain in enumerate(gains)]
     control = RateControl(1e5, 10**4)
     assert control.offer(packets, 128) == []
 
@@ -128,16 +128,16 @@ def test_a_state_goes_on_to_the_same_packets(groups):
 
 
 def test_a_buffer_is_first_in_first_out_and_idle_time_is_lost():
-    buffer, packets = SendBuffer(100), [Packet(3, 0, n, 0, 32, bytes(4)) for n in range(3)]
+    buffer, packets = SendBuffer(100), [Packet(3, 0, n, 0, 32, b"") for n in range(3)]
     assert buffer.send(10_000, 5) == []
     for packet in packets:
         buffer.push(packet, 10)
-    assert buffer.size == buffer.peak == 3 * (LENGTH + HEADER + 4)
+    assert buffer.size == buffer.peak == 3 * (LENGTH + HEADER)
     assert buffer.send(8 * 20 - 1, 20) == []
     assert buffer.send(1 + 8 * 20, 30) == [(packets[0], 20), (packets[1], 20)]
     assert (buffer.size, buffer.longest) == (20, 20)
     with pytest.raises(ValueError, match="a packet must have at most 80 bytes, not 116"):
-        buffer.push(Packet(3, 0, 0, 0, 32, bytes(100)), 30)
+        buffer.push(Packet(3, 0, 0, 0, 32, bytes(96)), 30)
 
 
 @pytest.mark.parametrize(("budget", "size"), [(0.0, 10), (-1.0, 10), (float("nan"), 10), (1.0, 0)])

@@ -13,7 +13,7 @@ from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import KINDS, StreamCode
 from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.encoder import StreamEncoder
-from sensor.codec.packets.packet import HEADER, Packet
+from sensor.codec.packets.packet import HEADER, LENGTH, Packet
 from sensor.codec.packets.tiles import Tiles
 from tests.sensor.codec.packets.streams import steady
 
@@ -171,7 +171,8 @@ def test_blocks_must_follow_one_another(words):
 
 def test_the_header_is_sixteen_bytes():
     assert HEADER == 16
-    assert Packet(3, 7, 9, 2**37 - 32, 512, b"a").size == 17
+    packet = Packet(3, 7, 9, 2**37 - 32, 512, b"a")
+    assert len(packet.to_bytes()) == 17 and packet.size == 17 + LENGTH
     with pytest.raises(ValueError, match="below cycle 2"):
         Packet(3, 7, 9, 2**37, 512, b"").to_bytes()
 
