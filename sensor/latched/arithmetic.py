@@ -81,6 +81,35 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     return rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0) + timing
 
 
+def _edge_shift(setting: CameraSetting, scene: Summary) -> Values:
+    """RMS light of one dead time that only one of the two ends of a window is charged with, in
+    spikes, (tiles,).
+
+    The tiers charge dead time d in the cycle of the spike. Under a reset at the latch the reference
+    charges it in the next cycle, so an end of a window after a cycle with a spike differs by d s.
+    With p spikes a cycle that is the share p of all ends, and the difference of both ends has the
+    RMS d s sqrt(2 p (1 - p)). Under `residual` only the part of the dead time after the latch is
+    charged later: it is uniform from 0 to d for the share p d of all ends.
+    """
+    model = setting.model
+    low, high = (np.asarray(x, np.float64) / model.mean for x in (scene.darkest, scene.brightest))
+    most = np.minimum(high, 1)
+    if model.reset == "residual":
+        return np.asarray(model.dead_time * high * np.sqrt(2 * most * model.dead_time / 3))
+    p = np.clip(0.5, np.minimum(low, most), most)
+    return np.asarray(model.dead_time * high * np.sqrt(2 * p * (1 - p)))
+
+
+def _reaching(scene: Summary) -> Values:
+    """Root of the share of a tile's pixels with its brightest light at which an error of these
+    pixels is largest, relative to the mean light of the tile or the floor, (tiles,)."""
+    low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
+        scene.darkest, scene.brightest
+    ))  # fmt: skip
+    share = np.maximum(low, scene.floor - low) / np.maximum(high - low, 1e-300)
+    return np.asarray(np.sqrt(np.minimum(share, 1)))
+
+
 def _rounding(mean: float, cycles: int) -> float:
     """Rounding of the charge of a number of cycles, and of a fraction in float64, in spikes. Levels
     and slopes are whole units of 2^-40 electrons."""
@@ -107,13 +136,13 @@ def _phase_error(
     dead = _dead_shift(setting, scene, scene.cycles)
     # The RMS over a tile is relative to its mean light or the floor. It is largest if only a share
     # of the pixels reaches the brightest light. The shift of the dead time is a limit already.
+    part = _reaching(scene) / ESTIMATE_WEIGHT
+    moved_inside = _dead_shift(setting, scene, scene.window)
+    moved_inside = moved_inside + ESTIMATE_WEIGHT * _edge_shift(setting, scene)
+    # If all of them brighten at once, it is relative to a window that is partly bright.
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
         scene.darkest, scene.brightest
     ))  # fmt: skip
-    reaching = np.maximum(low, scene.floor - low) / np.maximum(high - low, 1e-300)
-    part = np.sqrt(np.minimum(reaching, 1)) / ESTIMATE_WEIGHT
-    moved_inside = _dead_shift(setting, scene, scene.window)
-    # If all of them brighten at once, it is relative to a window that is partly bright.
     window = (low + (high - low) / _AFTER) * scene.window
     at_once = share_of_window(moved_inside / ESTIMATE_WEIGHT, scene, window)
     few = share_of_window(part * moved_inside, scene)
@@ -158,7 +187,8 @@ def exact_error(setting: CameraSetting, scene: Summary) -> Values:
     interval = 4 * TABLE_RMS * spread + _rounding(mean, scene.cycles)
     charge = interval + _dead_shift(setting, scene, 1)
     moved = _moved_spikes(spread, low / mean, high / mean, charge, scene.cycles)
-    value = ESTIMATE_WEIGHT * share_of_window(2 * charge, scene)
+    ends = _reaching(scene) * _edge_shift(setting, scene)
+    value = ESTIMATE_WEIGHT * share_of_window(2 * charge + ends, scene)
     return value + np.where(saturated_tiles(scene), 0.0, rare_error(scene, moved))
 
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim import Clock, Summary
+from cosim import PS, Clock, Light, Piece, Summary
+from cosim.plan.tiles import TILE
 from sensor import CHIPS, CameraSetting
 from sensor.latched.arithmetic import TABLE_BIAS, TABLE_RMS, exact_error, fast_error
 from sensor.latched.pixel.fixed_point import ONE
@@ -63,6 +64,38 @@ def test_the_exact_tier_keeps_its_bound() -> None:
 @pytest.mark.slow
 def test_the_exact_tier_keeps_its_bound_in_a_thousand_scenes() -> None:
     assert len(_exceeded(range(100, 1100))) <= 5
+
+
+def _steady(reset: str, light: float, dead_time: float) -> tuple[Scene, float]:
+    """A tile of full size under uniform light, thresholds a cycle, and the RMS difference of its
+    rates between the exact tier and the reference."""
+    case = random_scene(7)
+    camera = setting(reset=reset, dead_time=dead_time)
+    lux = np.full((3 * TILE, 3 * TILE), light * 1000 / camera.electrons_per_lux * 40e3, np.float32)
+    case = replace(
+        case, setting=camera, light=Light((Piece(-PS, 2**60, lux, lux),)), window=(15, 56),
+        summary=replace(scene(camera, light, light, planes=0.0), window=41),
+    )  # fmt: skip
+    error = rates(case, camera) - rates(case, camera, "reference")
+    return case, float(np.sqrt((error**2).mean()))
+
+
+@pytest.mark.parametrize("reset", ["subtract", "hard", "residual"])
+@pytest.mark.parametrize("light", [0.1, 0.4, 0.8])
+def test_the_ends_of_a_window_are_charged_with_a_dead_time_or_not(
+    reset: str, light: float
+) -> None:
+    """Steady light: the closed form of the dead time at the ends, and the bound above it."""
+    dead = 0.04
+    case, error = _steady(reset, light, dead / CLOCK.hz)
+    share = light / (1 + light * dead)  # spikes a cycle
+    rms = dead * light * np.sqrt(2 * share * (1 - share)) / 41
+    if reset == "subtract":
+        # Both ends are independent in the mean over phases only: at most sqrt(2) from it.
+        assert 0.7 * rms < error < 1.42 * rms
+    if reset == "residual":
+        assert error < rms / 2
+    assert error < exact_error(case.setting, case.summary).max() * light
 
 
 def test_light_that_changes_near_one_spike_a_cycle_is_out_of_reach() -> None:
