@@ -97,7 +97,13 @@ def _cases() -> list[Case]:
         "duration=1.1 ms",
         "image.at=[22]",
     )
+    whole = _sets(
+        "sensor.width=96", "sensor.height=64", "duration=8 ms", "image.at=[160]",
+        "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
+        "code.cycles=64", "code.tile=32",
+    )  # fmt: skip
     found += [
+        ("run glass-over-light", ("run", "glass-over-light", *whole)),
         ("run megapixel", ("run", "glass", *_sets("duration=2 ms", "image.at=[40]"))),
         ("run bring-up", ("run", "bring-up", *board)),
         ("run boards", ("run", "step", *at_both_ends)),

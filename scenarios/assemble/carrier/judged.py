@@ -85,7 +85,8 @@ def _latency(carrier: Carrier, near: NearEnd, far: FarEnd, period_ps: float) -> 
     """Time of each stage from the latch of a spike until it is shown, over all packets.
 
     A packet waits for the end of its group, in the send buffer, and is on the panel for the rest of
-    its blocks; then it waits until its group is shown. Every spike takes the same time in all.
+    its blocks; then it waits until its group is shown. Every spike takes the same time in all. The
+    waits for the code and to be shown are those of a spike in the middle of its group.
     """
     setup, hold = carrier.setup, carrier.hold
     if not far.arrivals:
@@ -103,7 +104,7 @@ def _latency(carrier: Carrier, near: NearEnd, far: FarEnd, period_ps: float) -> 
         *_rows("panel", [panel], period_ps),
         *_rows("air", [flight], period_ps),
         *_rows("link chip", read, period_ps),
-        *_rows("wait to be shown", ends - group + hold - ticks, period_ps),
+        *_rows("wait to be shown", ends - group / 2 + hold - ticks, period_ps),
     ]
 
 
