@@ -8,7 +8,7 @@ trial measures changes between the pixels of a tile, but not those at an edge be
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cosim import Block, Light
 from cosim.plan.paired import Measured, Paired, Span, TrialCamera, Values, Words, compare, worst
 from cosim.plan.patches import PatchPlane
-from cosim.spikes.viform import pack_planes, unpack_planes
+from cosim.spikes.viform import WORD, pack_planes, unpack_planes, words_for
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.setting import DisplaySetting
 from display.trial.pixels import PatchDisplay
@@ -30,6 +30,8 @@ TRUTH = "truth"
 _NAMES = {FixedEye: "an eye", PursuingEye: "a pursuing eye", CameraPlane: "a camera"}
 PREFIX = "display/"
 SPAN = "planes within "
+KEPT = "words of "
+"""Begins the keys of the words of cameras in a state."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,18 @@ class DisplayPatches:
         plane: the patches.
         settings: displays by name, each with the name of the camera whose words it shows.
         floor: lower limit of the rate to which errors are relative, spikes a cycle.
+        keep: keeps the words of each camera, for `replayed`.
     """
 
     def __init__(
-        self, plane: PatchPlane, settings: dict[str, tuple[str, DisplaySetting]], floor: float
+        self,
+        plane: PatchPlane,
+        settings: dict[str, tuple[str, DisplaySetting]],
+        floor: float,
+        keep: bool = False,
     ) -> None:
-        self._plane = plane
+        self._plane, self._settings, self._least = plane, settings, floor
+        self._kept: dict[str, list[tuple[Words, int]]] | None = {} if keep else None
         self._of = {name: camera for name, (camera, _) in settings.items()}
         self._displays = {
             name: PatchDisplay(setting, plane.rows, plane.columns, plane.row)
@@ -91,6 +99,35 @@ class DisplayPatches:
         self._waiting.clear()
         for name, display in self._displays.items():
             display.step(joined[self._of[name]], block.start, block.cycles)
+        if self._kept is not None:
+            for camera, words in joined.items():
+                self._kept.setdefault(camera, []).append((words, block.cycles))
+
+    def replayed(
+        self, names: Sequence[str], change: Callable[[Words, int], Words]
+    ) -> DisplayPatches:
+        """These displays after the words of the whole run, changed. Needs `keep`.
+
+        Args:
+            names: of the displays.
+            change: from the words of a camera, (words, pixels), and their cycles, to others.
+        """
+        assert self._kept is not None
+        chosen = {name: self._settings[name] for name in names}
+        again = DisplayPatches(self._plane, chosen, self._least)
+        changed, blocks = {}, []
+        for camera in {camera for camera, _ in chosen.values()}:
+            blocks = self._kept[camera]
+            cycles = sum(count for _, count in blocks)
+            changed[camera] = change(_joined(blocks), cycles)
+        start = 0
+        for _, count in blocks:
+            block = Block(start, count)
+            for camera, words in changed.items():
+                again.take(camera, words[start // WORD : words_for(block.stop)], count)
+            again.show(block)
+            start = block.stop
+        return again
 
     def images(self, name: str) -> Values:
         """Images of a display, (images, patches, pixels), white = 1."""
@@ -114,10 +151,20 @@ class DisplayPatches:
             f"{name}/{key}": value
             for name, display in self._displays.items()
             for key, value in display.state().items()
+        } | {
+            f"{KEPT}{camera}/{n}/{count}": words
+            for camera, parts in (self._kept or {}).items()
+            for n, (words, count) in enumerate(parts)
         }
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Restores a `state`."""
+        if self._kept is not None:
+            self._kept.clear()
+            for key, words in state.items():
+                if key.startswith(KEPT):
+                    camera, _, count = key.removeprefix(KEPT).rsplit("/", 2)
+                    self._kept.setdefault(camera, []).append((words, int(count)))
         for name, display in self._displays.items():
             display.restore({
                 key.removeprefix(f"{name}/"): value

@@ -10,7 +10,7 @@ patches or, if larger, the bound of the plan in the tiles that were not measured
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
-from cosim.plan.paired import Measured, Span, Values, compare, worst
+from cosim.plan.paired import Measured, Span, Values, Words, compare, worst
 from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import ESTIMATE_WEIGHT, accepted_error
 from cosim.plan.tiles import TILE
@@ -66,11 +66,12 @@ class Verifier(DisplayTrial):
         tiles: numbers of the tiles that are the patches, all of one size.
         device: OpenCL device of the fast tier, None without one.
         samples: samples of other tiles, None without any.
+        keep: keeps the spikes of the patches before a display, for `error_behind`.
     """
 
     def __init__(
         self, run: RunPlan, full: CameraSetting, tiles: Sequence[int], device: Device | None,
-        samples: TileSamples | None = None,
+        samples: TileSamples | None = None, keep: bool = False,
     ) -> None:  # fmt: skip
         plan, display = run.plan, None
         self._promised, self._fine, self._samples = run.promised, run.fine, samples
@@ -95,7 +96,7 @@ class Verifier(DisplayTrial):
             displays = {TRUTH: ("reference", display.full), "run": ("run", display.run)}
             for name, (_, without) in self._partial.items():
                 displays[f"without {name}"] = "reference", without
-            patches = DisplayPatches(plane, displays, self._floor)
+            patches = DisplayPatches(plane, displays, self._floor, keep)
         super().__init__(plane, cameras, run.spans, patches)
 
     def step(self, light: Light, block: Block) -> Light:
@@ -213,6 +214,28 @@ class Verifier(DisplayTrial):
         if self._display is not None:
             kind = f"radiance as {self._display.observer_name} integrates it, {kind}"
         return Error(error.value, kind, (error.low, error.high), checked, self._tiles_over())
+
+    def error_behind(self, change: Callable[[Words, int], Words], what: str) -> Error:
+        """The error of the display behind a part that changes the spikes, such as a code. Needs
+        `keep` and a display. The bounds of the tiles that are not patches grow as the error of the
+        patches does.
+
+        Args:
+            change: from the words of the patches, (words, pixels), and their cycles, to others.
+            what: names the part, for the result.
+        """
+        assert self.displays is not None
+        behind = self.displays.replayed((TRUTH, "run"), change)
+        error, own, whole = behind.error("run"), self.patches_error(), self.error()
+        grown = max(error.high / own.high, 1.0) if own.high > 0 else 1.0
+        limit = accepted_error(self._plan.tolerance)
+        over = int((behind.errors("run").max(axis=0) > limit).sum())
+        stated = self.result_error()
+        return Error(
+            max(error.value, whole.value), f"{stated.kind}, {what}",
+            (max(error.low, whole.low), max(error.high, whole.high * grown)),
+            stated.tiles_checked, over,
+        )  # fmt: skip
 
     def measured(self) -> dict[str, float]:
         """Upper limit of the change without each effect that is left out, over the patches that

@@ -63,6 +63,12 @@ class Sender:
         self._encoder = StreamEncoder(code, shape)
         self._cycles = cycles
         self._queue: deque[tuple[int, bytes]] = deque()
+        self._cut: dict[tuple[int, int], int] = {}
+
+    @property
+    def cut(self) -> dict[tuple[int, int], int]:
+        """Number of layers sent, by first cycle and tile, where some of them were left out."""
+        return self._cut
 
     @property
     def counts(self) -> Counts:
@@ -83,7 +89,11 @@ class Sender:
             groups.setdefault(packet.first + packet.cycles, []).append(packet)
         for end, group in groups.items():
             self._control.send(end)
-            left = {id(packet) for packet in self._control.offer(group, end)}
+            left_out = self._control.offer(group, end)
+            for packet in left_out:
+                place = packet.first, packet.tile
+                self._cut[place] = min(self._cut.get(place, packet.layer), packet.layer)
+            left = {id(packet) for packet in left_out}
             self._queue.extend((end, p.to_bytes()) for p in group if id(p) not in left)
 
     def pop(self, before: int) -> bytes | None:
@@ -111,6 +121,7 @@ class Sender:
             "ends": np.array([end for end, _ in self._queue], np.int64),
             "lengths": np.array([len(data) for data in waiting], np.int64),
             "packets": np.frombuffer(b"".join(waiting), np.uint8).copy(),
+            "cut": np.array([(*key, n) for key, n in self._cut.items()], np.int64).reshape(-1, 3),
             **{f"{part}/{key}": value for part, state in parts.items()
                for key, value in state.items()},
         }  # fmt: skip
@@ -121,6 +132,7 @@ class Sender:
             stage.restore(
                 {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
             )
+        self._cut = {(int(first), int(tile)): int(n) for first, tile, n in state["cut"]}
         data, at = state["packets"].tobytes(), 0
         self._queue.clear()
         for end, length in zip(state["ends"], state["lengths"], strict=True):
