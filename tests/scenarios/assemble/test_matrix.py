@@ -66,6 +66,8 @@ SINKS = {
     "none": {},
     "link": {"link": LINK, "code": {"cycles": 64}},
     "link, display": {"link": LINK, "display": DISPLAY},
+    "link, display, camera": {"link": LINK, "display": DISPLAY, "camera": FILM},
+    "link, board": {"link": LINK, "display": {"sink": "serial:virtual"}},
     "display": {"display": DISPLAY},
     "display, camera": {"display": DISPLAY, "camera": FILM},
     "display, spikes": {"display": DISPLAY, "camera": SPIKES},
@@ -80,6 +82,8 @@ LARGE = {"latched", "emccd"}
 """Sources of whole chips: the golden renderer would take minutes."""
 SLOWER = {"adaptive-exposure", "hardware-chain"}
 """Sources whose plan takes seconds: the display alone is in the ordinary suite."""
+QUICK = {("asynchronous", "link"), ("file", "link, display")}
+"""Pairs with a link that are in the ordinary suite."""
 
 ALONE = (
     "camera must be absent without a [display], not given alone; add a [display], which it films, "
@@ -94,40 +98,25 @@ UNLIT = (
     "displays the planes, and no light is rendered"
 )
 BRING_UP = (
-    "board must be absent in a scenario with a [{}], not given with one; remove one of them: "
-    "bring-up.toml has only a [board]"
+    "board must be absent in a scenario with a [{}], not given with one; remove one of them: a "
+    "bring-up makes no stream; sensor.source = serial:PORT puts a board into a chain"
 )
-IMAGER = (
-    "imager must be absent in a scenario with [link], not given with it; remove one of them: an "
-    "[imager] is the sensor itself, before a [scene] and a [lens], and may have a [display]"
-)
-UNLATCHED = (
-    "sensor.readout must be synchronous with a [link], not another one; leave it out: a link "
-    "carries latched spikes"
-)
-LINKED = {
-    "board": "sensor.source must be absent with a [link], not given; leave it out: a link carries "
-    "the stream of a simulated chip",
-    "file": "sensor.source must be absent in a scenario with a [link], not file:PATH; leave it "
-    "out: `viform link receive` reads a recorded stream",
-    "bring-up": BRING_UP.format("link"),
-    **dict.fromkeys(("asynchronous", "changes", "continuous"), UNLATCHED),
-    **{name: IMAGER for name, data in SOURCES.items() if "imager" in data},
-}
 LATCHED = ("latched", "board")
 REFUSED = {
     **{(source, "camera"): ALONE for source in SOURCES},
-    **{(source, "board"): SINK for source in SOURCES if source not in LATCHED},
+    **{
+        (source, sink): SINK
+        for source in SOURCES if source not in LATCHED for sink in ("board", "link, board")
+    },
     **{(source, "board, camera"): UNLIT for source in SOURCES},
     **{
         ("bring-up", sink): BRING_UP.format("display")
         for sink in SINKS if "display" in SINKS[sink]
     },
-    ("bring-up", "camera"): BRING_UP.format("camera"),
     **{
-        (source, sink): text
-        for source, text in LINKED.items() for sink in ("link", "link, display")
+        ("bring-up", sink): BRING_UP.format("link") for sink in SINKS if "link" in SINKS[sink]
     },
+    ("bring-up", "camera"): BRING_UP.format("camera"),
 }
 ELSEWHERE = {
     **{
@@ -145,6 +134,7 @@ def cases():
             if (source, sink) in ELSEWHERE:
                 continue
             slow = source in SLOW or (source in SLOWER and sink != "display")
+            slow = slow or ("link" in SINKS[sink] and (source, sink) not in QUICK)
             slow = slow and (source, sink) not in REFUSED
             marks = [pytest.mark.slow] if slow else []
             yield pytest.param(source, sink, marks=marks, id=f"{source} - {sink}")
@@ -154,7 +144,7 @@ def data_of(source, sink):
     data = {"title": f"{source}, {sink}"} | SOURCES[source] | SINKS[sink]
     if source in LARGE and "sink" not in data.get("display", {"sink": ""}):
         data["display"] = data["display"] | {"renderer": "gl"}
-    if "board" not in data and ("imager" not in data or "display" in data):
+    if "board" not in data and ("imager" not in data or {"display", "link"} & data.keys()):
         data["image"] = {"at": [40, 60]}
     return data
 
@@ -192,7 +182,12 @@ def test_a_source_before_a_sink(source, sink, tmp_path):
     result = run(data_of(source, sink), tmp_path / "run")
     assert result.outcome in ("ok", "degraded")
     named = {name: metric.value for name, metric in result.metrics.items()}
-    if "display" not in SINKS[sink]:
+    if "link" in SINKS[sink]:
+        assert named["frames_received"] > 0 == named["frames_lost"]
+        assert named["packets_dropped"] == named["dropped_spikes"] == named["added_spikes"] == 0
+        assert named["psnr_through_link"] == named["psnr_direct"]
+        assert (named["psnr_direct"] is None) == (source == "file")
+    if "display" not in SINKS[sink] or "sink" in SINKS[sink]["display"]:
         assert "total_light" not in named
         return
     assert named["total_light"] is None or 0 <= named["total_light"] < 1.5
