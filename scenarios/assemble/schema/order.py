@@ -105,12 +105,6 @@ RULES: tuple[_Rule, ...] = (
         "leave one of them out: a board displays the planes, and no light is rendered",
     ),
     _Rule(
-        lambda data: _value(data, "display", "sink") is not None
-        and (_unlatched(data) or is_recording(data) or "imager" in data),
-        "display.sink", "absent unless a latched chip or a board makes the spikes", "given",
-        "leave it out: a board does not yet display the planes of other sources",
-    ),
-    _Rule(
         lambda data: _value(data, "display", "clock") is not None and "imager" not in data,
         "display.clock", "absent unless an [imager] feeds the display", "given",
         "leave it out: the planes have the clock of the stream, sensor.clock",

@@ -10,6 +10,7 @@ from cosim.run.machine import Machine
 from cosim.run.progress import Progress
 from display.probes.camera import ProbeCamera
 from rtl_model.imagers.machine import ImagerMachine
+from scenarios.assemble.camera.boards import open_panel
 from scenarios.assemble.carrier.carrier import make_carrier
 from scenarios.assemble.carrier.stream import THRESHOLD, CarriedStream
 from scenarios.assemble.instants import check_window, even_instants
@@ -120,17 +121,20 @@ def _played(
     instants = even_instants(image, feed.cycles)
     source = None if scene is None else scene.source(grid)
     with ExitStack() as stack:
-        screen = carrier = None
+        screen = board = carrier = None
         if scenario.display is not None:
+            board = stack.enter_context(open_panel(scenario.display, feed.shape))
+        if scenario.display is not None and board is None:
             screen = make_screen(
                 scenario.display, scenario.camera, feed, instants, scenario.seed, source,
                 None if scene is None else scene.source(grid),
                 None if scene is None else scene.illuminance, probe,
             )  # fmt: skip
-            stack.callback(screen.close)
+            stack.callback(screen.chain.close)
         if scenario.link is not None:
             stream = CarriedStream.of(scenario, feed.shape, feed.clock, feed.cycles, threshold)
             carrier = make_carrier(stream, device, progress)
-        stack.pop_all()
-    playing = Playing(source, screen, carrier, feed.clock, feed.cycles, feed.shape)
+        playing = Playing(
+            source, screen, board, carrier, feed.clock, feed.cycles, feed.shape, stack.pop_all()
+        )  # fmt: skip
     return PlayedMachine(machine, feed, playing, image, instants)

@@ -9,6 +9,7 @@ from pathlib import Path
 from cosim.files import ZarrStream
 from cosim.run.machine import Chain, Finding, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
+from scenarios.assemble.camera.boards import BoardPanel
 from scenarios.assemble.carrier.judged import Watch, carrier_speeds, judge_carrier
 from scenarios.assemble.carrier.page import carried_page
 from scenarios.assemble.schema.scenario import ImageSection
@@ -37,14 +38,14 @@ class PlayedMachine:
     """A source, and the link and the display that its output is played into; see `Machine`.
 
     The source is planned, recorded and judged by its own machine. Then its output is played: sent
-    over the link, if there is one, and shown on the display, which keeps every effect. A run that
-    is interrupted meanwhile goes on from the recording of the source and plays it again from the
-    start.
+    over the link, if there is one, and shown on the display, which keeps every effect, or on a
+    board. A run that is interrupted meanwhile goes on from the recording of the source and plays it
+    again from the start.
 
     Attributes:
         inner: the machine of the source.
         feed: how its output becomes planes.
-        playing: link and display.
+        playing: link, and display or board.
         image: the instants and the window of images at both ends of the link.
         instants: cycles of these images.
     """
@@ -111,6 +112,8 @@ class PlayedMachine:
         if screen is not None:
             outcome = screen.judge(outcome, ZarrStream(played.shown), folder, seconds)
             seen = outcome.views
+        if playing.board is not None:
+            outcome = _displayed(outcome, playing.board)
         outcome = replace(outcome, views=_Views(inner, seen))
         if carrier is None:
             return outcome
@@ -135,5 +138,16 @@ class PlayedMachine:
         return page if screen is None else screen.page(run, views.screen, page)
 
     def close(self) -> None:
-        self.playing.close()
+        self.playing.opened.close()
         self.inner.close()
+
+
+def _displayed(outcome: Outcome, board: BoardPanel) -> Outcome:
+    """The outcome of a source with that of the board that has displayed its planes."""
+    faults = board.faults()
+    return replace(
+        outcome,
+        outcome="failed" if faults else outcome.outcome,
+        metrics=outcome.metrics | board.metrics(),
+        notes=[*outcome.notes, *faults],
+    )

@@ -1,8 +1,9 @@
-"""Plays a stream over the link and into the display of a scenario: one chain of stages for every
-source."""
+"""Plays a stream over the link and into the display or the board of a scenario: one chain of stages
+for every source."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +14,7 @@ from cosim.light.source import Source
 from cosim.run.chain import STREAM
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.progress import Progress
+from scenarios.assemble.camera.boards import BoardPanel
 from scenarios.assemble.camera.stages import SceneStage
 from scenarios.assemble.carrier.carrier import RECEIVED, Carrier
 from scenarios.assemble.show.feeds import Planes
@@ -43,26 +45,31 @@ class Played:
 
 @dataclass(frozen=True, eq=False)
 class Playing:
-    """A link, a display or both, which wait for a stream.
+    """A link, a display or board, or both, which wait for a stream.
 
     Attributes:
         scene: the scene for the reference displays and the truth; None without one.
         screen: the display; None without one.
+        board: the board that displays the planes; None without one.
         carrier: the link; None without one.
         clock, cycles, shape: of the stream.
+        opened: stack that closes display and board.
     """
 
     scene: Source | None
     screen: Screen | None
+    board: BoardPanel | None
     carrier: Carrier | None
     clock: Clock
     cycles: int
     shape: tuple[int, int]
+    opened: ExitStack
 
     @property
     def notes(self) -> list[str]:
         return [
             *([] if self.screen is None else self.screen.notes),
+            *([] if self.board is None else [self.board.note]),
             *([] if self.carrier is None else self.carrier.notes),
         ]
 
@@ -89,7 +96,7 @@ class Playing:
             Interrupted, InputError: the user stopped it; the disk is full.
         """
         linked = self.carrier is not None
-        what = "the link" if self.screen is None else "the display"
+        what = "the display" if self.screen or self.board else "the link"
         given = folder / (STREAM if planes.stored else SHOWN)
         stages = self._stages(planes, given)
         cycles = self.cycles
@@ -114,9 +121,6 @@ class Playing:
         stages["planes"] = planes.stage
         if not planes.stored:
             stages["planes to disk"] = Recorder(given, self.shape, self.cycles, self.clock)
+        if self.board is not None:
+            stages["sink"] = self.board
         return stages if self.screen is None else self.screen.stages(stages, given.parent)
-
-    def close(self) -> None:
-        """Releases the renderer."""
-        if self.screen is not None:
-            self.screen.close()

@@ -141,11 +141,6 @@ class Screen:
             files=list(dict.fromkeys([*page.files, *files])),
         )
 
-    def close(self) -> None:
-        """Releases the renderer."""
-        self.chain.close()
-
-
 def make_screen(
     section: DisplaySection,
     camera: CameraSection | None,
