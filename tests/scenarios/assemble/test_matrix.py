@@ -50,8 +50,8 @@ SOURCES = {
     "ebaps": imager("ebaps", "200 ms", rows=8, columns=16),
     "emccd": imager("emccd", "60 ms", exposure="1 ms", pulse_rate="50 Hz"),
     "hardware-chain": imager("hardware-chain", exposure="200 us", frame_rate="1 kHz", **SMALL),
-    "pwm": imager("pwm", exposure="500 us", frame_rate="1 kHz", **SMALL),
-    "pfm": imager("pfm", exposure="500 us", frame_rate="1 kHz", **SMALL),
+    "pwm": imager("pwm", exposure="500 us", frame_rate="1 kHz", threshold="100 e", **SMALL),
+    "pfm": imager("pfm", exposure="500 us", frame_rate="1 kHz", threshold="100 e", **SMALL),
     "file": {"sensor": {"source": "file:recording.npz"}},
     "bring-up": {"board": {"level": "model", "rows": 4, "columns": 40, "frames": 12}},
 }
