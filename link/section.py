@@ -93,8 +93,8 @@ class AimSection(Section):
         default=(),
         max_length=100,
         examples=[[["2 ms", "4 ms"]]],
-        description="spans in which the whole panel is hidden, from the start of the scene, or of "
-        "the link without a scene",
+        description="spans in which the whole panel is hidden, from the start of the stream, or of "
+        "the link that sends a file",
     )
 
     @field_validator("blocked")
@@ -173,16 +173,16 @@ class LinkSection(Section):
     join: Time = Field(
         default=0.0,
         examples=["3 ms"],
-        description="from the start of the scene until the receiver begins to listen; only with a "
-        "[scene]",
+        description="from the start of the stream until the receiver begins to listen; only where "
+        "the link carries one",
     )
     distance: Metres = Field(
         default=2e6, examples=["2 m"], description="from the panel to the lens"
     )
     sensor: SensorSection | None = Field(
         default=None,
-        description="camera of the link in a scenario with a [scene]; the chip of [sensor] with a "
-        "hard reset when absent",
+        description="camera of a link that carries a stream; when absent, the chip of [sensor] "
+        "with a hard reset, or a spiketwo for a source without a chip",
     )
     loop: str | None = Field(
         default=None,

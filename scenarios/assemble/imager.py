@@ -17,7 +17,8 @@ __all__ = ["assemble_imager", "assemble_imager_study", "plan_imager"]
 
 def assemble_imager(name: str, scenario: ImagerScenario, options: Options) -> ImagerMachine:
     """The machine of a scenario. Raises InputError."""
-    _refuse_device(options.device)
+    if scenario.link is None:  # its chip may run on a device
+        _refuse_device(options.device)
     if options.trace is not None:
         check_trace_file(options.trace)
     kind = IMAGERS[scenario.imager.kind]

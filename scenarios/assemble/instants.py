@@ -5,7 +5,7 @@ from __future__ import annotations
 from cosim import InputError
 from scenarios.assemble.schema.scenario import ImageSection, RecordingScenario, Scenario
 
-__all__ = ["choose_instants", "choose_windows", "even_instants"]
+__all__ = ["check_window", "choose_instants", "choose_windows", "even_instants"]
 
 
 def choose_instants(scenario: Scenario | RecordingScenario, cycles: int) -> list[int]:
@@ -28,6 +28,12 @@ def even_instants(image: ImageSection, cycles: int) -> list[int]:
     return list(at)
 
 
+def check_window(image: ImageSection) -> None:
+    """Raises InputError for a centred window of an even number of cycles."""
+    if image.window % 2 == 0 and not image.preceding:
+        raise InputError("image.window", "odd", str(image.window), f"set {image.window + 1}")
+
+
 def choose_windows(scenario: Scenario | RecordingScenario, cycles: int) -> list[int]:
     """The same for a latched stream. Each cycle has a window of `image.window` cycles.
 
@@ -35,9 +41,8 @@ def choose_windows(scenario: Scenario | RecordingScenario, cycles: int) -> list[
         InputError: a centred window is even, the window is longer than the run, or a cycle is
             beyond the end.
     """
+    check_window(scenario.image)
     window = scenario.image.window
-    if window % 2 == 0 and not scenario.image.preceding:
-        raise InputError("image.window", "odd", str(window), f"set {window + 1}")
     if cycles < window:
         raise InputError(
             "duration", f"at least image.window = {window} cycles", f"{cycles} cycles",

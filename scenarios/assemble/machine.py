@@ -38,40 +38,44 @@ def check_options(scenario: AnyScenario, options: Options) -> None:
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     check_options(scenario, options)
+    device = options.device
     if isinstance(scenario, Scenario):
-        if scenario.link is not None:
-            from scenarios.assemble.carrier.machine import assemble_carried
-
-            return assemble_carried(name, scenario, options.device, options.resume, progress)
         if scenario.sensor.readout == "synchronous":
+            if scenario.link is not None:
+                from scenarios.assemble.carrier.machine import assemble_carried
+
+                return assemble_carried(name, scenario, device, options.resume, progress)
             from scenarios.assemble.camera.machine import assemble_latched
 
-            return assemble_latched(name, scenario, options.device, options.resume)
-        refuse_device(scenario.sensor.readout, options.device)
+            return assemble_latched(name, scenario, device, options.resume)
+        if scenario.link is None:
+            refuse_device(scenario.sensor.readout, device)
         if scenario.sensor.readout == "asynchronous":
             from scenarios.assemble.asynchronous import assemble_asynchronous
-            from scenarios.assemble.show.assembling import show_events
+            from scenarios.assemble.show.assembling import play_events
 
-            return show_events(scenario, assemble_asynchronous(name, scenario))
+            events = assemble_asynchronous(name, scenario)
+            return play_events(scenario, events, device, progress)
         from scenarios.assemble.continuous import assemble_continuous
-        from scenarios.assemble.show.assembling import show_continuous
+        from scenarios.assemble.show.assembling import play_continuous
 
-        return show_continuous(scenario, assemble_continuous(name, scenario))
+        return play_continuous(scenario, assemble_continuous(name, scenario), device, progress)
     if isinstance(scenario, RecordingScenario):
         from scenarios.assemble.recording.machine import assemble_recording
-        from scenarios.assemble.show.assembling import show_recording
+        from scenarios.assemble.show.assembling import play_recording
 
-        refuse_device("a recorded stream", options.device)
-        return show_recording(scenario, assemble_recording(name, scenario))
+        if scenario.link is None:
+            refuse_device("a recorded stream", device)
+        return play_recording(scenario, assemble_recording(name, scenario), device, progress)
     if isinstance(scenario, LinkScenario):
         from scenarios.assemble.link import assemble_link
 
-        return assemble_link(name, scenario, options.device, progress)
+        return assemble_link(name, scenario, device, progress)
     if isinstance(scenario, ImagerScenario):
         from scenarios.assemble.imager import assemble_imager
-        from scenarios.assemble.show.assembling import show_frames
+        from scenarios.assemble.show.assembling import play_frames
 
-        return show_frames(scenario, assemble_imager(name, scenario, options))
+        return play_frames(scenario, assemble_imager(name, scenario, options), device, progress)
     from rtl_model.bringup.machine.machine import BoardMachine
 
     return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)

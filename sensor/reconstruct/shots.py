@@ -13,7 +13,6 @@ import numpy.typing as npt
 from cosim import Clock, Plane, SpikeStream
 from cosim.light.demosaic import delta_e, in_colour
 from cosim.light.mosaic import Mosaic
-from cosim.light.source import Source
 from cosim.report.png import coloured, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from sensor.reconstruct.fidelity import Estimate, Imaged, to_white
@@ -22,12 +21,20 @@ from sensor.reconstruct.playback import tfp, tfp_span
 from sensor.reconstruct.readings import Dim, DimLight
 
 __all__ = [
-    "LATCHED", "Shot", "colour_differences", "interval_latency", "spike_rate", "take_shots",
-    "write_colour", "write_images",
+    "LATCHED", "Shot", "Truth", "colour_differences", "interval_latency", "spike_rate",
+    "take_shots", "write_colour", "write_images",
 ]  # fmt: skip
 
 LATCHED: Final = ("tfp", "tfi")
 """Estimates of a latched stream."""
+
+
+class Truth(Protocol):
+    """What images are compared with: a scene, or what stands in its place."""
+
+    def truth(self, ps: int) -> Plane:
+        """Reflectance at an instant in picoseconds, (H, W) float32, white = 1."""
+        ...
 
 
 class Registers(Protocol):
@@ -71,7 +78,7 @@ class Shot:
 
 def take_shots(
     stream: SpikeStream,
-    source: Source,
+    source: Truth,
     instants: list[int],
     window: int,
     white_rate: float,

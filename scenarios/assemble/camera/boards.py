@@ -20,6 +20,7 @@ from cosim import Block, InputError, Light, Summary, Viform
 from cosim.run.result import Metric
 from cosim.spikes.viform import unpack_planes
 from display import fit_words
+from display.section import DisplaySection
 from rtl_model.registers import quantum
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
@@ -29,7 +30,9 @@ from sensor.latched.pixel.fixed_point import ONE
 if TYPE_CHECKING:
     from rtl_model.stand_in import BoardDisplay, OpenBoard
 
-__all__ = ["NO_ERROR", "BoardCamera", "BoardPanel", "Boards", "open_boards", "refuse_boards"]
+__all__ = [
+    "NO_ERROR", "BoardCamera", "BoardPanel", "Boards", "open_boards", "open_panel", "refuse_boards",
+]  # fmt: skip
 
 NO_ERROR: Final = "a board's spikes are not held against full physics"
 _SIMULATED: Final = (
@@ -159,6 +162,39 @@ class BoardPanel:
         self.wrong += burst.wrong_crc
         return data
 
+    @property
+    def note(self) -> str:
+        """A note for the user before the run."""
+        return f"{self.name} displays the planes; no light is rendered"
+
+    def metrics(self) -> dict[str, Metric]:
+        return {
+            "sink_planes": Metric(self.planes, "planes"),
+            "sink_crc_wrong": Metric(self.wrong, "bursts"),
+        }
+
+    def faults(self) -> list[str]:
+        """Faults that make the outcome "failed"."""
+        if not self.wrong:
+            return []
+        return [f"the planes that {self.name} displayed differ from those sent: CRC-32"]
+
+
+@contextmanager
+def open_panel(section: DisplaySection, shape: tuple[int, int]) -> Iterator[BoardPanel | None]:
+    """Opens the board of `display.sink` as a stage, None without one, and closes it at the end of
+    the context. Raises InputError if it does not answer or does not hold the stream.
+
+    shape: (height, width) of the stream.
+    """
+    if section.sink is None:
+        yield None
+        return
+    from rtl_model.stand_in import BoardDisplay, open_board
+
+    with open_board(section.sink, "display.sink") as board:
+        yield BoardPanel(BoardDisplay(board), board.name, section.fit, shape)
+
 
 @dataclass
 class Boards:
@@ -213,7 +249,7 @@ class Boards:
                 "board has no shot noise, and it is stepped: its ticks are not those of the clock"
             )
         if self.panel is not None:
-            notes.append(f"{self.panel.name} displays the planes; no light is rendered")
+            notes.append(self.panel.note)
         return notes
 
     def metrics(self, camera: Any) -> dict[str, Metric]:
@@ -224,8 +260,7 @@ class Boards:
             metrics["board_quantisation"] = Metric(camera.worst, "spikes/cycle")
             metrics["board_bytes"] = Metric(camera.sensor.bytes, "bytes")
         if self.panel is not None:
-            metrics["sink_planes"] = Metric(self.panel.planes, "planes")
-            metrics["sink_crc_wrong"] = Metric(self.panel.wrong, "bursts")
+            metrics |= self.panel.metrics()
         return metrics
 
     def faults(self, camera: Any) -> list[str]:
@@ -235,10 +270,8 @@ class Boards:
             faults.append(
                 f"{camera.sensor.wrong_bits} bits of {camera.name} differ from the cycle model"
             )
-        if self.panel is not None and self.panel.wrong:
-            faults.append(
-                f"the planes that {self.panel.name} displayed differ from those sent: CRC-32"
-            )
+        if self.panel is not None:
+            faults += self.panel.faults()
         return faults
 
 

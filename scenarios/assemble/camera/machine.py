@@ -35,7 +35,7 @@ from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.show.filmer import Filmer
-from scenarios.assemble.show.playing import make_camera
+from scenarios.assemble.show.filming import make_camera
 from scenarios.assemble.show.tables import display_lines
 from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, size_metrics

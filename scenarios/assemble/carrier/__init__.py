@@ -1,1 +1,1 @@
-"""The way of a camera's stream to a display in another place: code, link, decoder."""
+"""The way of a stream to another place: code, link, decoder."""

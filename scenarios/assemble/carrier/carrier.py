@@ -1,10 +1,11 @@
-"""The link of a scenario with a scene: it carries the coded stream of the camera to the display."""
+"""The link of a scenario: it carries a coded stream of spike planes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import dropwhile
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,14 +23,14 @@ from link.setup.stream import StreamSetup, set_up_stream
 from link.trial.check import goodput_change
 from link.trial.plan import LinkPlan
 from link.trial.planned import PlannedLink, check_plan, plan_link
-from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.carrier.coding import Decoder, Sender
 from scenarios.assemble.carrier.far import FarEnd, Schedule
 from scenarios.assemble.carrier.near import NearEnd
 from scenarios.assemble.carrier.probe import CodedProbeCamera
 from scenarios.assemble.carrier.stages import EachBlock, Later
+from scenarios.assemble.carrier.stream import CarriedStream
 from scenarios.assemble.chip import camera_setting
-from scenarios.assemble.schema.scenario import Scenario
+from sensor import CameraSetting
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 from sensor.latched.readout import readout_stages
@@ -46,6 +47,8 @@ _SHARE: Final = 0.1
 """Largest share of the scenario's tolerance for the link."""
 _PREFIX: Final = "link: "
 """Begins the name of an effect of the link among those of all parts."""
+_FAR: Final = ("sink", "display")
+"""Stages of a chain that take the decoded stream, each with all after it; the others make it."""
 
 
 @dataclass(eq=False)
@@ -53,36 +56,43 @@ class Carrier:
     """The link, planned, and the code of the stream.
 
     Attributes:
-        section: the code.
-        camera: the camera whose stream is sent.
+        stream: what is sent.
         link: the link and its plan.
         setup: the link.
         promised: bound of the share of codewords that arrive otherwise than with full physics.
     """
 
-    section: CodeSection
-    camera: CameraSetup
+    stream: CarriedStream
     link: PlannedLink
     setup: StreamSetup
     promised: float
 
     @property
+    def section(self) -> CodeSection:
+        """The section [code]."""
+        return self.stream.code
+
+    @property
     def hold(self) -> int:
         """Cycles from filming to showing: the group, the wait in the send buffer, the link."""
-        return self.section.cycles + _wait(self.section, self.camera) + self.setup.delay
+        return self.section.cycles + self.stream.wait + self.setup.delay
 
     @property
     def code(self) -> StreamCode:
-        """The code, for the pixels of the camera."""
-        model = self.camera.setting
-        return self.section.code(model.threshold, model.threshold_noise)
+        """The code, for the pixels that fire."""
+        return self.section.code(self.stream.threshold, self.stream.noise)
 
     def probe(self, camera: ProbeCamera) -> CodedProbeCamera:
         """A camera of probes behind the code."""
-        height, width = self.camera.shape
+        height, width = self.stream.shape
         return CodedProbeCamera(
             camera, self.section, self.code, self.setup.rate / (height * width)
         )
+
+    @property
+    def device(self) -> str:
+        """Device of the link's chip, for the result."""
+        return f"link: {self.setup.device_name}"
 
     @property
     def cycles(self) -> int:
@@ -92,29 +102,25 @@ class Carrier:
     @property
     def joins(self) -> int:
         """Cycle of the link from which on the receiver listens: the start of a block."""
-        assert self.camera.scenario.link is not None
-        join = self.camera.scenario.link.join
-        late = round(join * self.camera.setting.clock.hz) // BLOCK * BLOCK
+        late = round(self.stream.link.join * self.stream.clock.hz) // BLOCK * BLOCK
         return self.setup.lead + late if late else 0
 
     def stream_ms(self, cycle: int) -> float:
         """Time of a cycle of the link from the start of the stream, ms."""
-        return (cycle - self.setup.lead) / self.camera.setting.clock.hz * 1e3
+        return (cycle - self.setup.lead) / self.stream.clock.hz * 1e3
 
     @property
     def pixel_cycles(self) -> int:
         """Of the link's camera and of the decoded stream."""
-        return self.setup.pixel_cycles + self.camera.cycles * self.camera.setting.chip.width * (
-            self.camera.setting.chip.height
-        )
+        return self.setup.pixel_cycles + self.stream.pixel_cycles
 
     @property
     def notes(self) -> list[str]:
-        rate = self.setup.rate * self.camera.setting.clock.hz
+        hz = self.stream.clock.hz
         return [
             *self.setup.notes(),
-            f"the link carries {rate / 1e9:.3g} Gb/s of packets; the stream is shown "
-            f"{self.hold / self.camera.setting.clock.hz * 1e3:.3g} ms after it is filmed",
+            f"the link carries {self.setup.rate * hz / 1e9:.3g} Gb/s of packets; the stream is "
+            f"shown {self.hold / hz * 1e3:.3g} ms after it is filmed",
         ]
 
     @property
@@ -146,16 +152,17 @@ class Carrier:
         """Text of the properties on which a checkpoint depends, beyond the scenario."""
         return f"{self.setup.mode} {self.link.plan.tier} {sorted(self.link.plan.left_out)}"
 
-    def join(self, near: Mapping[str, Any], far: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    def join(self, stages: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         """The stages of the whole chain.
 
         Args:
-            near: stages of the camera, by name.
-            far: stages that take the decoded stream.
+            stages: those that make the stream and those that take it, by name, in their order.
             folder: of the run.
         """
-        setup, clock, cycles = self.setup, self.camera.setting.clock, self.camera.cycles
-        shape = self.camera.shape
+        far = dict(dropwhile(lambda item: item[0] not in _FAR, stages.items()))
+        near = {name: stage for name, stage in stages.items() if name not in far}
+        setup, clock, cycles = self.setup, self.stream.clock, self.stream.cycles
+        shape = self.stream.shape
         code = self.code
         control = self.section.control(clock.hz, setup.rate * clock.hz)
         assert control is not None  # the link limits the rate
@@ -186,11 +193,6 @@ class Carrier:
         }  # fmt: skip
 
 
-def _wait(section: CodeSection, camera: CameraSetup) -> int:
-    """Largest wait in the send buffer, cycles."""
-    return math.ceil(section.buffer * camera.setting.clock.hz)
-
-
 def _promised(setup: StreamSetup, plan: LinkPlan) -> float:
     """Bound of the share of codewords that arrive otherwise than with full physics, from the bound
     of the bit error rate."""
@@ -198,61 +200,41 @@ def _promised(setup: StreamSetup, plan: LinkPlan) -> float:
     return goodput_change(rate, rate + plan.promised, setup.mode)
 
 
-def make_carrier(
-    scenario: Scenario, camera: CameraSetup, device: str | None, progress: Progress
-) -> Carrier:
-    """The link of a scenario with a scene, planned. Raises InputError.
+def make_carrier(stream: CarriedStream, device: str | None, progress: Progress) -> Carrier:
+    """The link for a stream, planned. Raises InputError.
 
     One tolerance holds for all parts. What the link's plan leaves out changes its bit error rate,
     but the picture only through codewords that its code cannot mend. So the link takes the largest
     tolerance of its own at which that change is at most `_SHARE` of the scenario's.
+
+    Args:
+        stream: what is sent.
+        device: part of an OpenCL device's name, "numba", or None for the default device.
+        progress: of the pilots.
     """
-    assert scenario.link is not None and scenario.code is not None
-    section = scenario.code
-    link = _link_scenario(scenario)
-    check_receiver(link.sensor, "link.sensor")
-    setting = camera_setting(link)
-    if setting.clock != camera.setting.clock:
-        raise InputError(
-            "link.sensor.clock", f"the sensor's, {camera.setting.clock.hz:g} Hz",
-            f"{setting.clock.hz:g} Hz", "leave it out: the link counts the sensor's cycles",
-        )  # fmt: skip
+    link = stream.scenario()
     setup = set_up_stream(
-        link, setting, device, progress, camera.cycles, 2 * section.cycles + _wait(section, camera)
-    )
+        link, _receiver(link, stream), device, progress, stream.cycles,
+        2 * stream.code.cycles + stream.wait,
+    )  # fmt: skip
     planned, promised = plan_link(setup), 0.0
     for tolerance in _TOLERANCES:
         planned = plan_link(
             replace(setup, scenario=link.model_copy(update={"tolerance": tolerance}))
         )
         promised = _promised(setup, planned.plan)
-        if promised <= _SHARE * scenario.tolerance:
+        if promised <= _SHARE * stream.tolerance:
             break
-    return Carrier(section, camera, planned, setup, promised)
+    return Carrier(stream, planned, setup, promised)
 
 
-def _link_scenario(scenario: Scenario) -> LinkScenario:
-    """The link as a scenario of its own, with random numbers of its own."""
-    link = scenario.link
-    assert link is not None
-    for name, value, plain in (
-        ("file", link.file, None),
-        ("loop", link.loop, None),
-        ("size", link.size, type(link).model_fields["size"].default),
-    ):
-        if value != plain:
-            raise InputError(
-                f"link.{name}", "absent with a [scene]", f"{value}",
-                "leave it out: the link carries the stream of the camera",
-            )  # fmt: skip
-    sensor = link.sensor
-    if sensor is None:
-        own = scenario.sensor
-        sensor = type(own)(
-            chip=own.chip, clock=f"{own.clock} Hz", threshold=f"{own.threshold} e", reset="hard"
-        )
-    return LinkScenario(
-        title=scenario.title, tolerance=scenario.tolerance,
-        seed=(scenario.seed + 0x9E3779B9) % 2**32,  # the two chips have noise of their own
-        link=link.model_copy(update={"sensor": None, "join": 0.0}), sensor=sensor,
-    )  # fmt: skip
+def _receiver(link: LinkScenario, stream: CarriedStream) -> CameraSetting:
+    """The chip at the far end, which counts the cycles of the stream. Raises InputError."""
+    check_receiver(link.sensor, "link.sensor")
+    setting, hz = camera_setting(link), stream.clock.hz
+    if not math.isclose(setting.clock.hz, hz, rel_tol=1e-9):
+        raise InputError(
+            "link.sensor.clock", f"the stream's, {hz:g} Hz", f"{setting.clock.hz:g} Hz",
+            f"write --set link.sensor.clock='{hz:.10g} Hz'",
+        )  # fmt: skip
+    return replace(setting, clock=stream.clock)  # one of 1e6 / 3 Hz has no decimal text

@@ -3,34 +3,36 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
 from cosim.files import ZarrStream
-from cosim.run.chain import STREAM
-from cosim.run.machine import Outcome, Recording
-from cosim.run.result import Latency, Metric, latency_rows
+from cosim.run.machine import Outcome
+from cosim.run.result import Latency, Metric, Throughput, latency_rows
 from cosim.spikes.viform import words_for
 from display.chain.display import DisplayChain
+from display.probes.camera import ProbeCamera
 from display.probes.latency import PARTS, spike_latency
 from display.probes.latency import Latency as StepLatency
 from display.probes.metrics import DIM, GREY, NAMES, WHITE
 from link.evaluation.delay import LIGHT
 from link.receiving import Received
-from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED, Carrier
 from scenarios.assemble.carrier.far import FarEnd
 from scenarios.assemble.carrier.near import NearEnd
 from scenarios.assemble.carrier.rates import RatePoint, code_rates
-from sensor.reconstruct.fidelity import judge
-from sensor.reconstruct.shots import LATCHED, Shot, spike_rate, take_shots
+from scenarios.assemble.schema.scenario import ImageSection
+from sensor.reconstruct.fidelity import judge, to_white
+from sensor.reconstruct.playback import tfp
+from sensor.reconstruct.shots import LATCHED, Shot, Truth, spike_rate, take_shots
 
-__all__ = ["CarrierOutcome", "judge_carrier"]
+__all__ = ["CarrierOutcome", "Watch", "carrier_speeds", "judge_carrier"]
 
 WATCHED: Final = (DIM, GREY, WHITE)
 """Lights after a step that is watched through the whole chain, spikes a cycle."""
@@ -44,14 +46,16 @@ class CarrierOutcome:
 
     Attributes:
         carrier: code and link.
-        direct, through: images from the camera's own stream and from the decoded one.
+        lit: whether the truth of the images is the light of a scene.
+        direct, through: images from the stream that was sent and from the decoded one.
         received: result of the receiver.
         near, far: the ends of the link.
         rates: every code at every rate, on a part of the stream.
-        views: data of the camera's machine for its page.
+        views: data of the machine for its own page.
     """
 
     carrier: Carrier
+    lit: bool
     direct: list[Shot]
     through: list[Shot]
     received: Received
@@ -59,6 +63,46 @@ class CarrierOutcome:
     far: FarEnd
     rates: list[RatePoint]
     views: object
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """How the pictures at both ends of a link are taken.
+
+    Attributes:
+        scene: the true light; None for a stream without a scene.
+        instants: cycles of the images.
+        image: the section [image].
+        white_rate: spikes a cycle of white.
+        display: the display at the far end; None for none.
+        probe: the source in the small, for the display's probes; None if it has none.
+        before: latencies of the source, up to the stream.
+        after: those of the display, if it has no probe.
+    """
+
+    scene: Truth | None
+    instants: list[int]
+    image: ImageSection
+    white_rate: float
+    display: DisplayChain | None = None
+    probe: ProbeCamera | None = None
+    before: Sequence[Latency] = ()
+    after: Sequence[Latency] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Sent:
+    """The TFP of a stream in the place of its true light, which nobody knows."""
+
+    stream: SpikeStream
+    watch: Watch
+
+    def truth(self, ps: int) -> npt.NDArray[np.float32]:
+        image = self.watch.image
+        mean = tfp(
+            self.stream, self.stream.clock.cycle_at(ps), image.window, preceding=image.preceding
+        )
+        return to_white(mean, self.watch.white_rate).astype(np.float32)
 
 
 def _differences(sent: SpikeStream, shown: SpikeStream) -> tuple[int, int]:
@@ -108,68 +152,81 @@ def _latency(carrier: Carrier, near: NearEnd, far: FarEnd, period_ps: float) -> 
     ]
 
 
-def _watched(
-    carrier: Carrier, machine: LatchedMachine, display: DisplayChain
-) -> list[StepLatency]:
+def _watched(carrier: Carrier, watch: Watch) -> list[StepLatency]:
     """Steps of light from the dark, filmed, coded with the link's share of bits, decoded and shown:
-    the time until the display has gone half way, without the hold of the link."""
-    camera, panel = machine.probe_camera(), display.panel
-    rows = spike_latency(carrier.probe(camera), panel, WATCHED, camera.seed)
+    the time until the display has gone half way, without the hold of the link. [] without a display
+    or a camera to probe it with."""
+    if watch.display is None or watch.probe is None:
+        return []
+    panel = watch.display.panel
+    rows = spike_latency(carrier.probe(watch.probe), panel, WATCHED, watch.probe.seed)
     return [row for row in rows if row.drive == panel.drive and row.way == "rise"]
 
 
+def carrier_speeds(carrier: Carrier, spent: Mapping[str, float]) -> list[Throughput]:
+    """Speeds of the stages of a link. spent: wall time of each stage, s."""
+    link = carrier.setup
+    return [
+        Throughput("code", carrier.stream.pixel_cycles / spent["code"], "pixel-cycles/s"),
+        Throughput("air", link.symbols * link.mode.ticks / spent["air"], "planes/s"),
+        Throughput("link.sensor", link.pixel_cycles / spent["link.sensor"], "pixel-cycles/s"),
+        Throughput("receiver", link.cycles / spent["receiver"], "planes/s"),
+    ]
+
+
 def judge_carrier(
-    carrier: Carrier, machine: LatchedMachine, recording: Recording, outcome: Outcome
-) -> Outcome:
+    carrier: Carrier, watch: Watch, stages: Mapping[str, Any], sent: Path,
+    seconds: dict[str, float], outcome: Outcome,
+) -> Outcome:  # fmt: skip
     """The outcome of a run with a link.
 
     Args:
         carrier: code and link.
-        machine: the camera and its display.
-        recording: of the whole chain.
-        outcome: of the camera and the display, which shows the decoded stream.
+        watch: how pictures are taken at both ends.
+        stages: of the whole chain, after its last block.
+        sent: recording of the stream that was sent, in the folder of the run.
+        seconds: wall time of each stage, s; that of the rates is added.
+        outcome: of the source and the display, which shows the decoded stream.
     """
-    near, far = recording.chain.stages["code"], recording.chain.stages["receiver"]
+    near, far = stages["code"], stages["receiver"]
     received = far.receiver.received
     assert received is not None
-    setup, image, clock = machine.setup, machine.scenario.image, machine.setup.setting.clock
-    streams = [ZarrStream(recording.folder / name) for name in (STREAM, RECEIVED)]
+    stream, clock = carrier.stream, carrier.stream.clock
+    streams = [ZarrStream(sent), ZarrStream(sent.with_name(RECEIVED))]
+    lit = watch.scene is not None
+    truth = _Sent(streams[0], watch) if watch.scene is None else watch.scene
     direct, through = (
         take_shots(
-            stream, machine.source, setup.instants, image.window, setup.white_rate,
-            preceding=image.preceding,
+            each, truth, watch.instants, watch.image.window, watch.white_rate,
+            preceding=watch.image.preceding,
         )
-        for stream in streams
+        for each in streams
     )  # fmt: skip
     lost, added = _differences(*streams)
-    seconds = setup.cycles / clock.hz
-    pixel_cycles = setup.cycles * machine.pixels
     count = near.sender.counts
     on_time = sum(size for _, size, _ in far.arrivals)
     hold_us = carrier.hold / clock.hz * 1e6
-    watched = [] if machine.display is None else _watched(carrier, machine, machine.display)
+    watched = _watched(carrier, watch)
     photon = {
         f"latency_photon_{NAMES[row.rate]}_us": Metric(row.total.median + hold_us, "us")
         for row in watched
     }
-    latency = [
-        *_latency(carrier, near, far, 1e12 / clock.hz),
-        *(
-            Latency(stage, part.low, part.median, part.high)
-            for row in watched if row.rate == GREY
-            for stage, part in zip(PARTS, row.parts, strict=True)
-        ),
-    ]  # fmt: skip
+    rows = [
+        Latency(stage, part.low, part.median, part.high)
+        for row in watched if row.rate == GREY
+        for stage, part in zip(PARTS, row.parts, strict=True)
+    ]
+    latency = [*watch.before, *_latency(carrier, near, far, 1e12 / clock.hz)]
     metrics = {
         **outcome.metrics,
         "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
-        "psnr_direct": _psnr(direct),
-        "psnr_through_link": _psnr(through),
-        "stream_bps": Metric(8 * count.coded_bytes / seconds, "bit/s"),
-        "goodput_bps": Metric(8 * on_time / seconds, "bit/s"),
+        "psnr_direct": _psnr(direct) if lit else Metric(None, "dB"),
+        "psnr_through_link": _psnr(through) if lit else Metric(None, "dB"),
+        "stream_bps": Metric(8 * count.coded_bytes / stream.seconds, "bit/s"),
+        "goodput_bps": Metric(8 * on_time / stream.seconds, "bit/s"),
         "link_bps": Metric(carrier.setup.rate * clock.hz, "bit/s"),
-        "code_bits_per_pixel_cycle": Metric(8 * count.coded_bytes / pixel_cycles, "bit"),
-        "sent_bits_per_pixel_cycle": Metric(8 * on_time / pixel_cycles, "bit"),
+        "code_bits_per_pixel_cycle": Metric(8 * count.coded_bytes / stream.pixel_cycles, "bit"),
+        "sent_bits_per_pixel_cycle": Metric(8 * on_time / stream.pixel_cycles, "bit"),
         "dropped_spikes": Metric(lost, "spikes"),
         "added_spikes": Metric(added, "spikes"),
         "packets_dropped": Metric(count.dropped, "packets"),
@@ -187,12 +244,12 @@ def judge_carrier(
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),
         "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
     }
-    begin, model = time.perf_counter(), setup.setting
+    begin = time.perf_counter()
     rates = code_rates(
-        streams[0], direct[len(direct) // 2], carrier.section, model.threshold,
-        model.threshold_noise, image.window, setup.white_rate,
+        streams[0], direct[len(direct) // 2], stream.code, stream.threshold, stream.noise,
+        watch.image.window, watch.white_rate,
     )  # fmt: skip
-    recording.seconds["rates"] = time.perf_counter() - begin
+    seconds["rates"] = time.perf_counter() - begin
     worse = _causes(carrier, received, far, count.dropped)
     return replace(
         outcome,
@@ -200,11 +257,11 @@ def judge_carrier(
         kept=[*outcome.kept, *carrier.kept],
         left_out=[*outcome.left_out, *carrier.left_out],
         metrics=metrics,
-        latency=latency,
+        latency=[*latency, *(rows or watch.after)],
         files=[*outcome.files, LINK_STREAM, RECEIVED],
         notes=[*outcome.notes, *worse, *carrier.link.beyond],
         views=CarrierOutcome(
-            carrier, direct, through, received, near, far, rates, outcome.views
+            carrier, lit, direct, through, received, near, far, rates, outcome.views
         ),
     )
 
@@ -212,7 +269,7 @@ def judge_carrier(
 def _recovery(carrier: Carrier, far: FarEnd) -> float | None:
     """Time from the end of the last blockage, or from the receiver's first cycle if it joins late,
     to the filming of the first group that is shown whole from then on, us; None without either."""
-    clock, lead = carrier.camera.setting.clock, carrier.setup.lead
+    clock, lead = carrier.stream.clock, carrier.setup.lead
     blocked = carrier.setup.setting.aim.blocked
     ends = [clock.cycle_at(stop) - lead for _, stop in blocked]
     if carrier.joins:
@@ -246,7 +303,7 @@ def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> 
         )
     if far.gaps:
         first, last = far.gaps[0][0], far.gaps[-1][0] + carrier.section.cycles
-        hz = carrier.camera.setting.clock.hz
+        hz = carrier.stream.clock.hz
         causes.append(
             f"{far.missing} tiles of groups were shown dark and "
             f"{sum(held for _, _, held in far.gaps)} with the rate that they had last, between "

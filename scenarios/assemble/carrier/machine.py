@@ -5,17 +5,19 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from cosim.run.chain import STREAM
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput
 from scenarios.assemble.camera.machine import LatchedMachine, assemble_latched
 from scenarios.assemble.carrier.carrier import Carrier, make_carrier
-from scenarios.assemble.carrier.judged import judge_carrier
-from scenarios.assemble.carrier.page import FIGURE, RATES_FIGURE, carrier_sections
+from scenarios.assemble.carrier.judged import Watch, carrier_speeds, judge_carrier
+from scenarios.assemble.carrier.page import carried_page
+from scenarios.assemble.carrier.stream import CarriedStream
 from scenarios.assemble.schema.scenario import Scenario
 
 __all__ = ["CarriedMachine", "assemble_carried"]
@@ -53,41 +55,35 @@ class CarriedMachine(LatchedMachine):
         return latched
 
     def stages(self, folder: Path) -> dict[str, Any]:
-        near = super().stages(folder)
-        names = list(near)
-        shown = names[names.index("display") :] if self.display is not None else []
-        far = {name: near.pop(name) for name in shown}
-        return self.carrier.join(near, far, folder)
+        return self.carrier.join(super().stages(folder), folder)
 
     def identity(self) -> str:
         text = super().identity() + self.carrier.identity()
         return hashlib.sha256(text.encode()).hexdigest()
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
-        return judge_carrier(self.carrier, self, recording, super().judge(recording, progress))
+        setup = self.setup
+        watch = Watch(
+            self.source, setup.instants, self.scenario.image, setup.white_rate, self.display,
+            self.probe_camera(),
+        )  # fmt: skip
+        return judge_carrier(
+            self.carrier, watch, recording.chain.stages, recording.folder / STREAM,
+            recording.seconds, super().judge(recording, progress),
+        )  # fmt: skip
 
     def throughput(self, recording: Recording) -> list[Throughput]:
         """Speeds of the stages; unknown for a resumed run."""
         if recording.resumed:
             return []
-        seconds, pixels = recording.seconds, self.setup.cycles * self.pixels
-        link = self.carrier.setup
+        pixels, seconds = self.setup.cycles * self.pixels, recording.seconds
         return [
             Throughput("sensor", pixels / seconds["sensor"], "pixel-cycles/s"),
-            Throughput("code", pixels / seconds["code"], "pixel-cycles/s"),
-            Throughput("air", link.symbols * link.mode.ticks / seconds["air"], "planes/s"),
-            Throughput("link.sensor", link.pixel_cycles / seconds["link.sensor"], "pixel-cycles/s"),
-            Throughput("receiver", link.cycles / seconds["receiver"], "planes/s"),
+            *carrier_speeds(self.carrier, seconds),
         ]
 
     def page(self, run: Run) -> Page:
-        views = run.outcome.views.views
-        page = super().page(replace(run, outcome=replace(run.outcome, views=views)))
-        sections = carrier_sections(run)
-        return replace(
-            page, sections=[*sections, *page.sections],
-            files=[*page.files, FIGURE, RATES_FIGURE],
-        )  # fmt: skip
+        return carried_page(run, super().page)
 
 
 def assemble_carried(
@@ -97,7 +93,12 @@ def assemble_carried(
     with ExitStack() as stack:
         latched = assemble_latched(name, scenario, device, resume)
         stack.callback(latched.close)
-        carrier = make_carrier(scenario, latched.setup, device, progress)
+        setup, setting = latched.setup, latched.setup.setting
+        stream = CarriedStream.of(
+            scenario, setup.shape, setting.clock, setup.cycles, setting.threshold,
+            setting.threshold_noise,
+        )  # fmt: skip
+        carrier = make_carrier(stream, device, progress)
         given = {f.name: getattr(latched, f.name) for f in fields(LatchedMachine)}
         stack.pop_all()
     return CarriedMachine(**given, carrier=carrier)

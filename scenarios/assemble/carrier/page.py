@@ -3,53 +3,67 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Callable
+from dataclasses import replace
 
 from cosim.config.amounts import amount
 from cosim.report.figures import sheet_figure
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
-from cosim.run.machine import Run
+from cosim.run.machine import Page, Run
 from scenarios.assemble.carrier.judged import CarrierOutcome
 from scenarios.assemble.carrier.rates import rates_figure
 
-__all__ = ["FIGURE", "RATES_FIGURE", "carrier_sections"]
+__all__ = ["carried_page"]
 
 FIGURE = "figures/through-link.png"
 RATES_FIGURE = "figures/rates.png"
 _RATES = ("stream_bps", "link_bps", "goodput_bps")
 
 
-def carrier_sections(run: Run) -> list[str]:
-    """HTML of the sections; writes their figure."""
+def carried_page(run: Run, page_of: Callable[[Run], Page]) -> Page:
+    """The page of a machine with the sections of its link first; writes their figures.
+
+    Args:
+        run: the run; its views are a `CarrierOutcome`.
+        page_of: the page of the machine, for the run with its own views.
+    """
     views = run.outcome.views
     assert isinstance(views, CarrierOutcome)
-    return [_ends(run, views), _cost(run), _time(run, views), _rates(run, views)]
+    page = page_of(replace(run, outcome=replace(run.outcome, views=views.views)))
+    sections, files = [_ends(run, views), _cost(run), _time(run, views)], [FIGURE]
+    if views.rates:
+        sections.append(_rates(run, views))
+        files.append(RATES_FIGURE)
+    return replace(page, sections=[*sections, *page.sections], files=[*page.files, *files])
 
 
 def _ends(run: Run, views: CarrierOutcome) -> str:
-    clock = views.carrier.camera.setting.clock
+    clock = views.carrier.stream.clock
     heads = [f"{clock.middle(shot.cycle) / 1e9:.2f} ms" for shot in views.direct]
     rows = [
-        ("true light", [for_display(shot.truth) for shot in views.direct]),
-        ("TFP, first chip", [for_display(shot.tfp) for shot in views.direct]),
+        ("TFP, sent", [for_display(shot.tfp) for shot in views.direct]),
         ("TFP, through the link", [for_display(shot.tfp) for shot in views.through]),
     ]
+    if views.lit:
+        rows.insert(0, ("true light", [for_display(shot.truth) for shot in views.direct]))
     path = run.folder / FIGURE
     sheet_figure(heads, rows, path)
     return (
-        "<h2>Both ends of the link</h2><p>The stream of the first chip was coded, sent by the "
-        "panel, filmed by the second chip, decoded and shown. The images are those of the same "
-        "instants of the stream.</p>" + plot(path, "images of both ends of the link")
+        "<h2>Both ends of the link</h2><p>The stream of spikes was coded, sent by the panel, "
+        "filmed by the link's chip and decoded. The images are those of the same instants of the "
+        "stream.</p>" + plot(path, "images of both ends of the link")
     )
 
 
 def _rates(run: Run, views: CarrierOutcome) -> str:
     path = run.folder / RATES_FIGURE
-    rates_figure(views.rates, path)
+    against = "the true light" if views.lit else "that of the stream sent"
+    rates_figure(views.rates, against, path)
     return (
         "<h2>Picture and wait against the rate of the link</h2><p>The middle of the picture was "
         "coded again with every code, at rates of the link that are stated for a megapixel: PSNR "
-        "of TFP at the middle instant against the true light, and the longest wait in the send "
+        f"of TFP at the middle instant against {against}, and the longest wait in the send "
         "buffer. Where the link carries less than the code makes, the layered code sends fewer "
         "layers, the others fewer tiles.</p>" + plot(path, "PSNR and wait against rate")
     )
@@ -65,9 +79,9 @@ def _cost(run: Run) -> str:
         "stream_bps": "the code makes", "link_bps": "the link carries",
         "goodput_bps": "arrived in time", "code_bits_per_pixel_cycle": "a pixel and cycle, coded",
         "sent_bits_per_pixel_cycle": "a pixel and cycle, arrived",
-        "psnr_direct": "image of the first chip", "psnr_through_link": "image through the link",
+        "psnr_direct": "image of the stream sent", "psnr_through_link": "image through the link",
         "dropped_spikes": "spikes not shown in their cycle",
-        "added_spikes": "spikes shown that the chip did not fire in that cycle",
+        "added_spikes": "spikes shown that were not sent in that cycle",
         "packets_dropped": "packets not sent", "packets_late": "packets too late",
         "tiles_missing": "tiles shown without a packet",
         "buffer_peak_bytes": "largest content of the send buffer",
@@ -83,7 +97,7 @@ def _time(run: Run, views: CarrierOutcome) -> str:
         [html.escape(row.stage), f"{row.min_us:.6g}", f"{row.median_us:.6g}", f"{row.max_us:.6g}"]
         for row in run.outcome.latency
     ]
-    clock = views.carrier.camera.setting.clock
+    clock = views.carrier.stream.clock
     return (
         "<h2>From light to light</h2><p>Time in the simulated machine, us. A spike is shown "
         f"{views.carrier.hold / clock.hz * 1e6:.6g} us after its latch, whatever packet carries "

@@ -70,16 +70,18 @@ def code_rates(
     stream: SpikeStream, shot: Shot, section: CodeSection, threshold: float, noise: float,
     window: int, white_rate: float,
 ) -> list[RatePoint]:  # fmt: skip
-    """Codes a part of a stream at every rate.
+    """Codes a part of a stream at every rate; [] for a stream shorter than a word.
 
     Args:
-        stream: of the camera.
+        stream: that is sent.
         shot: truth at the instant that is compared.
         section: cycles, tile and buffer of the run's code.
         threshold, noise: of the pixels, electrons.
         window: of TFP, cycles.
         white_rate: spikes a cycle of white.
     """
+    if stream.cycles < WORD:
+        return []
     part, place, first = _part(stream, shot.cycle)
     truth, clock = shot.truth[place], stream.clock
     share = part.shape[0] * part.shape[1] / MEGAPIXEL
@@ -106,8 +108,8 @@ def code_rates(
     return points
 
 
-def rates_figure(points: Sequence[RatePoint], path: Path) -> None:
-    """Draws picture and wait against the rate."""
+def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> None:
+    """Draws picture and wait against the rate. against: what the picture is compared with."""
     plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.4))
     for kind in dict.fromkeys(point.kind for point in points):
@@ -116,7 +118,7 @@ def rates_figure(points: Sequence[RatePoint], path: Path) -> None:
         known = [min(p.psnr, 60.0) if math.isfinite(p.psnr) else 60.0 for p in mine]
         axes[0].plot(rates, known, marker="o", markersize=3, label=kind)
         axes[1].plot(rates, [p.wait_us / 1e3 for p in mine], marker="o", markersize=3, label=kind)
-    axes[0].set_ylabel("PSNR of TFP against the truth, dB")
+    axes[0].set_ylabel(f"PSNR of TFP against {against}, dB")
     axes[1].set_ylabel("longest wait before sending, ms")
     for ax in axes:
         ax.set_xscale("log")

@@ -169,8 +169,9 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
 def validate(data: dict[str, Any]) -> AnyScenario:
     """Checks the data of a scenario.
 
-    The section [board], [imager] or [link] selects the kind of scenario, or a recorded stream as
-    sensor.source; without one of them, it is the scenario of a spike camera. Raises InputError with
+    The section [board] or [imager] selects the kind of scenario, a recorded stream as
+    sensor.source, or a [link] without a [scene]; without one of them, it is the scenario of a spike
+    camera. Raises InputError with
     the first error in one line.
     """
     check_order(data)
@@ -179,10 +180,10 @@ def validate(data: dict[str, Any]) -> AnyScenario:
         whole = BoardScenario
     elif "imager" in data:
         whole = imager_scenario()
-    elif "link" in data and "scene" not in data:
-        whole = LinkScenario
     elif is_recording(data):
         whole = RecordingScenario
+    elif "link" in data and "scene" not in data:
+        whole = LinkScenario
     try:
         return whole.model_validate(data)
     except ValidationError as exc:

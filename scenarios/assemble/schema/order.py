@@ -1,7 +1,8 @@
 """The order of sections: what can follow what in a scenario, in one place.
 
-A scenario's sections are its chain: a source (a scene before a chip or an imager, a recorded
-stream, a board), then the display that shows the stream, then the camera that films the display.
+A scenario's sections are its chain: a source (a scene before a chip, an imager or a board, or a
+recorded stream), then the code and the link that carry the stream, then the display that shows it,
+then the camera that films the display.
 Everything here is said of the data before they are checked key by key. Each rule refuses one
 combination, in one line with its remedy; what no rule refuses is assembled.
 """
@@ -50,52 +51,30 @@ def _unlatched(data: Data) -> bool:
     return _value(data, "sensor", "readout") in ("asynchronous", "continuous")
 
 
-def _linked(data: Data) -> bool:
-    """Whether a link carries the stream of a scene."""
-    return "link" in data and "scene" in data
-
-
-def _without(section: str, other: str, remedy: str) -> _Rule:
-    """`section` excludes `other`."""
-    return _Rule(
-        lambda data: section in data and other in data, section,
-        f"absent in a scenario with [{other}]", "given with it", remedy,
-    )  # fmt: skip
-
-
 _IMAGER = (
     "remove one of them: an [imager] is the sensor itself, before a [scene] and a [lens], and may "
-    "have a [display]"
+    "have a [link] and a [display]"
 )
-_BOARD = "remove one of them: bring-up.toml has only a [board]"
+_BOARD = (
+    "remove one of them: a bring-up makes no stream; sensor.source = serial:PORT puts a board into "
+    "a chain"
+)
 
 RULES: tuple[_Rule, ...] = (
-    _Rule(
-        lambda data: _linked(data) and _unlatched(data), "sensor.readout",
-        "synchronous with a [link]", "another one",
-        "leave it out: a link carries latched spikes",
-    ),
-    _Rule(
-        lambda data: _linked(data) and _value(data, "sensor", "source") is not None,
-        "sensor.source", "absent with a [link]", "given",
-        "leave it out: a link carries the stream of a simulated chip",
-    ),
-    _Rule(
-        lambda data: _linked(data) and _value(data, "display", "sink") is not None,
-        "display.sink", "absent with a [link]", "given",
-        "leave it out: a board does not yet display what a link has carried",
-    ),
     _Rule(
         lambda data: "code" in data and "link" not in data, "code",
         "given with a [link]", "given without one",
         "add a [link], or write a coded file with `viform convert`",
     ),
-    _without("imager", "sensor", _IMAGER),
-    _without("imager", "link", _IMAGER),
     _Rule(
-        lambda data: "imager" in data and "image" in data and "display" not in data, "image",
-        "absent with an [imager] without a [display]", "given",
-        "leave it out, or add a [display]: its keys set the instants at which the display is seen",
+        lambda data: "imager" in data and "sensor" in data, "imager",
+        "absent in a scenario with [sensor]", "given with it", _IMAGER,
+    ),
+    _Rule(
+        lambda data: "imager" in data and "image" in data
+        and not {"display", "link"} & data.keys(),
+        "image", "absent with an [imager] without a [display] or a [link]", "given",
+        "leave it out, or add one of them: its keys set the instants at which they are seen",
     ),
     *(
         _Rule(
@@ -108,11 +87,6 @@ RULES: tuple[_Rule, ...] = (
         lambda data: is_recording(data) and "scene" in data, "scene",
         "absent with sensor.source = file:PATH, a recorded stream", "given with it",
         "remove it, or start from `viform run playback`, which has none",
-    ),
-    _Rule(
-        lambda data: is_recording(data) and "link" in data, "sensor.source",
-        "absent in a scenario with a [link]", "file:PATH",
-        "leave it out: `viform link receive` reads a recorded stream",
     ),
     _Rule(
         lambda data: _value(data, "sensor", "source") is not None and _unlatched(data)
@@ -129,12 +103,6 @@ RULES: tuple[_Rule, ...] = (
         lambda data: "camera" in data and _value(data, "display", "sink") is not None, "camera",
         "absent with display.sink", "given with it",
         "leave one of them out: a board displays the planes, and no light is rendered",
-    ),
-    _Rule(
-        lambda data: _value(data, "display", "sink") is not None
-        and (_unlatched(data) or is_recording(data) or "imager" in data),
-        "display.sink", "absent unless a latched chip or a board makes the spikes", "given",
-        "leave it out: a board does not yet display the planes of other sources",
     ),
     _Rule(
         lambda data: _value(data, "display", "clock") is not None and "imager" not in data,

@@ -66,24 +66,14 @@ _CAMERA: Any = Field(
 )
 
 
-class Scenario(Section):
-    """A spike camera before a scene, and the display that its stream drives."""
+_CODE: Any = Field(default=None, description="code of the stream on a link; layered when absent")
+_LINK: Any = Field(
+    default=None, description="link that carries the coded stream; none by default"
+)
 
-    title: str = Field(examples=["A clip at 40 kHz"])
-    duration: Duration
-    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
-    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
-    scene: SceneSection
-    sensor: SensorSection
-    display: DisplaySection | None = _DISPLAY
-    camera: CameraSection | None = _CAMERA
-    image: ImageSection = ImageSection()
-    code: CodeSection | None = Field(
-        default=None, description="code of the stream on a link; layered when absent"
-    )
-    link: LinkSection | None = Field(
-        default=None, description="link that carries the coded stream; none by default"
-    )
+
+class _Linked(Section):
+    """A scenario whose stream may cross a link."""
 
     @model_validator(mode="before")
     @classmethod
@@ -94,23 +84,41 @@ class Scenario(Section):
         return data
 
 
-class RecordingScenario(Section):
-    """A recorded stream in the place of a chip, and the display that it drives."""
+class Scenario(_Linked):
+    """A spike camera before a scene, and the link and the display that its stream drives."""
+
+    title: str = Field(examples=["A clip at 40 kHz"])
+    duration: Duration
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
+    scene: SceneSection
+    sensor: SensorSection
+    display: DisplaySection | None = _DISPLAY
+    camera: CameraSection | None = _CAMERA
+    image: ImageSection = ImageSection()
+    code: CodeSection | None = _CODE
+    link: LinkSection | None = _LINK
+
+
+class RecordingScenario(_Linked):
+    """A recorded stream in the place of a chip, and the link and the display that it drives."""
 
     title: str = Field(examples=["A recording is shown"])
     duration: Duration | None = Field(
         default=None, description="the first part of the stream; by default all of it"
     )
     seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(
-        default=1, description="seed of the noise of [camera]"
+        default=1, description="seed of the noise of [link] and [camera]"
     )
     sensor: RecordedSection
     display: DisplaySection | None = _DISPLAY
     camera: CameraSection | None = _CAMERA
     image: ImageSection = ImageSection()
+    code: CodeSection | None = _CODE
+    link: LinkSection | None = _LINK
 
 
-class ImagerScenario(Section):
+class ImagerScenario(_Linked):
     """A scene before an imager other than a spike camera."""
 
     title: str = Field(examples=["An EMCCD in a dark room"])
@@ -129,8 +137,10 @@ class ImagerScenario(Section):
     )
     camera: CameraSection | None = _CAMERA
     image: ImageSection | None = Field(
-        default=None, description="the instants at which the display is seen"
+        default=None, description="the instants at which the display and the link are seen"
     )
+    code: CodeSection | None = _CODE
+    link: LinkSection | None = _LINK
 
 
 class BoardScenario(Section):

@@ -1,15 +1,19 @@
-"""Puts the display of a scenario behind the machine of its source."""
+"""Puts the link and the display of a scenario behind the machine of its source."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Any, Final
 
 from cosim import Clock
 from cosim.run.machine import Machine
+from cosim.run.progress import Progress
 from display.probes.camera import ProbeCamera
-from display.section import DisplaySection
 from rtl_model.imagers.machine import ImagerMachine
-from scenarios.assemble.instants import even_instants
+from scenarios.assemble.camera.boards import open_panel
+from scenarios.assemble.carrier.carrier import make_carrier
+from scenarios.assemble.carrier.stream import THRESHOLD, CarriedStream
+from scenarios.assemble.instants import check_window, even_instants
 from scenarios.assemble.recording.machine import RecordingMachine
 from scenarios.assemble.schema.scenario import (
     ImagerScenario,
@@ -24,69 +28,113 @@ from scenarios.assemble.show.feeds import (
     FrameFeed,
     RecordedFeed,
 )
-from scenarios.assemble.show.machine import ShownMachine
-from scenarios.assemble.show.playing import make_playing
+from scenarios.assemble.show.machine import PlayedMachine
+from scenarios.assemble.show.playing import Playing
 from scenarios.assemble.show.probes import ContinuousProbeCamera, EventProbeCamera
+from scenarios.assemble.show.screen import make_screen
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.continuous.machine import ContinuousMachine
 
-__all__ = ["show_continuous", "show_events", "show_frames", "show_recording"]
+__all__ = ["play_continuous", "play_events", "play_frames", "play_recording"]
 
+AnySource = Scenario | ImagerScenario | RecordingScenario
 PLANES: Final = 40e3
-"""Planes a second for the frames of an imager, unless display.clock says otherwise."""
+"""Planes a second for the frames of an imager, unless display.clock or link.sensor.clock says
+otherwise."""
 
 
-def show_events(scenario: Scenario, machine: AsynchronousMachine) -> Machine:
-    """An asynchronous camera with the display of its scenario, if it has one."""
-    if scenario.display is None:
+def play_events(
+    scenario: Scenario, machine: AsynchronousMachine, device: str | None, progress: Progress
+) -> Machine:
+    """An asynchronous camera with the link and the display of its scenario."""
+    if _alone(scenario):
         return machine
-    return _shown(
-        scenario, scenario.display, machine, EventFeed(machine), EventProbeCamera.of(machine)
-    )
+    probe = None if scenario.display is None else EventProbeCamera.of(machine)
+    held = machine.spec.model.change > 0  # then the planes have no noise of spikes
+    threshold = THRESHOLD if held else machine.spec.model.threshold
+    feed = EventFeed(machine)
+    return _played(scenario, machine, feed, probe, device, progress, threshold)
 
 
-def show_continuous(scenario: Scenario, machine: ContinuousMachine) -> Machine:
-    """A continuous camera with the display of its scenario, if it has one."""
-    if scenario.display is None:
+def play_continuous(
+    scenario: Scenario, machine: ContinuousMachine, device: str | None, progress: Progress
+) -> Machine:
+    """A continuous camera with the link and the display of its scenario."""
+    if _alone(scenario):
         return machine
     feed = ContinuousFeed(machine)
-    return _shown(
-        scenario, scenario.display, machine, feed, ContinuousProbeCamera(machine.spec, feed)
-    )
+    probe = None if scenario.display is None else ContinuousProbeCamera(machine.spec, feed)
+    return _played(scenario, machine, feed, probe, device, progress)
 
 
-def show_frames(scenario: ImagerScenario, machine: ImagerMachine) -> Machine:
-    """An imager with the display of its scenario, if it has one."""
-    if scenario.display is None:
+def play_frames(
+    scenario: ImagerScenario, machine: ImagerMachine, device: str | None, progress: Progress
+) -> Machine:
+    """An imager with the link and the display of its scenario."""
+    if _alone(scenario):
         return machine
-    clock = Clock.from_hz(scenario.display.clock or PLANES)
     lux = scenario.scene.illuminance * machine.planned.view.gain
-    return _shown(scenario, scenario.display, machine, FrameFeed(machine, clock, lux), None)
+    feed = FrameFeed(machine, Clock.from_hz(_planes(scenario)), lux)
+    return _played(scenario, machine, feed, None, device, progress)
 
 
-def show_recording(scenario: RecordingScenario, machine: RecordingMachine) -> Machine:
-    """A recorded stream with the display of its scenario, if it has one."""
-    if scenario.display is None:
+def _planes(scenario: ImagerScenario) -> float:
+    """Planes a second for the frames of an imager, Hz."""
+    if scenario.display is not None and scenario.display.clock is not None:
+        return scenario.display.clock
+    chip = None if scenario.link is None else scenario.link.sensor
+    return PLANES if chip is None else chip.clock
+
+
+def play_recording(
+    scenario: RecordingScenario, machine: RecordingMachine, device: str | None, progress: Progress
+) -> Machine:
+    """A recorded stream with the link and the display of its scenario."""
+    if _alone(scenario):
         return machine
-    return _shown(scenario, scenario.display, machine, RecordedFeed(machine), None)
+    return _played(scenario, machine, RecordedFeed(machine), None, device, progress)
 
 
-def _shown(
-    scenario: Scenario | ImagerScenario | RecordingScenario,
-    section: DisplaySection,
+def _alone(scenario: AnySource) -> bool:
+    """Whether nothing takes the output of the source."""
+    return scenario.display is None and scenario.link is None
+
+
+def _played(
+    scenario: AnySource,
     machine: Machine,
     feed: Feed,
     probe: ProbeCamera | None,
-) -> ShownMachine:
-    """Raises InputError for a display or a camera that does not fit."""
+    device: str | None,
+    progress: Progress,
+    threshold: float = THRESHOLD,
+) -> PlayedMachine:
+    """Raises InputError for a link, a display or a camera that does not fit.
+
+    threshold: of the pixels whose spikes the planes are, electrons.
+    """
     scene: Any = getattr(scenario, "scene", None)
     grid = SceneGrid(feed.shape, feed.clock, feed.cycles, aligned=False)
-    playing = make_playing(
-        section, scenario.camera, feed,
-        even_instants(scenario.image or ImageSection(), feed.cycles), scenario.seed,
-        None if scene is None else scene.source(grid),
-        None if scene is None else scene.source(grid),
-        None if scene is None else scene.illuminance,
-    )  # fmt: skip
-    return ShownMachine(machine, feed, playing, probe)
+    image = scenario.image or ImageSection()
+    check_window(image)
+    instants = even_instants(image, feed.cycles)
+    source = None if scene is None else scene.source(grid)
+    with ExitStack() as stack:
+        screen = board = carrier = None
+        if scenario.display is not None:
+            board = stack.enter_context(open_panel(scenario.display, feed.shape))
+        if scenario.display is not None and board is None:
+            screen = make_screen(
+                scenario.display, scenario.camera, feed, instants, scenario.seed, source,
+                None if scene is None else scene.source(grid),
+                None if scene is None else scene.illuminance, probe,
+            )  # fmt: skip
+            stack.callback(screen.chain.close)
+        if scenario.link is not None:
+            stream = CarriedStream.of(scenario, feed.shape, feed.clock, feed.cycles, threshold)
+            carrier = make_carrier(stream, device, progress)
+        playing = Playing(
+            source, screen, board, carrier, feed.clock, feed.cycles, feed.shape, stack.pop_all()
+        )  # fmt: skip
+    return PlayedMachine(machine, feed, playing, image, instants)

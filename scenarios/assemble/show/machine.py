@@ -1,65 +1,60 @@
-"""The machine of a source other than a latched chip, with the display that shows its output."""
+"""The machine of a source other than a latched chip, with what its output is sent and shown by."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from cosim.report.parts import cards
+from cosim.files import ZarrStream
 from cosim.run.machine import Chain, Finding, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
-from cosim.run.result import Metric, Throughput
-from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
-from display.probes.camera import ProbeCamera
+from scenarios.assemble.camera.boards import BoardPanel
+from scenarios.assemble.carrier.judged import Watch, carrier_speeds, judge_carrier
+from scenarios.assemble.carrier.page import carried_page
+from scenarios.assemble.schema.scenario import ImageSection
 from scenarios.assemble.show.feeds import Feed
 from scenarios.assemble.show.playing import SHOWN, Playing
-from scenarios.assemble.show.sections import display_cards, display_sections
-from scenarios.assemble.show.shown import Shown
-from scenarios.assemble.show.tables import display_lines
+from scenarios.assemble.show.screen import ScreenViews
 
-__all__ = ["ShownMachine", "ShownViews"]
-
-OVERVIEW = "displays.png"
-"""Figure of all displays; the page of the source has one of its own."""
+__all__ = ["PlayedMachine"]
 
 
 @dataclass(frozen=True, eq=False)
-class ShownViews:
+class _Views:
     """What is made of a recording and of its display.
 
     Attributes:
         inner: the source's own outcome.
-        display: what the observers have seen.
-        stream: the planes shown.
+        screen: what the display has shown; None without one.
     """
 
     inner: Outcome
-    display: DisplayOutcome
-    stream: Any
+    screen: ScreenViews | None
 
 
 @dataclass(frozen=True, eq=False)
-class ShownMachine:
-    """A source and its display; see `Machine`.
+class PlayedMachine:
+    """A source, and the link and the display that its output is played into; see `Machine`.
 
-    The source is planned, recorded and judged by its own machine. Then its output is played into
-    the display, which keeps every effect. A run that is interrupted meanwhile goes on from the
-    recording of the source and plays it again from the start.
+    The source is planned, recorded and judged by its own machine. Then its output is played: sent
+    over the link, if there is one, and shown on the display, which keeps every effect, or on a
+    board. A run that is interrupted meanwhile goes on from the recording of the source and plays it
+    again from the start.
 
     Attributes:
         inner: the machine of the source.
         feed: how its output becomes planes.
-        playing: the display.
-        probe: a camera for the probes of the display; None if the source has none.
+        playing: link, and display or board.
+        image: the instants and the window of images at both ends of the link.
+        instants: cycles of these images.
     """
 
     inner: Machine
     feed: Feed
     playing: Playing
-    probe: ProbeCamera | None
+    image: ImageSection
+    instants: list[int]
 
     @property
     def toml(self) -> str:
@@ -67,15 +62,12 @@ class ShownMachine:
 
     @property
     def notes(self) -> Sequence[str]:
-        kept = "the display keeps every effect"
-        return [
-            *self.inner.notes, f"white of the panel: {self.feed.white}", kept,
-            *self.playing.chain.notes,
-        ]  # fmt: skip
+        return [*self.inner.notes, f"white of the panel: {self.feed.white}", *self.playing.notes]
 
     @property
     def device(self) -> str:
-        return self.inner.device
+        carrier = self.playing.carrier
+        return self.inner.device if carrier is None else f"{self.inner.device}; {carrier.device}"
 
     @property
     def length(self) -> int:
@@ -87,14 +79,17 @@ class ShownMachine:
 
     @property
     def bits(self) -> int:
-        height, width = self.feed.shape
-        return self.inner.bits + self.feed.cycles * height * width
+        return self.inner.bits + self.playing.pixel_cycles
 
     def trial(self, progress: Progress) -> list[Finding]:
-        return self.inner.trial(progress)
+        """Checks the plan of the source, then that of the link."""
+        found, carrier = self.inner.trial(progress), self.playing.carrier
+        return found if found or carrier is None else carrier.trial(progress)
 
-    def keep(self, effects: Sequence[str]) -> ShownMachine:
-        return replace(self, inner=self.inner.keep(effects))
+    def keep(self, effects: Sequence[str]) -> PlayedMachine:
+        carrier = self.playing.carrier
+        rest = effects if carrier is None else carrier.keep(effects)
+        return replace(self, inner=self.inner.keep(rest)) if rest else self
 
     def chain(self, folder: Path) -> Chain:
         return self.inner.chain(folder)
@@ -105,69 +100,54 @@ class ShownMachine:
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         inner = self.inner.judge(recording, progress)
         planes = self.feed.planes(recording, inner)
-        seconds, playing = recording.seconds, self.playing
-        stream = playing.play(planes, recording.folder, seconds, progress)
-        begin = time.perf_counter()
-        # A minute of light, for PstLM, takes these pixels minutes.
-        probes = None if self.probe is None else playing.chain.probes(self.probe, pst_lm=False)
-        seconds["probes"] = time.perf_counter() - begin
-        begin = time.perf_counter()
-        outcome = DisplayOutcome.of(playing.chain, chain_fidelity(playing.chain), probes)
-        files = write_observer_images(recording.folder, outcome)
-        filmed = {}
-        if playing.camera is not None:
-            at = [playing.clock.middle(n) for n in playing.instants]
-            files += playing.camera.write(recording.folder, at)
-            filmed = playing.camera.metrics()
-        seconds["images of the display"] = time.perf_counter() - begin
-        stage = playing.chain.panel_stage
-        effects = playing.chain.setting.acting_effects
-        rate = stage.fired / (self.feed.cycles * self.feed.shape[0] * self.feed.shape[1])
-        return replace(
+        folder, seconds, playing = recording.folder, recording.seconds, self.playing
+        played = playing.play(planes, folder, seconds, progress)
+        outcome = replace(
             inner,
-            renderer=stage.renderer.name,
-            kept=[*inner.kept, *(effect.name for effect in effects)],
-            metrics={
-                **inner.metrics,
-                **outcome.metrics(),
-                **planes.metrics(),
-                "shown_rate": Metric(rate, "spikes/cycle"),
-                "shown_white_rate": Metric(self.feed.white_rate, "spikes/cycle"),
-                **filmed,
-            },
-            latency=[*inner.latency, *outcome.latency()],
-            throughput=[
-                *inner.throughput,
-                Throughput("display", self.feed.cycles / seconds["display"], "planes/s"),
-            ],
-            files=[*inner.files, *([] if planes.stored else [SHOWN]), *files],
+            metrics=inner.metrics | planes.metrics(),
+            files=[*inner.files, *([] if planes.stored else [SHOWN])],
             notes=[*inner.notes, *planes.notes()],
-            table=display_lines(outcome),
-            views=ShownViews(inner, outcome, stream),
         )
+        screen, carrier, seen = playing.screen, playing.carrier, None
+        if screen is not None:
+            outcome = screen.judge(outcome, ZarrStream(played.shown), folder, seconds)
+            seen = outcome.views
+        if playing.board is not None:
+            outcome = _displayed(outcome, playing.board)
+        outcome = replace(outcome, views=_Views(inner, seen))
+        if carrier is None:
+            return outcome
+        speeds = carrier_speeds(carrier, played.spent)
+        watch = Watch(
+            playing.scene, self.instants, self.image, self.feed.white_rate,
+            None if screen is None else screen.chain, None if screen is None else screen.probe,
+            inner.latency, outcome.latency[len(inner.latency) :],
+        )  # fmt: skip
+        return judge_carrier(
+            carrier, watch, played.stages, played.given, seconds,
+            replace(outcome, throughput=[*outcome.throughput, *speeds]),
+        )  # fmt: skip
 
     def page(self, run: Run) -> Page:
-        views: ShownViews = run.outcome.views
+        return self._page(run) if self.playing.carrier is None else carried_page(run, self._page)
+
+    def _page(self, run: Run) -> Page:
+        """The page without the link."""
+        views, screen = run.outcome.views, self.playing.screen
         page = self.inner.page(replace(run, outcome=views.inner))
-        playing = self.playing
-        shown = Shown(
-            run, views.display, playing.clock, playing.instants, views.stream, playing.camera,
-            OVERVIEW,
-        )  # fmt: skip
-        body, files = display_sections(shown)
-        panel = playing.chain.panel
-        told = (
-            f"{page.subtitle}; {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, "
-            f"{panel.drive}, {panel.clock.hz / 1e3:g} kHz, drawn by {run.result.renderer}"
-        )
-        return replace(
-            page,
-            subtitle=told,
-            cards=cards(display_cards(shown)) + page.cards,
-            sections=[*body, *page.sections],
-            files=list(dict.fromkeys([*page.files, *files])),
-        )
+        return page if screen is None else screen.page(run, views.screen, page)
 
     def close(self) -> None:
-        self.playing.chain.close()
+        self.playing.opened.close()
         self.inner.close()
+
+
+def _displayed(outcome: Outcome, board: BoardPanel) -> Outcome:
+    """The outcome of a source with that of the board that has displayed its planes."""
+    faults = board.faults()
+    return replace(
+        outcome,
+        outcome="failed" if faults else outcome.outcome,
+        metrics=outcome.metrics | board.metrics(),
+        notes=[*outcome.notes, *faults],
+    )

@@ -234,7 +234,7 @@ def test_a_spike_camera_goes_on_from_its_checkpoint(tmp_path):
     planes = np.random.default_rng(7).random((320, 6, 8)) < 0.3
     data = validate(filmed(tmp_path, planes))
     machine = assemble("a", data, Options(), SilentProgress())
-    filmer = machine.playing.camera
+    filmer = machine.playing.screen.camera
     stream = Viform.from_planes(planes, CLOCK)
     for name, size in (("one", 320), ("two", 64)):
         (stage,) = filmer.stages(tmp_path / name).values()

@@ -1,0 +1,112 @@
+"""What a link needs to know of the stream that it carries, whatever makes the stream."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from cosim import Clock, InputError
+from link.section import LinkScenario, LinkSection
+from scenarios.assemble.schema.scenario import ImagerScenario, RecordingScenario, Scenario
+from sensor.codec.packets.section import CodeSection
+from sensor.sections.sensor import SensorSection
+
+__all__ = ["THRESHOLD", "CarriedStream"]
+
+THRESHOLD: Final = 1000.0
+"""Threshold of pixels that have none, electrons: of an unknown chip, and of held values. The
+statistical code takes its noise for that of the spikes, and the link's chip has it by default."""
+_TOLERANCE: Final = Scenario.model_fields["tolerance"].default
+"""Tolerance of the link for a scenario without one: a recording has no error of its own."""
+_NOISE_APART: Final = 0x9E3779B9
+"""Added to the seed: the chips at both ends have noise of their own."""
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedStream:
+    """A stream of 1-bit planes for a link.
+
+    Attributes:
+        title, tolerance, seed: of the scenario.
+        code, link: its sections.
+        chip: section of the chip that makes the stream; None for another source.
+        shape: (height, width) of the stream.
+        clock, cycles: of the stream.
+        threshold, noise: of the pixels that fire, electrons.
+    """
+
+    title: str
+    tolerance: float
+    seed: int
+    code: CodeSection
+    link: LinkSection
+    chip: SensorSection | None
+    shape: tuple[int, int]
+    clock: Clock
+    cycles: int
+    threshold: float = THRESHOLD
+    noise: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario | ImagerScenario | RecordingScenario,
+        shape: tuple[int, int],
+        clock: Clock,
+        cycles: int,
+        threshold: float = THRESHOLD,
+        noise: float = 0.0,
+    ) -> CarriedStream:
+        """The stream of a scenario with a [link]; the other arguments are the attributes."""
+        assert scenario.link is not None and scenario.code is not None
+        chip = getattr(scenario, "sensor", None)
+        return cls(
+            scenario.title, getattr(scenario, "tolerance", _TOLERANCE), scenario.seed,
+            scenario.code, scenario.link, chip if isinstance(chip, SensorSection) else None,
+            shape, clock, cycles, threshold, noise,
+        )  # fmt: skip
+
+    @property
+    def wait(self) -> int:
+        """Largest wait in the send buffer, cycles."""
+        return math.ceil(self.code.buffer * self.clock.hz)
+
+    @property
+    def pixel_cycles(self) -> int:
+        return self.cycles * self.shape[0] * self.shape[1]
+
+    @property
+    def seconds(self) -> float:
+        """Length of the stream, s."""
+        return self.cycles / self.clock.hz
+
+    def scenario(self) -> LinkScenario:
+        """The link as a scenario of its own, with random numbers of its own. Raises InputError for
+        keys of [link] that a link with a stream does not have."""
+        link = self.link
+        for name, value, plain in (
+            ("file", link.file, None),
+            ("loop", link.loop, None),
+            ("size", link.size, type(link).model_fields["size"].default),
+        ):
+            if value != plain:
+                raise InputError(
+                    f"link.{name}", "absent in a link that carries a stream", f"{value}",
+                    "leave it out: there is no file to send",
+                )  # fmt: skip
+        return LinkScenario(
+            title=self.title, tolerance=self.tolerance, seed=(self.seed + _NOISE_APART) % 2**32,
+            link=link.model_copy(update={"sensor": None, "join": 0.0}),
+            sensor=self._receiver() if link.sensor is None else link.sensor,
+        )  # fmt: skip
+
+    def _receiver(self) -> SensorSection:
+        """The chip at the far end where the scenario says none: that of the source, if it has one,
+        with a hard reset."""
+        own, rate = self.chip, f"{self.clock.hz} Hz"
+        if own is None:
+            return SensorSection(clock=rate, threshold=f"{THRESHOLD} e", reset="hard")
+        return SensorSection(
+            chip=own.chip, clock=rate, threshold=f"{own.threshold} e", reset="hard"
+        )
