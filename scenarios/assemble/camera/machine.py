@@ -369,4 +369,5 @@ def _planned(
     samples = None
     if plan.display is None:  # a display is checked by radiance, which needs whole tiles
         samples = sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
-    return camera, Verifier(plan, setup.setting, tiles, setup.device, samples)
+    keep = setup.scenario.link is not None  # its code changes the spikes that the display shows
+    return camera, Verifier(plan, setup.setting, tiles, setup.device, samples, keep)

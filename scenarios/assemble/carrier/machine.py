@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from cosim.plan.planner import accepted_error
 from cosim.run.chain import STREAM
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput
 from scenarios.assemble.camera.machine import LatchedMachine, assemble_latched
 from scenarios.assemble.carrier.carrier import Carrier, make_carrier
+from scenarios.assemble.carrier.cut import CutCode
 from scenarios.assemble.carrier.judged import Watch, carrier_speeds, judge_carrier
 from scenarios.assemble.carrier.page import carried_page
 from scenarios.assemble.carrier.stream import CarriedStream
@@ -67,9 +69,32 @@ class CarriedMachine(LatchedMachine):
             self.source, setup.instants, self.scenario.image, setup.white_rate, self.display,
             self.probe_camera(),
         )  # fmt: skip
+        stages = recording.chain.stages
+        outcome = self._behind_code(super().judge(recording, progress), stages["code"].sender.cut)
         return judge_carrier(
-            self.carrier, watch, recording.chain.stages, recording.folder / STREAM,
-            recording.seconds, super().judge(recording, progress),
+            self.carrier, watch, stages, recording.folder / STREAM, recording.seconds, outcome
+        )
+
+    def _behind_code(self, outcome: Outcome, cut: dict[tuple[int, int], int]) -> Outcome:
+        """The outcome with the error of the display behind the code, if layers were left out:
+        number of layers sent by first cycle and tile. What arrives whole has the error of the
+        camera's own stream."""
+        verifier, tolerance = self.verifier, self.scenario.tolerance
+        if verifier is None or verifier.displays is None or not cut:
+            return outcome
+        code = CutCode(self.carrier.code, self.setup.shape, cut, verifier.plane)
+        error = verifier.error_behind(code.through, "behind a code that left layers out")
+        high = error.ci[1] if error.ci is not None else 0.0
+        if high <= accepted_error(tolerance):
+            return replace(outcome, error=error)
+        note = (
+            f"behind the code the error is {error.value:.2g} (up to {high:.2g}) where the "
+            f"tolerance is {tolerance:g}: where layers were left out, each spike stands for "
+            "several, and a spike that the plan has moved for as many"
+        )
+        return replace(
+            outcome, error=error, notes=[*outcome.notes, note],
+            outcome="degraded" if outcome.outcome == "ok" else outcome.outcome,
         )  # fmt: skip
 
     def throughput(self, recording: Recording) -> list[Throughput]:

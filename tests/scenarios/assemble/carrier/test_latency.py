@@ -32,7 +32,9 @@ def scenario(rate: float) -> Any:
     length, height = (20, 256) if rate < 0.1 else (10, 64)  # dim light needs many pixels
     return validate({
         "title": "a step", "duration": f"{length} ms", "image": {"at": [300]},
-        "scene": {"kind": "step", "illuminance": "700 lux", "before": 0, "after": 1, "at": f"{AT} ms"},
+        "scene": {
+            "kind": "step", "illuminance": "700 lux", "before": 0, "after": 1, "at": f"{AT} ms",
+        },
         "sensor": {
             "width": 96, "height": height, "chip": "spiketwo", "clock": "40 kHz",
             "threshold": "1000 e", "lens": {"white_rate": rate},
