@@ -82,7 +82,7 @@ SLOW = {"latched", "board", "emccd", "ebaps"}
 """Sources of many pixels, of many cycles, or with probes that take their time."""
 
 LARGE = {"latched", "emccd"}
-"""Sources of whole chips: the golden renderer would take minutes, and the small link is too slow."""
+"""Sources of whole chips: the golden renderer would take minutes, and the link is too slow."""
 SLOWER = {"adaptive-exposure", "hardware-chain"}
 """Sources whose plan takes seconds: the display alone is in the ordinary suite."""
 RARE = {sink for sink in SINKS if "link" in SINKS[sink] or SINKS[sink].get("display") is BOARD}
