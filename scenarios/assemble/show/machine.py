@@ -62,7 +62,7 @@ class PlayedMachine:
 
     @property
     def notes(self) -> Sequence[str]:
-        return [*self.inner.notes, f"white of the panel: {self.feed.white}", *self.playing.notes]
+        return [*self.inner.notes, f"white of the planes: {self.feed.white}", *self.playing.notes]
 
     @property
     def device(self) -> str:
