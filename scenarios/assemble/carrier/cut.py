@@ -25,8 +25,8 @@ SIDE: Final = 8
 class CutCode:
     """A code, and the layers that a run has sent of each tile.
 
-    Which spikes a decoder draws in a pixel depends on that pixel and on the number of layers alone.
-    So patches can be coded without the rest of their tiles.
+    Which spikes a decoder draws depends on the number of layers and on the block of 8 x 8 pixels
+    alone. So patches can be coded without the rest of their tiles.
 
     Attributes:
         code: of the run.

@@ -13,24 +13,41 @@ __all__ = ["draw_spikes", "fill_times", "steady"]
 
 _NONE = 10
 """A level that no packet reaches."""
+_SIDE = 8
+"""Side of the matrix of phases, pixels; tiles are multiples of it."""
+
+
+def _phases() -> npt.NDArray[np.int64]:
+    """Phase of the trains without a known spike, by row and column modulo _SIDE, in 1 / (2 _SIDE^2)
+    of an interval: ordered dither (Bayer 1973). Equal trains of one phase would all fire at once,
+    and a dim area would be dark at one instant and bright at another."""
+    order = np.zeros((1, 1), np.int64)
+    while len(order) < _SIDE:
+        order = np.block([[4 * order, 4 * order + 2], [4 * order + 3, 4 * order + 1]])
+    return 2 * order + 1
+
+
+_PHASE = _phases()
 
 
 @njit(cache=True, nogil=True)
-def fill_times(times, starts, low, cycles):  # type: ignore[no-untyped-def]
+def fill_times(times, starts, width, low, cycles):  # type: ignore[no-untyped-def]
     """Fills in the times of all levels below `low`; the others are known.
 
     Between two known spikes those of equal spacing, to the nearest cycle. The packet's ends stand
-    half a spacing beyond the first and the last spike.
-    times, starts: as `find_spikes` makes them.
+    half a spacing beyond the first and the last spike. A train of which no spike is known has equal
+    spacing and the phase of its pixel.
+    times, starts: as `find_spikes` makes them. width: of the tile, pixels.
     """
-    step = 1 << low
+    step, fine = 1 << low, 2 * _SIDE * _SIDE
     base = np.int64(times.ctypes.data)
     for p in range(starts.size - 1):
         n = np.int64(starts[p + 1] - starts[p])
         o = base + 2 * (np.int64(starts[p]) - 1)
         if n < step:
+            phase = _PHASE[p // width % _SIDE, p % width % _SIDE]
             for i in range(1, n + 1):
-                poke16(o, i, cycles * (2 * i - 1) // (2 * n))
+                poke16(o, i, cycles * (fine * (i - 1) + phase) // (fine * n))
             continue
         a = peek16(o, step)
         for i in range(1, step):
@@ -66,6 +83,6 @@ def steady(counts: npt.NDArray[np.int32], over: int, cycles: int) -> Words:
     starts = np.zeros(counts.size + 1, np.int32)
     np.cumsum(spikes, out=starts[1:])
     times = np.zeros(int(starts[-1]) + 1, np.int16)
-    fill_times(times, starts, _NONE, cycles)
+    fill_times(times, starts, counts.shape[1], _NONE, cycles)
     draw_spikes(times, starts, words)
     return words

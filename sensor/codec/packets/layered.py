@@ -99,7 +99,7 @@ class Layered:
             if not get_times(from_bytes(data), model, starts, high, low, cycles, times):
                 raise Damaged("times that cannot be")
         if low:
-            fill_times(times, starts, low, cycles)
+            fill_times(times, starts, shape[1], low, cycles)
         draw_spikes(times, starts, words)
         return words
 

@@ -139,3 +139,15 @@ def test_other_bytes_are_refused_or_decode_within_bounds(seed, layer, junk):
 def test_layers_that_are_not_there_are_refused(layers):
     with pytest.raises(ValueError, match=f"layers must be 1 to 8, not {layers}"):
         Layered(layers)
+
+
+def test_dim_areas_do_not_fire_all_at_once() -> None:
+    """Two spikes of each pixel without their times: every cycle has as many of them."""
+    words = np.zeros((4, 64, 64), np.uint32)
+    words[0] = words[2] = 1 << 7
+    layers = [layer.data for layer in Layered().encode(words, 128)][:3]
+    planes = unpack_planes(Layered().decode(layers, (64, 64), 128), 0, 128)
+    assert (planes.sum(axis=0) == 2).all()
+    assert (planes.reshape(128, -1).sum(axis=1) == 64).all()
+    near = planes.reshape(128, 8, 8, 8, 8).sum(axis=(2, 4))  # so has each block of 8 x 8 pixels
+    assert (near == 1).all()
