@@ -53,9 +53,9 @@ def _project(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Fills `out`, (len(rows), len(columns)) float32, for a camera of `shape`.
 
-    All arrays are flat and indices unsigned, and four taps are summed column by column, so that the
-    compiler vectorises the loop; this halves the time. A record as argument would prevent it, hence
-    the long list of arguments.
+    All arrays are flat. The places in a row are found first, in a loop that the compiler vectorises
+    (conversions to 32 bits have vector instructions), then the taps are summed, four of them column
+    by column. A record as argument would prevent it, hence the long list of arguments.
 
     Args:
         padded: (high wide,) float32, the panel with `pad` zeros on every side.
@@ -68,28 +68,33 @@ def _project(  # type: ignore[no-untyped-def]
     shift = np.float64(pad - (count // 2 - 1))
     last_u, last_v = np.float64(wide - count), np.float64(high - count)
     a, b, c, d, e, f, g, h, i = inverse
-    us, vs = np.empty(across), np.empty(across)
-    stride, size, steps = np.uint64(wide), np.uint64(count * count), np.uint64(phases)
+    places, firsts = np.empty(across, np.int32), np.empty(across, np.int32)
+    region, stride = np.zeros(across, np.int32), np.uint64(wide)
+    step, steps, size = np.int32(wide), np.int32(phases), np.int32(count * count)
     for row in range(len(rows)):
         y = rows[row] - dy
+        if regions > 1:
+            line = rows[row] * regions // height * regions
+            for column in range(across):
+                region[column] = line + columns[column] * regions // width
         for column in range(across):
             x = columns[column] - dx
             depth = g * x + h * y + i
             scale = 1.0 / depth
             # depth <= 0: beyond the horizon of the panel's plane, behind the lens.
-            us[column] = (a * x + b * y + c) * scale + shift if depth > 0.0 else -1.0
-            vs[column] = (d * x + e * y + f) * scale + shift
-        line = rows[row] * regions // height * regions
+            u = (a * x + b * y + c) * scale + shift if depth > 0.0 else -1.0
+            v = (d * x + e * y + f) * scale + shift
+            inside = (u >= 0.0) & (u < last_u) & (v >= 0.0) & (v < last_v)
+            u, v = u if inside else 0.0, v if inside else 0.0
+            u0, v0 = np.int32(u), np.int32(v)
+            pu, pv = np.int32((u - u0) * phases), np.int32((v - v0) * phases)
+            places[column] = v0 * step + u0 if inside else np.int32(-1)
+            firsts[column] = ((region[column] * steps + pv) * steps + pu) * size
         for column in range(across):
-            u, v = us[column], vs[column]
-            if not (0.0 <= u < last_u and 0.0 <= v < last_v):
+            if places[column] < 0:
                 out[row, column] = 0.0
                 continue
-            u0, v0 = np.uint64(u), np.uint64(v)
-            pu, pv = np.uint64((u - u0) * phases), np.uint64((v - v0) * phases)
-            table = np.uint64(line + columns[column] * regions // width if regions > 1 else 0)
-            w = ((table * steps + pv) * steps + pu) * size
-            k = v0 * stride + u0
+            k, w = np.uint64(places[column]), np.uint64(firsts[column])
             if count == 4:
                 m, n, o = k + stride, k + stride + stride, k + stride + stride + stride
                 s0 = (
