@@ -63,7 +63,7 @@ class Chip:
     def own(self, **numbers: float | None) -> Chip:
         """The chip with these numbers in place of the preset's; None leaves a number as it is."""
         given = {name: value for name, value in numbers.items() if value is not None}
-        changed: dict[str, Any] = {**given, "given": self.given | given.keys()}
+        changed: dict[str, Any] = {**given, "given": self.given.union(given)}
         return replace(self, **changed)
 
 
