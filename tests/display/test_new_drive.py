@@ -147,6 +147,7 @@ def _run(renderer: str, tmp_path: Path, capsys: Any, monkeypatch: Any) -> dict[s
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_scenario_runs_with_it(gl, tmp_path: Path, capsys, monkeypatch):
     document = _run("gl", tmp_path, capsys, monkeypatch)
     effects = [*document["plan"]["kept"], *(row["effect"] for row in document["plan"]["left_out"])]

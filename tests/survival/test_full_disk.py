@@ -20,7 +20,7 @@ from tests.survival.test_kills import state
 
 STEPS = 40
 """Sizes of the disk behind the marker, from nothing to all that a run writes."""
-QUICK = {"latched": 20, "asynchronous": 9, "emccd": 15, "continuous": 31}
+QUICK = {"latched": 20, "asynchronous": 9}
 """The step of each kind in the ordinary suite."""
 ROOM = 1 << 30
 

@@ -14,9 +14,8 @@ from tests.recorded.recording import left_behind, plain
 from tests.survival.commands import RUNS
 from tests.survival.forked import Command
 
-QUICK = {"latched": 3, "asynchronous": 3, "continuous": 3, "emccd": 3, "ebaps": 3, "adaptive": 2,
-         "display": 2, "link": 1}  # fmt: skip
-"""Kills of each kind in the ordinary suite, 20 in all; a kind that is absent takes too long."""
+QUICK = {"latched": 3, "asynchronous": 3, "continuous": 3, "emccd": 3}
+"""Kills of each kind in the ordinary suite; a kind that is absent takes too long."""
 SLOW = 25
 """Kills of each kind behind the marker."""
 MOST = 3

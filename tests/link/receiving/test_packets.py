@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from cosim import Viform
 from cosim.stage import blocks
@@ -61,6 +62,7 @@ def test_all_packets_arrive_with_the_tick_of_their_light() -> None:
     assert abs(ticks[0] - first) <= 2
 
 
+@pytest.mark.slow
 def test_an_occlusion_loses_its_own_packets_and_no_others() -> None:
     toy, taken = stream_toy(40)
 
@@ -77,6 +79,7 @@ def test_an_occlusion_loses_its_own_packets_and_no_others() -> None:
     assert late and late == taken[taken.index(late[0]) : taken.index(late[0]) + len(late)]
 
 
+@pytest.mark.slow
 def test_a_receiver_that_joins_in_the_middle_reads_on() -> None:
     toy, taken = stream_toy(40)
     planes = toy.planes()[333:]

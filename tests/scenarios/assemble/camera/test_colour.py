@@ -97,6 +97,7 @@ def test_white_is_grey_behind_a_filter_array(film: Film, tmp_path: Path) -> None
     assert (spread <= 1).mean() > 0.8  # all but edges, where colours are interpolated
 
 
+@pytest.mark.slow
 def test_the_panel_emits_the_colours_of_the_camera(film: Film, tmp_path: Path) -> None:
     """The true light of the panel is the scene's; its colours are the camera's, balanced."""
     sets = ("display.colour=as-camera", "duration=3 ms")

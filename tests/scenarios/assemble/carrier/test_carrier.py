@@ -91,7 +91,7 @@ def test_stages_one_after_another_give_the_same_bits(
 
 
 @pytest.mark.parametrize(
-    "at", [pytest.param(64, marks=pytest.mark.slow), 192, pytest.param(384, marks=pytest.mark.slow)]
+    "at", [pytest.param(at, marks=pytest.mark.slow) for at in (64, 192, 384)]
 )
 def test_an_interrupted_chain_goes_on_to_the_same_bits(
     whole: tuple[Path, Any], tmp_path: Path, at: int

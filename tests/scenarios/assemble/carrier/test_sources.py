@@ -69,7 +69,8 @@ def planes(path: Path) -> np.ndarray:
     return Viform(words, stream.cycles, stream.clock).planes().astype(bool)
 
 
-@pytest.mark.parametrize("source", [file, pytest.param(chip, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("source", [file, chip])
 def test_a_board_displays_what_the_link_has_carried(
     source: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

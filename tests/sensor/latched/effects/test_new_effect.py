@@ -97,7 +97,9 @@ SCENARIO = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("device", ["numba", "opencl"])
+@pytest.mark.parametrize(
+    "device", [pytest.param("numba", marks=pytest.mark.slow), "opencl"]
+)
 def test_it_is_kept_at_tolerance_0_and_stands_in_the_report(tmp_path: Path, device: str) -> None:
     words = ("--device", "numba") if device == "numba" else ()
     result = viform("run", *SCENARIO, *words, "--tolerance", "0", "--out", str(tmp_path / "run"))
@@ -117,6 +119,7 @@ def test_a_loose_tolerance_leaves_it_out_and_the_check_measures_it(tmp_path: Pat
     assert 0.01 < result["error"]["value"] <= result["error"]["ci"][1] < 0.8
 
 
+@pytest.mark.slow
 def test_plan_and_accuracy_know_it() -> None:
     plan = viform("plan", *SCENARIO)
     (row,) = [r for r in plan["rows"] if r["effect"] == LightGain.name]
