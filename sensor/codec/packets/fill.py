@@ -8,6 +8,7 @@ from numba import njit
 
 from cosim.spikes.viform import Words, words_for
 from sensor.codec.packets.memory import peek16, poke16
+from sensor.codec.packets.midpoints import WINDOW
 
 __all__ = ["draw_spikes", "fill_times", "steady"]
 
@@ -18,9 +19,10 @@ _SIDE = 8
 
 
 def _phases() -> npt.NDArray[np.int64]:
-    """Phase of the trains without a known spike, by row and column modulo _SIDE, in 1 / (2 _SIDE^2)
+    """Phase of dim trains without a known spike, by row and column modulo _SIDE, in 1 / (2 _SIDE^2)
     of an interval: ordered dither (Bayer 1973). Equal trains of one phase would all fire at once,
-    and a dim area would be dark at one instant and bright at another."""
+    and a dim area would be dark in one window and bright in another. Brighter trains have spikes in
+    every window, and one phase is nearer to the truth at both ends of a packet."""
     order = np.zeros((1, 1), np.int64)
     while len(order) < _SIDE:
         order = np.block([[4 * order, 4 * order + 2], [4 * order + 3, 4 * order + 1]])
@@ -36,7 +38,7 @@ def fill_times(times, starts, width, low, cycles):  # type: ignore[no-untyped-de
 
     Between two known spikes those of equal spacing, to the nearest cycle. The packet's ends stand
     half a spacing beyond the first and the last spike. A train of which no spike is known has equal
-    spacing and the phase of its pixel.
+    spacing, and the phase of its pixel if its intervals are longer than WINDOW cycles.
     times, starts: as `find_spikes` makes them. width: of the tile, pixels.
     """
     step, fine = 1 << low, 2 * _SIDE * _SIDE
@@ -45,7 +47,9 @@ def fill_times(times, starts, width, low, cycles):  # type: ignore[no-untyped-de
         n = np.int64(starts[p + 1] - starts[p])
         o = base + 2 * (np.int64(starts[p]) - 1)
         if n < step:
-            phase = _PHASE[p // width % _SIDE, p % width % _SIDE]
+            phase = fine >> 1
+            if n * WINDOW < cycles:
+                phase = _PHASE[p // width % _SIDE, p % width % _SIDE]
             for i in range(1, n + 1):
                 poke16(o, i, cycles * (fine * (i - 1) + phase) // (fine * n))
             continue
