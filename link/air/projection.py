@@ -22,6 +22,7 @@ from numba import njit
 from cosim.light.light import Plane
 from link.air.geometry import affine_at
 from link.air.kernel import Psf, kernel_table, taps
+from link.air.tap_sum import four_by_four
 
 __all__ = ["Places", "Projection", "cut", "disc_kernel"]
 
@@ -43,10 +44,7 @@ _MOST_DISC: Final = 200.0
 """Largest radius of defocus, camera pixels; a wider disc is clipped to it."""
 
 
-_U: Final = tuple(np.uint64(n) for n in range(16))
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _project(  # type: ignore[no-untyped-def]
     padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, shape, rows, columns,
     out,
@@ -54,8 +52,8 @@ def _project(  # type: ignore[no-untyped-def]
     """Fills `out`, (len(rows), len(columns)) float32, for a camera of `shape`.
 
     All arrays are flat. The places in a row are found first, in a loop that the compiler vectorises
-    (conversions to 32 bits have vector instructions), then the taps are summed, four of them column
-    by column. A record as argument would prevent it, hence the long list of arguments.
+    (conversions to 32 bits have vector instructions, and division without a check for zero), then
+    the taps are summed. A record as argument would prevent it, hence the long list of arguments.
 
     Args:
         padded: (high wide,) float32, the panel with `pad` zeros on every side.
@@ -70,6 +68,7 @@ def _project(  # type: ignore[no-untyped-def]
     a, b, c, d, e, f, g, h, i = inverse
     places, firsts = np.empty(across, np.int32), np.empty(across, np.int32)
     region, stride = np.zeros(across, np.int32), np.uint64(wide)
+    along = columns - dx
     step, steps, size = np.int32(wide), np.int32(phases), np.int32(count * count)
     for row in range(len(rows)):
         y = rows[row] - dy
@@ -78,7 +77,7 @@ def _project(  # type: ignore[no-untyped-def]
             for column in range(across):
                 region[column] = line + columns[column] * regions // width
         for column in range(across):
-            x = columns[column] - dx
+            x = along[column]
             depth = g * x + h * y + i
             scale = 1.0 / depth
             # depth <= 0: beyond the horizon of the panel's plane, behind the lens.
@@ -96,26 +95,7 @@ def _project(  # type: ignore[no-untyped-def]
                 continue
             k, w = np.uint64(places[column]), np.uint64(firsts[column])
             if count == 4:
-                m, n, o = k + stride, k + stride + stride, k + stride + stride + stride
-                s0 = (
-                    tables[w] * padded[k] + tables[w + _U[4]] * padded[m]
-                    + tables[w + _U[8]] * padded[n] + tables[w + _U[12]] * padded[o]
-                )  # fmt: skip
-                s1 = (
-                    tables[w + _U[1]] * padded[k + _U[1]] + tables[w + _U[5]] * padded[m + _U[1]]
-                    + tables[w + _U[9]] * padded[n + _U[1]] + tables[w + _U[13]] * padded[o + _U[1]]
-                )  # fmt: skip
-                s2 = (
-                    tables[w + _U[2]] * padded[k + _U[2]] + tables[w + _U[6]] * padded[m + _U[2]]
-                    + tables[w + _U[10]] * padded[n + _U[2]]
-                    + tables[w + _U[14]] * padded[o + _U[2]]
-                )  # fmt: skip
-                s3 = (
-                    tables[w + _U[3]] * padded[k + _U[3]] + tables[w + _U[7]] * padded[m + _U[3]]
-                    + tables[w + _U[11]] * padded[n + _U[3]]
-                    + tables[w + _U[15]] * padded[o + _U[3]]
-                )  # fmt: skip
-                out[row, column] = (s0 + s1) + (s2 + s3)
+                out[row, column] = four_by_four(tables, w, padded, k, stride)
                 continue
             total = np.float32(0)
             for _ in range(count):
