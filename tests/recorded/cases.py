@@ -72,7 +72,7 @@ LATCHED = (
 
 QUICK = {
     "run glass default", "run film 0", "run silicon 0.1", "run continuous default",
-    "run asynchronous default", "run light-link default", "run emccd-window default",
+    "run asynchronous default", "run emccd-window default",
     "run step numba", "plan film", "plan light-link", "plan ebaps-night", "accuracy step",
     "list schema", "paper",
 }  # fmt: skip

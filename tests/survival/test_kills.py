@@ -14,7 +14,7 @@ from tests.recorded.recording import left_behind, plain
 from tests.survival.commands import RUNS
 from tests.survival.forked import Command
 
-QUICK = {"latched": 3, "asynchronous": 3, "continuous": 3, "emccd": 3}
+QUICK = {"latched": 2, "asynchronous": 1}
 """Kills of each kind in the ordinary suite; a kind that is absent takes too long."""
 SLOW = 25
 """Kills of each kind behind the marker."""
