@@ -10,6 +10,12 @@ from cosim.compute.cores import all_cores
 __all__ = ["mix"]
 
 
+@njit(cache=True)
+def _walk(share, before, here, after):  # type: ignore[no-untyped-def]
+    """What a pixel has after a step of the walk along one axis."""
+    return here + share * ((before - here) + (after - here))
+
+
 @all_cores
 @njit(cache=True, parallel=True)
 def mix(plane, share, y0, x0, out):  # type: ignore[no-untyped-def]
@@ -17,14 +23,16 @@ def mix(plane, share, y0, x0, out):  # type: ignore[no-untyped-def]
     along columns, then one along rows. Sums of differences: uniform light stays the same to the
     last bit."""
     height, width = plane.shape
+    count = out.shape[1]
     for r in prange(out.shape[0]):
         y = y0 + r
-        above, below = max(y - 1, 0), min(y + 1, height - 1)
-        columns = np.empty(out.shape[1] + 2, np.float32)
-        for c in range(columns.size):
-            x = min(max(x0 + c - 1, 0), width - 1)
-            here = plane[y, x]
-            columns[c] = here + share * ((plane[above, x] - here) + (plane[below, x] - here))
-        for c in range(out.shape[1]):
-            here = columns[c + 1]
-            out[r, c] = here + share * ((columns[c] - here) + (columns[c + 2] - here))
+        line, above, below = plane[y], plane[max(y - 1, 0)], plane[min(y + 1, height - 1)]
+        columns = np.empty(count + 2, np.float32)
+        for c, x in ((0, max(x0 - 1, 0)), (count + 1, min(x0 + count, width - 1))):
+            columns[c] = _walk(share, above[x], line[x], below[x])
+        # Slices of one length: the compiler vectorises these loops.
+        line, above, below = line[x0:][:count], above[x0:][:count], below[x0:][:count]
+        for c in range(count):
+            columns[c + 1] = _walk(share, above[c], line[c], below[c])
+        for c in range(count):
+            out[r, c] = _walk(share, columns[c], columns[c + 1], columns[c + 2])
