@@ -29,8 +29,8 @@ def refuse_leftovers(scenario: Scenario) -> None:
     current = scenario.sensor.readout
     if scenario.display is not None and scenario.sensor.writes:
         raise InputError(
-            "sensor.writes", "empty with a display, whose white is one spike rate", "given",
-            "leave them out, or the display",
+            "sensor.writes", "empty with a display", "given",
+            "leave them out, or the display: its white is one spike rate",
         )  # fmt: skip
     for name in _IMAGED:
         if scenario.display is not None and getattr(scenario.sensor, name) is not None:

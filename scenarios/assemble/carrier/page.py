@@ -31,7 +31,7 @@ def carried_page(run: Run, page_of: Callable[[Run], Page]) -> Page:
     views = run.outcome.views
     assert isinstance(views, CarrierOutcome)
     page = page_of(replace(run, outcome=replace(run.outcome, views=views.views)))
-    sections, files = [_ends(run, views), _cost(run), _time(run, views)], [FIGURE]
+    sections, files = [_ends(run, views), _cost(run), _time(run, views), _plan(views)], [FIGURE]
     if views.rates:
         sections.append(_rates(run, views))
         files.append(RATES_FIGURE)
@@ -63,9 +63,10 @@ def _rates(run: Run, views: CarrierOutcome) -> str:
     return (
         "<h2>Picture and wait against the rate of the link</h2><p>The middle of the picture was "
         "coded again with every code, at rates of the link that are stated for a megapixel: PSNR "
-        f"of TFP at the middle instant against {against}, and the longest wait in the send "
-        "buffer. Where the link carries less than the code makes, the layered code sends fewer "
-        "layers, the others fewer tiles.</p>" + plot(path, "PSNR and wait against rate")
+        f"of TFP at the middle instant against {against}, the longest wait in the send buffer, "
+        "and the share of packets left out. A code that sends nothing has no wait. Where the link "
+        "carries less than the code makes, the layered code sends fewer layers, the others fewer "
+        "tiles.</p>" + plot(path, "PSNR and wait against rate")
     )
 
 
@@ -76,7 +77,7 @@ def _value(run: Run, name: str) -> str:
 
 def _cost(run: Run) -> str:
     names = {
-        "stream_bps": "the code makes", "link_bps": "the link carries",
+        "stream_bps": "the code makes", "link_bps": "the link can carry",
         "goodput_bps": "arrived in time", "code_bits_per_pixel_cycle": "a pixel and cycle, coded",
         "sent_bits_per_pixel_cycle": "a pixel and cycle, arrived",
         "psnr_direct": "image of the stream sent", "psnr_through_link": "image through the link",
@@ -102,4 +103,25 @@ def _time(run: Run, views: CarrierOutcome) -> str:
         "<h2>From light to light</h2><p>Time in the simulated machine, us. A spike is shown "
         f"{views.carrier.hold / clock.hz * 1e6:.6g} us after its latch, whatever packet carries "
         "it.</p>" + table(["stage", "minimum", "median", "maximum"], rows)
+    )
+
+
+def _plan(views: CarrierOutcome) -> str:
+    carrier = views.carrier
+    rows = [
+        [row["effect"], f"{row['bound']:.2g}",
+         "" if row["measured"] is None else f"{row['measured']:.2g}"]
+        for row in carrier.left_out
+    ]  # fmt: skip
+    text = (
+        "<h2>What the simulation of the link left out</h2><p>Kept: "
+        f"{html.escape(', '.join(carrier.kept))}.</p>"
+    )
+    if not rows:
+        return text + "<p>Nothing was left out.</p>"
+    return (
+        text + "<p>Change of the bit error rate by each effect, in half-widths of the 99.9 % "
+        "interval of that rate over the bits of the run. The patches have fewer bits than the "
+        "run: a single bit that differs there weighs more.</p>"
+        + table(["effect", "estimated", "measured on patches"], rows)
     )

@@ -109,17 +109,21 @@ def code_rates(
 
 
 def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> None:
-    """Draws picture and wait against the rate. against: what the picture is compared with."""
+    """Draws picture, wait and packets left out against the rate. A code that sends nothing has no
+    wait. against: what the picture is compared with."""
     plt = pyplot()
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.4))
+    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4))
     for kind in dict.fromkeys(point.kind for point in points):
         mine = [point for point in points if point.kind == kind]
         rates = [point.rate / 1e9 for point in mine]
         known = [min(p.psnr, 60.0) if math.isfinite(p.psnr) else 60.0 for p in mine]
         axes[0].plot(rates, known, marker="o", markersize=3, label=kind)
-        axes[1].plot(rates, [p.wait_us / 1e3 for p in mine], marker="o", markersize=3, label=kind)
+        waits = [p.wait_us / 1e3 if p.dropped < 1 else math.nan for p in mine]
+        axes[1].plot(rates, waits, marker="o", markersize=3, label=kind)
+        axes[2].plot(rates, [100 * p.dropped for p in mine], marker="o", markersize=3, label=kind)
     axes[0].set_ylabel(f"PSNR of TFP against {against}, dB")
     axes[1].set_ylabel("longest wait before sending, ms")
+    axes[2].set_ylabel("packets left out, %")
     for ax in axes:
         ax.set_xscale("log")
         ax.set_xlabel("rate of the link for a megapixel, Gb/s")

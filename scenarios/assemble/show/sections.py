@@ -7,6 +7,7 @@ with no delay and no blur; their sections are then absent.
 from __future__ import annotations
 
 import html
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -35,6 +36,7 @@ _SEES = {
 }
 _OVERVIEW = 7
 """Maximum number of displays in the overview."""
+_UNKNOWN = "unknown"
 
 
 def _middle(images: Images) -> Images:
@@ -54,6 +56,20 @@ def _worst_box(outcome: DisplayOutcome, observer: str) -> Box:
     return busiest_box(away, max(64, min(truth.shape) // 4))
 
 
+def _latency_card(
+    figure_of: Callable[[str, str, str], str], drive: str, name: str
+) -> tuple[str, str, str]:
+    """The latency of the whole chain if a link is part of it, otherwise of camera and display."""
+    alone = figure_of(name, ".0f", " µs")
+    through = figure_of("latency_photon_us", ".0f", " µs")
+    if through != _UNKNOWN:
+        text = f"photon-to-photon latency through the link; camera and display alone: {alone}"
+        return "first", through, text
+    bright = figure_of("latency_bright_us", ".0f", " µs")
+    text = f"photon-to-photon latency, {drive}, mid grey; above full scale, impulse: {bright}"
+    return "first", alone, text
+
+
 def display_cards(shown: Shown) -> list[tuple[str, str, str]]:
     """Large figures of the display, for `cards`."""
     outcome, result = shown.outcome, shown.run.result
@@ -61,7 +77,7 @@ def display_cards(shown: Shown) -> list[tuple[str, str, str]]:
     def figure_of(name: str, digits: str, unit: str = "") -> str:
         metric = result.metrics.get(name)
         if metric is None or metric.value is None or not np.isfinite(metric.value):
-            return "unknown"
+            return _UNKNOWN
         return f"{metric.value:{digits}}{unit}"
 
     frames = [name for name in outcome.displays if name.endswith(" Hz")]
@@ -79,9 +95,7 @@ def display_cards(shown: Shown) -> list[tuple[str, str, str]]:
         rows += [
             ("first", figure_of("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET"
              + beside("ebet_ms", ".2f", " ms")),
-            ("first", figure_of(f"latency_grey_us{suffix}", ".0f", " µs"),
-             f"photon-to-photon latency, {drive}, mid grey; above full scale, impulse: "
-             + figure_of("latency_bright_us", ".0f", " µs")),
+            _latency_card(figure_of, drive, f"latency_grey_us{suffix}"),
             ("first", figure_of("flicker_svm_spike", ".2g"),
              "SVM of the spike display; 1 is just visible"),
         ]  # fmt: skip

@@ -44,8 +44,8 @@ def full_physics_card(run: LatchedRun) -> tuple[str, str]:
 
 
 def left_out_card(run: LatchedRun) -> tuple[str, str]:
-    """The effects that at least one tile leaves out."""
-    names = run.plan.plan.left_out
+    """The effects that at least one tile, or the link, leaves out."""
+    names = [row["effect"] for row in run.result.left_out]
     return str(len(names)), f"effects left out: {', '.join(names)}" if names else "effects left out"
 
 
