@@ -20,6 +20,7 @@ from cosim.compute.opencl import choose_device
 from cosim.run.progress import Progress
 from cosim.stage import BLOCK
 from link.coding import Blocks
+from link.coding.reed_solomon import WORD_BYTES
 from link.coding.stream_boxes import StreamOutbox, stream_blocks, stream_rate
 from link.layout import TRAINING, Layout
 from link.section import LinkScenario
@@ -74,6 +75,26 @@ class StreamSetup(LinkSetup):
     def rate(self) -> float:
         """Bits of packets that the link carries in a camera cycle."""
         return 8 * stream_rate(self.form) / self.block_cycles
+
+    def spent(self) -> dict[str, float]:
+        """Bits of a camera cycle that each part of the format takes; with `rate` they add up to all
+        cells in all symbols. Training and closing symbols, once in a transmission, are not
+        counted."""
+        form, layout = self.form, self.form.layout
+        symbols = form.groups * layout.group
+        pilots, data = int(layout.pilot.sum()), layout.cells
+        coded = 8 * form.groups * form.group_bytes
+        words = 8 * WORD_BYTES * form.frames * form.frame_words
+        frames = 8 * form.frames * form.frame_bytes
+        spent = {
+            "tags and their surroundings": (math.prod(layout.shape) - pilots - data) * symbols,
+            "pilots": pilots * symbols,
+            f"line code {self.mode.line}": data * symbols - coded,
+            "cells that fill no frame": coded - words,
+            "parity of Reed-Solomon": words - frames,
+            "heads and checksums of frames": frames - 8 * stream_rate(form),
+        }
+        return {name: bits / self.block_cycles for name, bits in spent.items()}
 
     @property
     def delay(self) -> int:

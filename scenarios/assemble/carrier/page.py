@@ -31,7 +31,8 @@ def carried_page(run: Run, page_of: Callable[[Run], Page]) -> Page:
     views = run.outcome.views
     assert isinstance(views, CarrierOutcome)
     page = page_of(replace(run, outcome=replace(run.outcome, views=views.views)))
-    sections, files = [_ends(run, views), _cost(run), _time(run, views), _plan(views)], [FIGURE]
+    sections = [_ends(run, views), _cost(run), _bits(run, views), _time(run, views), _plan(views)]
+    files = [FIGURE]
     if views.rates:
         sections.append(_rates(run, views))
         files.append(RATES_FIGURE)
@@ -91,6 +92,24 @@ def _cost(run: Run) -> str:
     }  # fmt: skip
     rows = [[text, _value(run, name)] for name, text in names.items()]
     return "<h2>What the link cost</h2>" + table(["quantity", "value"], rows)
+
+
+def _bits(run: Run, views: CarrierOutcome) -> str:
+    setup, hz = views.carrier.setup, views.carrier.stream.clock.hz
+    carried, arrived = setup.rate * hz, run.result.metrics["goodput_bps"].value
+    spent = {name: bits * hz for name, bits in setup.spent().items()}
+    whole = sum(spent.values()) + carried
+    if arrived is not None:
+        spent["packets that arrived in time"] = arrived
+        spent["empty, lost, or late"] = max(carried - arrived, 0.0)
+    rows = [
+        [html.escape(name), amount(bits, "bit/s"), f"{bits / whole:.1%}"]
+        for name, bits in [("all cells of the panel", whole), *spent.items()]
+    ]
+    return (
+        "<h2>Where the bits of the panel go</h2><p>Between the training and the closing symbols; "
+        "packets over the time of the stream.</p>" + table(["part", "rate", "share"], rows)
+    )
 
 
 def _time(run: Run, views: CarrierOutcome) -> str:

@@ -194,3 +194,18 @@ def test_a_code_without_a_link_is_refused() -> None:
         load("glass", ["code.kind=raw"])
     with pytest.raises(InputError, match=r"link.sensor must be absent without a \[scene\]"):
         load("light-link", ["link.sensor.chip=spikeone", "link.sensor.threshold=1000 e"])
+
+
+def test_the_parts_of_the_format_take_all_cells_of_the_panel() -> None:
+    made = machine_of()
+    setup = made.carrier.setup
+    made.close()
+    spent, mode = setup.spent(), setup.mode
+    cells = mode.width * mode.height / mode.cell**2
+    symbols = setup.setting.panel.clock.hz / setup.setting.camera.clock.hz / mode.ticks
+    assert sum(spent.values()) + setup.rate == pytest.approx(cells * symbols)
+    assert min(spent.values()) >= 0
+    data = setup.form.layout.cells * symbols
+    assert spent["line code 8b10b"] == pytest.approx(data / 5, rel=1e-3)
+    words = data * 4 / 5 - spent["cells that fill no frame"]
+    assert spent["parity of Reed-Solomon"] == pytest.approx(words * mode.parity / 255, rel=1e-3)
