@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cosim.report.parts import table
@@ -12,7 +12,7 @@ from link.evaluation.record import LinkEvaluation
 from link.trial.check import LinkCheck, Paired
 from sensor.sections.provenance import fault_rows, optics_rows
 
-__all__ = ["NOT_KNOWN", "effects_section", "error_text", "machine_section"]
+__all__ = ["NOT_KNOWN", "effects_section", "error_text", "left_out_table", "machine_section"]
 
 
 NOT_KNOWN = "not known"
@@ -63,6 +63,15 @@ def error_text(check: LinkCheck) -> str:
     )
 
 
+def left_out_table(
+    rows: Sequence[dict[str, Any]], alone: Mapping[str, Paired | None]
+) -> str:  # fmt: skip
+    """Returns the table of the effects left out. alone: measured error without each of them."""
+    if not rows:
+        return "<p>Nothing was left out.</p>"
+    return table(["left out", "bound", "", "measured"], [_row(r, alone) for r in rows])
+
+
 def effects_section(link: LinkEvaluation, result: Result) -> str:
     """Returns the section on effects: those left out with their bounds, and those simulated."""
     simulated = ", ".join(result.kept) or "none"
@@ -70,13 +79,7 @@ def effects_section(link: LinkEvaluation, result: Result) -> str:
         "The table lists, in such half-widths, the bound of leaving an effect out, and the "
         "measured error without this effect alone, with its 99.9 % interval."
     )  # fmt: skip
-    out = (
-        table(
-            ["left out", "bound", "", "measured"],
-            [_row(r, link.check.alone) for r in result.left_out],
-        )
-        if result.left_out else "<p>Nothing was left out.</p>"
-    )  # fmt: skip
+    out = left_out_table(result.left_out, link.check.alone)
     if not result.left_out:
         head = ""
     return (

@@ -11,6 +11,7 @@ from cosim.report.figures import sheet_figure
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page, Run
+from link.report.tables import left_out_table
 from scenarios.assemble.carrier.judged import CarrierOutcome
 from scenarios.assemble.carrier.rates import rates_figure
 
@@ -126,21 +127,16 @@ def _time(run: Run, views: CarrierOutcome) -> str:
 
 
 def _plan(views: CarrierOutcome) -> str:
-    carrier = views.carrier
-    rows = [
-        [row["effect"], f"{row['bound']:.2g}",
-         "" if row["measured"] is None else f"{row['measured']:.2g}"]
-        for row in carrier.left_out
-    ]  # fmt: skip
-    text = (
-        "<h2>What the simulation of the link left out</h2><p>Kept: "
-        f"{html.escape(', '.join(carrier.kept))}.</p>"
+    link = views.carrier.link
+    alone = {} if link.check is None else link.check.alone
+    rows = link.plan.documents(None if link.check is None else link.check.measured)
+    head = (
+        "<p>Changes of the bit error rate, in half-widths of the 99.9 % interval of that rate over "
+        "the bits of the run, as estimated and as measured on patches, with the 99.9 % interval. "
+        "The patches have fewer bits: a single bit that differs there weighs more.</p>"
     )
-    if not rows:
-        return text + "<p>Nothing was left out.</p>"
     return (
-        text + "<p>Change of the bit error rate by each effect, in half-widths of the 99.9 % "
-        "interval of that rate over the bits of the run. The patches have fewer bits than the "
-        "run: a single bit that differs there weighs more.</p>"
-        + table(["effect", "estimated", "measured on patches"], rows)
+        "<h2>What the simulation of the link left out</h2>" + (head if rows else "")
+        + left_out_table(rows, alone)
+        + f"<p>Kept: {html.escape(', '.join(link.plan.simulated))}.</p>"
     )
