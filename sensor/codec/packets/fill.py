@@ -6,9 +6,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.spikes.viform import Words, words_for
+from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.packets.memory import peek16, poke16
 from sensor.codec.packets.midpoints import WINDOW
+from sensor.codec.packets.spans import SPAN_LEVEL, even_spans
 
 __all__ = ["draw_spikes", "fill_times", "steady"]
 
@@ -16,11 +17,13 @@ _NONE = 10
 """A level that no packet reaches."""
 _SIDE = 8
 """Side of the matrix of phases, pixels; tiles are multiples of it."""
+_FINE = 2 * _SIDE * _SIDE
+"""Phases of an interval."""
 
 
 def _phases() -> npt.NDArray[np.int64]:
-    """Phase of dim trains without a known spike, by row and column modulo _SIDE, in 1 / (2 _SIDE^2)
-    of an interval: ordered dither (Bayer 1973). Equal trains of one phase would all fire at once,
+    """Phase of dim trains without a known spike, by row and column modulo _SIDE, in 1 / _FINE of
+    an interval: ordered dither (Bayer 1973). Equal trains of one phase would all fire at once,
     and a dim area would be dark in one window and bright in another. Brighter trains have spikes in
     every window, and one phase is nearer to the truth at both ends of a packet."""
     order = np.zeros((1, 1), np.int64)
@@ -33,25 +36,27 @@ _PHASE = _phases()
 
 
 @njit(cache=True, nogil=True)
-def fill_times(times, starts, width, low, cycles):  # type: ignore[no-untyped-def]
+def fill_times(times, starts, spans, width, low, cycles):  # type: ignore[no-untyped-def]
     """Fills in the times of all levels below `low`; the others are known.
 
     Between two known spikes those of equal spacing, to the nearest cycle. The packet's ends stand
-    half a spacing beyond the first and the last spike. A train of which no spike is known has equal
-    spacing, and the phase of its pixel if its intervals are longer than WINDOW cycles.
-    times, starts: as `find_spikes` makes them. width: of the tile, pixels.
+    half a spacing beyond the first and the last spike. A train of which no spike is known follows
+    the spikes of its block, with the phase of its pixel if its intervals are longer than WINDOW
+    cycles.
+    times, starts: as `find_spikes` makes them. spans: as `spans_of` or `even_spans`. width: of the
+    tile, pixels.
     """
-    step, fine = 1 << low, 2 * _SIDE * _SIDE
+    step = 1 << low
     base = np.int64(times.ctypes.data)
     for p in range(starts.size - 1):
         n = np.int64(starts[p + 1] - starts[p])
         o = base + 2 * (np.int64(starts[p]) - 1)
         if n < step:
-            phase = fine >> 1
+            phase = _FINE >> 1
             if n * WINDOW < cycles:
                 phase = _PHASE[p // width % _SIDE, p % width % _SIDE]
-            for i in range(1, n + 1):
-                poke16(o, i, cycles * (fine * (i - 1) + phase) // (fine * n))
+            y, x = p // width >> SPAN_LEVEL, p % width >> SPAN_LEVEL
+            _fill_alone(o, n, spans, y, x, phase, cycles)
             continue
         a = peek16(o, step)
         for i in range(1, step):
@@ -66,6 +71,24 @@ def fill_times(times, starts, width, low, cycles):  # type: ignore[no-untyped-de
         rest = 2 * (n - at) + 1
         for i in range(at + 1, n + 1):
             poke16(o, i, (2 * a + 1 + (2 * (cycles - a) - 1) * 2 * (i - at) // rest) >> 1)
+
+
+@njit(cache=True, nogil=True)
+def _fill_alone(o, n, spans, y, x, phase, cycles):  # type: ignore[no-untyped-def]
+    """Spreads the n spikes of a train as those of its block (y, x) are. phase: of 1 / _FINE."""
+    whole = np.int64(0)
+    for w in range(spans.shape[0]):
+        whole += spans[w, y, x]
+    w, upto, own, t = 0, np.int64(0), np.int64(spans[0, y, x]) * _FINE * n, -1
+    for i in range(1, n + 1):
+        place = (_FINE * (i - 1) + phase) * whole
+        while place >= upto + own:
+            upto += own
+            w += 1
+            own = np.int64(spans[w, y, x]) * _FINE * n
+        inside = (min(WORD * w + WORD, cycles) - WORD * w) * (place - upto) // own
+        t = min(max(WORD * w + inside, t + 1), cycles - 1 - (n - i))
+        poke16(o, i, t)
 
 
 @njit(cache=True, nogil=True)
@@ -87,6 +110,6 @@ def steady(counts: npt.NDArray[np.int32], over: int, cycles: int) -> Words:
     starts = np.zeros(counts.size + 1, np.int32)
     np.cumsum(spikes, out=starts[1:])
     times = np.zeros(int(starts[-1]) + 1, np.int16)
-    fill_times(times, starts, counts.shape[1], _NONE, cycles)
+    fill_times(times, starts, even_spans(counts.shape, cycles), counts.shape[1], _NONE, cycles)
     draw_spikes(times, starts, words)
     return words

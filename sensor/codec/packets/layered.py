@@ -2,8 +2,9 @@
 
 layer  holds                                       a decoder that has no more
 0      spikes of blocks of 8 x 8 pixels            spreads them over pixels and cycles
-1      spikes of blocks of 4 x 4, then of 2 x 2    the same
-2      spikes of pixels                            spreads them over the cycles
+1      spikes of blocks of 4 x 4 and, where they   the same
+       change, when; then of 2 x 2
+2      spikes of pixels                            spreads them over the cycles, as their block
 3      times of every 16th spike of a pixel        spreads those between evenly
 4 - 6  times of every 8th, 4th, 2nd                the same
 7      times of the others                         has the stream, bit by bit
@@ -21,7 +22,6 @@ from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.counts import (
     MOST_PART,
-    SUM_CONTEXTS,
     TOP,
     Sums,
     get_blocks,
@@ -43,6 +43,14 @@ from sensor.codec.packets.midpoints import (
 )
 from sensor.codec.packets.part import Layer
 from sensor.codec.packets.ranges import FRESH, encode_bits, from_bytes, open_bits, to_bytes
+from sensor.codec.packets.spans import (
+    SPAN_CONTEXTS,
+    SPAN_LEVEL,
+    even_spans,
+    get_spans,
+    put_spans,
+    spans_of,
+)
 
 __all__ = ["LAYERS", "Layered"]
 
@@ -81,7 +89,7 @@ class Layered:
         times = np.empty(WORD * n * height * width, np.int16)
         starts = np.empty(height * width + 1, np.int32)
         find_spikes(words, times, starts)
-        layers = _sums(np.diff(starts).reshape(height, width), cycles)
+        layers = _sums(np.diff(starts).reshape(height, width), spans_of(words), cycles)
         if self.layers > len(SUM_LAYERS):
             layers += _times(times, starts, cycles)
         return layers[: self.layers]
@@ -89,7 +97,7 @@ class Layered:
     def decode(self, layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Words:
         """As `TileCode.decode`."""
         words: Words = np.zeros((words_for(cycles), *shape), np.uint32)
-        counts = _read_sums(layers[: len(SUM_LAYERS)], shape, cycles)
+        counts, spans = _read_sums(layers[: len(SUM_LAYERS)], shape, cycles)
         starts = np.zeros(counts.size + 1, np.int32)
         np.cumsum(counts, out=starts[1:])
         times = np.zeros(int(starts[-1]) + 1, np.int16)
@@ -99,26 +107,31 @@ class Layered:
             if not get_times(from_bytes(data), model, starts, high, low, cycles, times):
                 raise Damaged("times that cannot be")
         if low:
-            fill_times(times, starts, shape[1], low, cycles)
+            fill_times(times, starts, spans, shape[1], low, cycles)
         draw_spikes(times, starts, words)
         return words
 
 
-def _sums(counts: Sums, cycles: int) -> list[Layer]:
-    """Layers 0 to 2 from the spikes of each pixel, (h, w)."""
+def _sums(counts: Sums, spans: Sums, cycles: int) -> list[Layer]:
+    """Layers 0 to 2 from the spikes of each pixel, (h, w), and those of `spans_of`."""
     height, width = counts.shape
     levels = pyramid(counts)
-    coder = _Coder(MOST_PART * (counts.size + 64), SUM_CONTEXTS)
+    coder = _Coder(MOST_PART * (2 * counts.size + 64), SPAN_CONTEXTS)
     n = put_blocks(levels[TOP], height, width, cycles, coder.decisions)
     layers = [Layer(coder.code(n), 0, 0.0)]
     for splits in SUM_LAYERS[1:]:
-        n, gain = 0, 0
+        n, gain, later = 0, 0, 0
         for level in splits:
+            if level == SPAN_LEVEL:
+                n, later = put_spans(
+                    spans, levels[level], height, width, cycles, coder.decisions, n
+                )
             n, more = put_parts(
                 levels[level], levels[level - 1], level, height, width, cycles, coder.decisions, n
             )
             gain += more
-        layers.append(Layer(coder.code(n), 0, gain / SCALE * WINDOW**2 / cycles))
+        worth = (gain * WINDOW**2 / cycles + later) / SCALE
+        layers.append(Layer(coder.code(n), 0, worth))
     return layers
 
 
@@ -133,9 +146,10 @@ def _times(times: Times, starts: Sums, cycles: int) -> list[Layer]:
     return layers
 
 
-def _read_sums(layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Sums:
-    """Spikes of each pixel, (h, w), spread where they are not known."""
-    model = np.full(SUM_CONTEXTS, FRESH, np.uint32)
+def _read_sums(layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> tuple[Sums, Sums]:
+    """Spikes of each pixel, (h, w), and of `spans_of`, both even where they are not known."""
+    model = np.full(SPAN_CONTEXTS, FRESH, np.uint32)
+    spans = even_spans(shape, cycles)
     sums: npt.NDArray[np.int32] = np.zeros([-(-n >> TOP) for n in shape], np.int32)
     if not get_blocks(from_bytes(layers[0]), model, *shape, cycles, sums):
         raise Damaged("sums that cannot be")
@@ -143,8 +157,10 @@ def _read_sums(layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> 
         words, model[:] = from_bytes(data), FRESH
         reader = np.array(open_bits(words), np.uint64)
         for level in splits:
+            if level == SPAN_LEVEL and not get_spans(words, model, reader, sums, cycles, spans):
+                raise Damaged("spans that cannot be")
             parts = np.zeros([-(-n >> (level - 1)) for n in shape], np.int32)
             if not get_parts(words, model, reader, sums, parts, level, *shape, cycles):
                 raise Damaged("sums that cannot be")
             sums = parts
-    return spread(sums, shape)
+    return spread(sums, shape), spans
