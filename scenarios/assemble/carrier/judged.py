@@ -205,7 +205,7 @@ def judge_carrier(
     lost, added = _differences(*streams)
     count = near.sender.counts
     on_time = sum(size for _, size, _ in far.arrivals)
-    hold_us = carrier.hold / clock.hz * 1e6
+    hold_us = carrier.hold * 1e6 / clock.hz
     watched = _watched(carrier, watch)
     photon = {
         f"latency_photon_{NAMES[row.rate]}_us": Metric(row.total.median + hold_us, "us")
@@ -279,7 +279,7 @@ def _recovery(carrier: Carrier, far: FarEnd) -> float | None:
     if not far.gaps:
         return 0.0
     whole = far.gaps[-1][0] + carrier.section.cycles
-    return max(whole - max(ends), 0) / clock.hz * 1e6
+    return max(whole - max(ends), 0) * 1e6 / clock.hz
 
 
 def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> list[str]:

@@ -60,7 +60,7 @@ def markdown(document: dict[str, Any]) -> str:
                  "line + zstd"], lossless,
             ),
             table(["scene", "light", "the stream", *names], lossy),
-            table(["scene", "light", "the stream", *(f"{n} layers" for n in rungs)], layered),
+            table(["scene", "light", "the stream", *("1 layer" if n == 1 else f"{n} layers" for n in rungs)], layered),
             table(
                 ["mean width", "Q", "floor", "ceiling", "zstd 19", "repeat", "line",
                  *(f"sent, {k}" for k in ks), "rate error, stream", "k3", "k3r", "k5", "k5r"],
