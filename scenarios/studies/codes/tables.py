@@ -18,6 +18,11 @@ def table(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
+def _layers(n: int) -> str:
+    """A number of layers, in words."""
+    return "1 layer" if n == 1 else f"{n} layers"
+
+
 def markdown(document: dict[str, Any]) -> str:
     """Four tables: lossless sizes, the statistical code, the layered code, and steady light with
     its closed forms."""
@@ -60,7 +65,7 @@ def markdown(document: dict[str, Any]) -> str:
                  "line + zstd"], lossless,
             ),
             table(["scene", "light", "the stream", *names], lossy),
-            table(["scene", "light", "the stream", *("1 layer" if n == 1 else f"{n} layers" for n in rungs)], layered),
+            table(["scene", "light", "the stream", *(_layers(n) for n in rungs)], layered),
             table(
                 ["mean width", "Q", "floor", "ceiling", "zstd 19", "repeat", "line",
                  *(f"sent, {k}" for k in ks), "rate error, stream", "k3", "k3r", "k5", "k5r"],
