@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.spikes.viform import WORD, Words, words_for
+from cosim.spikes.viform import Words, words_for
+from sensor.codec.packets.course import ONE, SPAN_LEVEL, course_of, spikes_up_to, time_of
 from sensor.codec.packets.memory import peek16, poke16
 from sensor.codec.packets.midpoints import WINDOW
-from sensor.codec.packets.spans import SPAN_LEVEL, even_spans
+from sensor.codec.packets.spans import even_spans
 
 __all__ = ["draw_spikes", "fill_times", "steady"]
 
@@ -36,27 +37,31 @@ _PHASE = _phases()
 
 
 @njit(cache=True, nogil=True)
-def fill_times(times, starts, spans, width, low, cycles):  # type: ignore[no-untyped-def]
+def fill_times(times, starts, course, changes, width, low, cycles):  # type: ignore[no-untyped-def]
     """Fills in the times of all levels below `low`; the others are known.
 
     Between two known spikes those of equal spacing, to the nearest cycle. The packet's ends stand
-    half a spacing beyond the first and the last spike. A train of which no spike is known follows
-    the spikes of its block, with the phase of its pixel if its intervals are longer than WINDOW
-    cycles.
-    times, starts: as `find_spikes` makes them. spans: as `spans_of` or `even_spans`. width: of the
-    tile, pixels.
+    half a spacing beyond the first and the last spike. A train of which no spike is known has equal
+    spacing, and the phase of its pixel if its intervals are longer than WINDOW cycles. In a block
+    that changes, the spacing is of its spikes.
+    times, starts: as `find_spikes` makes them. course, changes: of `course_of`. width: of the tile,
+    pixels.
     """
     step = 1 << low
     base = np.int64(times.ctypes.data)
     for p in range(starts.size - 1):
         n = np.int64(starts[p + 1] - starts[p])
         o = base + 2 * (np.int64(starts[p]) - 1)
+        phase = _FINE >> 1
+        if n * WINDOW < cycles:
+            phase = _PHASE[p // width % _SIDE, p % width % _SIDE]
+        y, x = p // width >> SPAN_LEVEL, p % width >> SPAN_LEVEL
+        if changes[y, x]:
+            _fill_changing(o, n, step, course[y, x], phase, cycles)
+            continue
         if n < step:
-            phase = _FINE >> 1
-            if n * WINDOW < cycles:
-                phase = _PHASE[p // width % _SIDE, p % width % _SIDE]
-            y, x = p // width >> SPAN_LEVEL, p % width >> SPAN_LEVEL
-            _fill_alone(o, n, spans, y, x, phase, cycles)
+            for i in range(1, n + 1):
+                poke16(o, i, cycles * (_FINE * (i - 1) + phase) // (_FINE * n))
             continue
         a = peek16(o, step)
         for i in range(1, step):
@@ -74,21 +79,29 @@ def fill_times(times, starts, spans, width, low, cycles):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def _fill_alone(o, n, spans, y, x, phase, cycles):  # type: ignore[no-untyped-def]
-    """Spreads the n spikes of a train as those of its block (y, x) are. phase: of 1 / _FINE."""
-    whole = np.int64(0)
-    for w in range(spans.shape[0]):
-        whole += spans[w, y, x]
-    w, upto, own, t = 0, np.int64(0), np.int64(spans[0, y, x]) * _FINE * n, -1
-    for i in range(1, n + 1):
-        place = (_FINE * (i - 1) + phase) * whole
-        while place >= upto + own:
-            upto += own
-            w += 1
-            own = np.int64(spans[w, y, x]) * _FINE * n
-        inside = (min(WORD * w + WORD, cycles) - WORD * w) * (place - upto) // own
-        t = min(max(WORD * w + inside, t + 1), cycles - 1 - (n - i))
-        poke16(o, i, t)
+def _fill_changing(o, n, step, course, phase, cycles):  # type: ignore[no-untyped-def]
+    """The same of one train in a block that changes. phase: of a train without a known spike."""
+    before, begun, at = np.int64(-1), np.int64(0), 0
+    first = _FINE >> 1  # of a spacing: from what is known to the first spike after it
+    while at < n:
+        stop, last = at + step, _FINE
+        known = stop <= n
+        end, ended = np.int64(cycles), course[-1] << ONE
+        if known:
+            end = peek16(o, stop)
+            ended = spikes_up_to(course, end, cycles)
+        else:
+            stop, last = n + 1, _FINE >> 1
+            if not at:
+                first, last = phase, _FINE - phase
+        span = first + _FINE * (stop - at - 2) + last
+        for i in range(at + 1, stop):
+            place = begun + (ended - begun) * (first + _FINE * (i - at - 1)) // span
+            t = time_of(course, place, cycles)
+            before = min(max(t, before + 1), end - (stop - i))
+            poke16(o, i, before)
+        before, begun, first = end, ended, _FINE
+        at = stop
 
 
 @njit(cache=True, nogil=True)
@@ -110,6 +123,7 @@ def steady(counts: npt.NDArray[np.int32], over: int, cycles: int) -> Words:
     starts = np.zeros(counts.size + 1, np.int32)
     np.cumsum(spikes, out=starts[1:])
     times = np.zeros(int(starts[-1]) + 1, np.int16)
-    fill_times(times, starts, even_spans(counts.shape, cycles), counts.shape[1], _NONE, cycles)
+    course, changes = course_of(even_spans(counts.shape, cycles), cycles)
+    fill_times(times, starts, course, changes, counts.shape[1], _NONE, cycles)
     draw_spikes(times, starts, words)
     return words

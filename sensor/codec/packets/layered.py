@@ -13,7 +13,7 @@ layer  holds                                       a decoder that has no more
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,7 @@ from sensor.codec.packets.counts import (
     pyramid,
     spread,
 )
+from sensor.codec.packets.course import SPAN_LEVEL, course_of
 from sensor.codec.packets.fill import draw_spikes, fill_times
 from sensor.codec.packets.midpoints import (
     MOST_DECISIONS,
@@ -45,7 +46,6 @@ from sensor.codec.packets.part import Layer
 from sensor.codec.packets.ranges import FRESH, encode_bits, from_bytes, open_bits, to_bytes
 from sensor.codec.packets.spans import (
     SPAN_CONTEXTS,
-    SPAN_LEVEL,
     even_spans,
     get_spans,
     put_spans,
@@ -89,9 +89,10 @@ class Layered:
         times = np.empty(WORD * n * height * width, np.int16)
         starts = np.empty(height * width + 1, np.int32)
         find_spikes(words, times, starts)
-        layers = _sums(np.diff(starts).reshape(height, width), spans_of(words), cycles)
+        spans = spans_of(words)
+        layers = _sums(np.diff(starts).reshape(height, width), spans, cycles)
         if self.layers > len(SUM_LAYERS):
-            layers += _times(times, starts, cycles)
+            layers += _times(times, starts, *course_of(spans, cycles), width, cycles)
         return layers[: self.layers]
 
     def decode(self, layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Words:
@@ -102,18 +103,22 @@ class Layered:
         np.cumsum(counts, out=starts[1:])
         times = np.zeros(int(starts[-1]) + 1, np.int16)
         model, low = np.empty(TIME_CONTEXTS, np.uint32), TIME_LAYERS[0][0] + 1
+        course, changes = course_of(spans, cycles)
         for data, (high, least) in zip(layers[len(SUM_LAYERS) :], TIME_LAYERS, strict=False):
             low, model[:] = least, FRESH
-            if not get_times(from_bytes(data), model, starts, high, low, cycles, times):
+            if not get_times(
+                from_bytes(data), model, starts, course, changes, shape[1], high, low, cycles, times
+            ):
                 raise Damaged("times that cannot be")
         if low:
-            fill_times(times, starts, spans, shape[1], low, cycles)
+            fill_times(times, starts, course, changes, shape[1], low, cycles)
         draw_spikes(times, starts, words)
         return words
 
 
 def _sums(counts: Sums, spans: Sums, cycles: int) -> list[Layer]:
-    """Layers 0 to 2 from the spikes of each pixel, (h, w), and those of `spans_of`."""
+    """Layers 0 to 2 from the spikes of each pixel, (h, w), and those of `spans_of`, which become
+    what a decoder has."""
     height, width = counts.shape
     levels = pyramid(counts)
     coder = _Coder(MOST_PART * (2 * counts.size + 64), SPAN_CONTEXTS)
@@ -135,13 +140,17 @@ def _sums(counts: Sums, spans: Sums, cycles: int) -> list[Layer]:
     return layers
 
 
-def _times(times: Times, starts: Sums, cycles: int) -> list[Layer]:
-    """Layers 3 to 7 from spikes as `find_spikes` lists them."""
+def _times(
+    times: Times, starts: Sums, course: Any, changes: Any, width: int, cycles: int
+) -> list[Layer]:
+    """Layers 3 to 7 from spikes as `find_spikes` lists them, and `course_of` their blocks."""
     most = int(starts[-1]) // 2 + len(starts)  # half of them in one layer, and one of each pixel
     coder = _Coder(MOST_DECISIONS * most, TIME_CONTEXTS)
     layers = []
     for high, low in TIME_LAYERS:
-        n, spikes, gain = put_times(times, starts, high, low, cycles, coder.decisions)
+        n, spikes, gain = put_times(
+            times, starts, course, changes, width, high, low, cycles, coder.decisions
+        )
         layers.append(Layer(coder.code(n), spikes, gain / SCALE))
     return layers
 

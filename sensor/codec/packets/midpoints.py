@@ -3,7 +3,8 @@
 Spikes of a pixel in a packet are numbered 1 to n. Level h = 2^k sends those whose number is an odd
 multiple of h; it lies between its neighbours i - h and i + h, which coarser levels have sent, and
 is expected halfway. At the ends, where a neighbour is missing, half the next span takes its place.
-A decoder that has stopped at a level spreads the spikes between evenly.
+Where the light of its block changes, halfway is a matter of the block's spikes, not of cycles, on
+the levels from _BENT on. A decoder that has stopped at a level spreads the spikes between alike.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from sensor.codec.packets.course import ONE, SPAN_LEVEL, spikes_up_to, time_of
 from sensor.codec.packets.memory import peek16, poke16, trailing_zeros
 from sensor.codec.packets.numbers import NUMBER, get_number, put_number
 from sensor.codec.packets.ranges import open_bits
@@ -23,7 +25,11 @@ __all__ = [
 _SIZES = 20
 _SIDES = 5
 _EDGES = 3 * 2 * _SIDES * _SIZES
-TIME_CONTEXTS = (2 * _SIZES * _SIDES * _SIDES + _EDGES) * NUMBER
+_CHANGING = (2 * _SIZES * _SIDES * _SIDES + _EDGES) * NUMBER
+"""First context of the numbers in blocks that change."""
+TIME_CONTEXTS = _CHANGING + _SIZES * NUMBER
+_BENT = 4
+"""Level from which on the course of a block is followed: finer spans are within a few words."""
 _MOST = 512
 _LEVELS = 9
 WINDOW = 41
@@ -145,9 +151,32 @@ def _at_edge(times, i, k, n, cycles):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def put_times(times, starts, high, low, cycles, decisions):  # type: ignore[no-untyped-def]
+def _on_course(times, i, k, n, cycles, course):  # type: ignore[no-untyped-def]
+    """The same of a spike in a block that changes. course: of the block."""
+    h = 1 << k
+    least, most, begun, ended = h - 1, cycles - 1 - (n - i), 0, course[-1] << ONE
+    share, span, whole = 2 * i - 1, 2 * n, cycles * 2 * h // n
+    left, right = i > h, i + h <= n
+    if left:
+        a = peek16(times, i - h)
+        least, begun = a + h, spikes_up_to(course, a, cycles)
+        share, span, whole = 2 * h, 2 * (n - i + h) + 1, 2 * (cycles - a) * h // (n - i + h)
+    if right:
+        b = peek16(times, i + h)
+        most, ended = b - h, spikes_up_to(course, b, cycles)
+        share, span, whole = 2 * i - 1, 2 * (i + h) - 1, b * 2 * h // (i + h)
+    if left and right:
+        share, span, whole = 1, 2, b - a
+    t = time_of(course, begun + (ended - begun) * share // span, cycles)
+    kind = _CHANGING + _CLASS[min(whole >> (k + 1), _MOST)] * NUMBER
+    return min(max(t, least), most), kind, least, most, whole
+
+
+@njit(cache=True, nogil=True)
+def put_times(times, starts, course, changes, width, high, low, cycles, decisions):  # type: ignore[no-untyped-def]
     """Decisions of levels `high` down to `low`; (their number, spikes, gain).
 
+    course, changes: of `course_of`. width: of the tile, pixels.
     decisions: uint16, with room for MOST_DECISIONS a spike. The gain is what the spikes take away
     of the squared error of counts in a window (`_weights`), summed over windows, times SCALE.
     """
@@ -162,6 +191,15 @@ def put_times(times, starts, high, low, cycles, decisions):  # type: ignore[no-u
             n = np.int64(starts[p + 1] - starts[p])
             o = base + 2 * (np.int64(starts[p]) - 1)
             i = h
+            y, x = p // width >> SPAN_LEVEL, p % width >> SPAN_LEVEL
+            if k >= _BENT and changes[y, x]:
+                while i <= n:
+                    t, kind, least, most, whole = _on_course(o, i, k, n, cycles, course[y, x])
+                    if least < most:
+                        d = peek16(o, i) - t
+                        m = put_number(out, m, kind, d)
+                        gain += (d * d << 2 * k) * _WEIGHT[min(whole, _MOST)]
+                    i += 2 * h
             while i <= n:
                 if i == h or i + h > n:
                     t, kind, least, most, whole = _at_edge(o, i, k, n, cycles)
@@ -182,10 +220,11 @@ def put_times(times, starts, high, low, cycles, decisions):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def get_times(words, model, starts, high, low, cycles, times):  # type: ignore[no-untyped-def]
+def get_times(words, model, starts, course, changes, width, high, low, cycles, times):  # type: ignore[no-untyped-def]
     """Fills in the times of levels `high` down to `low`; whether they can be.
 
-    words, model: of the packet. times, starts: as `find_spikes` makes them, coarser levels known.
+    words, model: of the packet. course, changes, width: as of `put_times`. times, starts: as
+    `find_spikes` makes them, coarser levels known.
     """
     code, span, at = open_bits(words)
     size, data, states = words.size, np.int64(words.ctypes.data), np.int64(model.ctypes.data)
@@ -198,8 +237,12 @@ def get_times(words, model, starts, high, low, cycles, times):  # type: ignore[n
             n = np.int64(starts[p + 1] - starts[p])
             o = base + 2 * (np.int64(starts[p]) - 1)
             i = h
+            y, x = p // width >> SPAN_LEVEL, p % width >> SPAN_LEVEL
+            bent = k >= _BENT and changes[y, x]
             while i <= n:
-                if i > h and i + h <= n:
+                if bent:
+                    t, kind, least, most, _ = _on_course(o, i, k, n, cycles, course[y, x])
+                elif i > h and i + h <= n:
                     t, kind, least, most, _ = _between(o, i, k, n)
                 else:
                     t, kind, least, most, _ = _at_edge(o, i, k, n, cycles)

@@ -14,15 +14,14 @@ from numba import njit
 
 from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.packets.counts import SUM_CONTEXTS
+from sensor.codec.packets.course import SPAN_LEVEL
 from sensor.codec.packets.memory import poke16
 from sensor.codec.packets.midpoints import SCALE, WINDOW
 from sensor.codec.packets.numbers import NUMBER, get_number, put_number
 from sensor.codec.packets.ranges import decode_bit
 
-__all__ = ["SPAN_CONTEXTS", "SPAN_LEVEL", "even_spans", "get_spans", "put_spans", "spans_of"]
+__all__ = ["SPAN_CONTEXTS", "even_spans", "get_spans", "put_spans", "spans_of"]
 
-SPAN_LEVEL = 2
-"""Level of the sums that are split, blocks of 2^2 x 2^2 pixels."""
 _SIDE = 1 << SPAN_LEVEL
 _NODES = 16
 """Nodes that can be split, from 1 on: 512 cycles are 16 words."""
@@ -107,6 +106,16 @@ def _halves(spans, y, x, begin, middle, end):  # type: ignore[no-untyped-def]
     return whole, first
 
 
+@njit(cache=True, nogil=True)
+def _even_out(spans, y, x, begin, end, whole, cycles):  # type: ignore[no-untyped-def]
+    """Spreads the spikes of a block over its words `begin` to `end`."""
+    span, before = _cycles(begin, end, cycles), 0
+    for w in range(begin, end):
+        upto = whole * _cycles(begin, w + 1, cycles) // span
+        spans[w, y, x] = upto - before
+        before = upto
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _share(whole, one, span):  # type: ignore[no-untyped-def]
     """Spikes expected in `one` of `span` cycles."""
@@ -126,9 +135,9 @@ def _weighed(squared, span):  # type: ignore[no-untyped-def]
 def put_spans(spans, sums, height, width, cycles, decisions, m):  # type: ignore[no-untyped-def]
     """Appends the decisions of the halves of all blocks; (their number, gain).
 
-    spans: of `spans_of`. sums: of the same blocks in the whole packet. The gain is the squared
-    error of counts in windows that the halves take away, summed over pixels and cycles, times
-    SCALE.
+    spans: of `spans_of`; becomes what a decoder has. sums: of the same blocks in the whole packet.
+    The gain is the squared error of counts in windows that the halves take away, summed over
+    pixels and cycles, times SCALE.
     """
     out, gain = np.int64(decisions.ctypes.data), 0
     rows, columns = (sums.shape[0] + 1) >> 1, (sums.shape[1] + 1) >> 1
@@ -156,6 +165,10 @@ def put_spans(spans, sums, height, width, cycles, decisions, m):  # type: ignore
                 m += 1
                 split[v + 1, u + 1, node] = flag
                 if not flag:
+                    for y in range(2 * v, min(2 * v + 2, sums.shape[0])):
+                        for x in range(2 * u, min(2 * u + 2, sums.shape[1])):
+                            whole, _ = _halves(spans, y, x, begin, middle, end)
+                            _even_out(spans, y, x, begin, end, whole, cycles)
                     continue
                 gain += _weighed(off, span)
                 for y in range(2 * v, min(2 * v + 2, sums.shape[0])):
@@ -201,9 +214,7 @@ def get_spans(words, model, reader, sums, cycles, spans):  # type: ignore[no-unt
                     for x in range(2 * u, min(2 * u + 2, sums.shape[1])):
                         whole = wholes[node, y & 1, x & 1] if node > 1 else np.int64(sums[y, x])
                         if not flag:
-                            for w in range(begin, end):
-                                upto = whole * _cycles(begin, w + 1, cycles) // span
-                                spans[w, y, x] = upto - whole * _cycles(begin, w, cycles) // span
+                            _even_out(spans, y, x, begin, end, whole, cycles)
                             continue
                         first = np.int64(0)
                         if whole:
