@@ -9,7 +9,9 @@ are also written, so that a lost chunk is detected.
 from __future__ import annotations
 
 import shutil
+from collections import OrderedDict
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -29,6 +31,8 @@ __all__ = ["Recorder", "ZarrStream", "write_zarr"]
 VERSION = 1
 _CHUNK = 2
 """Words in a chunk: 64 cycles, a block."""
+_KEPT = 1 << 26
+"""Bytes of decoded chunks that a reader keeps, beside the last one."""
 
 
 def _bad(
@@ -38,8 +42,8 @@ def _bad(
 
 
 class ZarrStream:
-    """A complete store as a spike stream. The last chunk is cached. Raises InputError for
-    others."""
+    """A complete store as a spike stream, for any number of threads. The last chunks are kept.
+    Raises InputError for others."""
 
     def __init__(self, path: Path) -> None:
         import zarr  # takes a quarter of a second, so only if a store is opened
@@ -71,7 +75,8 @@ class ZarrStream:
         if words.chunks != (_CHUNK, *words.shape[1:]):
             raise _bad(path, f"chunks of shape {words.chunks}")
         self._path, self._words = path, words
-        self._cached: tuple[int, Words] | None = None
+        self._kept: OrderedDict[int, Words] = OrderedDict()
+        self._lock = Lock()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -80,19 +85,31 @@ class ZarrStream:
 
     def _chunk(self, n: int) -> Words:
         """Words of chunk n."""
-        if self._cached is None or self._cached[0] != n:
-            key = self._words.metadata.encode_chunk_key((n, 0, 0))
-            if not (self._path / "words" / key).is_file():
-                raise _bad(self._path, f"one without chunk {n}", "copy it again, whole")
-            try:
-                words = cast(Words, self._words[n * _CHUNK : (n + 1) * _CHUNK])
-            except Exception as exc:  # a chunk that does not decode
-                raise _bad(self._path, f"damaged in chunk {n}") from exc
-            last = n * _CHUNK + len(words) == words_for(self.cycles)
-            if last and spikes_beyond(words[-1], self.cycles):
-                raise _bad(self._path, "one with spikes beyond its last cycle")
-            self._cached = (n, words)
-        return self._cached[1]
+        with self._lock:
+            kept = self._kept.get(n)
+            if kept is not None:
+                self._kept.move_to_end(n)
+                return kept
+        words = self._decoded(n)
+        with self._lock:
+            self._kept[n] = words
+            while len(self._kept) > 1 + _KEPT // words.nbytes:
+                self._kept.popitem(last=False)
+        return words
+
+    def _decoded(self, n: int) -> Words:
+        """Words of chunk n from its file."""
+        key = self._words.metadata.encode_chunk_key((n, 0, 0))
+        if not (self._path / "words" / key).is_file():
+            raise _bad(self._path, f"one without chunk {n}", "copy it again, whole")
+        try:
+            words = cast(Words, self._words[n * _CHUNK : (n + 1) * _CHUNK])
+        except Exception as exc:  # a chunk that does not decode
+            raise _bad(self._path, f"damaged in chunk {n}") from exc
+        last = n * _CHUNK + len(words) == words_for(self.cycles)
+        if last and spikes_beyond(words[-1], self.cycles):
+            raise _bad(self._path, "one with spikes beyond its last cycle")
+        return words
 
     def read_words(self, first: int, stop: int) -> Words:
         """See `SpikeStream`. Raises InputError if a chunk is damaged."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from cosim.files.whole import whole
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 
 __all__ = ["accuracy_figure"]
 
@@ -44,10 +44,9 @@ def _labels(
 
 def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     """Draws the document of `viform accuracy` to a PNG."""
-    plt = pyplot()
     rows, floor = document["rows"], document["floor"]
     cost = document["reference"]["ns_per_pixel_cycle"]
-    figure, axes = plt.subplots(figsize=(9.5, 6))
+    figure, axes = subplots(figsize=(9.5, 6))
     axes.set_xscale("log")
     axes.set_yscale("log")
     reference = floor["reference"] or 1.0
@@ -96,7 +95,6 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     figure.tight_layout()
     with whole(path) as part:
         figure.savefig(part, dpi=120, format="png")
-    plt.close(figure)
 
 
 def _lines(axes: Any, floor: dict[str, float | None], cost: float | None, of: str) -> None:

@@ -8,30 +8,37 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["INK", "LINE", "MARK", "overview_figure", "pyplot", "sheet_figure"]
+__all__ = ["INK", "LINE", "MARK", "overview_figure", "sheet_figure", "subplots"]
 
 PANEL = 416
 """Width of a picture in the overview, pixels: 3.2 inches at 130 dots an inch."""
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
 
 
-def pyplot() -> Any:
-    """Matplotlib's pyplot with the backend for files. The import takes a second."""
-    import matplotlib
+def subplots(
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    figsize: tuple[float, float],
+    layout: Any = None,
+    **options: Any,
+) -> tuple[Any, Any]:
+    """A Matplotlib figure for a file and its axes, (figure, axes); options: of `Figure.subplots`.
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot
+    Not subplots's: that keeps each figure, takes longer to import, and allows one thread alone.
+    """
+    from matplotlib.figure import Figure
 
-    return matplotlib.pyplot
+    figure = Figure(figsize=figsize, layout=layout)
+    return figure, figure.subplots(rows, columns, **options)
 
 
 def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
     """Writes a figure with pictures side by side and their names above."""
     import cv2
 
-    plt = pyplot()
     height, width = panels[0][1].shape
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         1, len(panels), figsize=(3.2 * len(panels), 3.2 * height / width + 0.35), squeeze=False
     )
     for (name, image), ax in zip(panels, axes[0], strict=True):
@@ -42,7 +49,6 @@ def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path)
         ax.axis("off")
     figure.tight_layout(pad=0.3, w_pad=0.4)
     figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.05)
-    plt.close(figure)
 
 
 def sheet_figure(
@@ -51,10 +57,9 @@ def sheet_figure(
     """Writes a sheet of pictures: a column for each instant in `heads`, a row for each method."""
     import cv2
 
-    plt = pyplot()
     height, width = rows[0][1][0].shape
     wide = min(2.4, 16 / len(heads))
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         len(rows), len(heads), squeeze=False,
         figsize=(wide * len(heads), wide * height / width * len(rows) + 0.3),
     )  # fmt: skip
@@ -72,4 +77,3 @@ def sheet_figure(
         ax.set_title(head, fontsize=9, color=INK)
     figure.tight_layout(pad=0.3, w_pad=0.2, h_pad=0.2)
     figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.05)
-    plt.close(figure)

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim.report.figures import INK, LINE, pyplot
+from cosim.report.figures import INK, LINE, subplots
 
 __all__ = ["draw_curves"]
 
@@ -26,8 +26,7 @@ _FLOOR: Final = 1e-6
 
 def draw_curves(document: dict[str, Any], path: Path) -> None:
     """Draws the document of `measure_curves` to a PNG or SVG."""
-    plt = pyplot()
-    figure, axes = plt.subplots(2, 2, figsize=(12.5, 9.6))
+    figure, axes = subplots(2, 2, figsize=(12.5, 9.6))
     for (panel, title, label), ax in zip(PANELS, axes.ravel(), strict=True):
         curves = [c for c in document["curves"] if c["panel"] == panel]
         for curve, colour in zip(curves, COLOURS, strict=False):
@@ -58,7 +57,6 @@ def draw_curves(document: dict[str, Any], path: Path) -> None:
     )  # fmt: skip
     figure.tight_layout()
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def _curve(ax: Any, curve: dict[str, Any], colour: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from link.evaluation.record import LinkEvaluation
 from link.prediction.reach import Reach
 
@@ -46,13 +46,11 @@ def figure_at(
         columns: number of axes.
         plain: whether the frame at the top and the right is omitted.
     """
-    plt = pyplot()
-    figure, ax = plt.subplots(1, columns, figsize=(width, height), layout="constrained")
+    figure, ax = subplots(1, columns, figsize=(width, height), layout="constrained")
     yield figure, ax
     if plain:
         _plain(ax)
     figure.savefig(path, dpi=_DOTS)
-    plt.close(figure)
 
 
 def bits(rate: float) -> str:

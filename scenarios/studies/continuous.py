@@ -26,6 +26,7 @@ from cosim import (
 )
 from cosim.compute.opencl import Device
 from cosim.light.source import Source
+from cosim.report.figures import subplots
 from scenarios.scenes.charts.step import StepSource
 from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.people.wave import Wave
@@ -169,11 +170,6 @@ PANELS: tuple[tuple[str, dict[str, Any]], ...] = (
 def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
     """Draws the photocurrent of a pixel, the current at its monitor, and its reports, for each of
     `PANELS`; returns the reports."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     camera = _camera((1, 1))
     white = WHITE_RATE * THRESHOLD * CLOCK.hz
     ticks = np.arange(0, cycles, DRAWN)
@@ -182,7 +178,7 @@ def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
         for n in ticks.tolist()
         for plane in [np.full((1, 1), _course(np.array(n)) * _white(camera), np.float32)]
     ]
-    figure, axes = plt.subplots(len(PANELS), 1, figsize=(9, 7.6), sharex=True, sharey=True)
+    figure, axes = subplots(len(PANELS), 1, figsize=(9, 7.6), sharex=True, sharey=True)
     ms, all_reports = 1e3 / CLOCK.hz, []
     for axis, (title, keys) in zip(axes, PANELS, strict=True):
         sensor = ContinuousCamera(
@@ -215,7 +211,6 @@ def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
     axes[-1].set_xlim(0, cycles * ms)
     figure.tight_layout()
     figure.savefig(path, dpi=110, format="png")
-    plt.close(figure)
     return all_reports
 
 

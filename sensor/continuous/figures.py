@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Intensities
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.continuous.shots import PixelLight
 
 __all__ = ["pixels_figure", "rate_figure"]
@@ -22,8 +22,7 @@ def rate_figure(
     time: npt.NDArray[np.int64], ticks: int, pixels: int, clock: Clock, path: Path
 ) -> None:
     """Reports a pixel and second over time. time: ticks of the reports. A bin is whole ticks."""
-    plt = pyplot()
-    figure, ax = plt.subplots(figsize=(11, 2.8), layout="constrained")
+    figure, ax = subplots(figsize=(11, 2.8), layout="constrained")
     every = -(-ticks // BINS)
     edges = np.minimum(np.arange(0, ticks + every, every), ticks)
     count, _ = np.histogram(time, edges - 0.5)
@@ -36,7 +35,6 @@ def rate_figure(
     ax.spines[["left", "bottom"]].set_color(LINE)
     ax.tick_params(color=LINE, labelcolor=INK)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def pixels_figure(
@@ -45,13 +43,12 @@ def pixels_figure(
 ) -> None:  # fmt: skip
     """What each pixel reported, held until its next report, and the light on it, white = 1.
     per_lux, white: electrons a second."""
-    plt = pyplot()
     ms = 1e3 / reports.clock.hz
     true = np.array(light.level, np.float64) * (per_lux / white)
     when = np.array(light.when) / 1e9
     place, stop = reports.pixel, reports.start + reports.ticks
     count = len(light.points)
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         count, 1, figsize=(11, 0.95 * count + 0.8), sharex=True, squeeze=False
     )
     for n, ((row, column, label), ax) in enumerate(zip(light.points, axes[:, 0], strict=True), 1):
@@ -83,4 +80,3 @@ def pixels_figure(
     )  # fmt: skip
     figure.tight_layout(h_pad=0.15)
     figure.savefig(path, dpi=110)
-    plt.close(figure)

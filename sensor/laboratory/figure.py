@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.laboratory.emva import Report
 
 __all__ = ["photon_transfer_figure"]
@@ -24,13 +24,12 @@ def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "p
         path: of the file.
         form: "png" or "svg".
     """
-    plt = pyplot()
     curve = report.transfer.curve()
     signal, variance = np.array(curve["mean"]), np.array(curve["variance"])
     spatial, photons = np.array(curve["spatial"]), np.array(curve["photons"])
     gain, prnu, response = report["gain"], report["prnu"], report["responsivity"]
     dark = report.transfer.dark
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4))
+    figure, (left, right) = subplots(1, 2, figsize=(11, 4.4))
     positive = (signal > 0) & (variance > 0)
     left.loglog(signal[positive], np.sqrt(variance[positive]), "o", color=_BLUE, markersize=4,
                 label="temporal noise, dark subtracted")  # fmt: skip
@@ -69,4 +68,3 @@ def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "p
     )  # fmt: skip
     figure.tight_layout()
     figure.savefig(path, dpi=110, format=form)
-    plt.close(figure)

@@ -43,6 +43,7 @@ def write_clip(
         smallest: pixels of the shorter side; smaller images are enlarged by a whole number.
     """
     import av
+    import cv2
 
     for name, value, least, most in (
         ("--every", every, 1, math.inf),
@@ -79,7 +80,8 @@ def write_clip(
                 if reduce > 1:
                     high, long = rates.shape[0] // tall, rates.shape[1] // wide
                     rates = rates[: high * tall, : long * wide]
-                    rates = rates.reshape(high, tall, long, wide).mean(axis=(1, 3))
+                    means = cv2.resize(rates, (long, high), interpolation=cv2.INTER_AREA)
+                    rates = np.asarray(means, np.float32)
                 if times > 1:
                     rates = rates.repeat(times, axis=0).repeat(times, axis=1)
                 rates = rates[:height, :width]

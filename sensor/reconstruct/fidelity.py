@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol
 
 import numpy as np
@@ -60,9 +61,11 @@ def ssim(image: Estimate, truth: Plane) -> float:
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:
     """PSNR and SSIM of each method, mean over the instants; NaN without any."""
     means = {}
-    for method in methods:
-        pairs = [(getattr(shot, method), shot.truth) for shot in shots]
-        for name, figure, unit in (("psnr", psnr, "dB"), ("ssim", ssim, "1")):
-            values = [figure(*pair) for pair in pairs] or [math.nan]
-            means[f"{method}_{name}"] = Metric(float(np.mean(values)), unit)
+    with ThreadPoolExecutor() as pool:
+        for method in methods:
+            estimates = [getattr(shot, method) for shot in shots]
+            truths = [shot.truth for shot in shots]
+            for name, figure, unit in (("psnr", psnr, "dB"), ("ssim", ssim, "1")):
+                values = list(pool.map(figure, estimates, truths)) or [math.nan]
+                means[f"{method}_{name}"] = Metric(float(np.mean(values)), unit)
     return means

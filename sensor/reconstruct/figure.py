@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.reconstruct.intervals import spike_cycles
 
 __all__ = ["interval_figure"]
@@ -33,10 +33,9 @@ def interval_figure(
         instants: cycles that are marked.
         path: of the PNG.
     """
-    plt = pyplot()
     spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
     ms = 1e3 / stream.clock.hz
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         len(points), 1, figsize=(11, 0.85 * len(points) + 0.8), sharex=True, squeeze=False
     )
     times = np.linspace(*span, truth.shape[1]) * ms
@@ -68,4 +67,3 @@ def interval_figure(
     )
     figure.tight_layout(h_pad=0.15)
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -12,8 +12,9 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
-from cosim.spikes.viform import WORD, SpikeStream, Words, words_for
+from cosim.spikes.viform import WORD, SpikeStream, words_for
 from sensor.reconstruct.playback import check_cycle
 
 __all__ = [
@@ -32,56 +33,64 @@ WHITEST: Final = 255
 Cycles = npt.NDArray[np.int64]
 
 
-def _lowest(word: npt.NDArray[np.uint32]) -> Cycles:
-    """Index of the lowest set bit of each (non-zero) word."""
-    return np.bitwise_count((word & (~word + np.uint32(1))) - np.uint32(1)).astype(np.int64)
+@njit(cache=True, nogil=True)
+def _first_from(word, begin, cycles, found):  # type: ignore[no-untyped-def]
+    """Enters the first spike at or after each pixel's cycle that a word from `begin` on has; the
+    number of pixels that still lack one. found: (n,), _NONE at first."""
+    lacking = 0
+    for p in range(word.size):
+        if found[p] != _NONE:
+            continue
+        skip = min(max(cycles[p] - begin, 0), WORD)
+        rest = np.uint64(word[p]) >> np.uint64(skip) << np.uint64(skip)
+        if rest:
+            n = 0
+            while not (rest >> np.uint64(n)) & np.uint64(1):
+                n += 1
+            found[p] = begin + n
+        else:
+            lacking += 1
+    return lacking
 
 
-def _highest(word: npt.NDArray[np.uint32]) -> Cycles:
-    """Index of the highest set bit of each (non-zero) word."""
-    return np.frexp(word.astype(np.float64))[1].astype(np.int64) - 1
+@njit(cache=True, nogil=True)
+def _last_before(word, begin, cycles, found):  # type: ignore[no-untyped-def]
+    """The same of the last spike before each pixel's cycle."""
+    lacking = 0
+    for p in range(word.size):
+        if found[p] != _NONE:
+            continue
+        kept = min(max(cycles[p] - begin, 0), WORD)
+        rest = np.uint64(word[p]) & ((np.uint64(1) << np.uint64(kept)) - np.uint64(1))
+        if rest:
+            n = kept - 1
+            while not (rest >> np.uint64(n)) & np.uint64(1):
+                n -= 1
+            found[p] = begin + n
+        else:
+            lacking += 1
+    return lacking
 
 
 def _at_or_after(stream: SpikeStream, cycles: Cycles) -> Cycles:
     """First spike at or after each pixel's cycle, -1 where there is none. cycles: (n,) all
     pixels."""
-    cycle = np.full(cycles.shape, _NONE, np.int64)
-    start = cycles // WORD
-    for w in range(int(start.min()), words_for(stream.cycles)):
-        here = np.flatnonzero((cycle == _NONE) & (start <= w))
-        if here.size == 0:
-            if (cycle != _NONE).all():
-                break
-            continue
-        word = _row(stream, w, here)
-        low = np.where(start[here] == w, cycles[here] % WORD, 0).astype(np.uint32)
-        word &= np.uint32(0xFFFFFFFF) << low
-        hit = word != 0
-        cycle[here[hit]] = w * WORD + _lowest(word[hit])
-    return cycle
+    found = np.full(cycles.shape, _NONE, np.int64)
+    for w in range(int(cycles.min()) // WORD, words_for(stream.cycles)):
+        word = stream.read_words(w, w + 1).reshape(-1)
+        if not _first_from(word, w * WORD, cycles, found):
+            break
+    return found
 
 
 def _before(stream: SpikeStream, cycles: Cycles) -> Cycles:
     """Last spike before each pixel's cycle, -1 where there is none. cycles: (n,) all pixels."""
-    cycle = np.full(cycles.shape, _NONE, np.int64)
-    start = (cycles - 1) // WORD
-    for w in range(int(start.max()), -1, -1):
-        here = np.flatnonzero((cycle == _NONE) & (start >= w))
-        if here.size == 0:
-            if (cycle != _NONE).all():
-                break
-            continue
-        word = _row(stream, w, here)
-        drop = np.where(start[here] == w, WORD - 1 - (cycles[here] - 1) % WORD, 0).astype(np.uint32)
-        word &= np.uint32(0xFFFFFFFF) >> drop
-        hit = word != 0
-        cycle[here[hit]] = w * WORD + _highest(word[hit])
-    return cycle
-
-
-def _row(stream: SpikeStream, w: int, pixels: npt.NDArray[np.intp]) -> npt.NDArray[np.uint32]:
-    words: Words = stream.read_words(w, w + 1)
-    return words.reshape(-1)[pixels]
+    found = np.full(cycles.shape, _NONE, np.int64)
+    for w in range((int(cycles.max()) - 1) // WORD, -1, -1):
+        word = stream.read_words(w, w + 1).reshape(-1)
+        if not _last_before(word, w * WORD, cycles, found):
+            break
+    return found
 
 
 def interval_image(stream: SpikeStream, at: int) -> tuple[Cycles, Cycles]:

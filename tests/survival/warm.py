@@ -5,7 +5,7 @@ Nothing is executed here: threads of OpenCL or numba would not survive the fork.
 
 import av  # noqa: F401
 import cv2  # noqa: F401
-import matplotlib.pyplot  # noqa: F401
+import matplotlib.subplots  # noqa: F401
 import moderngl  # noqa: F401
 import numba  # noqa: F401
 import pyopencl  # noqa: F401

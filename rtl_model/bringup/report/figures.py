@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.files.whole import whole
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from rtl_model.bringup.bench.bench import Burst
 
 __all__ = ["planes_figure", "threshold_figure"]
@@ -21,8 +21,7 @@ def planes_figure(bursts: list[Burst], path: Path) -> None:
 
     All three are summed over the frames for each pixel. The first wrong bit is circled.
     """
-    plt = pyplot()
-    figure, rows = plt.subplots(
+    figure, rows = subplots(
         len(bursts), 3, figsize=(9.5, 2.9 * len(bursts)), squeeze=False, layout="constrained"
     )
     for axes, burst in zip(rows, bursts, strict=True):
@@ -51,7 +50,7 @@ def planes_figure(bursts: list[Burst], path: Path) -> None:
             place.set_ylabel("row", fontsize=8, color=INK)
             place.tick_params(labelsize=8)
             place.spines[:].set_color(LINE)
-    _save(plt, figure, path)
+    _save(figure, path)
 
 
 def threshold_figure(rates: list[dict[str, Any]], path: Path) -> None:
@@ -60,8 +59,7 @@ def threshold_figure(rates: list[dict[str, Any]], path: Path) -> None:
     Lines are the closed form, points the board's counts. A row of `rates` holds `clock` (0 or 1),
     `rule`, `level`, `rate` and `expected`.
     """
-    plt = pyplot()
-    figure, places = plt.subplots(1, 2, figsize=(9.5, 3.6), sharey=True, layout="constrained")
+    figure, places = subplots(1, 2, figsize=(9.5, 3.6), sharey=True, layout="constrained")
     for select, axes in enumerate(places):
         for rule, colour in _RULES.items():
             rows = [r for r in rates if r["clock"] == select and r["rule"] == rule]
@@ -78,11 +76,10 @@ def threshold_figure(rates: list[dict[str, Any]], path: Path) -> None:
         axes.spines[["top", "right"]].set_visible(False)
     places[0].set_ylabel("spikes a pixel and tick", color=INK)
     places[1].legend(fontsize=9, frameon=False)
-    _save(plt, figure, path)
+    _save(figure, path)
 
 
-def _save(plt: Any, figure: Any, path: Path) -> None:
+def _save(figure: Any, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part:
         figure.savefig(part, dpi=120, format="png")
-    plt.close(figure)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.config.amounts import amount
-from cosim.report.figures import MARK, pyplot
+from cosim.report.figures import MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.run.result import Metric
 from rtl_model.imagers.adaptive.device.codes import Code
@@ -52,8 +52,7 @@ def coupling_section(imager: AdaptiveExposure, path: Path) -> str:
     coupling = imager.coupling
     if coupling is None or not coupling.charge:
         return ""
-    plt = pyplot()
-    figure, axes = plt.subplots(2, 1, figsize=(9.5, 4.4), sharex=True, layout="constrained")
+    figure, axes = subplots(2, 1, figsize=(9.5, 4.4), sharex=True, layout="constrained")
     rows = []
     for ax, (idle, phase) in zip(axes, PHASES, strict=True):
         highest = 0.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim import PS
-from cosim.report.figures import INK, MARK, pyplot
+from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import plot, table
 from rtl_model.imagers.adaptive.coupling import coupling_section
 from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
@@ -65,8 +65,7 @@ def adaptive_sections(model: AdaptiveModel, run: ImagerRun) -> str:
 
 def _course(run: ImagerRun, path: Path) -> None:
     taken, view = run.frames, run.planned.view
-    plt = pyplot()
-    figure, (top, middle, low) = plt.subplots(
+    figure, (top, middle, low) = subplots(
         3, 1, figsize=(9.5, 6.6), sharex=True, layout="constrained"
     )
     if isinstance(view.scenery, Still):
@@ -136,8 +135,7 @@ def _response(model: AdaptiveModel, path: Path) -> None:
                 points.append((frame.state["multiplier"], float(frame.values.mean())))
                 break
     multiple, value = np.array(points).T
-    plt = pyplot()
-    figure, (top, low, last) = plt.subplots(
+    figure, (top, low, last) = subplots(
         3, 1, figsize=(9.5, 7), sharex=True, layout="constrained"
     )
     top.plot(lux, value, "o-", color=GREEN, markersize=3.5, linewidth=0.9, label="signal, DN")
@@ -166,8 +164,7 @@ def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
     ]  # fmt: skip
     longest = max(range(len(taken)), key=lambda n: taken[n].seconds)
     at = min(steps, key=lambda n: abs(n - longest)) if steps else 1
-    plt = pyplot()
-    figure, (top, low) = plt.subplots(
+    figure, (top, low) = subplots(
         2, 1, figsize=(9.5, 6.6), height_ratios=(1.1, 1), layout="constrained"
     )
     rows, line = timing.rows, timing.line / timing.clock.hz * 1e3

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.light.charts import ASPECT, bar_width, draw, regions
-from cosim.report.figures import INK, MARK, pyplot
+from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
@@ -85,8 +85,7 @@ def _loop(run: ImagerRun, path: Path) -> None:
     mean = np.array([t.state["mean"] for t in taken])
     raw = np.array([t.state["raw_mean"] for t in taken])
     exposure = np.array([t.state["exposure_ns"] for t in taken]) / 1e6
-    plt = pyplot()
-    figure, (top, low) = plt.subplots(2, 1, figsize=(9.5, 5), sharex=True, layout="constrained")
+    figure, (top, low) = subplots(2, 1, figsize=(9.5, 5), sharex=True, layout="constrained")
     for axes in (top, low):
         for at in time[key]:
             axes.axvspan(at - 1e3 / 60, at + 1e3 / 60, color=INK, alpha=0.08, linewidth=0)
@@ -161,8 +160,7 @@ def _residual(model: EbapsModel, run: ImagerRun, darks: Any) -> list[list[str]]:
 
 def _histogram(run: ImagerRun, path: Path) -> None:
     pair = _pair(run)
-    plt = pyplot()
-    figure, axes = plt.subplots(figsize=(9.5, 3), layout="constrained")
+    figure, axes = subplots(figsize=(9.5, 3), layout="constrained")
     named = (("as read", MARK), ("mean of four darks", INK), ("difference", GREEN))
     if pair is not None:
         top = float(max(np.percentile(each, 99.9) for each in pair))
@@ -195,8 +193,7 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
     bar = ASPECT * (bar_width("night", SIZE) or 0.0) ** 2
     kept, seed = frozenset(model.pixels.effects), run.planned.spec.seed
     device = replace(model.pixels, shape=SIZE, volts=0.0)
-    plt = pyplot()
-    figure, places = plt.subplots(
+    figure, places = subplots(
         len(VOLTAGES), len(LIGHT), figsize=(9.5, 10.4), layout="constrained"
     )
     rows = []

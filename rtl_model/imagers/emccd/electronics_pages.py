@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim import PS
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot
 from rtl_model.imagers.emccd.device.potentiometer import SPI_SIGNALS, word_edges
 from rtl_model.imagers.emccd.device.sine_drive import SineDrive
@@ -27,8 +27,7 @@ _WORD = 218
 
 def electronics_sections(drive: SineDrive, supplies: Supplies, folder: Path) -> str:
     """Writes the figures and returns the HTML of the sections."""
-    plt = pyplot()
-    figure, grid = plt.subplots(2, 2, figsize=(9.8, 6.4), layout="constrained")
+    figure, grid = subplots(2, 2, figsize=(9.8, 6.4), layout="constrained")
     _pixel(grid[0, 0], drive)
     _loop(grid[0, 1], drive)
     _phase(grid[1, 0], drive)
@@ -135,8 +134,7 @@ def _supplies(supplies: Supplies, path: Path) -> None:
     good = supplies.run().good
     off = supplies.switch_time + 5e-3
     course = supplies.run(off=off)
-    plt = pyplot()
-    figure, axes = plt.subplots(figsize=(9.5, 3.8), layout="constrained")
+    figure, axes = subplots(figsize=(9.5, 3.8), layout="constrained")
     millis = 1e3 * np.array(course.seconds)
     names = list(supplies.order)[::-1]
     for row, name in enumerate(names):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim import PS
-from cosim.report.figures import INK, MARK, pyplot
+from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
 from rtl_model.imagers.emccd.device.cooling import run_cooling
@@ -97,10 +97,9 @@ def _chosen(run: ImagerRun) -> list[int]:
 
 def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
     places, taken = _chosen(run), run.frames
-    plt = pyplot()
     wide = min(len(places), 4)
     lines = -(-len(places) // wide)
-    figure, grid = plt.subplots(
+    figure, grid = subplots(
         lines, wide, squeeze=False, figsize=(9.8, 2.75 * lines), layout="constrained"
     )
     rows = []
@@ -140,8 +139,7 @@ def _course(model: EmccdModel, run: ImagerRun, path: Path) -> None:
         ("1 / cycle, Hz", [Timing().clock_hz / t.state["frame_clocks"] for t in taken]),
         ("mean, DN", [t.mean for t in taken]),
     )
-    plt = pyplot()
-    figure, places = plt.subplots(
+    figure, places = subplots(
         len(named), 1, figsize=(9.5, 7.2), sharex=True, layout="constrained"
     )
     for axes, (name, values) in zip(places, named, strict=True):
@@ -156,8 +154,7 @@ def _course(model: EmccdModel, run: ImagerRun, path: Path) -> None:
 
 
 def _gain(model: EmccdModel, path: Path) -> None:
-    plt = pyplot()
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
+    figure, (left, right) = subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
     voltage = model.voltage
     volts = [voltage.volts(step) for step in range(256)]
     left.plot(voltage.table(), color=BLUE, linewidth=1.3)
@@ -211,8 +208,7 @@ def _sequence(path: Path) -> None:
         for _ in camera.film(scene, stop, seed=1, kept=frozenset(), trace=trace):
             pass
         signals = read_vcd(trace)
-    plt = pyplot()
-    figure, axes = plt.subplots(figsize=(9.5, 3.8), layout="constrained")
+    figure, axes = subplots(figsize=(9.5, 3.8), layout="constrained")
     names = ("phase", "image_clock", "store_clock", "register_clock", "dump_gate", "frame_sync",
              "line_sync")  # fmt: skip
     waveforms(axes, signals, names, (0, int(1.02 * cycle * PS)))
@@ -225,8 +221,7 @@ def _sequence(path: Path) -> None:
 
 def _cooling(model: EmccdModel, path: Path) -> None:
     course = run_cooling(cooler_of(model.section), 600.0)
-    plt = pyplot()
-    figure, (top, low) = plt.subplots(2, 1, figsize=(9.5, 3.8), sharex=True, layout="constrained")
+    figure, (top, low) = subplots(2, 1, figsize=(9.5, 3.8), sharex=True, layout="constrained")
     top.plot(course.seconds, course.chip - 273.15, color=BLUE, linewidth=1.2, label="chip")
     top.plot(course.seconds, course.sink - 273.15, color=MARK, linewidth=0.9, label="heat sink")
     top.axhline(model.section.temperature, color=INK, linewidth=0.7, linestyle=":")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cosim.report.figures import INK, MARK, pyplot
+from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import plot, table
 from rtl_model.imagers.hardware_chain.model import FLOODED, HardwareChainModel
 from rtl_model.imagers.report.figures import BLUE, save_figure, stretch, style_axes
@@ -67,8 +67,7 @@ def _electrons(value: float | None) -> str:
 
 
 def _stripes(model: HardwareChainModel, values: npt.NDArray[np.uint16], path: Path) -> None:
-    plt = pyplot()
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 4.2), layout="constrained")
+    figure, (left, right) = subplots(1, 2, figsize=(9.5, 4.2), layout="constrained")
     mean, spread = float(values.mean()), max(float(values.std()), 0.5)
     shown = stretch(values, mean - 3 * spread, mean + 3 * spread)
     left.imshow(shown, cmap="gray", interpolation="nearest")
@@ -89,8 +88,7 @@ def _tones(model: HardwareChainModel, run: ImagerRun, path: Path) -> None:
     widest = max(within or range(len(run.frames)), key=lambda n: run.frames[n].spread)
     values = run.frame(widest)
     mappings = (Mapping(1.0, model.mapping.bits), model.mapping)
-    plt = pyplot()
-    figure, places = plt.subplots(1, 3, figsize=(9.8, 3.4), layout="constrained")
+    figure, places = subplots(1, 3, figsize=(9.8, 3.4), layout="constrained")
     for axes, mapping in zip(places, mappings, strict=False):
         axes.imshow(model.mapped(values, mapping), cmap="gray", vmin=0, vmax=255)
         axes.set_title(f"gamma {mapping.gamma:g}", fontsize=9, color=INK)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.files.whole import whole
-from cosim.report.figures import INK, LINE, pyplot
+from cosim.report.figures import INK, LINE
 
 __all__ = [
     "BLUE",
@@ -42,7 +42,6 @@ def save_figure(figure: Any, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part:
         figure.savefig(part, dpi=110, format="png")
-    pyplot().close(figure)
 
 
 def stretch(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.float64]:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from cosim import SpikeStream, Viform
-from cosim.report.figures import INK, LINE, pyplot
+from cosim.report.figures import INK, LINE, subplots
 from cosim.spikes.viform import WORD
 from scenarios.assemble.carrier.coding import Sender
 from sensor.codec.packets.catalogue import KINDS
@@ -111,8 +111,7 @@ def code_rates(
 def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> None:
     """Draws picture, wait and packets left out against the rate. A code that sends nothing has no
     wait. against: what the picture is compared with."""
-    plt = pyplot()
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4))
+    figure, axes = subplots(1, 3, figsize=(12, 3.4))
     for kind in dict.fromkeys(point.kind for point in points):
         mine = [point for point in points if point.kind == kind]
         rates = [point.rate / 1e9 for point in mine]
@@ -132,4 +131,3 @@ def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> None:
     axes[0].legend(fontsize=8)
     figure.tight_layout()
     figure.savefig(path, dpi=130)
-    plt.close(figure)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from display.chain.outcome import SPIKE, DisplayOutcome
 from display.chain.tap import panel_waves, spike_waves
 from display.probes.latency import PARTS
@@ -56,8 +56,7 @@ def wave_figure(shown: Shown, path: Path) -> str:
     for panel in chain.section.reference_panels():
         waves[panel.name] = panel_waves(panel, light, at)
     places = _places(truth, waves.values())
-    plt = pyplot()
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         len(waves), len(places), sharex=True, squeeze=False,
         figsize=(5.6 * len(places), 0.95 * len(waves) + 0.9),
     )  # fmt: skip
@@ -83,7 +82,6 @@ def wave_figure(shown: Shown, path: Path) -> str:
         ax.set_xlim(ms[0], ms[-1])
     figure.tight_layout(h_pad=0.2)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
     return (
         "Light that each display emits at two pixels of the image (blue) and the true light there "
         "(line), white = 1. Values above the frame are cut off."
@@ -93,11 +91,12 @@ def wave_figure(shown: Shown, path: Path) -> str:
 def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
     """Writes the latencies by stage, for a step out of the dark: one plot for each light, one bar
     for each display."""
+    from matplotlib.patches import Rectangle
+
     assert outcome.probes is not None
     rows_on = [row for row in outcome.probes.latency if row.way == "rise"]
     rates = list(dict.fromkeys(row.rate for row in rows_on))
-    plt = pyplot()
-    figure, axes = plt.subplots(1, len(rates), figsize=(2.6 * len(rates) + 1.2, 3.4), sharey=True)
+    figure, axes = subplots(1, len(rates), figsize=(2.6 * len(rates) + 1.2, 3.4), sharey=True)
     for rate, ax in zip(rates, np.atleast_1d(axes), strict=True):
         rows = [row for row in rows_on if row.rate == rate][::-1]
         highs = [row.total.high for row in rows if row.drive and math.isfinite(row.total.high)]
@@ -123,8 +122,7 @@ def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
         ax.spines[["top", "right"]].set_visible(False)
         ax.spines[["left", "bottom"]].set_color(LINE)
         ax.tick_params(color=LINE, labelcolor=INK, labelsize=8)
-    handles = [plt.Rectangle((0, 0), 1, 1, color=colour) for colour in _COLOURS]
+    handles = [Rectangle((0, 0), 1, 1, color=colour) for colour in _COLOURS]
     figure.legend(handles, PARTS, loc="lower center", ncols=4, frameon=False, fontsize=8.5)
     figure.tight_layout(rect=(0, 0.06, 1, 1))
     figure.savefig(path, dpi=110)
-    plt.close(figure)

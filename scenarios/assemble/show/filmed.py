@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from cosim.report.figures import INK, LINE, pyplot
+from cosim.report.figures import INK, LINE, subplots
 from cosim.report.parts import figure, plot
 from cosim.report.pictures import enlarge
 from cosim.report.png import for_display, write_linear_png
@@ -86,8 +86,7 @@ class FramesFilmer:
 
     def _draw_bands(self, path: Path) -> None:
         """Writes the profile of each drawn frame over its rows."""
-        plt = pyplot()
-        drawing, ax = plt.subplots(figsize=(8.5, 3.0))
+        drawing, ax = subplots(figsize=(8.5, 3.0))
         _, profiles = self.camera.bands()
         for n in self._chosen()[:_DRAWN]:
             profile = profiles[n]
@@ -102,7 +101,6 @@ class FramesFilmer:
             ax.legend(frameon=False, fontsize=8.5)
         drawing.tight_layout()
         drawing.savefig(path, dpi=110)
-        plt.close(drawing)
 
     def section(self, shown: Shown) -> str:
         section, shutter = self.camera.section, self.camera.shutter

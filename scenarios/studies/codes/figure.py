@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from cosim.report.figures import subplots
 from scenarios.studies.codes.tables import light_name
 
 __all__ = ["draw"]
@@ -23,14 +24,9 @@ FORMS = (
 def draw(document: dict[str, Any], path: Path) -> None:
     """Draws bars of bits per pixel and cycle on a logarithmic scale; the line at 1 is the raw
     stream."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     rows = document["sizes"]
     lights = list(dict.fromkeys(light_name(row) for row in rows))
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         len(lights), 1, figsize=(10, 2.1 * len(lights) + 0.6), sharex=True, sharey=True,
         squeeze=False,
     )  # fmt: skip
@@ -57,4 +53,3 @@ def draw(document: dict[str, Any], path: Path) -> None:
     figure.legend(handles, names, loc="upper center", ncols=len(FORMS), fontsize=8.5, frameon=False)
     figure.tight_layout(rect=(0, 0, 1, 0.96))
     figure.savefig(path, dpi=110, format="png")
-    plt.close(figure)

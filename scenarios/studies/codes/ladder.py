@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim import SpikeStream, Viform
+from cosim.report.figures import subplots
 from cosim.spikes.viform import words_for
 from scenarios.studies.codes.tables import table
 from sensor import tfp
@@ -114,12 +115,7 @@ def speed(stream: Viform, cycles: int, turns: int = 5) -> list[list[str]]:
 def draw(rungs: dict[str, list[Rung]], path: Path) -> None:
     """PSNR over Gbit/s of a megapixel. The statistical code has no sizes between its points: k
     takes it from one group of them to the other."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, ax = plt.subplots(figsize=(8, 4.6))
+    figure, ax = subplots(figsize=(8, 4.6))
     finite = [r.psnr for line in rungs.values() for r in line if np.isfinite(r.psnr)]
     top = max(finite) + 4
     for (name, line), colour in zip(
@@ -139,7 +135,6 @@ def draw(rungs: dict[str, list[Rung]], path: Path) -> None:
     ax.legend(frameon=False, fontsize=9, loc="lower right")
     figure.tight_layout()
     figure.savefig(path, dpi=110, format="png")
-    plt.close(figure)
 
 
 def main(arguments: list[str]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.files.whole import whole
-from cosim.report.figures import INK, pyplot
+from cosim.report.figures import INK, subplots
 from cosim.report.parts import plot, table, write_page
 from cosim.report.png import for_display
 from scenarios.assemble.schema.loading import to_toml
@@ -52,7 +52,6 @@ def figure_text(name: str, figure: Figure) -> str:
 
 def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]) -> None:
     """Draws the image of every camera at the instant, and the true reflectance, (H, W)."""
-    plt = pyplot()
     height, width = truth.shape
     panels = [("truth", "", truth)]
     panels += [(c.title, c.setting, c.image) for c in cameras]
@@ -62,7 +61,7 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
     ]  # fmt: skip
     columns = 3
     rows = -(-len(panels) // columns)
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         rows, columns, figsize=(4.4 * columns, (4.4 * height / width + 0.62) * rows), squeeze=False
     )
     for ax in axes.flat:
@@ -75,13 +74,11 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
     figure.tight_layout(pad=0.4, w_pad=0.6)
     with whole(path) as part:
         figure.savefig(part, dpi=110, format="png")
-    plt.close(figure)
 
 
 def write_snr(path: Path, cameras: list[Camera]) -> None:
     """Draws signal over noise against reflectance: measured, and lines of the closed forms."""
-    plt = pyplot()
-    figure, ax = plt.subplots(figsize=(8.8, 4.6), layout="constrained")
+    figure, ax = subplots(figsize=(8.8, 4.6), layout="constrained")
     for camera in (camera for camera in cameras if camera.snr):
         at = [point.reflectance for point in camera.snr]
         (drawn,) = ax.plot(
@@ -98,7 +95,6 @@ def write_snr(path: Path, cameras: list[Camera]) -> None:
     ax.legend(fontsize=7.5, frameon=False, ncols=2)
     with whole(path) as part:
         figure.savefig(part, dpi=110, format="png")
-    plt.close(figure)
 
 
 def write_compare_report(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 
 __all__ = ["draw_budget"]
 
@@ -39,11 +39,10 @@ def _varied(document: dict[str, Any], key: str) -> list[tuple[Any, float, float,
 
 def draw_budget(document: dict[str, Any], path: Path, kind: str) -> None:
     """Draws the document of `budget_document` to a file of the kind png or svg."""
-    plt = pyplot()
     keys = [key for key, values in document["swept"].items() if len(values) > 1] or ["sensor"]
     columns = min(len(keys), 3)
     lines = -(-len(keys) // columns)
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         lines, columns, figsize=(4.6 * columns + 0.4, 3.7 * lines + 0.9), squeeze=False, sharey=True
     )
     for ax in axes.ravel()[len(keys) :]:
@@ -64,7 +63,6 @@ def draw_budget(document: dict[str, Any], path: Path, kind: str) -> None:
     )  # fmt: skip
     figure.tight_layout()
     figure.savefig(path, dpi=110, format=kind)
-    plt.close(figure)
 
 
 def _panel(ax: Any, key: str, points: list[tuple[Any, float, float, float | None]]) -> None:

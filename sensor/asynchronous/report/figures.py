@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.recover import WITHIN, Recovered
 
@@ -28,12 +28,12 @@ def view_figure(
         silent: pixels without an event, drawn in grey.
         floor: lux that is black.
     """
-    plt = pyplot()
+    from matplotlib import colormaps
     from matplotlib.colors import LogNorm
 
     norm = LogNorm(floor, max(float(truth.max()), floor * 10))
-    figure, axes = plt.subplots(1, 2, figsize=(11, 5.1), layout="constrained")
-    colours = plt.get_cmap("inferno").with_extremes(bad="#7b818c")
+    figure, axes = subplots(1, 2, figsize=(11, 5.1), layout="constrained")
+    colours = colormaps["inferno"].with_extremes(bad="#7b818c")
     for ax, image, name in zip(
         axes,
         (np.maximum(truth, floor), np.ma.masked_where(silent, np.maximum(estimate, floor))),
@@ -46,14 +46,12 @@ def view_figure(
     bar = figure.colorbar(drawn, ax=axes, fraction=0.035, pad=0.01)
     bar.set_label("lux", color=INK)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def target_figure(recovered: list[Recovered], dark: float, path: Path) -> None:
     """Recovered against true illuminance with 99.9 % confidence, and the relative error below.
     dark: lux whose electrons equal the mean dark current."""
-    plt = pyplot()
-    figure, (top, low) = plt.subplots(
+    figure, (top, low) = subplots(
         2, 1, figsize=(11, 7.2), sharex=True, height_ratios=(2.2, 1), layout="constrained"
     )
     known = [p for p in recovered if p.estimate is not None and p.estimate > 0]
@@ -96,13 +94,11 @@ def target_figure(recovered: list[Recovered], dark: float, path: Path) -> None:
             fontsize=8, color="#5c6577", ha="right",
         )  # fmt: skip
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def events_figure(instant: npt.NDArray[np.int64], stop: int, steady: bool, path: Path) -> None:
     """Events in bins of time; logarithmic where the light is steady and dim pixels come late."""
-    plt = pyplot()
-    figure, ax = plt.subplots(figsize=(11, 2.8), layout="constrained")
+    figure, ax = subplots(figsize=(11, 2.8), layout="constrained")
     seconds = instant / 1e12
     if steady and seconds.size:
         least = max(float(seconds.min()) / 1.5, 1e-12)
@@ -116,13 +112,11 @@ def events_figure(instant: npt.NDArray[np.int64], stop: int, steady: bool, path:
     ax.set_ylabel("events in a bin", color=INK)
     ax.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def delay_figure(delay: npt.NDArray[np.int64], service: int, path: Path) -> None:
     """How long events took from firing to having crossed the channel."""
-    plt = pyplot()
-    figure, ax = plt.subplots(figsize=(5.4, 3), layout="constrained")
+    figure, ax = subplots(figsize=(5.4, 3), layout="constrained")
     micro = np.maximum(delay, 1) / 1e6
     top = max(float(micro.max()), 2 * service / 1e6)
     ax.hist(micro, np.geomspace(service / 1e6 / 1.2, top * 1.1, 60), color=BLUE)
@@ -131,7 +125,6 @@ def delay_figure(delay: npt.NDArray[np.int64], service: int, path: Path) -> None
     ax.set_title("delay in the channel; line: the bus alone", fontsize=10, color=INK)
     ax.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def width_figure(
@@ -141,8 +134,7 @@ def width_figure(
     back stands in the first bar. rate: electrons a second."""
     from scipy.special import gammainc
 
-    plt = pyplot()
-    figure, ax = plt.subplots(figsize=(5.4, 3), layout="constrained")
+    figure, ax = subplots(figsize=(5.4, 3), layout="constrained")
     tick, q = model.tick, float(model.threshold)
     low, high = int(widths.min()), int(widths.max())
     every = max(1, -(-(high - low + 1) // 40))
@@ -163,4 +155,3 @@ def width_figure(
     if not math.isfinite(rate):
         ax.lines[0].remove()
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from cosim.report.figures import INK, LINE, MARK, pyplot
+from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot, table
 from scenarios.assemble.camera.judged import LatchedRun
 
@@ -128,12 +128,11 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     order = np.argsort(-counts, kind="stable")
     place = np.empty(len(order), int)
     place[order] = np.minimum(np.arange(len(order)), len(_COLOURS) - 1)
-    plt = pyplot()
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch, Rectangle
 
     rows, columns = grid.shape
-    figure, axes = plt.subplots(figsize=(8.6, max(5.2 * min(rows / columns, 1.2), 2.2)))
+    figure, axes = subplots(figsize=(8.6, max(5.2 * min(rows / columns, 1.2), 2.2)))
     axes.imshow(
         place[which.ravel()].reshape(grid.shape), cmap=ListedColormap(_COLOURS), vmin=-0.5,
         vmax=len(_COLOURS) - 0.5, interpolation="nearest",
@@ -162,7 +161,6 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     axes.spines[:].set_color(LINE)
     axes.set_title("tiles of the plane by the effects left out", fontsize=10, color=INK)
     figure.savefig(path, dpi=110, bbox_inches="tight", pad_inches=0.08)
-    plt.close(figure)
     return legend
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import shlex
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -255,19 +256,21 @@ def stream_page(run: LatchedRun) -> Page:
     """The page of a run without a display; writes its figures and playback.mp4."""
     middle = run.shots[len(run.shots) // 2]
     long = _expose_long(run, middle)
-    _overview(run, middle, long)
-    _sheet(run)
-    pictures = [
-        _playback(run),
-        _instants(run),
-        _moving_part(run, middle, long),
-        _accumulation(run),
-        _long_and_instant(middle, long),
-        _intervals(run, middle, long),
-        _size(run),
-        plan_section(run),
-        machine(run),
-    ]
+    with ThreadPoolExecutor(1) as beside:  # the clip takes as long as the figures
+        clip = beside.submit(_playback, run)
+        _overview(run, middle, long)
+        _sheet(run)
+        rest = [
+            _instants(run),
+            _moving_part(run, middle, long),
+            _accumulation(run),
+            _long_and_instant(middle, long),
+            _intervals(run, middle, long),
+            _size(run),
+            plan_section(run),
+            machine(run),
+        ]
+        pictures = [clip.result(), *rest]
     shot = run.shots[len(run.shots) // 2]
     placing = " --preceding" if run.scenario.image.preceding else ""
     image = (
