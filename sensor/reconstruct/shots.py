@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Protocol
@@ -124,12 +125,14 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
     """Writes truth and estimates of each instant, linear, 8-bit grey; their names in the folder."""
     if shots:
         (folder / "images").mkdir(exist_ok=True)
-    names = []
-    for shot in shots:
-        for method in ("truth", *methods):
-            names.append(f"images/{method}-{shot.cycle:05d}.png")
-            write_linear_png(folder / names[-1], getattr(shot, method))
-    return names
+    pictures = {
+        f"images/{method}-{shot.cycle:05d}.png": getattr(shot, method)
+        for shot in shots
+        for method in ("truth", *methods)
+    }
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(write_linear_png, (folder / name for name in pictures), pictures.values()))
+    return list(pictures)
 
 
 def write_colour(folder: Path, shots: Sequence[Imaged], mosaic: Mosaic) -> list[str]:
