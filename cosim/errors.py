@@ -95,4 +95,5 @@ class Interrupted(ViformError):
         super().__init__(done, total, remedy, unit)
 
     def __str__(self) -> str:
-        return f"interrupted after {self.done} of {self.total} {self.unit}; {self.remedy}"
+        before = ", before the images and the report" if self.done == self.total else ""
+        return f"interrupted after {self.done} of {self.total} {self.unit}{before}; {self.remedy}"
