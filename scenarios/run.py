@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from pydantic import TypeAdapter
@@ -26,7 +26,7 @@ from cosim.run.folder import (
 )
 from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
-from cosim.run.result import Result, dumps, write_result
+from cosim.run.result import Metric, Result, dumps, write_result
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.report import write_report
@@ -88,6 +88,8 @@ def run_scenario(
         try:
             progress.start("images and report", 2)
             outcome = machine.judge(recording, progress)
+            if recording.resumed:
+                outcome = _without_speeds(outcome)
             result = _result(name, scenario, machine, outcome)
             progress.advance(1)
             for note in outcome.notes:
@@ -112,6 +114,14 @@ def run_scenario(
                 with suppress(OSError):  # a full disk
                     recording.chain.save()
     return Done(result, folder, outcome)
+
+
+def _without_speeds(outcome: Outcome) -> Outcome:
+    """The outcome of a resumed run: its stages have run for a part of the time only."""
+    metrics = dict(outcome.metrics)
+    if "camera" in metrics:
+        metrics["camera"] = Metric(None, "s")
+    return replace(outcome, throughput=[], metrics=metrics)
 
 
 def _record(

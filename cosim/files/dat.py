@@ -80,7 +80,8 @@ class DatStream:
                 f"{path}",
                 f"whole frames of {frame} bytes ({width}x{height})",
                 f"{length} bytes{frames if length else ''}",
-                "give its true --size WxH, or take a file that is not cut off",
+                "give its true size (--size, or sensor.width and sensor.height), "
+                "or take a whole file",
             )
         self._frames = np.memmap(path, np.uint8, "r").reshape(-1, frame)
         self._stored = (height, width)

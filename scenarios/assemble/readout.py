@@ -27,11 +27,12 @@ _IMAGED = ("sub_threshold", "dark_limit")
 def refuse_leftovers(scenario: Scenario) -> None:
     """Raises InputError for sections and keys that only another readout has."""
     current = scenario.sensor.readout
-    if scenario.display is not None and scenario.sensor.writes:
-        raise InputError(
-            "sensor.writes", "empty with a display", "given",
-            "leave them out, or the display: its white is one spike rate",
-        )  # fmt: skip
+    for name in ("display", "link"):
+        if getattr(scenario, name) is not None and scenario.sensor.writes:
+            raise InputError(
+                "sensor.writes", f"empty with a {name}", "given",
+                f"leave them out, or the {name}: white is one spike rate there",
+            )  # fmt: skip
     for name in _IMAGED:
         if scenario.display is not None and getattr(scenario.sensor, name) is not None:
             raise InputError(

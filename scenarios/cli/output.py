@@ -82,7 +82,7 @@ class LineProgress(SilentProgress):
         self._last_line_at = now
         before, began = self._first
         left = ""
-        if before < done < self._total:
+        if before < done < self._total and 100 * (done - before) >= self._total:
             left = f", {_duration((self._total - done) * (now - began) / (done - before))} left"
         self.note(f"{self._what}: {100 * done // self._total} %{left}")
 

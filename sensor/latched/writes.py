@@ -15,6 +15,7 @@ comes back starts cycle c without charge, as on the board (`sensor_rows`).
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -131,3 +132,12 @@ class Registers:
     def rows(self, first: int, stop: int) -> tuple[int, int]:
         """`rows_read` in cycles `first` to `stop`."""
         return rows_read(self.phases, first, stop)
+
+    def untouched(self, cycle: int) -> tuple[int, int]:
+        """(first, stop) cycles around `cycle` whose intervals no write has changed: those of its
+        phase, without the first one after a write. A pixel whose charge is above a lowered level
+        fires in that one, and keeps the rest."""
+        last = max(n for n, phase in enumerate(self.phases) if phase.start <= max(cycle, 0))
+        first = self.phases[last].start + (last > 0)
+        stop = self.phases[last + 1].start if last + 1 < len(self.phases) else sys.maxsize
+        return first, stop

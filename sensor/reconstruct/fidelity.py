@@ -61,7 +61,7 @@ def ssim(image: Estimate, truth: Plane) -> float:
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:
     """PSNR and SSIM of each method, mean over the instants; NaN without any."""
     means = {}
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(2) as pool:  # each holds a dozen planes
         for method in methods:
             estimates = [getattr(shot, method) for shot in shots]
             truths = [shot.truth for shot in shots]

@@ -93,26 +93,39 @@ def _before(stream: SpikeStream, cycles: Cycles) -> Cycles:
     return found
 
 
-def interval_image(stream: SpikeStream, at: int) -> tuple[Cycles, Cycles]:
+def interval_image(
+    stream: SpikeStream, at: int, within: tuple[int, int] | None = None
+) -> tuple[Cycles, Cycles]:
     """Spikes that begin and end the interval holding cycle `at`: two (H, W) int64 of cycles.
 
     Before a pixel's first spike or after its last one no whole interval holds the instant: the
     nearest whole one is given. A pixel with fewer than two spikes has none: (-1, -1).
+    within: (first, stop) cycles whose spikes count; None for all.
     """
     check_cycle(stream, at)
     n = stream.shape[0] * stream.shape[1]
-    instant = np.full(n, at, np.int64)
-    begin, end = _before(stream, instant), _at_or_after(stream, instant)
+    first, stop = (0, stream.cycles) if within is None else within
+
+    def before(cycles: Cycles) -> Cycles:
+        found = _before(stream, cycles)
+        return np.where(found < first, _NONE, found)
+
+    def from_on(cycles: Cycles) -> Cycles:
+        found = _at_or_after(stream, cycles)
+        return np.where(found >= stop, _NONE, found)
+
+    instant = np.full(n, max(at, first), np.int64)
+    begin, end = before(instant), from_on(instant)
     open_begin, open_end = begin == _NONE, end == _NONE
     if (open_begin & ~open_end).any():
         # The nearest whole interval starts with the first spike.
-        following = _at_or_after(stream, np.where(open_begin & ~open_end, end + 1, stream.cycles))
+        following = from_on(np.where(open_begin & ~open_end, end + 1, stream.cycles))
         begin, end = (
             np.where(open_begin & ~open_end, end, begin),
             np.where(open_begin & ~open_end, following, end),
         )
     if (open_end & ~open_begin).any():
-        preceding = _before(stream, np.where(open_end & ~open_begin, begin, 0))
+        preceding = before(np.where(open_end & ~open_begin, begin, 0))
         end, begin = (
             np.where(open_end & ~open_begin, begin, end),
             np.where(open_end & ~open_begin, preceding, begin),
@@ -131,9 +144,10 @@ def least_width(stream: SpikeStream, at: int) -> Cycles:
     return (np.where(end == _NONE, stream.cycles, end) - begin).reshape(stream.shape)
 
 
-def isi(stream: SpikeStream, at: int) -> Cycles:
-    """Length in cycles of the interval that holds cycle `at`; 0 where a pixel has none."""
-    begin, end = interval_image(stream, at)
+def isi(stream: SpikeStream, at: int, within: tuple[int, int] | None = None) -> Cycles:
+    """Length in cycles of the interval that holds cycle `at`; 0 where a pixel has none. within: as
+    of `interval_image`."""
+    begin, end = interval_image(stream, at, within)
     return end - begin
 
 

@@ -26,6 +26,8 @@ __all__ = [
     "take_shots", "write_colour", "write_images",
 ]  # fmt: skip
 
+_THREADS: Final = 2
+"""That encode images: each holds one in float64."""
 LATCHED: Final = ("tfp", "tfi")
 """Estimates of a latched stream."""
 
@@ -43,6 +45,7 @@ class Registers(Protocol):
 
     def shares(self, first: int, stop: int) -> npt.NDArray[np.float64]: ...
     def rows(self, first: int, stop: int) -> tuple[int, int]: ...
+    def untouched(self, cycle: int) -> tuple[int, int]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +94,8 @@ def take_shots(
     """Images of these cycles, with the truth in the middle of each.
 
     The estimates are scaled by the spike rate of white: TFP by its mean over the window, TFI by
-    that of the level at the instant. An interval that runs across a write is scaled by that level
-    as well. A row that is not read is black.
+    that of the level at the instant, and from intervals between the writes around it alone. A row
+    that is not read is black.
 
     Args:
         window, preceding: of TFP.
@@ -102,7 +105,7 @@ def take_shots(
     """
     shots = []
     for cycle in instants:
-        tau = isi(stream, cycle)
+        tau = isi(stream, cycle, None if registers is None else registers.untouched(cycle))
         truth = source.truth(stream.clock.middle(cycle))
         dim = None if dim_light is None else dim_light.at(stream, cycle)
         span = tfp_span(stream, cycle, window, preceding=preceding)
@@ -114,7 +117,8 @@ def take_shots(
         mean, instant = (
             to_white(rate if dim is None else dim.put(rate), scale)
             for rate, scale in (
-                (tfp(stream, cycle, window, preceding=preceding), white), (interval_rate(tau), now)
+                (tfp(stream, cycle, window, preceding=preceding), white),
+                (interval_rate(tau) * (now > 0), now),
             )
         )  # fmt: skip
         shots.append(Shot(cycle, truth, mean, instant, tau, dim, float(np.max(white)), rows))
@@ -130,7 +134,7 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
         for shot in shots
         for method in ("truth", *methods)
     }
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(_THREADS) as pool:
         list(pool.map(write_linear_png, (folder / name for name in pictures), pictures.values()))
     return list(pictures)
 

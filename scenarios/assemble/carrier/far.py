@@ -19,6 +19,7 @@ from cosim import Clock
 from cosim.spikes.viform import WORD, Viform, Words
 from cosim.stage import BLOCK, Block, State, blocks
 from link.receiving.packets import PacketReceiver
+from sensor.codec.packets.packet import LENGTH
 
 __all__ = ["FarEnd", "PacketDecoder", "Schedule"]
 
@@ -76,7 +77,7 @@ class FarEnd:
 
     Attributes:
         arrivals: of each packet that arrived in time, the cycle of the link at which it did, its
-            bytes, and the cycle of the stream after its last one.
+            bytes with its length, and the cycle of the stream after its last one.
         late: packets that arrived too late.
         gaps: of each group that was not shown whole, the cycle of the stream at which it begins,
             its missing tiles, and those that were shown with the rate that they had last.
@@ -120,7 +121,7 @@ class FarEnd:
         if end is None:
             self.late += 1
         else:
-            self.arrivals.append((tick, len(packet), end))
+            self.arrivals.append((tick, LENGTH + len(packet), end))
 
     def _blocks(self, stop: int) -> list[Viform]:
         words, missing, held = self._decoder.read(stop)

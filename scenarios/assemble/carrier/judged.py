@@ -28,7 +28,7 @@ from scenarios.assemble.carrier.far import FarEnd
 from scenarios.assemble.carrier.near import NearEnd
 from scenarios.assemble.carrier.rates import RatePoint, code_rates
 from scenarios.assemble.schema.scenario import ImageSection
-from sensor.reconstruct.fidelity import judge, to_white
+from sensor.reconstruct.fidelity import judge, psnr, to_white
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import LATCHED, Shot, Truth, spike_rate, take_shots
 
@@ -51,6 +51,7 @@ class CarrierOutcome:
         received: result of the receiver.
         near, far: the ends of the link.
         rates: every code at every rate, on a part of the stream.
+        rated: cycle of the image of that part.
         views: data of the machine for its own page.
     """
 
@@ -62,6 +63,7 @@ class CarrierOutcome:
     near: NearEnd
     far: FarEnd
     rates: list[RatePoint]
+    rated: int
     views: object
 
 
@@ -118,6 +120,11 @@ def _differences(sent: SpikeStream, shown: SpikeStream) -> tuple[int, int]:
 
 def _psnr(shots: Sequence[Shot]) -> Metric:
     return judge(shots, LATCHED)["tfp_psnr"]
+
+
+def _typical(shots: Sequence[Shot]) -> Shot:
+    """The image of median fidelity: the one in the middle of a run may be that of a step."""
+    return sorted(shots, key=lambda shot: psnr(shot.tfp, shot.truth))[len(shots) // 2]
 
 
 def _rows(stage: str, cycles: npt.ArrayLike, period_ps: float) -> list[Latency]:
@@ -245,9 +252,10 @@ def judge_carrier(
         "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
     }
     begin = time.perf_counter()
+    rated = _typical(direct)
     rates = code_rates(
-        streams[0], direct[len(direct) // 2], stream.code, stream.threshold, stream.noise,
-        watch.image.window, watch.white_rate,
+        streams[0], rated, stream.code, stream.threshold, stream.noise, watch.image.window,
+        watch.white_rate,
     )  # fmt: skip
     seconds["rates"] = time.perf_counter() - begin
     worse = _causes(carrier, received, far, count.dropped)
@@ -261,7 +269,8 @@ def judge_carrier(
         files=[*outcome.files, LINK_STREAM, RECEIVED],
         notes=[*outcome.notes, *worse, *carrier.link.beyond],
         views=CarrierOutcome(
-            carrier, lit, direct, through, received, near, far, rates, outcome.views
+            carrier, lit, direct, through, received, near, far, rates, rated.cycle,
+            outcome.views,
         ),
     )
 

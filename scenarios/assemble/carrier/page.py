@@ -65,10 +65,12 @@ def _rates(run: Run, views: CarrierOutcome) -> str:
     return (
         "<h2>Picture and wait against the rate of the link</h2><p>The middle of the picture was "
         "coded again with every code, at rates of the link that are stated for a megapixel: PSNR "
-        f"of TFP at the middle instant against {against}, the longest wait in the send buffer, "
-        "and the share of packets left out. A code that sends nothing has no wait. Where the link "
-        "carries less than the code makes, the layered code sends fewer layers, the others fewer "
-        "tiles.</p>" + plot(path, "PSNR and wait against rate")
+        f"of TFP at cycle {views.rated} (of median PSNR) against {against}, the longest wait in "
+        "the send buffer, and the share of packets left out. A code that sends nothing has no "
+        "wait. Counts over a packet have less noise than a window of TFP, so still light may look "
+        "better with fewer layers. Where the link carries less than the code makes, the layered "
+        "code sends fewer layers, the others fewer tiles.</p>"
+        + plot(path, "PSNR and wait against rate")
     )
 
 

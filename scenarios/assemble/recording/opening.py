@@ -26,6 +26,11 @@ FASTEST: Final = 1e6
 """Fastest clock of planes, Hz; events of a faster one must be latched by another clock."""
 BRIGHT: Final = 0.99
 """Share of the pixels that do not exceed the rate of white, where nothing says it."""
+_WHITES: Final = {
+    "stream.zarr": "white_rate", "received.zarr": "white_rate",
+    "shown.zarr": "shown_white_rate", "camera.zarr": "camera_white_rate",
+}  # fmt: skip
+"""Metric with the spike rate of white, by the name of a stream in the folder of a run."""
 _CLOCKLESS: Final = (".dat", ".raw")
 """Formats that do not keep the clock."""
 
@@ -142,9 +147,9 @@ def _white(
     pixel, (H, W)."""
     if given is not None:
         return given, f"white is {given:.3g} spikes a cycle"
-    known = _known_white(folder / "result.json")
+    known = _known_white(folder)
     if known is not None:
-        return known, f"white is {known:.3g} spikes a cycle, as in {folder}"
+        return known, f"white is {known:.3g} spikes a cycle, as in the run of {folder}"
     white = min(float(np.quantile(rate(), BRIGHT, method="higher")), 1.0)
     if white <= 0:
         return 1.0, "white is 1 spike a cycle: nearly every pixel of the recording is dark"
@@ -154,10 +159,14 @@ def _white(
     )
 
 
-def _known_white(result: Path) -> float | None:
-    """`white_rate` of the result of a run; None if there is none."""
+def _known_white(path: Path) -> float | None:
+    """Spike rate of white in the result of a run, whose folder or stream this is; None if there is
+    none."""
+    name = _WHITES.get(path.name)
+    folder, metric = (path, "white_rate") if name is None else (path.parent, name)
     try:
-        value = json.loads(result.read_text(encoding="utf-8"))["metrics"]["white_rate"]["value"]
+        text = (folder / "result.json").read_text(encoding="utf-8")
+        value = json.loads(text)["metrics"][metric]["value"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return float(value) if isinstance(value, int | float) and 0 < value <= 1 else None

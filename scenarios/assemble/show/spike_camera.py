@@ -42,7 +42,7 @@ WINDOW: Final = 41
 _LATCHED: Final = (
     ("readout", "synchronous"), ("source", None), ("colour", None), ("sub_threshold", None),
     ("dark_limit", None), ("asynchronous", None), ("continuous", None), ("channel", None),
-    ("duplicated_rows", ()),
+    ("duplicated_rows", ()), ("width", None), ("height", None),
 )  # fmt: skip
 """Keys of the sensor that this camera does not have, with their defaults."""
 State = dict[str, npt.NDArray[Any]]
@@ -232,7 +232,8 @@ def make_spikes_filmer(
             raise InputError(
                 f"camera.sensor.{name}", "absent" if default in (None, ()) else str(default),
                 str(value) if isinstance(value, str) else "given",
-                "leave it out: a latched, simulated chip films the display",
+                "leave it out: a latched, simulated chip films the display, with a pixel for each "
+                "of the panel",
             )  # fmt: skip
     lux = float(np.pi) * panel.luminance
     scenario: Any = _Before(given.sensor, _Exitance(lux), seed)

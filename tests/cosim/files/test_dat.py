@@ -123,7 +123,7 @@ def test_a_file_of_broken_frames_is_refused(tmp_path: Path, length: int, given: 
         open_stream(path)
     assert str(refused.value) == (
         f"{path} must be whole frames of 12500 bytes (400x250), not {given}; "
-        "give its true --size WxH, or take a file that is not cut off"
+        "give its true size (--size, or sensor.width and sensor.height), or take a whole file"
     )
 
 

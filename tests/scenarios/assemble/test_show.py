@@ -258,8 +258,14 @@ def test_only_a_latched_chip_films_the_display(tmp_path):
         run(data, tmp_path / "run")
     assert str(caught.value) == (
         "camera.sensor.readout must be synchronous, not continuous; leave it out: a latched, "
-        "simulated chip films the display"
+        "simulated chip films the display, with a pixel for each of the panel"
     )
+
+
+def test_the_chip_that_films_the_display_has_the_pixels_of_the_panel(tmp_path):
+    data = filmed(tmp_path, np.zeros((64, 2, 2), bool), width=50)
+    with pytest.raises(InputError, match=r"camera\.sensor\.width must be absent, not given; leave"):
+        run(data, tmp_path / "run")
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim import Block, Clock
+from cosim import Block, Clock, Viform
 from cosim.files import open_stream
 from cosim.run.machine import Options
 from cosim.run.result import Result
@@ -20,6 +20,8 @@ from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from sensor.latched.levels import fast_can_follow, planned_effects, widening
+from sensor.latched.writes import Registers, Write, phases_of
+from sensor.reconstruct.shots import take_shots
 
 SMALL = (
     "sensor.width=48", "sensor.height=40", "duration=4 ms", "scene.at=0 s", "scene.after=1",
@@ -234,4 +236,41 @@ def test_the_plan_names_the_writes(viform) -> None:
     assert (
         "from cycle 81: threshold 500 e, rows 8 to 31"
         in viform("plan", "step", *words, "--device", "numba").out
+    )
+
+
+class _Grey:
+    def truth(self, ps: int) -> Any:
+        return np.full((2, 3), 0.25, np.float32)
+
+
+def test_images_use_the_intervals_between_writes() -> None:
+    """Threshold 1000 e to 500 e at cycle 64, row 1 not read from then on. Pixel 0 fires every 10
+    cycles, then every 5; pixel 1 fires at the write alone and soon after, of the charge that it had
+    kept; pixel 2 has spikes in each phase, 20 and 10 cycles apart."""
+    phases = phases_of([Write(64, 500.0, (0, 1))], 1000.0, 2)
+    planes = np.zeros((128, 2, 3), bool)
+    planes[[*range(5, 64, 10), *range(64, 128, 5)], 0, 0] = True
+    planes[[64, 66], 0, 1] = True
+    planes[[9, 29, 49, 64, 74, 84], 0, 2] = True
+    planes[3:64:4, 1] = True
+    shots = take_shots(
+        Viform.from_planes(planes, Clock.from_hz(40_000.0)), _Grey(), [20, 64, 100], 11, 0.1,
+        registers=Registers(phases, 1000.0, 2),
+    )  # fmt: skip
+    assert [shot.tau[0, 0] for shot in shots] == [10, 5, 5]
+    assert [shot.tau[0, 1] for shot in shots] == [0, 0, 0]
+    assert [shot.tau[0, 2] for shot in shots] == [20, 10, 10]
+    # White is .1 spikes a cycle at 1000 e, .2 at 500 e.
+    assert [round(shot.tfi[0, 2], 3) for shot in shots] == [0.5, 0.5, 0.5]
+    assert shots[0].tfi[1, 0] == 1.0
+    assert [shot.tfi[1].max() for shot in shots[1:]] == [0, 0]
+
+
+def test_writes_with_a_display_or_a_link_are_refused(refused) -> None:
+    assert "sensor.writes must be empty with a link" in refused(
+        "run", "step", "--set", f"sensor.writes=[{HALF}]", "--set", "link.distance=2 m"
+    )
+    assert "sensor.writes must be empty with a display" in refused(
+        "run", "glass", "--set", f"sensor.writes=[{HALF}]"
     )

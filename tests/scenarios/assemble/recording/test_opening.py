@@ -74,7 +74,11 @@ def test_white_is_given_known_or_the_brightest(tmp_path):
     write_stream(Viform.from_planes(PLANES, CLOCK), run / "stream.zarr")
     told = {"metrics": {"white_rate": {"value": 0.6, "unit": "spikes/cycle"}}}
     (run / "result.json").write_text(json.dumps(told))
-    assert opened(run).white_rate == 0.6
+    assert opened(run).white_rate == opened(run / "stream.zarr").white_rate == 0.6
+    told["metrics"]["camera_white_rate"] = {"value": 0.5, "unit": "spikes/cycle"}
+    (run / "result.json").write_text(json.dumps(told))
+    write_stream(Viform.from_planes(PLANES, CLOCK), run / "camera.zarr")
+    assert opened(run / "camera.zarr").white_rate == 0.5
     (run / "result.json").write_text("{")
     assert opened(run).white_rate == pytest.approx(rate)
     write_stream(Viform.from_planes(np.zeros((9, 2, 2), bool), CLOCK), tmp_path / "dark.npz")

@@ -223,7 +223,7 @@ def test_a_recording_cut_off_or_of_another_size_is_refused(refused, tmp_path):
     path = tmp_path / "a.dat"
     path.write_bytes(bytes(3 * 12_500 - 1))
     out = tmp_path / "a.png"
-    mend = "give its true --size WxH, or take a file that is not cut off"
+    mend = "give its true size (--size, or sensor.width and sensor.height), or take a whole file"
     assert refused("image", path, "--at", 0, "--out", out) == (
         f"{path} must be whole frames of 12500 bytes (400x250), not 37499 bytes, which is 2 frames "
         f"and 12499 bytes over; {mend}"
