@@ -119,8 +119,7 @@ class ContinuousMachine:
         if not spec.setting.noise:
             notes.append("shot noise is off")
         notes.append(
-            "nothing is left out, and there is no second tier of these pixels to measure an error "
-            "by"
+            "these pixels have one tier, with every effect, so no error is measured"
         )
         return [*notes, *notes_of(spec.setting, spec.white), *spec.source.notes]
 

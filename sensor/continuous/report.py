@@ -33,7 +33,7 @@ def _cards(judged: ContinuousRun) -> str:
     raw = judged.spec.setting.clock.hz
     bits = judged.run.result.metrics["bit_rate"].value or 0.0
     return cards([
-        ("first", "unknown", "error against full physics: not measured yet"),
+        ("first", "unknown", "error: these pixels have one tier, with every effect"),
         ("first", f"{spent:.1f} s",
          f"run time, for {judged.run.result.simulated_s * 1e3:.4g} ms of light"),
         ("first", str(len(judged.run.result.left_out)), "effects left out"),
