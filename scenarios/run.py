@@ -15,6 +15,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from cosim import InputError, Interrupted
+from cosim.files import storing
 from cosim.files.whole import whole
 from cosim.run.folder import (
     REINSTATED,
@@ -83,6 +84,7 @@ def run_scenario(
         stack.callback(lambda: machine.close())  # the last machine: `_record` may replace it
         check_room(place, machine.bits)
         folder = stack.enter_context(claim_folder(name, out, options.resume))
+        stack.enter_context(storing(options.store))
         machine, recording, reinstated = _record(machine, folder, options, progress)
         finished = False
         try:

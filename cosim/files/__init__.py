@@ -9,16 +9,18 @@ from cosim.files.opening import (
     open_stream,
     write_stream,
 )
-from cosim.files.zarr_store import Recorder, ZarrStream
+from cosim.files.zarr_store import STORES, Recorder, ZarrStream, storing
 
 __all__ = [
     "FORMATS",
+    "STORES",
     "Recorder",
     "ZarrStream",
     "ending_of",
     "locate_stream",
     "notes_of",
     "open_stream",
+    "storing",
     "write_events",
     "write_stream",
 ]

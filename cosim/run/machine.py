@@ -32,11 +32,13 @@ class Options:
         device: part of an OpenCL device's name, "numba", or None for the default device.
         resume: whether the run continues in the folder of an interrupted run.
         trace: file for waveforms, None for none.
+        store: how streams are compressed, one of `cosim.files.STORES`; the bits are the same.
     """
 
     device: str | None = None
     resume: bool = False
     trace: Path | None = None
+    store: str = "fast"
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from cosim import InputError
 from cosim.config.toml import to_toml
+from cosim.files import STORES
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
 from scenarios.assemble.readout import refuse_device, refuse_leftovers
@@ -28,6 +29,8 @@ def check_options(scenario: AnyScenario, options: Options) -> None:
     """Raises InputError for options and sections that a scenario of this kind does not use."""
     if isinstance(scenario, Scenario):
         refuse_leftovers(scenario)
+    if options.store not in STORES:
+        raise InputError("--store", f"one of {', '.join(STORES)}", options.store, "change it")
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
             "--trace", "given with a scenario of a virtual board or of another imager",

@@ -38,6 +38,9 @@ def run(
             help="waveforms of a virtual board, or of the first frames of an imager, .fst or .vcd"
         ),
     ] = None,
+    store: Annotated[
+        str, typer.Option(help="recorded streams: raw (fastest), fast, or small (slowest)")
+    ] = "fast",
     json: Json = False,
 ) -> None:
     """Run a scenario, and write its stream, images and report."""
@@ -47,7 +50,7 @@ def run(
     from scenarios.run import run_scenario
 
     name, loaded = options.load(scenario, tolerance)
-    run_options = Options(options.device, resume, trace)
+    run_options = Options(options.device, resume, trace, store)
     check_options(loaded, run_options)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import Block, Clock, InputError, Viform
-from cosim.files import Recorder, ZarrStream, open_stream
+from cosim.files import STORES, Recorder, ZarrStream, open_stream, storing
 from cosim.files.zarr_store import write_zarr
 from cosim.spikes.viform import pack_planes, words_for
 
@@ -112,6 +112,34 @@ def test_the_state_is_the_word_that_is_not_full(tmp_path: Path, random_stream) -
 def test_words_are_counted_as_they_are_written(tmp_path: Path, random_stream) -> None:
     stream = random_stream(128, SHAPE)
     assert record(stream, tmp_path / "a.zarr", [64]).bytes_written == stream.words.nbytes
+
+
+@pytest.mark.parametrize("store", STORES)
+def test_every_store_has_the_same_words_and_detects_damage(
+    store: str, tmp_path: Path, random_stream
+) -> None:
+    stream = random_stream(200, SHAPE)
+    with storing(store):
+        record(stream, tmp_path / "a.zarr", [64])
+    np.testing.assert_array_equal(words_of(tmp_path / "a.zarr"), stream.words)
+    chunk = next(p for p in (tmp_path / "a.zarr" / "words" / "c").rglob("*") if p.is_file())
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 2] ^= 1
+    chunk.write_bytes(bytes(data))
+    with pytest.raises(InputError, match="not damaged in chunk"):
+        words_of(tmp_path / "a.zarr")
+
+
+def test_a_store_is_that_of_the_run(tmp_path: Path, random_stream) -> None:
+    stream = random_stream(640, SHAPE)
+    with storing("raw"):
+        record(stream, tmp_path / "raw.zarr", [64])
+    record(stream, tmp_path / "fast.zarr", [64])
+    codecs = {
+        name: (tmp_path / f"{name}.zarr" / "words" / "zarr.json").read_text(encoding="utf-8")
+        for name in ("raw", "fast")
+    }
+    assert "zstd" not in codecs["raw"] and "crc32c" in codecs["raw"] and "zstd" in codecs["fast"]
 
 
 def test_an_unfinished_store_is_refused_with_the_way_to_finish_it(

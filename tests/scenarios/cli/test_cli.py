@@ -338,3 +338,19 @@ def test_going_on_without_the_stream_is_refused(film, refused, tmp_path):
     assert refused(*STEP, "--out", folder, "--resume") == (
         "--resume must be given with the run's stream.zarr, not without; leave it out"
     )
+
+
+def test_a_run_stores_its_stream_as_it_is_told(viform, refused, tmp_path):
+    small = ("--set", "sensor.width=96", "--set", "sensor.height=64", "--set", "duration=4 ms",
+             "--set", "scene.at=1 ms", "--set", "image.at=[80]", "--device", "numba")  # fmt: skip
+    sizes = {}
+    for store in ("raw", "small"):
+        folder = tmp_path / store
+        assert viform("run", "step", *small, "--store", store, "--out", folder).code == 0
+        chunks = (folder / "stream.zarr" / "words" / "c").rglob("*")
+        sizes[store] = sum(path.stat().st_size for path in chunks if path.is_file())
+    assert sizes["raw"] >= 160 // 8 * 96 * 64 > 1.5 * sizes["small"]
+    np.testing.assert_array_equal(words(tmp_path / "raw"), words(tmp_path / "small"))
+    said = refused("run", "step", "--store", "tiny", "--out", tmp_path / "no")
+    assert said == "--store must be one of raw, fast, small, not tiny; change it"
+    assert not (tmp_path / "no").exists()
