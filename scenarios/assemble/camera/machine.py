@@ -184,9 +184,10 @@ class LatchedMachine:
         return stages
 
     def chain(self, folder: Path) -> BlockChain:
-        height, width = self.camera.shape
+        (height, width), cycles = self.camera.shape, self.setup.cycles
+        linked = "" if self.length == cycles else f", {self.length} with those of the link"
         return BlockChain(
-            f"{self.name}: {self.length} cycles of {width} x {height}", self.stages(folder),
+            f"{self.name}: {cycles} cycles of {width} x {height}{linked}", self.stages(folder),
             self.length, self.identity(), folder,
             every_s=30.0 if self.display is None else 60.0,  # a display's state is half a gigabyte
         )  # fmt: skip
