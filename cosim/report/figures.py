@@ -10,8 +10,13 @@ import numpy.typing as npt
 
 __all__ = ["INK", "LINE", "MARK", "overview_figure", "sheet_figure", "subplots"]
 
+DOTS = 130
+"""Dots an inch of figures with pictures."""
 PANEL = 416
-"""Width of a picture in the overview, pixels: 3.2 inches at 130 dots an inch."""
+"""Width of a picture in the overview, dots."""
+GAP = 5
+"""Dots between two pictures."""
+Picture = npt.NDArray[np.uint8]
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
 
 
@@ -33,47 +38,48 @@ def subplots(
     return figure, figure.subplots(rows, columns, **options)
 
 
-def overview_figure(panels: list[tuple[str, npt.NDArray[np.uint8]]], path: Path) -> None:
+def overview_figure(panels: list[tuple[str, Picture]], path: Path) -> None:
     """Writes a figure with pictures side by side and their names above."""
-    import cv2
-
-    height, width = panels[0][1].shape
-    figure, axes = subplots(
-        1, len(panels), figsize=(3.2 * len(panels), 3.2 * height / width + 0.35), squeeze=False
-    )
-    for (name, image), ax in zip(panels, axes[0], strict=True):
-        side = (PANEL, max(1, round(PANEL * height / width)))
-        small = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if width > PANEL else image
-        ax.imshow(small, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
-        ax.set_title(name, fontsize=10, color=INK)
-        ax.axis("off")
-    figure.tight_layout(pad=0.3, w_pad=0.4)
-    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.05)
+    names, pictures = zip(*panels, strict=True)
+    _sheet(list(names), [("", list(pictures))], PANEL, 10, path)
 
 
-def sheet_figure(
-    heads: list[str], rows: list[tuple[str, list[npt.NDArray[np.uint8]]]], path: Path
-) -> None:
+def sheet_figure(heads: list[str], rows: list[tuple[str, list[Picture]]], path: Path) -> None:
     """Writes a sheet of pictures: a column for each instant in `heads`, a row for each method."""
+    _sheet(heads, rows, round(min(2.4, 16 / len(heads)) * DOTS), 9, path)
+
+
+def _sheet(
+    heads: list[str], rows: list[tuple[str, list[Picture]]], wide: int, points: int, path: Path
+) -> None:
+    """Writes pictures of one size, dot by dot: axes would resample each and take longer.
+
+    Args:
+        wide: width of a picture, dots; its height keeps its shape.
+        points: size of the text.
+    """
     import cv2
+    from matplotlib.figure import Figure
 
     height, width = rows[0][1][0].shape
-    wide = min(2.4, 16 / len(heads))
-    figure, axes = subplots(
-        len(rows), len(heads), squeeze=False,
-        figsize=(wide * len(heads), wide * height / width * len(rows) + 0.3),
-    )  # fmt: skip
-    side = (round(wide * 130), max(1, round(wide * 130 * height / width)))
-    for (name, images), line in zip(rows, axes, strict=True):
-        for image, ax in zip(images, line, strict=True):
-            small = width > side[0]
-            scaled = cv2.resize(image, side, interpolation=cv2.INTER_AREA) if small else image
-            ax.imshow(scaled, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
-            ax.set_xticks([])
-            ax.set_yticks([])
-            ax.spines[:].set_visible(False)
-        line[0].set_ylabel(name, fontsize=9, color=INK)
-    for head, ax in zip(heads, axes[0], strict=True):
-        ax.set_title(head, fontsize=9, color=INK)
-    figure.tight_layout(pad=0.3, w_pad=0.2, h_pad=0.2)
-    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.05)
+    tall, text = max(1, round(wide * height / width)), round(2.2 * points * DOTS / 72)
+    left = text if any(name for name, _ in rows) else 0
+    sheet = np.full(
+        (text + len(rows) * (tall + GAP), left + len(heads) * (wide + GAP)), 255, np.uint8
+    )
+    for line, (_, pictures) in enumerate(rows):
+        for column, picture in enumerate(pictures):
+            how = cv2.INTER_AREA if width > wide else cv2.INTER_NEAREST
+            y, x = text + line * (tall + GAP), left + column * (wide + GAP)
+            sheet[y : y + tall, x : x + wide] = cv2.resize(picture, (wide, tall), interpolation=how)
+    whole_y, whole_x = sheet.shape
+    figure = Figure(figsize=(whole_x / DOTS, whole_y / DOTS), dpi=DOTS)
+    figure.figimage(sheet, cmap="gray", vmin=0, vmax=255, origin="upper")
+    style: Any = {"fontsize": points, "color": INK, "ha": "center", "va": "center"}
+    for column, head in enumerate(heads):
+        middle = left + column * (wide + GAP) + wide / 2
+        figure.text(middle / whole_x, 1 - text / 2 / whole_y, head, **style)
+    for line, (name, _) in enumerate(rows):
+        middle = text + line * (tall + GAP) + tall / 2
+        figure.text(left / 2 / whole_x, 1 - middle / whole_y, name, rotation=90, **style)
+    figure.savefig(path, dpi=DOTS)
