@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["INK", "LINE", "MARK", "overview_figure", "sheet_figure", "subplots"]
+__all__ = ["INK", "LINE", "MARK", "QUICK", "overview_figure", "sheet_figure", "subplots"]
 
 DOTS = 130
 """Dots an inch of figures with pictures."""
 PANEL = 416
 """Width of a picture in the overview, dots."""
+QUICK: Final = {"compress_level": 1}
+"""How Pillow encodes pictures: a tenth larger than by default, in a third of the time."""
 GAP = 5
 """Dots between two pictures."""
 Picture = npt.NDArray[np.uint8]
@@ -82,4 +84,4 @@ def _sheet(
     for line, (name, _) in enumerate(rows):
         middle = text + line * (tall + GAP) + tall / 2
         figure.text(left / 2 / whole_x, 1 - middle / whole_y, name, rotation=90, **style)
-    figure.savefig(path, dpi=DOTS)
+    figure.savefig(path, dpi=DOTS, pil_kwargs=QUICK)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
-from cosim.report.figures import INK, LINE, MARK, subplots
+from cosim.report.figures import INK, LINE, MARK, QUICK, subplots
 from sensor.reconstruct.intervals import spike_cycles
 
 __all__ = ["interval_figure"]
@@ -66,4 +66,4 @@ def interval_figure(
         color=INK,
     )
     figure.tight_layout(h_pad=0.15)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, pil_kwargs=QUICK)
