@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, get_args
 
@@ -27,10 +28,25 @@ __all__ = ["first_fault", "validate"]
 
 @dataclass(frozen=True)
 class _Place:
-    """A key of the schema: its dotted name, and all keys of its section."""
+    """A key of the schema.
+
+    Attributes:
+        name: its dotted name.
+        keys: all keys of its section.
+        kinds: keys of each kind of the section that this is, or that it is in, if there are
+            several; {} for another place.
+    """
 
     name: str
     keys: tuple[str, ...]
+    kinds: Mapping[str, tuple[str, ...]]
+
+    def kind_with(self, keys: Iterable[str]) -> str | None:
+        """The kind that has most of these keys; None if none has one."""
+        given = set(keys)
+        counts = {kind: len(given.intersection(known)) for kind, known in self.kinds.items()}
+        best = max(counts, key=lambda kind: counts[kind], default=None)
+        return best if best is not None and counts[best] else None
 
 
 def _sections(annotation: Any) -> tuple[type[BaseModel], ...]:
@@ -51,7 +67,7 @@ def _place(loc: tuple[int | str, ...], whole: type[BaseModel]) -> _Place:
     section."""
     sections: tuple[type[BaseModel], ...] = (whole,)
     names: list[str] = []
-    keys = tuple(whole.model_fields)
+    keys, kinds = tuple(whole.model_fields), _kinds(())
     for part in loc:
         tagged = tuple(s for s in sections if len(sections) > 1 and _kind(s) == part)
         if tagged:
@@ -63,7 +79,16 @@ def _place(loc: tuple[int | str, ...], whole: type[BaseModel]) -> _Place:
         keys = tuple(sections[0].model_fields)
         field = sections[0].model_fields.get(str(part))
         sections = () if field is None else _sections(field.annotation)
-    return _Place(".".join(names), keys)
+        if sections:
+            kinds = _kinds(sections)
+    return _Place(".".join(names), keys, kinds)
+
+
+def _kinds(sections: tuple[type[BaseModel], ...]) -> dict[str, tuple[str, ...]]:
+    """Keys by kind, of a union of sections; {} for another."""
+    if len(sections) < 2:
+        return {}
+    return {str(_kind(section)): tuple(section.model_fields) for section in sections}
 
 
 def _example(name: str) -> Any:
@@ -144,6 +169,12 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
         key = place.name.rsplit(".", 1)[-1]
         near = difflib.get_close_matches(key, place.keys, 1)
         section = place.name.rpartition(".")[0]
+        other = place.kind_with([key])
+        if other is not None and not near:
+            return InputError(
+                place.name, f"given with {section}.kind = {other}", "with another kind",
+                f"set {section}.kind={other}, or remove it",
+            )  # fmt: skip
         remedy = (
             f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
         )
@@ -151,8 +182,12 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
         must = "a key that is known" if near else shorten(f"one of {', '.join(place.keys)}", KEYS)
         return InputError(shorten(place.name), must, "an unknown key", remedy)
     if kind in ("missing", "union_tag_not_found"):
-        name = f"{place.name}.kind" if kind == "union_tag_not_found" else place.name
-        return InputError(name, "given", "absent", _remedy(name))
+        if kind != "union_tag_not_found":
+            return InputError(place.name, "given", "absent", _remedy(place.name))
+        name = f"{place.name}.kind"
+        best = place.kind_with(error["input"])
+        remedy = _remedy(name) if best is None else f"write --set {name}={best!r}"
+        return InputError(name, "given", "absent", remedy)
     text = error["msg"].removeprefix("Value error, ").strip()
     if text.startswith("must be "):
         must = _with_example(text.removeprefix("must be "), place.name)

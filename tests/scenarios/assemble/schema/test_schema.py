@@ -160,7 +160,18 @@ def test_every_other_wrong_input_is_one_line_with_the_mend(key, value, expected)
 
 def test_a_key_of_another_kind_of_scene_is_refused():
     said = message(changed("scene", {"kind": "star", "illuminance": "1 lux", "path": "a.mp4"}))
-    assert said.startswith("scene.path must be one of kind, illuminance, spokes, rotation, not")
+    assert said == (
+        "scene.path must be given with scene.kind = film, not with another kind; set "
+        "scene.kind=film, or remove it"
+    )
+    said = message(changed("scene", {"kind": "star", "illuminance": "1 lux", "foo": 1}))
+    assert said.startswith("scene.foo must be one of kind, illuminance, spokes, rotation, not")
+
+
+def test_a_section_without_its_kind_is_told_the_one_that_has_its_keys():
+    data = changed("camera", {"sensor": {"threshold": "1000 e"}}) | {"display": {}}
+    said = message(data)
+    assert said == "camera.kind must be given, not absent; write --set camera.kind='spikes'"
 
 
 def test_a_long_wrong_value_is_not_repeated_whole():
