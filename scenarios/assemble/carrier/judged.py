@@ -259,8 +259,12 @@ def judge_carrier(
     )  # fmt: skip
     seconds["rates"] = time.perf_counter() - begin
     worse = _causes(carrier, received, far, count.dropped)
+    error = outcome.error
+    if error.kind is not None and "behind a code" not in error.kind:
+        error = replace(error, kind=f"{error.kind}; before the link")
     return replace(
         outcome,
+        error=error,
         outcome="degraded" if worse and outcome.outcome == "ok" else outcome.outcome,
         kept=[*outcome.kept, *carrier.kept],
         left_out=[*outcome.left_out, *carrier.left_out],
