@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
+from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
 from cosim.light.light import Box, Light, Piece, Plane
@@ -52,6 +53,7 @@ class FastPixels:
     def __init__(self, array: PixelArray, device: Device) -> None:
         self._array = array
         self._device = device
+        self._outputs = Outputs(np.uint32)
         self._numbers = device.upload(array.padded(array.numbers))
         self._table = device.upload(array.units.table)
         self._flags = device.upload(array.group_flags)
@@ -223,7 +225,7 @@ class FastPixels:
         course = array.course(light, start, cycles)
         timed = array.timed_course(light, start, cycles)
         self._share(course, *([] if timed is None else [timed]))
-        out = np.empty((words_for(cycles), array.shape[0] * array.shape[1]), np.uint32)
+        out = self._outputs.take((words_for(cycles), array.shape[0] * array.shape[1]))
         words = self._device.share(out, write=True)
         self._steady(course, cycles, words)
         for each, flag in ((course, 0), (timed, TIMING)):

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
+from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
 from cosim.spikes.viform import words_for
@@ -40,6 +41,7 @@ class KernelPixels:
 
     def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32], device: Device) -> None:
         self._model, self._device = model, device
+        self._outputs = Outputs(np.uint32)
         self._n = pixels.size
         self._padded = -(-self._n // LANES) * LANES
         self._pixels = self._upload(pixels)
@@ -157,7 +159,7 @@ class KernelPixels:
             self._release()
         if short:
             self._walk(short, words)
-        out = np.empty((n_words, self._padded), np.uint32)
+        out = self._outputs.take((n_words, self._padded))
         done = self._device.download(words, out)[:, : self._n]
         self._buffers = self._buffers[-4:]
         return done
