@@ -27,12 +27,11 @@ from sensor.latched.pixel.interval import KNOTS, knot_places
 from sensor.latched.pixel.model import ExactModel
 
 __all__ = [
-    "INCREMENT",
+    "GENERATOR",
     "LANES",
-    "MULTIPLIER",
     "PERIOD",
     "SIZE",
-    "WEYL",
+    "STEPS",
     "Bank",
     "bank_of",
     "has_bank",
@@ -48,10 +47,10 @@ WORD: Final = 32
 """Cycles after which the generator starts anew."""
 PERIOD: Final = 1 << 31
 """Cycles after which the draws of a group repeat: 15 hours at 40 kHz."""
-MULTIPLIER: Final = 747796405
-INCREMENT: Final = 2891336453
+_MULTIPLIER: Final = 747796405
+_INCREMENT: Final = 2891336453
 """Generator of 32 bits: those of PCG-32 (O'Neill, HMC-CS-2014-0905, 2014)."""
-WEYL: Final = 0x9E3779B9
+_WEYL: Final = 0x9E3779B9
 """2^32 over the golden ratio: spreads the numbers of consecutive words of cycles."""
 _SCRAMBLE: Final = ((16, 0x7FEB352D), (15, 0x846CA68B))
 """Shifts and factors of a 32-bit hash with low bias, by C. Wellons' search (hash-prospector)."""
@@ -66,6 +65,12 @@ _TRIALS: Final = 400_000
 _FINE: Final = 1 << 15
 """Scale of the entries in the search, whose sums are exact integers: the largest distance from the
 mean."""
+
+GENERATOR: Final = {
+    "BANK_BITS": _BITS, "PERIOD": PERIOD, "WEYL": _WEYL, "SHIFT_1": _SCRAMBLE[0][0], "FACTOR_1": _SCRAMBLE[0][1],
+    "SHIFT_2": _SCRAMBLE[1][0], "FACTOR_2": _SCRAMBLE[1][1],
+}  # fmt: skip
+"""The constants by the names that they have in kernels."""
 
 Values = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint32]
@@ -202,12 +207,14 @@ def _steps() -> tuple[Words, Words]:
     """Factor and summand that lead from the start of a word to each of its cycles, (WORD,)."""
     factor, summand = [1], [0]
     for _ in range(WORD - 1):
-        factor.append(factor[-1] * MULTIPLIER % 2**32)
-        summand.append((summand[-1] * MULTIPLIER + INCREMENT) % 2**32)
+        factor.append(factor[-1] * _MULTIPLIER % 2**32)
+        summand.append((summand[-1] * _MULTIPLIER + _INCREMENT) % 2**32)
     return np.array(factor, np.uint32), np.array(summand, np.uint32)
 
 
-_FACTOR, _SUMMAND = _steps()
+STEPS: Final = np.stack(_steps())
+"""(2, WORD) uint32: factors and summands."""
+STEPS.setflags(write=False)
 
 
 def offsets(groups: Words, cycles: Words, crossing: int, seed: int) -> Words:
@@ -218,9 +225,9 @@ def offsets(groups: Words, cycles: Words, crossing: int, seed: int) -> Words:
     """
     cycles = np.asarray(cycles).astype(np.uint32) & np.uint32(PERIOD - 1)
     start = _scrambled(np.asarray(groups, np.uint32) ^ _scrambled(np.array([seed], np.uint32)))
-    state = _scrambled(start ^ ((cycles >> np.uint32(5)) * np.uint32(WEYL)))
+    state = _scrambled(start ^ ((cycles >> np.uint32(5)) * np.uint32(_WEYL)))
     at = cycles & np.uint32(WORD - 1)
-    state = _FACTOR[at] * state + _SUMMAND[at]
+    state = STEPS[0][at] * state + STEPS[1][at]
     if crossing > 1:
         state = _scrambled(state + np.uint32(crossing))
     if crossing == 1:

@@ -15,7 +15,7 @@ from cosim.light.light import Light, Plane
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course
-from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
+from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
 from sensor.latched.pixel.transfer import transfer_light
 
 __all__ = ["NumpyFast"]
@@ -30,6 +30,9 @@ class NumpyFast:
     def __init__(self, array: PixelArray) -> None:
         self._array = array
         self._numbers = array.padded(array.numbers)
+        lanes = np.arange(self._numbers.shape[1], dtype=np.uint32) % LANES
+        self._lanes = np.broadcast_to(lanes, self._numbers.shape)
+        self._groups = np.repeat(self._numbers[:, ::LANES], LANES, axis=1)
         self._flags = np.repeat(array.group_flags, LANES, axis=1)
         self._charge, self._spikes = array.initial_state()
 
@@ -71,7 +74,27 @@ class NumpyFast:
         self._charge[mine] = total.astype(np.uint32).view(np.int32)[mine]
         return mine & ((total >> np.uint64(32) != 0) | (whole >= 1))
 
-    def _deficit(self, rate: Array) -> Array:
+    def _draw(self, due: Array, crossing: int, cycle: int) -> Array:
+        """Next thresholds of the pixels of a mask, (n,); other lanes keep their spike index.
+        crossing: number of thresholds crossed before in this cycle."""
+        array, units = self._array, self._array.units
+        threshold = np.full(due.shape, units.one, np.int64)
+        banked = (self._flags & BANK) != 0
+        from_bank = due & banked
+        self._spikes[due & ~banked] += np.uint64(1)
+        draw = due & ~banked & ((self._flags & NOISE) != 0)
+        if draw.any():
+            k, numbers = self._spikes[draw], self._numbers[draw]
+            threshold[draw] = draw_thresholds(units, k, numbers, array.model.seed)
+        if from_bank.any():
+            cycles = np.full(np.count_nonzero(from_bank), cycle)
+            threshold[from_bank] = array.bank.draw(
+                self._groups[from_bank], self._lanes[from_bank], cycles, crossing, array.model.seed
+            )
+            self._spikes[from_bank] = (2 * (cycle + 1) + (crossing > 0)) % 2**32
+        return threshold[due]
+
+    def _deficit(self, rate: Array, cycle: int) -> Array:
         """One cycle of the pixels that have flags."""
         array, units = self._array, self._array.units
         mine = self._flags != 0
@@ -82,41 +105,33 @@ class NumpyFast:
         lost[(self._flags & DEAD_TIME) == 0] = 0
         noisy = (self._flags & NOISE) != 0
         top = np.where(noisy, units.top, units.one)
+        banked = (self._flags & BANK) != 0
+        if banked.any():
+            top[banked] = array.over
         deficit = self._charge.astype(np.int64)
         if array.model.reset != "residual":
-            return self._one(deficit - np.where(mine, add, 0), lost, noisy, mine)
+            return self._one(deficit - np.where(mine, add, 0), lost, mine, cycle)
         # Light above the longest threshold: thresholds are subtracted at their mean.
         certain = mine & (add >= top + lost) & (deficit < add)
         whole = units.one + lost
         many = np.where(certain, -((deficit - add) // whole), 0)
-        self._spikes += many.astype(np.uint64)
+        self._spikes += np.where(banked, 0, many).astype(np.uint64)
+        self._spikes[certain & banked] = 2 * (cycle + 1) % 2**32
         deficit += many * whole - np.where(mine, add, 0)
         fired = certain | (mine & (deficit < 0))
-        due = deficit < 0
-        while (mine & due).any():
-            due &= mine
-            self._spikes[due] += np.uint64(1)
-            threshold = np.full(due.shape, units.one, np.int64)
-            draw = due & noisy
-            if draw.any():
-                threshold[draw] = draw_thresholds(
-                    units, self._spikes[draw], self._numbers[draw], array.model.seed
-                )
-            deficit[due] += (threshold + lost)[due]
-            due = deficit < 0
+        due, crossing = mine & (deficit < 0), 0
+        while due.any():
+            deficit[due] += self._draw(due, crossing, cycle) + lost[due]
+            due, crossing = mine & (deficit < 0), crossing + 1
         self._charge[mine] = deficit.astype(np.int32)[mine]
         return fired
 
-    def _one(self, deficit: Array, lost: Array, noisy: Array, mine: Array) -> Array:
+    def _one(self, deficit: Array, lost: Array, mine: Array, cycle: int) -> Array:
         """The end of a cycle in which one threshold is crossed at most: `hard`, `subtract`."""
-        array, units = self._array, self._array.units
+        array = self._array
         fired = mine & (deficit < 0)
-        self._spikes[fired] += np.uint64(1)
-        threshold = np.full(fired.shape, units.one, np.int64)
-        draw = fired & noisy
-        if draw.any():
-            k, numbers = self._spikes[draw], self._numbers[draw]
-            threshold[draw] = draw_thresholds(units, k, numbers, array.model.seed)
+        threshold = np.zeros(fired.shape, np.int64)
+        threshold[fired] = self._draw(fired, 0, cycle)
         if array.model.reset == "hard":
             deficit = np.where(fired, threshold + lost - 1, deficit)
         else:
@@ -138,7 +153,7 @@ class NumpyFast:
                 positive = np.maximum(rate, _F(0))
                 rate = transfer_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
-            fired = self._phase(rate) | self._deficit(rate)
+            fired = self._phase(rate) | self._deficit(rate, start + c)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
         return np.stack([self._array.trimmed(word) for word in words])
 
