@@ -102,6 +102,11 @@ class PixelArray:
         return self.trimmed(np.repeat(self.group_flags, LANES, axis=1))
 
     @cached_property
+    def banked(self) -> bool:
+        """Whether any group draws from the bank."""
+        return bool((self.group_flags & BANK).any())
+
+    @cached_property
     def units(self) -> Units:
         """Units of charge, and the table of thresholds in them."""
         return units_of(self.model)
@@ -192,7 +197,9 @@ class PixelArray:
         not cover the cycles."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        return course_of(light, self.clock, self.row_offsets, start, cycles, self._most)
+        return course_of(
+            light, self.clock, self.row_offsets, start, cycles, self._most, anchored=self.banked
+        )
 
     def timed_course(self, light: Light, start: int, cycles: int) -> Course | None:
         """Course of the light in the rows whose sampling instants have noise, for the groups with

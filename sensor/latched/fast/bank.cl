@@ -97,15 +97,16 @@ inline void any_cycle(uint16 *d, uint16 *word, uint16 *again, const int16 add, c
 }
 #endif
 
-// Which of these the light of a group allows: 0 for ONCE, 1 for TWICE, 2 for ANY. most: the most
-// light of a cycle, in units.
-#ifdef TWICE
+// Which of these light allows: 0 for ONCE, 1 for TWICE, 2 for ANY, 3 if it may reach CAP. most: the
+// most light of a cycle, in units. The margins are wider than the rounding of a ramp.
+#define EASY_CAP ((float)CAP * (1 - 0x1p-20f))
 inline int way_of(const float16 most, const int shortest)
 {
-    const float16 up = most * (1 + 0x1p-20f) + 1.0f; // margin for rounding
-    const float16 one = (float)shortest - up, two = 2 * (float)shortest - up;
-    return some(as_int16(one)) + some(as_int16(two));
+    const float16 up = most * (1 + 0x1p-20f) + 64.0f;
+    return some(as_int16((float)shortest - up)) + some(as_int16(2 * (float)shortest - up)) +
+           some(as_int16(EASY_CAP - most));
 }
+#ifdef TWICE
 #define BY_WAY(way, ONCE_LOOP, TWICE_LOOP, ANY_LOOP)                                              \
     if (way == 0) {                                                                               \
         const uint from = c;                                                                      \
@@ -116,7 +117,6 @@ inline int way_of(const float16 most, const int shortest)
     else                                                                                          \
         ANY_LOOP
 #else
-#define way_of(most, shortest) 0
 #define BY_WAY(way, ONCE_LOOP, TWICE_LOOP, ANY_LOOP) ONCE_LOOP
 #endif
 
@@ -237,19 +237,28 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     KEEP_GROUPS
 }
 
-#define LINEAR_LIGHT(i)                                                                           \
-    const int16 whole = convert_int16(base_units[i] + weight[0] * step_units[i] + 0.5f);          \
-    const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));
-// Light of several planes, or with a map.
+// Light of a ramp: a whole number of units that grows by another in each cycle.
+#define RAMP_LIGHT(i)                                                                             \
+    const int16 whole = adds[i];                                                                  \
+    const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));                           \
+    adds[i] += slopes[i];
+// Light of several planes, or with a map, or beyond CAP.
 #define ANY_LIGHT(i)                                                                              \
-    float16 rate = base[i];                                                                       \
-    if (others)                                                                                   \
-        rate = rate + weight[0] * step[i];                                                        \
-    for (uint j = 1; j < others; j++)                                                             \
-        rate = rate + weight[j] * (levels[i][segment[5 + j]] - base[i]);                          \
-    rate = TRANSFERRED(rate < 0.0f ? (float16)(0.0f) : rate);                                     \
-    const int16 whole = units_of(rate, one);                                                      \
-    const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));
+    int16 whole = adds[i];                                                                        \
+    if (!ramps[i]) {                                                                              \
+        float16 level = base[i];                                                                  \
+        for (uint j = 0; j < others; j++)                                                         \
+            level = level + weight[j] * (levels[i][segment[5 + j]] - base[i]);                    \
+        const float16 rate = level < 0.0f ? (float16)(0.0f) : level * (1.0f / SCALE);             \
+        whole = units_of(TRANSFERRED(rate), one);                                                 \
+    }                                                                                             \
+    const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));                           \
+    adds[i] += slopes[i];
+
+inline int16 rounded(const float16 x)
+{
+    return convert_int16(x + (x < 0.0f ? (float16)(-0.5f) : (float16)(0.5f)));
+}
 
 __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
@@ -267,39 +276,57 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         return;
     __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,
                                             a8, a9, a10, a11, a12, a13, a14, a15};
-    float16 levels[GROUPS][PLANES]; // loaded at once, to overlap memory latency
-    EACH
-    {
-        GAINS_OF(g[i])
-        for (uint p = 0; p < n_planes; p++)
-            levels[i][p] = LIGHT_OF(planes[p], row, x[i]);
+    // Light of each plane in units; all are loaded at once, to overlap memory latency.
+    float16 levels[GROUPS][PLANES];
+    int ways[PLANES];
+    for (uint p = 0; p < n_planes; p++) {
+        float16 most = 0.0f;
+        EACH
+        {
+            GAINS_OF(g[i])
+            const float16 level = LIGHT_OF(planes[p], row, x[i]) * SCALE;
+            most = most > level ? most : level;
+            levels[i][p] = level;
+        }
+        ways[p] = way_of(most, shortest);
     }
     GROUP_STATE
+    const uint at_row = rows > 1 ? row - y0 : 0;
     for (uint s = 0; s < n_segments; s++) {
         __global const int *segment = segments + s * SEGMENT;
         const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;
-        __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others;
-        float16 base[GROUPS], step[GROUPS], base_units[GROUPS], step_units[GROUPS];
-        int way = 0, easy = LINEAR && others <= 1;
+        const int final = segment[others ? 5 : 3];
+        __global const float *weight = weights + segment[2] + at_row * others;
+        __global const float *anchor = weights + segment[5 + PLANES] + 2 * at_row;
+        const float grows = as_float(segment[6 + PLANES]);
+        const int way = max(ways[segment[3]], ways[final]);
+        const int linear = LINEAR && (!others || segment[5 + PLANES]);
+        const int easy = linear && way < 3;
+        float16 base[GROUPS], step[GROUPS];
+        int ramps[GROUPS];
         EACH
         {
             base[i] = levels[i][segment[3]];
-            step[i] = 0.0f;
-            if (others)
-                step[i] = levels[i][segment[5]] - base[i];
-            base_units[i] = base[i] * SCALE;
-            step_units[i] = step[i] * SCALE;
-            const float16 most = base_units[i] + UPWARDS(step_units[i]);
-            way = max(way, way_of(most, shortest));
-            easy = easy && !some(as_int16(LIMIT * (1 - 0x1p-20f) - base[i] - UPWARDS(step[i])));
+            step[i] = levels[i][final] - base[i];
+            ramps[i] = easy || (linear && !some(as_int16(EASY_CAP - base[i])) &&
+                                !some(as_int16(EASY_CAP - levels[i][final])));
         }
         while (c < end) {
             const uint stop = UNTIL(end);
+            int16 adds[GROUPS], slopes[GROUPS];
+            const float from = others ? anchor[0] : 0.0f;
+            const int since = others ? (int)c - (int)anchor[1] : 0;
+            EACH
+            {
+                slopes[i] = rounded(step[i] * grows);
+                adds[i] = convert_int16(base[i] + from * step[i] + 0.5f) + since * slopes[i];
+            }
             if (easy)
-                BY_WAY(way, LOOP(LINEAR_LIGHT, ONCE), LOOP(LINEAR_LIGHT, TWICE),
-                       LOOP(LINEAR_LIGHT, ANY))
+                BY_WAY(way, LOOP(RAMP_LIGHT, ONCE), LOOP(RAMP_LIGHT, TWICE), LOOP(RAMP_LIGHT, ANY))
             else
                 LOOP(ANY_LIGHT, ANY)
+            if (!((start + c) & 31))
+                anchor += 2 * rows;
             NEXT_WORDS(row, x[i])
         }
     }

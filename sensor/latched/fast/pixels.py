@@ -32,7 +32,7 @@ _LOCAL: Final = 8
 a few fit in the cache, those of thousands overflow the stack."""
 _TOGETHER: Final = 4
 """Groups that a work-item steps together if they draw from the bank; GROUPS in bank.cl."""
-_ENTRY: Final = 5 + MOST_PLANES
+_ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 
 
@@ -64,7 +64,7 @@ class FastPixels:
         self._gains: tuple[Any, ...] = (np.float32(array.scale),)
         if array.gains is not None:
             self._gains = tuple(device.upload(plane) for plane in array.gains)
-        if any(f & BANK for f in lists):
+        if array.banked:
             self._bank = device.upload(array.bank.values), device.upload(STEPS)
         self._kernels = {f: self._build(f) for f in lists}
         self._planes: dict[int, tuple[Plane, Any]] = {}
@@ -191,13 +191,19 @@ class FastPixels:
         slots: dict[int, int] = {}
         entries = np.zeros((len(segments), _ENTRY), np.int32)
         begin = 1  # weight 0 is for segments without planes
+        values = [np.zeros(1, np.float32)]
         for entry, segment in zip(entries, segments, strict=True):
             used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
             at = begin if segment.planes else 0
             entry[:5] = segment.first, segment.cycles, at, used[0], len(segment.planes)
             entry[5 : 5 + len(segment.planes)] = used[1:]
+            values.append(segment.weights.ravel())
             begin += segment.weights.size
-        weights = np.concatenate([np.zeros(1, np.float32), *(s.weights.ravel() for s in segments)])
+            if segment.anchors is not None:
+                entry[-2:] = begin, np.float32(segment.slope).view(np.int32)
+                values.append(segment.anchors.ravel())
+                begin += segment.anchors.size
+        weights = np.concatenate(values)
         rows = max(s.weights.shape[1] for s in segments)
         planes = [self._planes[key][1] for key in slots]
         planes += planes[:1] * (MOST_PLANES - len(planes))

@@ -67,7 +67,8 @@ _FINE: Final = 1 << 15
 mean."""
 
 GENERATOR: Final = {
-    "BANK_BITS": _BITS, "PERIOD": PERIOD, "WEYL": _WEYL, "SHIFT_1": _SCRAMBLE[0][0], "FACTOR_1": _SCRAMBLE[0][1],
+    "BANK_BITS": _BITS, "PERIOD": PERIOD, "WEYL": _WEYL,
+    "SHIFT_1": _SCRAMBLE[0][0], "FACTOR_1": _SCRAMBLE[0][1],
     "SHIFT_2": _SCRAMBLE[1][0], "FACTOR_2": _SCRAMBLE[1][1],
 }  # fmt: skip
 """The constants by the names that they have in kernels."""

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from cosim.light.light import Light, Plane
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
-from sensor.latched.fast.course import Course
+from sensor.latched.fast.course import Course, Segment
 from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
 from sensor.latched.pixel.transfer import transfer_light
 
@@ -44,25 +44,55 @@ class NumpyFast:
         gain, dark = array.gains
         return np.minimum(np.maximum(light * gain + dark, _F(0)), array.brightest)
 
-    def _rates(self, course: Course, cycles: int) -> Iterator[Array]:
-        """Thresholds that each cycle brings."""
+    def _ramp(self, segment: Segment, base: Array, others: list[Array], start: int) -> Any:
+        """Units that the cycles of a segment bring to groups that draw from the bank, (cycles,
+        rows, columns) int64, and the groups' pixels for which they hold; None if they do not."""
+        if len(others) > 1 or (others and segment.anchors is None) or self._array.model.transfers:
+            return None
+        one = _F(self._array.units.one)
+        level, last = base * one, (others or [base])[0] * one
+        step = last - level
+        easy = np.maximum(level, last) <= _F(CAP) * _F(1 - 2.0**-20)
+        easy = easy.reshape(len(easy), -1, LANES).all(axis=2).repeat(LANES, axis=1)
+        slope = step * _F(segment.slope)
+        slope = (slope + np.where(slope < 0, _F(-0.5), _F(0.5))).astype(np.int64)
+        ramp = []
+        for c in range(segment.first, segment.first + segment.cycles):
+            weight, since = np.zeros((1, 1), _F), 0
+            if others:
+                word = (start + c) // WORD - (start + segment.first) // WORD
+                weight, since = segment.anchors[word, :, :1], c - segment.anchors[word, :, 1:]
+            anchor = (level + weight * step + _F(0.5)).astype(np.int64)
+            ramp.append(anchor + np.asarray(since, np.int64) * slope)
+        return ramp, easy
+
+    def _rates(self, course: Course, start: int, cycles: int) -> Iterator[tuple[Array, Array]]:
+        """Thresholds that each cycle brings, and the units of those pixels whose light is a ramp if
+        they draw from the bank, a large negative number elsewhere."""
         steady = self._level(course.steady)
+        none = np.full(steady.shape, -(2**62), np.int64)
         if course.box is None:
             for _ in range(cycles):
-                yield steady
+                yield steady, none
             return
         y0, y1, x0, x1 = course.box
         # Whole groups, as in the kernels.
         box = slice(y0, y1), slice(x0 // LANES * LANES, -(-x1 // LANES) * LANES)
         for segment in course.segments:
             base = self._level(segment.base)[box]
-            steps = [self._level(plane)[box] - base for plane in segment.planes]
-            for weights in segment.weights:
+            levels = [self._level(plane)[box] for plane in segment.planes]
+            steps = [level - base for level in levels]
+            found = self._ramp(segment, base, levels, start)
+            for n, weights in enumerate(segment.weights):
                 rate = steady.copy()
                 rate[box] = base
-                for n, step in enumerate(steps):
-                    rate[box] += weights[:, n : n + 1] * step
-                yield rate
+                for k, step in enumerate(steps):
+                    rate[box] += weights[:, k : k + 1] * step
+                ramp = none
+                if found is not None:
+                    ramp = none.copy()
+                    ramp[box] = np.where(found[1], found[0][n], none[box])
+                yield rate, ramp
 
     def _phase(self, rate: Array) -> Array:
         """One cycle of the pixels without any flag."""
@@ -94,13 +124,15 @@ class NumpyFast:
             self._spikes[from_bank] = (2 * (cycle + 1) + (crossing > 0)) % 2**32
         return threshold[due]
 
-    def _deficit(self, rate: Array, cycle: int) -> Array:
+    def _deficit(self, rate: Array, ramp: Array, cycle: int) -> Array:
         """One cycle of the pixels that have flags."""
         array, units = self._array, self._array.units
         mine = self._flags != 0
         most = _F(CAP / units.one)
         held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one) + _F(0.5)
         add = np.where(mine, held, 0).astype(np.int64)
+        ramps = ((self._flags & BANK) != 0) & ((self._flags & TIMING) == 0) & (ramp > -(2**61))
+        add = np.where(ramps, ramp, add)
         lost = (add.astype(_F) * array.dead).astype(np.int64)
         lost[(self._flags & DEAD_TIME) == 0] = 0
         noisy = (self._flags & NOISE) != 0
@@ -146,14 +178,14 @@ class NumpyFast:
         model, most = self._array.model, self._array.brightest
         timed = self._array.timed_course(light, start, cycles)
         noisy = (self._flags & TIMING) != 0
-        moved = self._rates(timed or course, cycles)
-        for c, rate in enumerate(self._rates(course, cycles)):
-            rate = np.where(noisy, next(moved), rate)
+        moved = self._rates(timed or course, start, cycles)
+        for c, (rate, ramp) in enumerate(self._rates(course, start, cycles)):
+            rate = np.where(noisy, next(moved)[0], rate)
             if model.transfers:
                 positive = np.maximum(rate, _F(0))
                 rate = transfer_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
-            fired = self._phase(rate) | self._deficit(rate, start + c)
+            fired = self._phase(rate) | self._deficit(rate, ramp, start + c)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
         return np.stack([self._array.trimmed(word) for word in words])
 
