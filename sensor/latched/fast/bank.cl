@@ -14,6 +14,21 @@
         __global const int *bank, __global const uint *steps, const uint seed, const uint start, const float dead,            \
         const int one, const int shortest, const int over
 
+// To the nearest integer, of two the even one. PoCL maps only truncation to an instruction.
+#if defined(__AVX512F__) && __has_builtin(__builtin_ia32_cvtps2dq512_mask)
+typedef float plain_floats __attribute__((vector_size(64)));
+inline int16 rounded(const float16 x)
+{
+    const union { float16 v; plain_floats p; } in = {x};
+    either16 out = {(int16)(0)};
+    out.p = (plain16)__builtin_ia32_cvtps2dq512_mask(in.p, out.p, -1, 4);
+    return out.v;
+}
+#else
+#define rounded(x) convert_int16_rte(x)
+#endif
+#define WHOLE(rate) rounded(held(rate, LIMIT) * SCALE)
+
 inline uint scrambled(uint word)
 {
     word = (word ^ (word >> SHIFT_1)) * FACTOR_1;
@@ -219,7 +234,7 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
             g[i] = g[0], row[i] = row[0], x[i] = x[0];
         GAINS_OF(g[i])
         const float16 rate = TRANSFERRED(LIGHT_OF(plane, row[i], x[i]));
-        const int16 add = units_of(rate, one);
+        const int16 add = WHOLE(rate);
         adds[i] = as_uint16(add);
         losts[i] = as_uint16(LOST(add));
         way = max(way, way_of(convert_float16(add), shortest));
@@ -237,6 +252,13 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     KEEP_GROUPS
 }
 
+// Memory that the next work-item reads.
+#if __has_builtin(__builtin_prefetch)
+#define AHEAD(at) __builtin_prefetch((const void *)(size_t)(at));
+#else
+#define AHEAD(at)
+#endif
+
 // Light of a ramp: a whole number of units that grows by another in each cycle.
 #define RAMP_LIGHT(i)                                                                             \
     const int16 whole = adds[i];                                                                  \
@@ -246,19 +268,15 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 #define ANY_LIGHT(i)                                                                              \
     int16 whole = adds[i];                                                                        \
     if (!ramps[i]) {                                                                              \
-        float16 level = base[i];                                                                  \
+        const float16 base = levels[i][first];                                                    \
+        float16 level = base;                                                                     \
         for (uint j = 0; j < others; j++)                                                         \
-            level = level + weight[j] * (levels[i][segment[5 + j]] - base[i]);                    \
+            level = level + weight[j] * (levels[i][segment[5 + j]] - base);                       \
         const float16 rate = level < 0.0f ? (float16)(0.0f) : level * (1.0f / SCALE);             \
-        whole = units_of(TRANSFERRED(rate), one);                                                 \
+        whole = WHOLE(TRANSFERRED(rate));                                                 \
     }                                                                                             \
     const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));                           \
     adds[i] += slopes[i];
-
-inline int16 rounded(const float16 x)
-{
-    return convert_int16(x + (x < 0.0f ? (float16)(-0.5f) : (float16)(0.5f)));
-}
 
 __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
@@ -278,7 +296,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
                                             a8, a9, a10, a11, a12, a13, a14, a15};
     // Light of each plane in units; all are loaded at once, to overlap memory latency.
     float16 levels[GROUPS][PLANES];
-    int ways[PLANES];
+    int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP
     for (uint p = 0; p < n_planes; p++) {
         float16 most = 0.0f;
         EACH
@@ -289,42 +307,40 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
             levels[i][p] = level;
         }
         ways[p] = way_of(most, shortest);
+        beyond[p] = 0;
+        if (ways[p] == 3)
+            EACH beyond[p] |= some(as_int16(EASY_CAP - levels[i][p])) << i;
     }
     GROUP_STATE
     const uint at_row = rows > 1 ? row - y0 : 0;
     for (uint s = 0; s < n_segments; s++) {
         __global const int *segment = segments + s * SEGMENT;
         const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;
-        const int final = segment[others ? 5 : 3];
+        const uint first = segment[3], final = segment[others ? 5 : 3];
         __global const float *weight = weights + segment[2] + at_row * others;
         __global const float *anchor = weights + segment[5 + PLANES] + 2 * at_row;
         const float grows = as_float(segment[6 + PLANES]);
-        const int way = max(ways[segment[3]], ways[final]);
-        const int linear = LINEAR && (!others || segment[5 + PLANES]);
-        const int easy = linear && way < 3;
-        float16 base[GROUPS], step[GROUPS];
-        int ramps[GROUPS];
-        EACH
-        {
-            base[i] = levels[i][segment[3]];
-            step[i] = levels[i][final] - base[i];
-            ramps[i] = easy || (linear && !some(as_int16(EASY_CAP - base[i])) &&
-                                !some(as_int16(EASY_CAP - levels[i][final])));
-        }
+        const int way = max(ways[first], ways[final]);
+        EACH AHEAD(planes[final] + (size_t)row * width + x[i] + 16 * GROUPS)
+        const int ramp = others && segment[5 + PLANES], linear = LINEAR && (!others || ramp);
         while (c < end) {
             const uint stop = UNTIL(end);
             int16 adds[GROUPS], slopes[GROUPS];
-            const float from = others ? anchor[0] : 0.0f;
-            const int since = others ? (int)c - (int)anchor[1] : 0;
+            const float from = ramp ? anchor[0] : 0.0f;
+            const int since = ramp ? (int)c - (int)anchor[1] : 0;
             EACH
             {
-                slopes[i] = rounded(step[i] * grows);
-                adds[i] = convert_int16(base[i] + from * step[i] + 0.5f) + since * slopes[i];
+                const float16 base = levels[i][first], step = levels[i][final] - base;
+                slopes[i] = rounded(step * grows);
+                adds[i] = rounded(base + from * step) + since * slopes[i];
             }
-            if (easy)
+            if (linear && way < 3)
                 BY_WAY(way, LOOP(RAMP_LIGHT, ONCE), LOOP(RAMP_LIGHT, TWICE), LOOP(RAMP_LIGHT, ANY))
-            else
+            else {
+                int ramps[GROUPS];
+                EACH ramps[i] = linear && !((beyond[first] | beyond[final]) & (1 << i));
                 LOOP(ANY_LIGHT, ANY)
+            }
             if (!((start + c) & 31))
                 anchor += 2 * rows;
             NEXT_WORDS(row, x[i])

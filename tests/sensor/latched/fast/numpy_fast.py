@@ -54,15 +54,14 @@ class NumpyFast:
         step = last - level
         easy = np.maximum(level, last) <= _F(CAP) * _F(1 - 2.0**-20)
         easy = easy.reshape(len(easy), -1, LANES).all(axis=2).repeat(LANES, axis=1)
-        slope = step * _F(segment.slope)
-        slope = (slope + np.where(slope < 0, _F(-0.5), _F(0.5))).astype(np.int64)
+        slope = np.rint(step * _F(segment.slope)).astype(np.int64)
         ramp = []
         for c in range(segment.first, segment.first + segment.cycles):
             weight, since = np.zeros((1, 1), _F), 0
             if others:
                 word = (start + c) // WORD - (start + segment.first) // WORD
                 weight, since = segment.anchors[word, :, :1], c - segment.anchors[word, :, 1:]
-            anchor = (level + weight * step + _F(0.5)).astype(np.int64)
+            anchor = np.rint(level + weight * step).astype(np.int64)
             ramp.append(anchor + np.asarray(since, np.int64) * slope)
         return ramp, easy
 
@@ -129,15 +128,16 @@ class NumpyFast:
         array, units = self._array, self._array.units
         mine = self._flags != 0
         most = _F(CAP / units.one)
-        held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one) + _F(0.5)
-        add = np.where(mine, held, 0).astype(np.int64)
-        ramps = ((self._flags & BANK) != 0) & ((self._flags & TIMING) == 0) & (ramp > -(2**61))
+        held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one)
+        banked = (self._flags & BANK) != 0
+        add = np.where(banked, np.rint(held), held + _F(0.5))
+        add = np.where(mine, add, 0).astype(np.int64)
+        ramps = banked & ((self._flags & TIMING) == 0) & (ramp > -(2**61))
         add = np.where(ramps, ramp, add)
         lost = (add.astype(_F) * array.dead).astype(np.int64)
         lost[(self._flags & DEAD_TIME) == 0] = 0
         noisy = (self._flags & NOISE) != 0
         top = np.where(noisy, units.top, units.one)
-        banked = (self._flags & BANK) != 0
         if banked.any():
             top[banked] = array.over
         deficit = self._charge.astype(np.int64)
