@@ -28,7 +28,7 @@ from sensor.latched.fast.units import (
     first_charge,
     units_of,
 )
-from sensor.latched.pixel.bank import LANES, Bank, bank_of, has_bank
+from sensor.latched.pixel.bank import LANES, Bank, bank_of, groups_of, has_bank
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.row_timing import PlaneTiming
@@ -124,16 +124,8 @@ class PixelArray:
         return max(self.bank.top, 2 * self.bank.shortest)
 
     @cached_property
-    def group_numbers(self) -> npt.NDArray[np.uint32]:
-        """Number of the first pixel of the group of each pixel, (H W,)."""
-        padded = self.padded(self.numbers)
-        return self.trimmed(np.repeat(padded[:, ::LANES], LANES, axis=1))
-
-    @cached_property
-    def lanes(self) -> npt.NDArray[np.uint32]:
-        """Place of each pixel in its group, (H W,)."""
-        height, width = self.shape
-        return np.tile(np.arange(width, dtype=np.uint32) % LANES, height)
+    def _groups_of(self) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
+        return groups_of(self.numbers, self.shape)
 
     @cached_property
     def deepest(self) -> int:
@@ -249,7 +241,7 @@ class PixelArray:
     ) -> npt.NDArray[np.int32]:
         """Thresholds that pixels draw from the bank, (n,) units; see `Bank.draw`. mine: the n
         pixels, a mask (H W,) or their places."""
-        groups, lanes = self.group_numbers[mine], self.lanes[mine]
+        groups, lanes = (each[mine] for each in self._groups_of)
         return self.bank.draw(groups, lanes, cycles, crossing, self.model.seed)
 
     def fraction(

@@ -34,6 +34,8 @@ __all__ = [
     "STEPS",
     "Bank",
     "bank_of",
+    "group_keys",
+    "groups_of",
     "has_bank",
     "offsets",
 ]
@@ -197,6 +199,15 @@ def _bank(model: ExactModel, bits: int) -> Bank:
     return Bank(values, int(ascending[0]), int(ascending[-1]))
 
 
+def groups_of(numbers: Words, shape: tuple[int, int]) -> tuple[Words, Words]:
+    """Number of the first pixel of the group of each pixel of a plane, and its place in the group,
+    (H W,) each. numbers: (H W,) of the pixels; shape: (H, W)."""
+    height, width = shape
+    lanes = np.arange(width, dtype=np.uint32) % np.uint32(LANES)
+    first = numbers.reshape(shape)[:, np.arange(width) // LANES * LANES]
+    return first.ravel().astype(np.uint32), np.tile(lanes, height)
+
+
 def _scrambled(word: Words) -> Words:
     """A hash of 32-bit words; different words have different hashes."""
     for shift, factor in _SCRAMBLE:
@@ -218,15 +229,19 @@ STEPS: Final = np.stack(_steps())
 STEPS.setflags(write=False)
 
 
+def group_keys(groups: Words, seed: int) -> Words:
+    """Hashes of groups, (n,) uint32, which start their generators together with the cycle."""
+    return _scrambled(np.asarray(groups, np.uint32) ^ _scrambled(np.array([seed], np.uint32)))
+
+
 def offsets(groups: Words, cycles: Words, crossing: int, seed: int) -> Words:
     """Offset in the bank of each group in a cycle, (n,) uint32: the numpy form of the kernels'.
 
     The first crossing of a cycle takes the top bits of the generator, the second those in the
     middle, and further ones those of a hash. Arguments: see `Bank.draw`.
     """
-    cycles = np.asarray(cycles).astype(np.uint32) & np.uint32(PERIOD - 1)
-    start = _scrambled(np.asarray(groups, np.uint32) ^ _scrambled(np.array([seed], np.uint32)))
-    state = _scrambled(start ^ ((cycles >> np.uint32(5)) * np.uint32(_WEYL)))
+    cycles = np.atleast_1d(cycles).astype(np.uint32) & np.uint32(PERIOD - 1)
+    state = _scrambled(group_keys(groups, seed) ^ ((cycles >> np.uint32(5)) * np.uint32(_WEYL)))
     at = cycles & np.uint32(WORD - 1)
     state = STEPS[0][at] * state + STEPS[1][at]
     if crossing > 1:
