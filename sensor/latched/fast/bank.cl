@@ -252,7 +252,8 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     KEEP_GROUPS
 }
 
-// Memory that the next work-item reads.
+// Memory that the work-item after the next reads.
+#define AWAY 2
 #if __has_builtin(__builtin_prefetch)
 #define AHEAD(at) __builtin_prefetch((const void *)(size_t)(at));
 #else
@@ -311,6 +312,16 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         if (ways[p] == 3)
             EACH beyond[p] |= some(as_int16(EASY_CAP - levels[i][p])) << i;
     }
+    EACH
+    {
+        AHEAD(planes[0] + (size_t)row * width + x[i] + 16 * AWAY * GROUPS)
+        AHEAD(charge + 16 * (g[i] + AWAY * GROUPS))
+        AHEAD(latest + 16 * (g[i] + AWAY * GROUPS))
+#ifdef PATTERN
+        AHEAD(gains + 16 * (g[i] + AWAY * GROUPS))
+        AHEAD(darks + 16 * (g[i] + AWAY * GROUPS))
+#endif
+    }
     GROUP_STATE
     const uint at_row = rows > 1 ? row - y0 : 0;
     for (uint s = 0; s < n_segments; s++) {
@@ -321,7 +332,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         __global const float *anchor = weights + segment[5 + PLANES] + 2 * at_row;
         const float grows = as_float(segment[6 + PLANES]);
         const int way = max(ways[first], ways[final]);
-        EACH AHEAD(planes[final] + (size_t)row * width + x[i] + 16 * GROUPS)
+        EACH AHEAD(planes[final] + (size_t)row * width + x[i] + 16 * AWAY * GROUPS)
         const int ramp = others && segment[5 + PLANES], linear = LINEAR && (!others || ramp);
         while (c < end) {
             const uint stop = UNTIL(end);
@@ -332,8 +343,10 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
             {
                 const float16 base = levels[i][first], step = levels[i][final] - base;
                 slopes[i] = rounded(step * grows);
-                adds[i] = rounded(base + from * step) + since * slopes[i];
+                adds[i] = rounded(base + from * step);
             }
+            if (since)
+                EACH adds[i] += since * slopes[i];
             if (linear && way < 3)
                 BY_WAY(way, LOOP(RAMP_LIGHT, ONCE), LOOP(RAMP_LIGHT, TWICE), LOOP(RAMP_LIGHT, ANY))
             else {
