@@ -11,8 +11,8 @@
 
 #define BANK_PARAMETERS                                                                           \
     __global uint *charge, __global uint *latest, __global const uint *numbers,                   \
-        __global const int *bank, __global const uint *steps, const uint seed, const uint start, const float dead,            \
-        const int one, const int shortest, const int over
+        __global const int *bank, __global const uint *steps, const uint seed,                    \
+        const uint start, const float dead, const int one, const int shortest, const int over
 
 // To the nearest integer, of two the even one. PoCL maps only truncation to an instruction.
 #if defined(__AVX512F__) && __has_builtin(__builtin_ia32_cvtps2dq512_mask)
@@ -65,7 +65,7 @@ inline void generate(uint *states, const uint key, const uint cycle, __global co
 #define ONCE(i)                                                                                   \
     {                                                                                             \
         const uint16 r = d[i] - add;                                                              \
-        d[i] = AFTER(r, FIRST(states[i][at]) + lost);                                                  \
+        d[i] = AFTER(r, FIRST(states[i][at]) + lost);                                             \
         PUSH(word[i], r);                                                                         \
     }
 
@@ -77,8 +77,8 @@ inline void generate(uint *states, const uint key, const uint cycle, __global co
     {                                                                                             \
         const uint16 r = d[i] - add;                                                              \
         const uint16 fired = as_uint16(as_int16(r) >> 31);                                        \
-        const uint16 rest = r + (fired & (FIRST(states[i][at]) + lost));                               \
-        d[i] = min(rest, rest + SECOND(states[i][at]) + lost);                                         \
+        const uint16 rest = r + (fired & (FIRST(states[i][at]) + lost));                          \
+        d[i] = min(rest, rest + SECOND(states[i][at]) + lost);                                    \
         PUSH(word[i], r);                                                                         \
         PUSH(again[i], rest);                                                                     \
     }
@@ -86,7 +86,8 @@ inline void generate(uint *states, const uint key, const uint cycle, __global co
 // Any light. Where it reaches `over`, the pixel fires at any deficit, and whole thresholds are
 // subtracted at their mean.
 #define ANY(i)                                                                                    \
-    any_cycle(&d[i], &word[i], &again[i], as_int16(add), as_int16(lost), bank, states[i][at], one, over);
+    any_cycle(&d[i], &word[i], &again[i], as_int16(add), as_int16(lost), bank, states[i][at],     \
+              one, over);
 inline void any_cycle(uint16 *d, uint16 *word, uint16 *again, const int16 add, const int16 lost,
                       __global const int *bank, const uint state, const int one, const int over)
 {
@@ -274,7 +275,7 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
         for (uint j = 0; j < others; j++)                                                         \
             level = level + weight[j] * (levels[i][segment[5 + j]] - base);                       \
         const float16 rate = level < 0.0f ? (float16)(0.0f) : level * (1.0f / SCALE);             \
-        whole = WHOLE(TRANSFERRED(rate));                                                 \
+        whole = WHOLE(TRANSFERRED(rate));                                                         \
     }                                                                                             \
     const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));                           \
     adds[i] += slopes[i];

@@ -1,8 +1,9 @@
 """The fast tier on an OpenCL device.
 
-A work-item simulates a group of sixteen neighbours. Outside the box in which the light of a call
-changes, one launch runs the whole call. Inside it, a launch reads up to sixteen planes in place and
-computes the light of each cycle from them. Each set of flags has its own kernels.
+A work-item simulates a group of sixteen neighbours, or four groups that draw from the bank. Outside
+the box in which the light of a call changes, one launch runs the whole call. Inside it, a launch
+reads up to sixteen planes in place and computes the light of each cycle from them. Each set of
+flags has its own kernels.
 """
 
 from __future__ import annotations
