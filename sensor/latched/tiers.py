@@ -138,7 +138,9 @@ def tier_pixels(
         numbers: (H W,) uint32, numbers of the pixels on the chip.
         rows: (H,) int64, row of the chip of each row of the plane.
         device: OpenCL device, or None for numba. The fast tier requires OpenCL.
-        flags: effects that each group of pixels keeps in the fast tier; see `PixelArray`.
+        flags: effects that each group of pixels keeps in the fast tier; see `PixelArray`. The
+            reference keeps all effects, and takes thresholds from the bank where they say so. The
+            exact tier ignores them.
         row_delay: (height of the chip,) int64 ps; see `SpikeCamera`.
 
     Raises:
@@ -195,6 +197,13 @@ def _level_pixels(
     if setting.circuit is not None:  # the circuit itself takes the place of its lumped form
         model = replace(model, dead_time=0.0, shift=0.0)
     overshoot = 0.0 if lumped else setting.overshoot
+    bank = None
+    if flags is not None:
+        from sensor.latched.fast.units import BANK, NOISE
+        from sensor.latched.reference.bank_draws import bank_draws
+
+        groups = (flags & (BANK | NOISE)) == BANK | NOISE
+        bank = bank_draws(model, numbers, shape, groups)
     return ReferencePixels(
-        model, numbers, setting.clock, gain, pattern, each, setting.circuit, overshoot, timing
+        model, numbers, setting.clock, gain, pattern, each, setting.circuit, overshoot, timing, bank
     )

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.compute.opencl import Device
 from cosim.errors import MissingPackages
-from cosim.light.light import Light, Piece
+from cosim.light.light import Light, Piece, Plane
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
 from cosim.spikes.viform import words_for
 from display import GL_INSTALL, probe_gl
@@ -28,9 +28,12 @@ from scenarios.studies.bench.link import link_rows
 from scenarios.studies.bench.loop import loop_rows
 from scenarios.studies.bench.readout import readout_row
 from sensor import CHIPS, EFFECTS, make_pixels
+from sensor.device.pattern import DevicePattern, FixedPattern
 from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
+from sensor.latched.fast.units import BANK, NOISE
+from sensor.latched.pixel.bank import LANES
 from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
@@ -46,6 +49,10 @@ BLOCK = 64
 """Length of a call for such a scene, cycles."""
 BOX = (400, 500)
 """Rows and columns of the part that changes."""
+MOVING = 10
+"""Cycles between new planes of a scene that changes everywhere."""
+MOVING_RATES, OVEREXPOSED = (0.1, 0.5), (0.9, 1.5)
+"""Spikes a cycle of the darkest and brightest pixel of that scene, and of an overexposed one."""
 
 
 def _ceiling(device: Device, n: int) -> float:
@@ -164,6 +171,41 @@ def _scenes(shape: tuple[int, int]) -> dict[str, Light]:
     }
 
 
+def _random(shape: tuple[int, int], rates: tuple[float, float], seed: int) -> Plane:
+    return np.random.default_rng(seed).uniform(*rates, shape).astype(np.float32)
+
+
+def _bank_scenes(shape: tuple[int, int]) -> dict[str, tuple[Light, FixedPattern | None]]:
+    """Light and fixed pattern by the name of the row: the picture of `sensor.noise`; light that
+    changes everywhere, with a fixed pattern; and light near and above the threshold."""
+    n, tick = shape[0] * shape[1], PS / REAL_TIME
+    picture = _rates(n).reshape(shape).astype(np.float32)
+    bright = _random(shape, OVEREXPOSED, 1)
+    edges = [round(MOVING * k * tick) for k in range((REPEATS + 1) * BLOCK // MOVING + 2)]
+    planes = [_random(shape, MOVING_RATES, k) for k in range(len(edges))]
+    ends, levels = itertools.pairwise(edges), itertools.pairwise(planes)
+    pieces = (Piece(*end, *level) for end, level in zip(ends, levels, strict=True))
+    pattern = DevicePattern(prnu=0.01, dark=0.1 * THRESHOLD, dsnu=0.1, device_seed=1)
+    numbers = np.arange(n, dtype=np.uint32)
+    return {
+        "sensor.noise": (Light((Piece(0, PS, picture, picture),)), None),
+        "sensor.noise-moving": (Light(tuple(pieces)), pattern.at(numbers)),
+        "sensor.noise-bright": (Light((Piece(0, PS, bright, bright),)), None),
+    }
+
+
+def _bank(device: Device, light: Light, pattern: FixedPattern | None, cycles: int) -> float:
+    """Throughput of the fast tier with thresholds from the bank, pixel-cycles/s."""
+    shape = light.shape
+    numbers = np.arange(shape[0] * shape[1], dtype=np.uint32)
+    flags = np.full((shape[0], -(-shape[1] // LANES)), BANK | NOISE, np.uint8)
+    array = PixelArray(
+        ExactModel(THRESHOLD, 1, tuple(EFFECTS.values())), shape, numbers,
+        Clock.from_hz(REAL_TIME), THRESHOLD * REAL_TIME, pattern, flags=flags,
+    )  # fmt: skip
+    return _rate(FastPixels(array, device).expose, light, numbers.size, cycles)
+
+
 def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
     chip = CHIPS["spiketwo"]
     shape, n = (chip.height, chip.width), chip.width * chip.height
@@ -195,6 +237,9 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
         for name, light in _scenes(shape).items():
             for tier, call in _tiers(device, True).items():
                 row(name, tier, _rate(call, light, n, BLOCK))
+        for name, (light, pattern) in _bank_scenes(shape).items():
+            changes = pattern is not None
+            row(name, "bank", _bank(device, light, pattern, BLOCK if changes else CYCLES))
         rows.append(readout_row(device, ceiling))
     return rows
 

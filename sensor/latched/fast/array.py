@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
 from sensor.latched.fast.course import Course, course_of
 from sensor.latched.fast.units import (
+    BANK,
     DEAD_TIME,
     DEEPEST,
     NOISE,
@@ -27,14 +28,12 @@ from sensor.latched.fast.units import (
     first_charge,
     units_of,
 )
+from sensor.latched.pixel.bank import LANES, Bank, bank_of, groups_of, has_bank
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.row_timing import PlaneTiming
 
 __all__ = ["LANES", "PixelArray"]
-
-LANES: Final = 16
-"""Neighbours of a row that form a group: a 512-bit vector of 32-bit integers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,8 @@ class PixelArray:
         offsets: (H,) or (1,) int64, ps from a clock edge to the sampling instant of each row; None
             for 0.
         flags: (H, ceil(W / 16)) uint8, effects kept in each group of sixteen columns: 1 noise, 2
-            dead time. None for all that the model has.
+            dead time; 16 draws its noise from the bank. None for all effects that the model has,
+            without the bank.
         timing: noise of the sampling instants, None for none.
 
     Raises:
@@ -87,17 +87,45 @@ class PixelArray:
         """(H, groups) uint8: the requested flags that the model has, and RESET and TIMING where
         needed."""
         possible = NOISE * self.model.noisy | DEAD_TIME * (self.model.dead > 0)
-        requested = np.full(self.groups, 255, np.uint8) if self.flags is None else self.flags
+        requested = np.full(self.groups, 255 - BANK, np.uint8) if self.flags is None else self.flags
         rule = RESET * (self.model.reset != "residual")
         flags = np.ascontiguousarray(requested & np.uint8(possible) | np.uint8(rule))
+        if has_bank(self.model):
+            flags[(flags & NOISE) != 0] |= (requested & np.uint8(BANK))[(flags & NOISE) != 0]
         if self.timing is not None:
             flags[self.timing.first : self.timing.stop][self.timing.noisy] |= np.uint8(TIMING)
         return flags
 
     @cached_property
+    def pixel_flags(self) -> npt.NDArray[np.uint8]:
+        """Flags of the group of each pixel, (H W,)."""
+        return self.trimmed(np.repeat(self.group_flags, LANES, axis=1))
+
+    @cached_property
+    def banked(self) -> bool:
+        """Whether any group draws from the bank."""
+        return bool((self.group_flags & BANK).any())
+
+    @cached_property
     def units(self) -> Units:
         """Units of charge, and the table of thresholds in them."""
         return units_of(self.model)
+
+    @cached_property
+    def bank(self) -> Bank:
+        """The bank of thresholds, in the same units. Raises ValueError if the model has none."""
+        return bank_of(self.model, self.units.bits)
+
+    @property
+    def over(self) -> int:
+        """Light of a cycle, in units, from which pixels that draw from the bank lose whole
+        thresholds at their mean: more than one that they certainly cross, and more than two of the
+        shortest, up to which both are drawn."""
+        return max(self.bank.top, 2 * self.bank.shortest)
+
+    @cached_property
+    def _groups_of(self) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
+        return groups_of(self.numbers, self.shape)
 
     @cached_property
     def deepest(self) -> int:
@@ -153,8 +181,7 @@ class PixelArray:
 
     def initial_state(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint64]]:
         """Charge and spike index before the first cycle, (rows, groups x 16) each."""
-        flags = self.trimmed(np.repeat(self.group_flags, LANES, axis=1))
-        charge = self.padded(first_charge(self.model, self.units, self.numbers, flags))
+        charge = self.padded(first_charge(self.model, self.units, self.numbers, self.pixel_flags))
         return charge, np.zeros(charge.shape, np.uint64)
 
     def course(self, light: Light, start: int, cycles: int) -> Course:
@@ -162,7 +189,9 @@ class PixelArray:
         not cover the cycles."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        return course_of(light, self.clock, self.row_offsets, start, cycles, self._most)
+        return course_of(
+            light, self.clock, self.row_offsets, start, cycles, self._most, anchored=self.banked
+        )
 
     def timed_course(self, light: Light, start: int, cycles: int) -> Course | None:
         """Course of the light in the rows whose sampling instants have noise, for the groups with
@@ -187,17 +216,41 @@ class PixelArray:
         dark = self.pattern.dark.reshape(self.shape) * float(self.clock.period)
         return np.maximum(float(self.brightest) - dark / self.model.mean, 0) / gain
 
+    def running(self, spikes: npt.NDArray[np.uint64]) -> npt.NDArray[np.float64]:
+        """Threshold of the current interval of each pixel, (H W,), in mean thresholds.
+
+        Args:
+            spikes: (H W,) index of the interval, or the latest spike of a pixel that draws from
+                the bank; see `FastPixels.state`.
+        """
+        threshold, flags = np.ones(spikes.shape), self.pixel_flags
+        drawn = (flags & NOISE) != 0
+        banked = (flags & BANK) != 0
+        if drawn.any():  # those of the bank have the first interval in common with the others
+            index = np.where(banked, np.uint64(0), spikes)[drawn]
+            threshold[drawn] = current_thresholds(self.model, index, self.numbers[drawn])
+        for crossing in (0, 1):
+            mine = banked & (spikes > 0) & (spikes & np.uint64(1) == crossing)
+            if mine.any():
+                cycles = (spikes[mine] >> np.uint64(1)) - np.uint64(1)
+                threshold[mine] = self.drawn(mine, cycles, crossing) / self.units.one
+        return threshold
+
+    def drawn(
+        self, mine: npt.NDArray[Any], cycles: Any, crossing: int
+    ) -> npt.NDArray[np.int32]:
+        """Thresholds that pixels draw from the bank, (n,) units; see `Bank.draw`. mine: the n
+        pixels, a mask (H W,) or their places."""
+        groups, lanes = (each[mine] for each in self._groups_of)
+        return self.bank.draw(groups, lanes, cycles, crossing, self.model.seed)
+
     def fraction(
         self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]
     ) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,), from padded state."""
-        flags = self.trimmed(np.repeat(self.group_flags, LANES, axis=1))
         charge, spikes = self.trimmed(charge), self.trimmed(spikes)
-        threshold = np.ones(charge.shape)
-        drawn = (flags & NOISE) != 0
-        if drawn.any():
-            threshold[drawn] = current_thresholds(self.model, spikes[drawn], self.numbers[drawn])
-        threshold = np.maximum(threshold, 1 / self.units.one)
+        flags = self.pixel_flags
+        threshold = np.maximum(self.running(spikes), 1 / self.units.one)
         stored = 1 - (charge + 1.0) / (threshold * self.units.one)
         # After saturation the deficit is relative to the mean threshold.
         held = np.clip(stored, 0.0 if self.model.dead == 0 else -np.inf, 1.0)

@@ -6,6 +6,9 @@ the cycle in the piece. For a cycle in which pieces meet, the weights are the in
 linear pieces over the cycle. Weights depend on the cycle and the row only, so every cycle gets the
 same numbers however a run is split. Where the light is constant all planes are equal, and the sum
 is the base to the last bit; so pixels outside the changed boxes need no weights.
+
+Kernels that step from cycle to cycle add a whole number to the light instead of weighing planes.
+They start from an anchor: the first cycle of a piece, or of each 32 cycles of the clock in it.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
+from cosim.spikes.viform import WORD
 from sensor.latched.row_timing import PlaneTiming
 
 __all__ = ["MOST_PLANES", "Course", "Segment", "course_of"]
@@ -39,6 +43,9 @@ class Segment:
         base: (H, W) float32, light of weight 0.
         planes: (H, W) float32 each.
         weights: (cycles, rows of the box or 1, planes) float32.
+        anchors: (words, rows of the box or 1, 2) float32, weight at the anchor of each 32 cycles of
+            the clock, and the anchor, in cycles from the start of the call; None for no ramp.
+        slope: change of the weight in a cycle.
     """
 
     first: int
@@ -46,6 +53,8 @@ class Segment:
     base: Plane
     planes: tuple[Plane, ...]
     weights: Weights
+    anchors: Weights | None = None
+    slope: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,17 +90,31 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
 
 
 def _within(
-    piece: Piece, clock: Clock, c: int, cycles: int, offsets: npt.NDArray[Any]
+    piece: Piece, clock: Clock, cycles: npt.NDArray[np.int64], offsets: npt.NDArray[Any]
 ) -> npt.NDArray[np.float64]:
-    """Position in a piece, 0 to 1, of the middle of each cycle from c on, (cycles, rows). offsets:
-    of these middles, ps; for all cycles, or for each."""
+    """Position in a piece, 0 to 1, of the middle of each cycle, (cycles, rows). cycles: (cycles, 1)
+    or one for each row. offsets: of these middles, ps; for all cycles, or for each."""
     origin = clock.cycle_at(piece.start)
     unit = PS * clock.den  # a cycle is unit / clock.num ps; integers are divided only once
     phase = offsets / float(PS * clock.period)
     begun = (origin * unit - piece.start * clock.num) / unit + 0.5 + phase
     length = (piece.stop - piece.start) * clock.num / unit
-    elapsed = np.arange(c - origin, c - origin + cycles, dtype=np.float64)
-    return np.asarray((begun + elapsed[:, None]) / length)
+    return np.asarray((begun + (cycles - origin).astype(np.float64)) / length)
+
+
+def _anchors(
+    piece: Piece, clock: Clock, c: int, until: int, start: int, rows: npt.NDArray[np.int64]
+) -> Weights:
+    """Anchors of cycles c to `until`, which lie within a piece; see `Segment`. They depend on the
+    piece, the cycle and the row only."""
+    begins = []
+    for offset in rows.tolist():
+        first = max(piece.start - offset, 0)
+        cycle = clock.cycle_at(first)
+        begins.append(cycle + (clock.edge(cycle) < first))
+    words = np.arange(c // WORD, (until - 1) // WORD + 1, dtype=np.int64)[:, None]
+    cycles = np.maximum(words * WORD, np.array(begins, np.int64))
+    return np.stack([_within(piece, clock, cycles, rows), cycles - start], -1).astype(np.float32)
 
 
 def _meeting(
@@ -161,6 +184,7 @@ def course_of(
     most: Any = np.inf,
     timing: PlaneTiming | None = None,
     dark: Plane | None = None,
+    anchored: bool = False,
 ) -> Course:
     """The course of light over cycles `start` to `start + cycles` of a clock.
 
@@ -177,6 +201,7 @@ def course_of(
         most: upper limit of the light, one or (H, W).
         timing, dark: noise of the sampling instants, and a plane that gathers nothing; None for
             none.
+        anchored: whether segments get anchors.
 
     Raises:
         ValueError: the light does not cover the cycles.
@@ -216,14 +241,22 @@ def course_of(
             if not piece.constant:
                 planes = (piece.last,)
                 middle = rows if dark is None else (low + high) / 2
-                columns.append(_within(piece, clock, c, until - c, middle) * (1 + longer))
+                each = np.arange(c, until)[:, None]
+                columns.append(_within(piece, clock, each, middle) * (1 + longer))
             if dark is not None:
                 planes += (dark,)
                 columns.append(-longer)
             weights = np.stack(columns, axis=-1) if columns else np.zeros((*low.shape, 0))
+            ramp, slope = None, 0.0
+            if anchored and not piece.constant and dark is None:
+                ramp = _anchors(piece, clock, c, until, start, rows)
+                slope = PS * clock.den / clock.num / (piece.stop - piece.start)
             segments.append(
-                Segment(c - start, until - c, piece.first, planes, weights.astype(np.float32))
-            )
+                Segment(
+                    c - start, until - c, piece.first, planes, weights.astype(np.float32), ramp,
+                    slope,
+                )
+            )  # fmt: skip
             c = until
             continue
         meet = [p for p in met[n:] if p.start < end] or [met[0]]

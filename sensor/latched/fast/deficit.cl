@@ -1,21 +1,10 @@
 // Groups with noise or dead time. The state is the deficit, threshold - charge - 1, in int32, whose
 // sign is the spike. Light is subtracted between spikes, so a pixel can skip from spike to spike.
 //   NOISE      the threshold of each spike is drawn (draws.cl); otherwise it is `one`
-//   DEAD_TIME  each spike loses the share `dead` of its cycle's light
+//   DEAD_TIME  each spike loses a share of its cycle's light (charge.cl)
 //   RESET_HARD, RESET_SUBTRACT   reset rules other than `residual`: at most one threshold a cycle
 // `top` is the longest threshold. A cycle whose light reaches it fires at any deficit, and whole
 // thresholds are then subtracted at their mean, all at once. The light of a cycle is clipped to CAP.
-
-#define SCALE ((float)one)
-#define LIMIT ((float)CAP / (float)one)
-
-#ifdef DEAD_TIME
-#define LOST(add) convert_int16(convert_float16(add) * dead)
-#define BELOW(d, add) ((d) < (add))
-#else
-#define LOST(add) (int16)(0)
-#define BELOW(d, add) (int16)(-1)
-#endif
 
 #define STATE                                                                                     \
     int16 d = vload16(g, charge);                                                                 \
@@ -32,41 +21,6 @@
     __global int *charge, __global uint *low, __global uint *high, __global const uint *numbers,  \
         __global const int *table, const uint seed, const float dead,     \
         const int one, const int top
-
-inline int16 units_of(const float16 rate, const int one)
-{
-    return convert_int16(held(rate, LIMIT) * SCALE + 0.5f);
-}
-
-// Largest m with m x part <= whole; both are >= 0 and below 2^31, part > 0.
-inline int16 multiple(const int16 whole, const int16 part)
-{
-    int16 m = convert_int16(convert_float16(whole) / convert_float16(part));
-    m += (m * part > whole);
-    m -= (whole - m * part >= part);
-    return m;
-}
-
-// Runs n cycles of lanes that fire in every cycle and whose deficit is below their light: subtracts
-// thresholds of the mean `whole` until 0 to whole - 1 is left. Adds their number to *count.
-inline int16 run_over(const int16 d, const int16 n, const int16 add, const int16 whole,
-                      uint16 *count, const int16 lanes)
-{
-    const int16 each = multiple(add, whole), part = add - each * whole;
-    // The products overflow, but their difference is small.
-    const float16 guess = (convert_float16(n) * convert_float16(part) - convert_float16(d)) /
-                          convert_float16(whole);
-    int16 m = convert_int16(guess);
-    int16 r = as_int16(as_uint16(d) + as_uint16(m) * as_uint16(whole) - as_uint16(n) * as_uint16(part));
-    for (uint i = 0; i < 2; i++) {
-        m -= (r < 0);
-        r += (r < 0) & whole;
-    }
-    m += (r >= whole);
-    r -= (r >= whole) & whole;
-    *count += as_uint16(lanes & (n * each + m));
-    return select(d, r, lanes);
-}
 
 #ifdef NOISE
 // The next four thresholds of each lane, t0 first; EMPTY if used.

@@ -99,8 +99,9 @@ inline int some(const int16 v)
 #endif
 
 // A segment of the course of light (course.py): first cycle within the call, number of cycles, index
-// of its first weight, base plane, number of other planes, and these planes.
-#define SEGMENT (5 + PLANES)
+// of its first weight, base plane, number of other planes, these planes, index of its first anchor,
+// and the change of the weight in a cycle (float).
+#define SEGMENT (7 + PLANES)
 #define PLANE_PARAMETERS                                                                          \
     __global const float *a0, __global const float *a1, __global const float *a2,                 \
         __global const float *a3, __global const float *a4, __global const float *a5,             \

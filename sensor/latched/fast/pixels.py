@@ -1,8 +1,9 @@
 """The fast tier on an OpenCL device.
 
-A work-item simulates a group of sixteen neighbours. Outside the box in which the light of a call
-changes, one launch runs the whole call. Inside it, a launch reads up to sixteen planes in place and
-computes the light of each cycle from them. Each set of flags has its own kernels.
+A work-item simulates a group of sixteen neighbours, or four groups that draw from the bank. Outside
+the box in which the light of a call changes, one launch runs the whole call. Inside it, a launch
+reads up to sixteen planes in place and computes the light of each cycle from them. Each set of
+flags has its own kernels.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from cosim.spikes.viform import words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
 from sensor.latched.fast.taking_over import taken_over
-from sensor.latched.fast.units import CAP, DEAD_TIME, EMPTY, NOISE, RESET, TIMING
+from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, EMPTY, NOISE, RESET, TIMING
+from sensor.latched.pixel.bank import GENERATOR, PERIOD, STEPS
 from sensor.latched.pixel.transfer import light_source
 
 __all__ = ["FastPixels"]
@@ -30,7 +32,9 @@ __all__ = ["FastPixels"]
 _LOCAL: Final = 8
 """Work-items that share a core. PoCL allocates the private arrays of all of them at once: those of
 a few fit in the cache, those of thousands overflow the stack."""
-_ENTRY: Final = 5 + MOST_PLANES
+_TOGETHER: Final = 4
+"""Groups that a work-item steps together if they draw from the bank; GROUPS in bank.cl."""
+_ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 
 
@@ -58,11 +62,13 @@ class FastPixels:
         self._table = device.upload(array.units.table)
         self._flags = device.upload(array.group_flags)
         flat = array.group_flags.ravel()
-        lists = {int(f): _filled(np.flatnonzero(flat == f)) for f in np.unique(flat)}
+        lists = {int(f): _filled(np.flatnonzero(flat == f), int(f)) for f in np.unique(flat)}
         self._lists = {f: (device.upload(groups), groups.size) for f, groups in lists.items()}
         self._gains: tuple[Any, ...] = (np.float32(array.scale),)
         if array.gains is not None:
             self._gains = tuple(device.upload(plane) for plane in array.gains)
+        if array.banked:
+            self._bank = device.upload(array.bank.values), device.upload(STEPS)
         self._kernels = {f: self._build(f) for f in lists}
         self._planes: dict[int, tuple[Plane, Any]] = {}
         self._upload(*array.initial_state())
@@ -86,7 +92,9 @@ class FastPixels:
         if model.transfers:
             source = light_source(model.transfers, self._array.ratio) + source
             defines.append("-DTRANSFER")
-        if flags & NOISE:
+        if flags & BANK:
+            defines += [f"-D{name}={value}u" for name, value in GENERATOR.items()]
+        elif flags & NOISE:
             source += philox_cl() + text("draws.cl")
             defines += ["-DNOISE", f"-DSTREAM={int(Stream.SHOT_NOISE)}u"]
         if flags & DEAD_TIME:
@@ -95,7 +103,10 @@ class FastPixels:
             defines += [f"-DRESET_{self._array.model.reset.upper()}"]
             if self._array.model.reset == "subtract":
                 defines += [f"-DDEEPEST=({self._array.deepest})"]
-        source += text("deficit.cl" if flags else "phase.cl")
+        if flags:
+            source += text("charge.cl") + text("bank.cl" if flags & BANK else "deficit.cl")
+        else:
+            source += text("phase.cl")
         steady, moving = (
             self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving")
         )
@@ -116,11 +127,18 @@ class FastPixels:
         charge = device.download(self._charge, np.empty(shape, np.int32))
         return charge, low.astype(np.uint64) | (high.astype(np.uint64) << np.uint64(32))
 
-    def _state(self, flags: int) -> tuple[Any, ...]:
-        """Kernel arguments that hold the state and the model of the pixels."""
+    def _state(self, flags: int, start: int) -> tuple[Any, ...]:
+        """Kernel arguments that hold the state and the model of the pixels. start: first cycle of
+        the call."""
         if not flags:
             return (self._charge,)
         array, units = self._array, self._array.units
+        if flags & BANK:
+            return (
+                self._charge, self._low, self._numbers, *self._bank,
+                np.uint32(array.model.seed), np.uint32(start % PERIOD), array.dead,
+                np.int32(units.one), np.int32(array.bank.shortest), np.int32(array.over),
+            )  # fmt: skip
         return (
             self._charge, self._low, self._high, self._numbers, self._table,
             np.uint32(array.model.seed), array.dead, np.int32(units.one),
@@ -148,7 +166,7 @@ class FastPixels:
                     planes[id(plane)] = (plane, self._device.share(plane))
         self._planes = planes
 
-    def _steady(self, course: Course, cycles: int, words: Any) -> None:
+    def _steady(self, course: Course, start: int, cycles: int, words: Any) -> None:
         """One launch for the pixels outside the box of changing light. Rows whose sampling instants
         have noise have no constant light."""
         height, groups = self._array.groups
@@ -159,39 +177,48 @@ class FastPixels:
                 continue
             if (y1 - y0) * (g1 - g0) == height * groups:
                 return
+            items, local = _items(n, flags)
             self._kernels[flags][0](
-                self._device.queue, (n,), (_LOCAL,), *self._state(flags),
+                self._device.queue, (items,), (local,), *self._state(flags, start),
                 plane, words, np.uint32(height * self._array.shape[1]),
                 np.uint32(self._array.shape[1]), np.uint32(groups), self._array.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
                 *self._gains,
             )  # fmt: skip
 
-    def _moving(self, segments: list[Segment], box: Box, words: Any, timing: int) -> None:
+    def _moving(
+        self, segments: list[Segment], box: Box, start: int, words: Any, timing: int
+    ) -> None:
         """One launch for segments that together use at most sixteen planes, for the groups whose
-        flag TIMING is this one."""
+        flag TIMING is this one. start: first cycle of the call."""
         slots: dict[int, int] = {}
         entries = np.zeros((len(segments), _ENTRY), np.int32)
         begin = 1  # weight 0 is for segments without planes
+        values = [np.zeros(1, np.float32)]
         for entry, segment in zip(entries, segments, strict=True):
             used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
             at = begin if segment.planes else 0
             entry[:5] = segment.first, segment.cycles, at, used[0], len(segment.planes)
             entry[5 : 5 + len(segment.planes)] = used[1:]
+            values.append(segment.weights.ravel())
             begin += segment.weights.size
-        weights = np.concatenate([np.zeros(1, np.float32), *(s.weights.ravel() for s in segments)])
+            if segment.anchors is not None:
+                entry[-2:] = begin, np.float32(segment.slope).view(np.int32)
+                values.append(segment.anchors.ravel())
+                begin += segment.anchors.size
+        weights = np.concatenate(values)
         rows = max(s.weights.shape[1] for s in segments)
         planes = [self._planes[key][1] for key in slots]
         planes += planes[:1] * (MOST_PLANES - len(planes))
         y0, y1, g0, g1 = _groups(box)
         (height, width), device = self._array.shape, self._device
         shared = device.upload(entries), device.upload(weights)
-        wide = -(-(g1 - g0) // _LOCAL) * _LOCAL
         for flags in self._lists:
             if flags & TIMING != timing:
                 continue
+            items, local = _items(g1 - g0, flags)
             self._kernels[flags][1](
-                device.queue, (wide, y1 - y0), (_LOCAL, 1), *self._state(flags),
+                device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start),
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._array.groups[1]), self._array.brightest,
@@ -227,11 +254,11 @@ class FastPixels:
         self._share(course, *([] if timed is None else [timed]))
         out = self._outputs.take((words_for(cycles), array.shape[0] * array.shape[1]))
         words = self._device.share(out, write=True)
-        self._steady(course, cycles, words)
+        self._steady(course, start, cycles, words)
         for each, flag in ((course, 0), (timed, TIMING)):
             if each is not None and each.box is not None:
                 for run in self._launches(each.segments):
-                    self._moving(run, each.box, words, flag)
+                    self._moving(run, each.box, start, words, flag)
         self._device.settle(words, out)
         return out
 
@@ -245,6 +272,8 @@ class FastPixels:
         Returns:
             charge: (H W,) int32, phase in 2^-32 of a threshold, or deficit in units.
             spikes: (H W,) uint64, index of the current interval; 0 where no thresholds are drawn.
+                For pixels that draw from the bank the latest spike: twice the number of the cycle
+                after it, plus 1 if it was not the first of its cycle, modulo 2^32; 0 for none.
         """
         charge, spikes = self._download()
         trim = self._array.trimmed
@@ -261,14 +290,23 @@ class FastPixels:
         self, before: FastPixels, cycle: int, fresh: npt.NDArray[np.bool_], interval: int
     ) -> npt.NDArray[np.bool_]:
         """Continues the pixels of another threshold; see `RewrittenPixels` and `taken_over`."""
-        state, fires = taken_over(self._array, before._array, before.state(), fresh, interval)
+        state, fires = taken_over(
+            self._array, before._array, before.state(), cycle, fresh, interval
+        )
         self.restore(state)
         return fires
 
 
-def _filled(groups: npt.NDArray[np.intp]) -> npt.NDArray[np.uint32]:
+def _items(groups: int, flags: int) -> tuple[int, int]:
+    """Work-items that a number of groups need, and how many of them share a core."""
+    if flags & BANK:
+        return -(-groups // _TOGETHER), 1
+    return -(-groups // _LOCAL) * _LOCAL, _LOCAL
+
+
+def _filled(groups: npt.NDArray[np.intp], flags: int) -> npt.NDArray[np.uint32]:
     """Numbers of groups, padded to whole work-groups with a number that no group has."""
-    rest = -groups.size % _LOCAL
+    rest = -groups.size % (_TOGETHER if flags & BANK else _LOCAL)
     return np.append(groups.astype(np.uint32), np.full(rest, 0xFFFFFFFF, np.uint32))
 
 

@@ -23,6 +23,7 @@ from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.thresholds import thresholds
 
 __all__ = [
+    "BANK",
     "BITS",
     "CAP",
     "DEAD_TIME",
@@ -49,6 +50,9 @@ RESET: Final = 4
 """Flag of every group under a reset rule other than `residual`: its state is the deficit."""
 TIMING: Final = 8
 """Flag of the groups of rows whose sampling instants have noise."""
+BANK: Final = 16
+"""Flag of a group with NOISE: thresholds come from the bank (sensor/latched/pixel/bank.py), one for
+each group and cycle, and not from the random word of each spike."""
 
 BITS: Final = 28
 """Most bits of the nominal threshold."""

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from sensor.latched.pixel.fixed_point import ONE, Charge
 
-__all__ = ["KNOTS", "MANTISSA_BITS", "NO_TABLE", "interval_table", "threshold"]
+__all__ = ["KNOTS", "MANTISSA_BITS", "NO_TABLE", "interval_table", "knot_places", "threshold"]
 
 MANTISSA_BITS: Final = 7
 _M: Final = 1 << MANTISSA_BITS
@@ -29,7 +29,7 @@ KNOTS: Final = (31 - MANTISSA_BITS + 1) * _M + 1
 """Knots on each side of the median; the last is the median, y = 2^31."""
 
 
-def _knot_y() -> npt.NDArray[np.int64]:
+def knot_places() -> npt.NDArray[np.int64]:
     """y of every knot: 0 to 127, then 128 an octave up to 2^31."""
     octave = np.arange(31 - MANTISSA_BITS, dtype=np.int64)[:, None]
     upper = (_M + np.arange(_M, dtype=np.int64)[None, :]) << octave
@@ -52,7 +52,7 @@ def _noisy_quantiles(q: float, sigma: float, shot: bool) -> npt.NDArray[np.float
     from scipy.interpolate import PchipInterpolator
     from scipy.special import gammainc, gammaincinv, ndtr, ndtri
 
-    p = (_knot_y() + 0.5) / 2.0**32
+    p = (knot_places() + 0.5) / 2.0**32
     scores = np.concatenate([ndtri(p), -ndtri(p)])
     if not shot:
         return np.asarray(q + sigma * scores)
@@ -95,7 +95,7 @@ def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
     if sigma > 0:
         electrons = _noisy_quantiles(q, sigma, shot)
     else:
-        p = (_knot_y() + 0.5) / 2.0**32
+        p = (knot_places() + 0.5) / 2.0**32
         # At Q = 2e6 the relative error of scipy's inverses is up to 5e-4 of a tail's probability
         # beyond 4.5 standard deviations, where its incomplete gamma function changes method;
         # elsewhere it is 1e-12.

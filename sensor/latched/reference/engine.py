@@ -18,6 +18,7 @@ from cosim.compute.streams import Stream
 from sensor.device.charge import crossing, exposure, later
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import JUMP, ROOM
+from sensor.latched.reference.bank_draws import bank_entry
 from sensor.latched.reference.course import first_latch, integrate, piece_at, rate_at
 from sensor.latched.reference.law import draw
 
@@ -50,7 +51,7 @@ def snapped(edges, tick, part, span):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy", parallel=True)
 def expose(  # type: ignore[no-untyped-def]
     ticks, parts, charges, goals, spikes, held, pixels, rows, begins, ends, first, last, latches,
-    rule, dead, q, kind, sigma, table, functions, seed, words,
+    rule, dead, q, kind, sigma, table, functions, seed, bank, keys, lanes, begin, words,
 ):  # fmt: skip
     """Runs every pixel over the cycles of `latches` and sets its bits in `words`.
 
@@ -69,6 +70,10 @@ def expose(  # type: ignore[no-untyped-def]
         dead: dead time, ps.
         q, kind, sigma, table, functions: distribution of thresholds, see `Law`.
         seed: of the run.
+        bank, keys, lanes: thresholds in the bank, and which pixels draw from it; see `BankDraws`.
+            Their index of the interval is the latest spike: twice the number of the cycle after it,
+            plus 1 if it was not the first of its cycle; 0 for none.
+        begin: first cycle.
         words: (ceil(cycles / 32), n) uint32; an output.
     """
     cycles = latches.shape[1] - 1
@@ -78,6 +83,8 @@ def expose(  # type: ignore[no-untyped-def]
         pixel = np.uint64(pixels[p])
         stop = edges[cycles]
         i, done = np.int64(-1), -1  # a literal would compile `piece_at` a second time
+        # Cycle of the latest spike, and the spikes before it in that cycle.
+        latest, passed = np.int64(-1), np.int64(0)
         if tick < begins[0] and begins[0] > 0:
             # The pieces were cut anew: start from the charge at the last latch.
             tick, part, charge = max(tick, edges[0]), 0.0, held[p]
@@ -120,9 +127,15 @@ def expose(  # type: ignore[no-untyped-def]
                 done = c
             words[c >> 5, p] |= np.uint32(1 << (c & 31))
             latch = edges[c + 1]
-            k += np.uint64(1)
             fresh = q
-            if kind > 0:
+            if lanes[p] >= 0:
+                passed = passed + np.int64(1) if c == latest else np.int64(0)
+                latest = c
+                k = np.uint64(2 * (begin + c + 1) + min(passed, 1))
+                fresh = bank[bank_entry(keys[p], lanes[p], begin + c, passed)]
+            else:
+                k += np.uint64(1)
+            if kind > 0 and lanes[p] < 0:
                 word = np.int64(word_at(pixel, k, np.uint64(0), seed, _STREAM))
                 fresh = draw(kind, q, sigma, table, functions, word)
             if rule > 0:
@@ -143,7 +156,8 @@ def expose(  # type: ignore[no-untyped-def]
                     # current interval stands for all of them; JUMP are left to be drawn.
                     whole = max(math.floor(rest / q) - JUMP, 0.0)
                     goal += whole * q
-                    k += np.uint64(whole)
+                    if lanes[p] < 0:
+                        k += np.uint64(whole)
                 continue
             tick, part = later(at, at_part, dead)
             # Skip whole intervals of the mean length, threshold / light + dead time, up to the
@@ -158,5 +172,6 @@ def expose(  # type: ignore[no-untyped-def]
                     if left > (ROOM + 1) * one:
                         whole = math.floor(left / one) - JUMP - 1.0
                         tick, part = later(tick, part, whole * one)
-                        k += np.uint64(whole)
+                        if lanes[p] < 0:
+                            k += np.uint64(whole)
         ticks[p], parts[p], charges[p], goals[p], spikes[p] = tick, part, charge, goal, k

@@ -17,6 +17,7 @@ from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.model import JUMP, ROOM, ExactModel
 from sensor.latched.pixel.thresholds import spike_words
 from sensor.latched.pixel.transfer import transfer_light
+from sensor.latched.reference.bank_draws import BankDraws, bank_draws
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
@@ -57,6 +58,8 @@ class ReferencePixels:
             comparator and its reset, and the charge leaks.
         overshoot: electrons beyond a threshold until the comparator switches; only `fraction` uses
             them.
+        timing: noise of the sampling instants, None for none.
+        bank: draws of the pixels that take their thresholds from the bank, None for no such pixel.
 
     Raises:
         ValueError: `offsets` has another shape, or a circuit comes with a dead time or with a reset
@@ -74,6 +77,7 @@ class ReferencePixels:
         circuit: Circuit | None = None,
         overshoot: float = 0.0,
         timing: PlaneTiming | None = None,
+        bank: BankDraws | None = None,
     ) -> None:
         n = numbers.size
         self._model, self._numbers, self._clock = model, numbers.astype(np.uint32), clock
@@ -95,6 +99,9 @@ class ReferencePixels:
                     f"{model.reset!r} and {model.dead_time:g} cycle"
                 )
             circuit.swing(2 * model.threshold)  # raises if the capacitance nears zero
+        self._bank = bank_draws(model, numbers) if bank is None else bank
+        if circuit is not None and self._bank.mine.any():
+            raise ValueError("pixels that draw from the bank must stand without a circuit")
         self._overshoot = overshoot
         shot = model.shot
         self._law = law_of(model.threshold, model.threshold_noise, shot, model.shift)
@@ -247,12 +254,37 @@ class ReferencePixels:
         run: Any = expose if self._circuit is None else expose_circuit
         if self._circuit is None:
             dead = model.dead_time * float(clock.period) * PS
-            run(*before, *inputs, _RULE[model.reset], dead, *drawn, words)
+            bank = self._bank
+            draws = (bank.values, bank.keys, bank.lanes, start)
+            run(*before, *inputs, _RULE[model.reset], dead, *drawn, *draws, words)
         else:
             phases = (state["phase"], state["volts"], state["wait"])
             run(*before, *phases, *inputs, self._circuit, *drawn, words)
         state["cycle"] = np.full(1, start + cycles)
         return words
+
+    def _next(
+        self, due: npt.NDArray[np.bool_], spikes: npt.NDArray[np.uint64], cycle: Any, crossing: int
+    ) -> Values:
+        """Thresholds of pixels that fire in a cycle, (n,) electrons. due: the n pixels; spikes: of
+        all pixels, after this spike; crossing: see `Bank.draw`."""
+        words = spike_words(spikes[due], self._numbers[due], self._model.seed)
+        goal = draw_all(self._law, words)
+        banked = np.flatnonzero(due & self._bank.mine)
+        if banked.size:
+            cycles = np.broadcast_to(cycle, due.shape)[banked]
+            goal[self._bank.mine[due]] = self._bank.draw(self._model, banked, cycles, crossing)
+        return goal
+
+    def _running(self, spikes: npt.NDArray[np.uint64]) -> Values:
+        """Threshold of the current interval of each pixel, if it is not the first, (n,)
+        electrons."""
+        every = np.ones(spikes.shape, bool)
+        cycles = (np.maximum(spikes, 2) >> np.uint64(1)) - np.uint64(1)
+        return np.where(
+            spikes & np.uint64(1) == 0,
+            self._next(every, spikes, cycles, 0), self._next(every, spikes, cycles, 1),
+        )  # fmt: skip
 
     def take_over(
         self, before: ReferencePixels, cycle: int, fresh: npt.NDArray[np.bool_], interval: int
@@ -261,18 +293,17 @@ class ReferencePixels:
         a circuit, whose threshold is a voltage."""
         if self._circuit is not None:
             raise ValueError("a written threshold must be one without a circuit")
-        model, state, numbers = self._model, before.state(), self._numbers
+        model, state = self._model, before.state()
         latch = self._latches(cycle, 0)[self._rows, 0]
         # Light is integrated from the write on, unless a dead time runs beyond it.
         late = (state["tick"] >= latch) & ~fresh
         tick = np.where(late, state["tick"], latch)
         part = np.where(late, state["part"], 0.0)
         charge = np.where(fresh, 0.0, np.where(late, state["charge"], state["held"]))
-        spikes = np.where(fresh, np.uint64(interval), state["spikes"])
-        goal = np.where(
-            spikes == 0, self._first_goals(),
-            draw_all(self._law, spike_words(spikes, numbers, model.seed)),
-        )  # fmt: skip
+        banked = self._bank.mine
+        first = np.where(banked, np.uint64(2 * cycle), np.uint64(interval))
+        spikes = np.where(fresh, first, state["spikes"])
+        goal = np.where(spikes == 0, self._first_goals(), self._running(spikes))
         fires = None
         if model.reset == "residual":
             fires = charge >= goal
@@ -281,17 +312,18 @@ class ReferencePixels:
                 excess > ROOM * self._law.q, np.maximum(excess // self._law.q - JUMP, 0), 0
             )
             charge -= whole * self._law.q
-            first = spikes.copy()
-            spikes += whole.astype(np.uint64)
-            due = fires
+            lost = whole.copy()
+            spikes += np.where(banked, 0, whole).astype(np.uint64)
+            due, crossing = fires, 1
             while due.any():
                 charge[due] -= goal[due]
-                spikes[due] += np.uint64(1)
-                words = spike_words(spikes[due], numbers[due], model.seed)
-                goal[due] = draw_all(self._law, words)
-                due = charge >= goal
+                lost[due] += 1
+                spikes[due & ~banked] += np.uint64(1)
+                spikes[due & banked] = 2 * (cycle + 1) + 1
+                goal[due] = self._next(due, spikes, cycle, crossing)
+                due, crossing = charge >= goal, crossing + 1
             dead = model.dead_time * float(self._clock.period) * PS
-            away = np.where(fires, part + dead * (spikes - first), part)
+            away = np.where(fires, part + dead * lost, part)
             tick, part = tick + np.floor(away).astype(np.int64), away % 1.0
         held = np.where(late & (fires is None or ~fires), state["held"], charge)
         self._state = state | {

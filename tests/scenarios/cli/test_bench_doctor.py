@@ -28,9 +28,10 @@ def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) ->
     assert document["ceiling"]["value"] > 0
     names = ["static", "ramp", "noise", "noise-random", "noise-smooth", "noise-box"]
     *pixels, readout = document["rows"]
+    banked = [(f"sensor.{name}", "bank") for name in ("noise", "noise-moving", "noise-bright")]
     assert [(row["name"], row["tier"]) for row in pixels] == [
-        (f"sensor.{name}", tier) for name in names for tier in ("exact", "fast")
-    ]
+        *((f"sensor.{name}", tier) for name in names for tier in ("exact", "fast")), *banked,
+    ]  # fmt: skip
     assert (readout["name"], readout["unit"]) == ("sensor.readout", "bit/s")
     assert readout["realtime"] == pytest.approx(readout["value"] / 40.96e9)
     assert readout["plain_ratio"] > 0
@@ -41,7 +42,8 @@ def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) ->
         assert row["unit"] == "pixel-cycles/s"
         assert row["realtime"] == pytest.approx(row["value"] / 40e9)
         assert row["ceiling_ratio"] == pytest.approx(row["value"] / document["ceiling"]["value"])
-        assert (row["plain_ratio"] is None) == ("noise-" in row["name"])
+        unmatched = "noise-" in row["name"] or row["tier"] == "bank"
+        assert (row["plain_ratio"] is None) == unmatched
         assert row["plain_ratio"] is None or row["plain_ratio"] > 0
 
 

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from cosim.light.light import Light, Plane
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
-from sensor.latched.fast.course import Course
-from sensor.latched.fast.units import CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
+from sensor.latched.fast.course import Course, Segment
+from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
 from sensor.latched.pixel.transfer import transfer_light
 
 __all__ = ["NumpyFast"]
@@ -30,6 +30,9 @@ class NumpyFast:
     def __init__(self, array: PixelArray) -> None:
         self._array = array
         self._numbers = array.padded(array.numbers)
+        lanes = np.arange(self._numbers.shape[1], dtype=np.uint32) % LANES
+        self._lanes = np.broadcast_to(lanes, self._numbers.shape)
+        self._groups = np.repeat(self._numbers[:, ::LANES], LANES, axis=1)
         self._flags = np.repeat(array.group_flags, LANES, axis=1)
         self._charge, self._spikes = array.initial_state()
 
@@ -41,25 +44,54 @@ class NumpyFast:
         gain, dark = array.gains
         return np.minimum(np.maximum(light * gain + dark, _F(0)), array.brightest)
 
-    def _rates(self, course: Course, cycles: int) -> Iterator[Array]:
-        """Thresholds that each cycle brings."""
+    def _ramp(self, segment: Segment, base: Array, others: list[Array], start: int) -> Any:
+        """Units that the cycles of a segment bring to groups that draw from the bank, (cycles,
+        rows, columns) int64, and the groups' pixels for which they hold; None if they do not."""
+        if len(others) > 1 or (others and segment.anchors is None) or self._array.model.transfers:
+            return None
+        one = _F(self._array.units.one)
+        level, last = base * one, (others or [base])[0] * one
+        step = last - level
+        easy = np.maximum(level, last) <= _F(CAP) * _F(1 - 2.0**-20)
+        easy = easy.reshape(len(easy), -1, LANES).all(axis=2).repeat(LANES, axis=1)
+        slope = np.rint(step * _F(segment.slope)).astype(np.int64)
+        ramp = []
+        for c in range(segment.first, segment.first + segment.cycles):
+            weight, since = np.zeros((1, 1), _F), 0
+            if others:
+                word = (start + c) // WORD - (start + segment.first) // WORD
+                weight, since = segment.anchors[word, :, :1], c - segment.anchors[word, :, 1:]
+            anchor = np.rint(level + weight * step).astype(np.int64)
+            ramp.append(anchor + np.asarray(since, np.int64) * slope)
+        return ramp, easy
+
+    def _rates(self, course: Course, start: int, cycles: int) -> Iterator[tuple[Array, Array]]:
+        """Thresholds that each cycle brings, and the units of those pixels whose light is a ramp if
+        they draw from the bank, a large negative number elsewhere."""
         steady = self._level(course.steady)
+        none = np.full(steady.shape, -(2**62), np.int64)
         if course.box is None:
             for _ in range(cycles):
-                yield steady
+                yield steady, none
             return
         y0, y1, x0, x1 = course.box
         # Whole groups, as in the kernels.
         box = slice(y0, y1), slice(x0 // LANES * LANES, -(-x1 // LANES) * LANES)
         for segment in course.segments:
             base = self._level(segment.base)[box]
-            steps = [self._level(plane)[box] - base for plane in segment.planes]
-            for weights in segment.weights:
+            levels = [self._level(plane)[box] for plane in segment.planes]
+            steps = [level - base for level in levels]
+            found = self._ramp(segment, base, levels, start)
+            for n, weights in enumerate(segment.weights):
                 rate = steady.copy()
                 rate[box] = base
-                for n, step in enumerate(steps):
-                    rate[box] += weights[:, n : n + 1] * step
-                yield rate
+                for k, step in enumerate(steps):
+                    rate[box] += weights[:, k : k + 1] * step
+                ramp = none
+                if found is not None:
+                    ramp = none.copy()
+                    ramp[box] = np.where(found[1], found[0][n], none[box])
+                yield rate, ramp
 
     def _phase(self, rate: Array) -> Array:
         """One cycle of the pixels without any flag."""
@@ -71,52 +103,67 @@ class NumpyFast:
         self._charge[mine] = total.astype(np.uint32).view(np.int32)[mine]
         return mine & ((total >> np.uint64(32) != 0) | (whole >= 1))
 
-    def _deficit(self, rate: Array) -> Array:
+    def _draw(self, due: Array, crossing: int, cycle: int) -> Array:
+        """Next thresholds of the pixels of a mask, (n,); other lanes keep their spike index.
+        crossing: number of thresholds crossed before in this cycle."""
+        array, units = self._array, self._array.units
+        threshold = np.full(due.shape, units.one, np.int64)
+        banked = (self._flags & BANK) != 0
+        from_bank = due & banked
+        self._spikes[due & ~banked] += np.uint64(1)
+        draw = due & ~banked & ((self._flags & NOISE) != 0)
+        if draw.any():
+            k, numbers = self._spikes[draw], self._numbers[draw]
+            threshold[draw] = draw_thresholds(units, k, numbers, array.model.seed)
+        if from_bank.any():
+            cycles = np.full(np.count_nonzero(from_bank), cycle)
+            threshold[from_bank] = array.bank.draw(
+                self._groups[from_bank], self._lanes[from_bank], cycles, crossing, array.model.seed
+            )
+            self._spikes[from_bank] = (2 * (cycle + 1) + (crossing > 0)) % 2**32
+        return threshold[due]
+
+    def _deficit(self, rate: Array, ramp: Array, cycle: int) -> Array:
         """One cycle of the pixels that have flags."""
         array, units = self._array, self._array.units
         mine = self._flags != 0
         most = _F(CAP / units.one)
-        held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one) + _F(0.5)
-        add = np.where(mine, held, 0).astype(np.int64)
+        held = np.minimum(np.maximum(rate, _F(0)), most) * _F(units.one)
+        banked = (self._flags & BANK) != 0
+        add = np.where(banked, np.rint(held), held + _F(0.5))
+        add = np.where(mine, add, 0).astype(np.int64)
+        ramps = banked & ((self._flags & TIMING) == 0) & (ramp > -(2**61))
+        add = np.where(ramps, ramp, add)
         lost = (add.astype(_F) * array.dead).astype(np.int64)
         lost[(self._flags & DEAD_TIME) == 0] = 0
         noisy = (self._flags & NOISE) != 0
         top = np.where(noisy, units.top, units.one)
+        if banked.any():
+            top[banked] = array.over
         deficit = self._charge.astype(np.int64)
         if array.model.reset != "residual":
-            return self._one(deficit - np.where(mine, add, 0), lost, noisy, mine)
+            return self._one(deficit - np.where(mine, add, 0), lost, mine, cycle)
         # Light above the longest threshold: thresholds are subtracted at their mean.
         certain = mine & (add >= top + lost) & (deficit < add)
         whole = units.one + lost
         many = np.where(certain, -((deficit - add) // whole), 0)
-        self._spikes += many.astype(np.uint64)
+        self._spikes += np.where(banked, 0, many).astype(np.uint64)
+        self._spikes[certain & banked] = 2 * (cycle + 1) % 2**32
         deficit += many * whole - np.where(mine, add, 0)
         fired = certain | (mine & (deficit < 0))
-        due = deficit < 0
-        while (mine & due).any():
-            due &= mine
-            self._spikes[due] += np.uint64(1)
-            threshold = np.full(due.shape, units.one, np.int64)
-            draw = due & noisy
-            if draw.any():
-                threshold[draw] = draw_thresholds(
-                    units, self._spikes[draw], self._numbers[draw], array.model.seed
-                )
-            deficit[due] += (threshold + lost)[due]
-            due = deficit < 0
+        due, crossing = mine & (deficit < 0), 0
+        while due.any():
+            deficit[due] += self._draw(due, crossing, cycle) + lost[due]
+            due, crossing = mine & (deficit < 0), crossing + 1
         self._charge[mine] = deficit.astype(np.int32)[mine]
         return fired
 
-    def _one(self, deficit: Array, lost: Array, noisy: Array, mine: Array) -> Array:
+    def _one(self, deficit: Array, lost: Array, mine: Array, cycle: int) -> Array:
         """The end of a cycle in which one threshold is crossed at most: `hard`, `subtract`."""
-        array, units = self._array, self._array.units
+        array = self._array
         fired = mine & (deficit < 0)
-        self._spikes[fired] += np.uint64(1)
-        threshold = np.full(fired.shape, units.one, np.int64)
-        draw = fired & noisy
-        if draw.any():
-            k, numbers = self._spikes[draw], self._numbers[draw]
-            threshold[draw] = draw_thresholds(units, k, numbers, array.model.seed)
+        threshold = np.zeros(fired.shape, np.int64)
+        threshold[fired] = self._draw(fired, 0, cycle)
         if array.model.reset == "hard":
             deficit = np.where(fired, threshold + lost - 1, deficit)
         else:
@@ -131,14 +178,14 @@ class NumpyFast:
         model, most = self._array.model, self._array.brightest
         timed = self._array.timed_course(light, start, cycles)
         noisy = (self._flags & TIMING) != 0
-        moved = self._rates(timed or course, cycles)
-        for c, rate in enumerate(self._rates(course, cycles)):
-            rate = np.where(noisy, next(moved), rate)
+        moved = self._rates(timed or course, start, cycles)
+        for c, (rate, ramp) in enumerate(self._rates(course, start, cycles)):
+            rate = np.where(noisy, next(moved)[0], rate)
             if model.transfers:
                 positive = np.maximum(rate, _F(0))
                 rate = transfer_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
-            fired = self._phase(rate) | self._deficit(rate)
+            fired = self._phase(rate) | self._deficit(rate, ramp, start + c)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
         return np.stack([self._array.trimmed(word) for word in words])
 

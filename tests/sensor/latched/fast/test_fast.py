@@ -91,7 +91,7 @@ RULES += [(rule, *CASES[n]) for rule in ("hard", "subtract") for n in (1, 6, 9)]
 def test_kernels_agree_with_plain_numpy_on_every_bit(
     device: Device, reset: Reset, electrons: float, dead: float
 ) -> None:
-    # All four sets of flags in one plane; light from dark to 1.7 thresholds a cycle; row offsets.
+    # All sets of flags in one plane; light from dark to 1.7 thresholds a cycle; row offsets.
     seed = CASES.index((electrons, dead))
     random = np.random.default_rng(seed)
     noise = min(electrons / 20, 500.0) if seed % 2 else 0.0
@@ -103,7 +103,8 @@ def test_kernels_agree_with_plain_numpy_on_every_bit(
     offsets = row_offsets(CLOCK, 7, 0.8, 10e-6, (0, 7)) if seed % 3 else None
     array = PixelArray(
         model, SHAPE, NUMBERS, CLOCK, electrons * 40_000 * 1.7 / 700,
-        pattern if seed % 2 else None, offsets, random.integers(0, 4, (7, 3)).astype(np.uint8),
+        pattern if seed % 2 else None, offsets,
+        random.choice([0, 1, 2, 3, 17, 19], (7, 3)).astype(np.uint8),
         RowTiming(0.1, 0.01, 0.5, 2.0).on(np.arange(7), 7, CLOCK, seed) if seed % 5 > 1 else None,
     )  # fmt: skip
     fast, plain = FastPixels(array, device), NumpyFast(array)
