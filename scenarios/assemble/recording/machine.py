@@ -131,7 +131,7 @@ class RecordingMachine:
                 "white_rate": Metric(found.white_rate, "spikes/cycle"),
                 **lost,
             },
-            throughput=[] if recording.resumed else [Throughput("file", rate, "pixel-cycles/s")],
+            throughput=[Throughput("file", rate, "pixel-cycles/s")],
             files=files,
             notes=notes,
             views=shots,

@@ -192,23 +192,19 @@ def put_times(times, starts, course, changes, width, high, low, cycles, decision
             o = base + 2 * (np.int64(starts[p]) - 1)
             i = h
             y, x = p // width >> SPAN_LEVEL, p % width >> SPAN_LEVEL
-            if k >= _BENT and changes[y, x]:
-                while i <= n:
-                    t, kind, least, most, whole = _on_course(o, i, k, n, cycles, course[y, x])
-                    if least < most:
-                        d = peek16(o, i) - t
-                        m = put_number(out, m, kind, d)
-                        gain += (d * d << 2 * k) * _WEIGHT[min(whole, _MOST)]
-                    i += 2 * h
+            bent = k >= _BENT and changes[y, x]
             while i <= n:
-                if i == h or i + h > n:
-                    t, kind, least, most, whole = _at_edge(o, i, k, n, cycles)
+                if bent or i == h or i + h > n:
+                    if bent:
+                        t, kind, least, most, whole = _on_course(o, i, k, n, cycles, course[y, x])
+                    else:
+                        t, kind, least, most, whole = _at_edge(o, i, k, n, cycles)
                     if least < most:
                         d = peek16(o, i) - t
                         m = put_number(out, m, kind, d)
                         gain += (d * d << 2 * k) * _WEIGHT[min(whole, _MOST)]
                     i += 2 * h
-                while i + h <= n:
+                while not bent and i + h <= n:
                     t, kind, least, most, whole = _between(o, i, k, n)
                     if least < most:
                         d = peek16(o, i) - t

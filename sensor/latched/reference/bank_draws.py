@@ -34,6 +34,7 @@ _LOW = np.uint64(0xFFFFFFFF)
 _SIZE = np.uint64((1 << GENERATOR["BANK_BITS"]) - 1)
 _TOP = np.uint64(32 - GENERATOR["BANK_BITS"])
 
+
 @njit(cache=True, error_model="numpy")
 def _scrambled(word):  # type: ignore[no-untyped-def]
     word = ((word ^ (word >> _SHIFTS[0])) * _FACTORS[0]) & _LOW
@@ -78,9 +79,7 @@ class BankDraws:
         """(n,) the pixels that draw from the bank."""
         return self.lanes >= 0
 
-    def draw(
-        self, model: ExactModel, mine: npt.NDArray[Any], cycles: Any, crossing: int
-    ) -> Values:
+    def draw(self, model: ExactModel, mine: npt.NDArray[Any], cycles: Any, crossing: int) -> Values:
         """Thresholds that pixels draw in a cycle, (n,) electrons; see `Bank.draw`. mine: places of
         the n pixels."""
         at = offsets(self.groups[mine], cycles, crossing, model.seed)

@@ -20,7 +20,16 @@ from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.row_timing import RowTiming
 from sensor.latched.sampling import row_offsets
 from tests.sensor.latched.fast.numpy_fast import NumpyFast
-from tests.sensor.latched.fast.test_fast import ALL, CLOCK, NUMBERS, PERIOD, SHAPE, boxed, run
+from tests.sensor.latched.fast.test_fast import (
+    ALL,
+    CLOCK,
+    NUMBERS,
+    PERIOD,
+    SHAPE,
+    boxed,
+    cut_out,
+    run,
+)
 from tests.sensor.latched.piecewise import level, light_between
 
 BANKED = np.full((7, 3), BANK | NOISE | DEAD_TIME, np.uint8)
@@ -107,15 +116,8 @@ def test_a_tile_gives_the_bits_of_the_whole_and_a_restored_run_goes_on(device: D
     kept = pixels.state()
     later = run(pixels, light, [45, 128])
     place = np.ix_([5, 1, 6], np.r_[16:32])
-
-    def cut(plane: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        return np.ascontiguousarray(plane[place])
-
-    known = {id(p): cut(p) for piece in light.pieces for p in (piece.first, piece.last)}
-    part = Light(
-        tuple(Piece(p.start, p.stop, known[id(p.first)], known[id(p.last)]) for p in light.pieces)
-    )
-    mine = cut(numbers.reshape(SHAPE)).ravel()
+    part = cut_out(light, place)
+    mine = numbers.reshape(SHAPE)[place].ravel()
     tile = PixelArray(model, (3, 16), mine, CLOCK, gain, None, offsets[[5, 1, 6]], BANKED[:3, :1])
     assert np.array_equal(run(FastPixels(tile, device), part, [0, 31, 45]), found[:, mine])
     again = FastPixels(whole, device)

@@ -63,6 +63,18 @@ def test_first_charge_is_each_pixels_own_however_many_there_are() -> None:
         np.testing.assert_array_equal(whole[flags == kind], alike[flags == kind])
 
 
+def cut_out(light: Light, place: Any) -> Light:
+    """Light on a part of the plane, an index of numpy; equal planes stay one array."""
+    known = {
+        id(p): np.ascontiguousarray(p[place])
+        for piece in light.pieces
+        for p in (piece.first, piece.last)
+    }
+    return Light(
+        tuple(Piece(p.start, p.stop, known[id(p.first)], known[id(p.last)]) for p in light.pieces)
+    )
+
+
 def boxed(seed: int, peak: float, count: int) -> Light:
     """Pieces of random length: each changes a box, jumps, or is constant."""
     random = np.random.default_rng(seed)
@@ -144,18 +156,11 @@ def test_a_patch_gives_the_bits_of_the_whole_and_a_restored_run_goes_on(device: 
     later = run(whole, light, [64, 128])
     rows, columns = [5, 1, 6], np.r_[32:45]  # the last group
     place = np.ix_(rows, columns)
-
-    def cut(plane: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        return np.ascontiguousarray(plane[place])
-
-    known = {id(p): cut(p) for piece in light.pieces for p in (piece.first, piece.last)}
-    part = Light(
-        tuple(Piece(p.start, p.stop, known[id(p.first)], known[id(p.last)]) for p in light.pieces)
-    )
-    numbers = cut(NUMBERS.reshape(SHAPE)).ravel()
+    part = cut_out(light, place)
+    numbers = NUMBERS.reshape(SHAPE)[place].ravel()
     array = PixelArray(model, (3, 13), numbers, CLOCK, gain, None, offsets[rows])
     patch = FastPixels(array, device)
-    mine = cut(np.arange(N).reshape(SHAPE)).ravel()
+    mine = np.arange(N).reshape(SHAPE)[place].ravel()
     assert np.array_equal(run(patch, part, [0, 31, 64]), found[:, mine])
     again = FastPixels(PixelArray(model, SHAPE, NUMBERS, CLOCK, gain, None, offsets), device)
     again.restore(kept)
