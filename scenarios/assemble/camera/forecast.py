@@ -15,6 +15,7 @@ from cosim.plan.patches import PatchPlane
 from scenarios.assemble.camera.memory import check_run_memory, peak_memory
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
+from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.patches import PatchCamera
 
 __all__ = ["forecast"]
@@ -30,6 +31,7 @@ def _with_every_effect(setup: CameraSetup, plan: RunPlan) -> RunPlan | None:
     """The plan with every effect of the camera, and the same arithmetic in the same tiles; None if
     `plan` is that."""
     tolerance, names = setup.scenario.tolerance, [e.name for e in setup.setting.acting_effects]
+    names += [name for name in (OWN_DRAWS,) if name in plan.plan.kept]
     everything = setup.plan(tolerance, tier=plan.tier, forced=names)
     kept = (run.plan.kept for run in (plan, everything))
     mine, theirs = (

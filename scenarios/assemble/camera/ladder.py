@@ -25,6 +25,7 @@ from cosim import BLOCK, Block
 from cosim.plan.ladder import Row, distinct_plans, fit_rows
 from cosim.plan.paired import Paired, TrialCamera, worst
 from cosim.plan.patches import PatchPlane
+from cosim.plan.planner import Plan
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
 from display.trial.cost import display_ns, golden_ns
@@ -32,6 +33,7 @@ from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
 from sensor import SpikeCamera
+from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.levels import fast_can_follow
 from sensor.latched.patches import PatchCamera
 from sensor.latched.reference.error import DRAWS, reference_error
@@ -91,6 +93,11 @@ def _least_of_equals(rungs: Sequence[_Rung], spent: list[float], others: set[str
     return [min(s for k, s in zip(keys, spent, strict=True) if k == key) for key in keys]
 
 
+def _effects(plan: Plan, own: list[str]) -> list[str]:
+    """Effects that a plan keeps, including draws of their own in a tier that has no others."""
+    return [*plan.everywhere, *(name for name in own if name not in plan.kept)]
+
+
 def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
     """Numbers of the tiles that any of the plans would check, at most TILES."""
     order: dict[int, None] = {}
@@ -125,6 +132,7 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     progress.note("surveying the scene")
     display, rungs = setup.display, _ladder(setup)
     paired, floor = _paired(setup, rungs), setup.survey.scene.floor
+    own = [OWN_DRAWS] if any(OWN_DRAWS in rung.plan.plan.kept for rung in rungs) else []
     spent, words = _film(setup, paired, rungs, progress)
     pixels = setting.chip.height * setting.chip.width
     golden = 0.0
@@ -147,13 +155,13 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
         for at, tolerance in enumerate(rung.tolerances):
             rows.append(Row(
                 rung.tier, tolerance, error.value, (error.low, error.high),
-                ns * 1e-9 * pixels * cycles, ns, list(rung.plan.plan.everywhere),
+                ns * 1e-9 * pixels * cycles, ns, _effects(rung.plan.plan, own),
                 list(rung.plan.plan.left_out), rung.tolerances[0] if at else None,
             ))  # fmt: skip
     ns = paired.ns("reference") + golden
     plane = paired.plane
     floor_error = reference_error(setting, plane.numbers[:DRAWS])
-    everything = [effect.name for effect in setting.acting_effects]
+    everything = [effect.name for effect in setting.acting_effects] + own
     if display is not None:
         everything += [effect.name for effect in display.acting_effects]
     seconds = ns * 1e-9 * pixels * cycles

@@ -20,7 +20,9 @@ from display.effects import BASE_COST, effective_planes, weight_steps
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.arithmetic import exact_error, fast_error, moved_spikes
 from sensor.latched.effects.costs import EXACT, QUIET, reference_cost
+from sensor.latched.effects.own_draws import OWN_DRAWS, with_own_draws
 from sensor.latched.effects.windows import rare_error
+from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE
 from sensor.latched.fine_tiles import FineTiles, MixedPatches
 from sensor.latched.levels import error_over_levels, fast_can_follow, planned_effects
 from sensor.latched.patches import PatchCamera
@@ -129,12 +131,17 @@ class RunPlan:
         return SpikeCamera(self.setting, device, tier=self.tier, flags=self.flags, fine=tiles)
 
     def on_patches(self, plane: PatchPlane, device: Device | None) -> TrialCamera:
-        """The planned camera on patches that are tiles of the survey's grid."""
+        """The planned camera on patches that are tiles of the survey's grid.
+
+        Every spike has a draw of its own there, as in the reference, with which it is compared.
+        Draws of the bank belong to cycles: an effect that is left out moves spikes into other
+        cycles, and with them to other draws, which would count as an error.
+        """
         flags = None
         if self.flags is not None:
             rows = plane.row.reshape(len(plane.tiles), -1)
             columns = np.array(plane.tiles) % self.survey.grid.shape[1]
-            flags = self.flags[rows, columns[:, None]].reshape(-1, 1)
+            flags = self.flags[rows, columns[:, None]].reshape(-1, 1) & np.uint8(~BANK & 255)
         camera = PatchCamera(
             self.setting, plane, self.tier, device if self.tier == "fast" else None, flags
         )
@@ -145,12 +152,14 @@ class RunPlan:
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
-    """Flags of the fast tier, (height, groups) uint8. Bit 0: random thresholds; bit 1: dead
-    time."""
+    """Flags of the fast tier, (height, groups) uint8; see `PixelArray`."""
     none = np.zeros(len(grid), bool)
+    every = np.ones(len(grid), bool)
     noise = plan.kept.get("shot noise", none) | plan.kept.get("threshold noise", none)
     dead = plan.kept.get("reset dead time", none)
-    return grid.groups((noise.astype(np.uint8) | (dead.astype(np.uint8) << 1)).astype(np.uint8))
+    bank = noise & ~plan.kept.get(OWN_DRAWS, every)
+    flags = NOISE * noise | DEAD_TIME * dead | BANK * bank
+    return grid.groups(flags.astype(np.uint8))
 
 
 HELD: Final = (1, 2, 4, 8, 16, 64)
@@ -281,7 +290,9 @@ def plan_run(
     arithmetic = min(found, key=lambda each: each.cost(scene))
     tier, fine = arithmetic.tier, arithmetic.fine
     effects = planned_effects(setting, spans)
-    if tier != "fast":  # the exact tier simulates all tiles with the same effects
+    if tier == "fast":
+        effects = with_own_draws(effects, setting)
+    else:  # the exact tier simulates all tiles with the same effects
         effects = tuple(replace(effect, scope="plane") for effect in effects)
     exempt = {effect.name: fine for effect in effects}
     if display is not None:

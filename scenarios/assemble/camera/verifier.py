@@ -34,6 +34,7 @@ from display.trial.paired import (
 from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan
 from scenarios.assemble.camera.samples import TileSamples
 from sensor import CameraSetting
+from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
@@ -82,7 +83,9 @@ class Verifier(DisplayTrial):
         plane = PatchPlane(run.survey.grid, sorted(tiles))
         absent = [name for name in plan.left_out if not plan.kept[name][plane.tiles].all()]
         self._partial = {} if display is None else partial_displays(display, absent)
-        self._left_out = [name for name in absent if name not in self._partial]
+        # The patches have draws of their own; the tests of the bank hold its distribution.
+        unmeasured = {OWN_DRAWS, *self._partial}
+        self._left_out = [name for name in absent if name not in unmeasured]
         cameras = {
             "reference": PatchCamera(full, plane, "reference"),
             "run": run.on_patches(plane, device),
@@ -258,7 +261,9 @@ class Verifier(DisplayTrial):
         measured = self.measured()
         # Effects that no patch leaves out are not measured; all of them are reinstated then.
         names = (
-            [max(measured, key=lambda n: measured[n])] if measured else list(self._plan.left_out)
+            [max(measured, key=lambda n: measured[n])]
+            if measured
+            else [name for name in self._plan.left_out if name != OWN_DRAWS]
         )
         if not names and tier == "fast":
             names = [ARITHMETIC]
@@ -276,7 +281,9 @@ class Verifier(DisplayTrial):
         at, plan = int(np.argmax(excess)), self._plan
         tile = int(tiles[at])
         promises = {
-            n: float(plan.promise[n][tile]) for n in plan.left_out if not plan.kept[n][tile]
+            n: float(plan.promise[n][tile])
+            for n in plan.left_out
+            if not plan.kept[n][tile] and n != OWN_DRAWS
         }
         if promises:
             name = max(promises, key=lambda n: promises[n])

@@ -17,6 +17,7 @@ __all__ = [
     "EXACT",
     "QUIET",
     "REFERENCE_CIRCUIT",
+    "bank_cost",
     "circuit_cost",
     "crosstalk_cost",
     "dead_time_cost",
@@ -32,6 +33,9 @@ NOISE_SPIKE: Final = 4.0
 """Threshold noise, a spike: one draw."""
 NOISE_CYCLE: Final = 0.01
 """Threshold noise, a cycle without spikes: the estimate of the next spike, over a block."""
+BANK_FROM: Final = 5e-4
+"""Spikes a cycle from which thresholds from the bank cost less than one draw for each spike. They
+cost the same at all rates."""
 DEAD_SPIKE: Final = 0.5
 """Dead time, a spike."""
 PATTERN_PLANE: Final = 0.3
@@ -62,6 +66,11 @@ def _rate(scene: Summary) -> Any:
 def noise_cost(scene: Summary) -> Any:
     """Cost of a threshold drawn for each spike."""
     return NOISE_CYCLE + NOISE_SPIKE * _rate(scene)
+
+
+def bank_cost(scene: Summary) -> Any:
+    """Cost of a threshold for each spike from the bank, where that is cheaper than a draw."""
+    return np.minimum(noise_cost(scene), NOISE_CYCLE + NOISE_SPIKE * BANK_FROM)
 
 
 def dead_time_cost(scene: Summary) -> Any:

@@ -16,6 +16,8 @@ from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
 from scenarios.scenes.kinds.grid import SceneGrid
+from sensor.latched.effects.own_draws import OWN_DRAWS
+from sensor.latched.fast.units import BANK
 
 SHAPE, CYCLES = (96, 160), 200
 SCENES = ("step", "star", "wave", "film")
@@ -141,3 +143,16 @@ def test_a_forced_effect_stays(device):
     assert forced.plan.kept["threshold noise"].all()
     assert "threshold noise" in {effect.name for effect in forced.setting.acting_effects}
     assert replace(forced.setting, threshold_noise=0.0) != forced.setting
+
+
+def test_noise_comes_from_the_bank_where_that_is_cheaper(device):
+    plan = planned(device, "star", "sensor.threshold=1 ke", "duration=10 ms", tolerance=1e-2)
+    assert plan.tier == "fast" and plan.flags is not None
+    bank = (plan.flags & BANK) != 0
+    kept = plan.survey.grid.groups(plan.plan.kept[OWN_DRAWS] | plan.fine)
+    noise = plan.survey.grid.groups(plan.plan.kept["shot noise"])
+    assert bank.any() and np.array_equal(bank, noise & ~kept)
+    never = planned(
+        device, "star", "sensor.threshold=1 ke", "duration=10 ms", tolerance=0.0, tier="fast"
+    )
+    assert never.flags is not None and not (never.flags & BANK).any()
