@@ -22,6 +22,7 @@ from cosim.run.result import Result, _clean, dumps
 from cosim.spikes.viform import unpack_planes
 from scenarios.assemble.schema.loading import load, to_toml
 from sensor import EFFECTS
+from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
 
 
@@ -166,7 +167,10 @@ def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):
         error["kind"],
     ).groups()  # type: ignore[union-attr]
     assert error["tiles_checked"] == int(patches) + int(others) and error["tiles_over"] == 0
-    assert document["plan"] == {"kept": list(EFFECTS), "left_out": []}
+    (bank,) = document["plan"]["left_out"]
+    assert document["plan"]["kept"] == list(EFFECTS)
+    assert bank["effect"] == OWN_DRAWS and bank["measured"] is None
+    assert 0 < bank["bound"] < 5e-4
     assert list(document["metrics"]) == [
         "tfp_psnr", "tfp_ssim", "tfi_psnr", "tfi_ssim", "spike_rate", "white_rate", "f_number",
         "camera",

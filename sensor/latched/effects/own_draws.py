@@ -19,10 +19,11 @@ from sensor.latched.effects.costs import bank_cost, noise_cost
 from sensor.latched.effects.windows import noise_error
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["OWN_DRAWS", "with_own_draws"]
+__all__ = ["OWN_DRAWS", "SOURCE", "with_own_draws"]
 
 OWN_DRAWS: Final = "a draw for each spike"
 """Name in plans and reports."""
+SOURCE: Final = "quantiles of one random word for each spike; without it, those of a bank"
 _LAW: Final = 5e-3
 """Difference of the bank's distribution from that of a threshold, relative to its standard
 deviation: of the skew 4e-3, and of the variance of counts 1e-3, as the tests measure."""
@@ -48,7 +49,6 @@ def with_own_draws(effects: Sequence[Effect], setting: CameraSetting) -> tuple[E
         replace(effect, cost=bank_cost) if effect.group == _GROUP else effect for effect in effects
     )
     own = Effect(
-        OWN_DRAWS, "quantiles of one random word for each spike", Stream.SHOT_NOISE, _bound,
-        noise_cost, "tile", _GROUP,
+        OWN_DRAWS, SOURCE, Stream.SHOT_NOISE, _bound, noise_cost, "tile", _GROUP
     )  # fmt: skip
     return (*cheaper, own)

@@ -20,6 +20,7 @@ from cosim.report.png import for_display, to_linear_bytes
 from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.report import write_report
 from sensor import EFFECTS
+from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 
 VOID = {"meta", "img", "br"}
 
@@ -160,10 +161,11 @@ def test_every_effect_of_the_camera_is_in_the_table_with_its_share(page, step_ru
         r"<tr><td>([^<]*)</td><td>([\d.]+%)</td>" + r"<td>([^<]*)</td>" * 5 + "</tr>", page.source
     )
     kept = {row[0]: row[1] for row in rows}
-    assert set(kept) == set(EFFECTS)
+    sources = {name: effect.source for name, effect in EFFECTS.items()} | {OWN_DRAWS: SOURCE}
+    assert set(kept) == set(sources)
     out = {row["effect"] for row in step_run.result.left_out}
     assert {name for name, share in kept.items() if share != "100%"} == out
-    assert [row[6] for row in rows] == [EFFECTS[row[0]].source for row in rows]
+    assert [row[6] for row in rows] == [sources[row[0]] for row in rows]
     assert "Nothing was left out" not in page.source and "not measured yet" not in page.source
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot, table
 from scenarios.assemble.camera.judged import LatchedRun
+from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 
 __all__ = ["error_card", "full_physics_card", "left_out_card", "plan_section"]
 
@@ -52,7 +53,7 @@ def left_out_card(run: LatchedRun) -> tuple[str, str]:
 def _rows(run: LatchedRun) -> list[list[str]]:
     display = run.plan.full_display
     effects = [*run.setting.acting_effects, *(() if display is None else display.acting_effects)]
-    sources = {effect.name: effect.source for effect in effects}
+    sources = {OWN_DRAWS: SOURCE} | {effect.name: effect.source for effect in effects}
     measured = {row["effect"]: row["measured"] for row in run.result.left_out}
     reinstated = {finding.effect for finding in run.reinstated}
     rows = []
@@ -63,6 +64,8 @@ def _rows(run: LatchedRun) -> list[list[str]]:
             check = f"at most {limit:.2g}"
         elif row.effect in reinstated:
             check = "reinstated"
+        elif row.effect == OWN_DRAWS:
+            check = "" if row.kept == 1 else "by its statistics: patches keep it"
         else:
             check = "" if row.kept == 1 else "no patch leaves it out"
         rows.append([
