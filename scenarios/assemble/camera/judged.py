@@ -12,6 +12,7 @@ from cosim.light.source import Source
 from cosim.run.machine import Finding, Run
 from cosim.run.result import Result
 from display.chain.outcome import DisplayOutcome
+from scenarios.assemble.camera.bank_check import BankChange
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.show.filmer import Filmer
@@ -37,6 +38,7 @@ class LatchedRun:
         display: outcome of the display, None without one.
         mosaic: filter array on the pixels; None for none.
         filmer: camera that has filmed the display; None for none.
+        bank: what thresholds from the bank change; None where that was not measured.
     """
 
     run: Run
@@ -53,6 +55,7 @@ class LatchedRun:
     display: DisplayOutcome | None
     mosaic: Mosaic | None = None
     filmer: Filmer | None = None
+    bank: BankChange | None = None
 
     @property
     def folder(self) -> Path:

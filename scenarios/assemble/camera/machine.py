@@ -316,6 +316,7 @@ class LatchedMachine:
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
             self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
             images.display, setup.mosaic, self.filmer,
+            None if self.verifier is None else self.verifier.bank(),
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:

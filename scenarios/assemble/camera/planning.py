@@ -137,11 +137,8 @@ class RunPlan:
         Draws of the bank belong to cycles: an effect that is left out moves spikes into other
         cycles, and with them to other draws, which would count as an error.
         """
-        flags = None
-        if self.flags is not None:
-            rows = plane.row.reshape(len(plane.tiles), -1)
-            columns = np.array(plane.tiles) % self.survey.grid.shape[1]
-            flags = self.flags[rows, columns[:, None]].reshape(-1, 1) & np.uint8(~BANK & 255)
+        flags = self._flags_on(plane)
+        flags = None if flags is None else flags & np.uint8(~BANK & 255)
         camera = PatchCamera(
             self.setting, plane, self.tier, device if self.tier == "fast" else None, flags
         )
@@ -149,6 +146,34 @@ class RunPlan:
         if not fine.any():
             return camera
         return MixedPatches(camera, self.full.lumped, plane, fine)
+
+    def banked(self, plane: PatchPlane) -> npt.NDArray[np.bool_]:
+        """Which patches take their thresholds from the bank, (patches,)."""
+        flags = self._flags_on(plane)
+        if flags is None:
+            return np.zeros(len(plane.tiles), bool)
+        return np.asarray((flags & np.uint8(BANK)).reshape(len(plane.tiles), -1).any(axis=1))
+
+    def bank_on_patches(
+        self, plane: PatchPlane, device: Device | None
+    ) -> tuple[TrialCamera, TrialCamera]:
+        """The planned camera on patches with thresholds from the bank, and the same without noise
+        of the thresholds."""
+        flags = self._flags_on(plane)
+        assert flags is not None  # the fast tier
+        quiet = flags & np.uint8(~(BANK | NOISE) & 255)
+        bank, noiseless = (
+            PatchCamera(self.setting, plane, self.tier, device, each) for each in (flags, quiet)
+        )
+        return bank, noiseless
+
+    def _flags_on(self, plane: PatchPlane) -> npt.NDArray[np.uint8] | None:
+        """Flags of the groups of patches, (rows, 1); None for the exact tier."""
+        if self.flags is None:
+            return None
+        rows = plane.row.reshape(len(plane.tiles), -1)
+        columns = np.array(plane.tiles) % self.survey.grid.shape[1]
+        return self.flags[rows, columns[:, None]].reshape(-1, 1)
 
 
 def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
-from cosim.plan.paired import Measured, Span, Values, Words, compare, worst
+from cosim.plan.paired import Measured, Span, TrialCamera, Values, Words, compare, worst
 from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import ESTIMATE_WEIGHT, accepted_error
 from cosim.plan.tiles import TILE
@@ -31,6 +31,7 @@ from display.trial.paired import (
     TrialDisplay,
     partial_displays,
 )
+from scenarios.assemble.camera.bank_check import BankChange, bank_change
 from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan
 from scenarios.assemble.camera.samples import TileSamples
 from sensor import CameraSetting
@@ -83,10 +84,10 @@ class Verifier(DisplayTrial):
         plane = PatchPlane(run.survey.grid, sorted(tiles))
         absent = [name for name in plan.left_out if not plan.kept[name][plane.tiles].all()]
         self._partial = {} if display is None else partial_displays(display, absent)
-        # The patches have draws of their own; the tests of the bank hold its distribution.
-        unmeasured = {OWN_DRAWS, *self._partial}
-        self._left_out = [name for name in absent if name not in unmeasured]
-        cameras = {
+        # The patches of "run" have draws of their own: see `RunPlan.on_patches`.
+        other = {OWN_DRAWS, *self._partial}
+        self._left_out = [name for name in absent if name not in other]
+        cameras: dict[str, TrialCamera] = {
             "reference": PatchCamera(full, plane, "reference"),
             "run": run.on_patches(plane, device),
         }
@@ -94,6 +95,9 @@ class Verifier(DisplayTrial):
             cameras["all"] = PatchCamera(full, plane, "exact")
         for name in self._left_out:
             cameras[f"without {name}"] = PatchCamera(full.without([name]), plane, "exact")
+        self._banked = run.banked(plane)
+        if self._banked.any():
+            cameras["bank"], cameras["noiseless"] = run.bank_on_patches(plane, device)
         self._display, patches = display, None
         if display is not None:
             displays = {TRUTH: ("reference", display.full), "run": ("run", display.run)}
@@ -164,7 +168,29 @@ class Verifier(DisplayTrial):
 
     def broken(self) -> list[Finding]:
         """Exceeded bounds over the whole run."""
-        return self._broken(self.spans) + self._broken_by_display()
+        return self._broken(self.spans) + self._broken_by_display() + self._broken_by_bank()
+
+    def bank(self) -> BankChange | None:
+        """What thresholds from the bank change on the patches that have them, over the windows of
+        the run; None if fewer than two have them."""
+        if np.count_nonzero(self._banked) < 2:
+            return None
+        bank, own, noiseless = (
+            self.rates(name)[:, self._banked] for name in ("bank", "run", "noiseless")
+        )
+        return bank_change(bank, own, noiseless, self._floor)
+
+    def _broken_by_bank(self) -> list[Finding]:
+        """The finding if the bank certainly changes the rates by more than its bound."""
+        change = self.bank()
+        if change is None:
+            return []
+        tiles = np.array(self.plane.tiles)[self._banked]
+        promised = np.broadcast_to(self._plan.promise[OWN_DRAWS], len(self._fine))[tiles]
+        most = float(promised.max())
+        if change.least <= most:
+            return []
+        return [_finding(OWN_DRAWS, most, change.least, int(tiles[np.argmax(promised)]))]
 
     def patches_error(self) -> Measured:
         """The error of the patches against the reference: of the radiance that the observer of the
@@ -242,9 +268,10 @@ class Verifier(DisplayTrial):
 
     def measured(self) -> dict[str, float]:
         """Upper limit of the change without each effect that is left out, over the patches that
-        leave it out."""
-        tiles = np.array(self.plane.tiles)
-        return {
+        leave it out. Of the bank, whose draws are not paired with others, the lower limit."""
+        tiles, change = np.array(self.plane.tiles), self.bank()
+        bank = {} if change is None else {OWN_DRAWS: change.least}
+        return bank | {
             name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
             for name in self._left_out
         } | {name: float(high.max()) for name, high in self._display_changes().items()}
@@ -257,8 +284,8 @@ class Verifier(DisplayTrial):
         if tolerance == 0:
             return []
         if error.high <= tolerance:
-            return self._broken_in_samples(tier)
-        measured = self.measured()
+            return self._broken_by_bank() or self._broken_in_samples(tier)
+        measured = {name: high for name, high in self.measured().items() if name != OWN_DRAWS}
         # Effects that no patch leaves out are not measured; all of them are reinstated then.
         names = (
             [max(measured, key=lambda n: measured[n])]

@@ -14,6 +14,7 @@ does not depend on how a run is split, and any cycle can be reached in closed fo
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
@@ -33,6 +34,7 @@ __all__ = [
     "SIZE",
     "STEPS",
     "Bank",
+    "bank_distance",
     "bank_of",
     "group_keys",
     "groups_of",
@@ -98,18 +100,42 @@ def _side(table: Charge) -> tuple[Values, Values]:
     return np.asarray(first), np.asarray(second)
 
 
-def _quantiles(table: Charge) -> Values:
-    """Thresholds of the shares in ascending order, (SIZE,), in the unit of the table; with the mean
-    and the variance of the distribution."""
+@dataclass(frozen=True, eq=False)
+class _Shares:
+    """Equal shares of a distribution, in the unit of its table; differences from its median.
+
+    Attributes:
+        centre: the median.
+        means: (SIZE,) ascending, mean of each share.
+        square: mean of the squares.
+    """
+
+    centre: float
+    means: Values
+    square: float
+
+    @property
+    def stretched(self) -> Values:
+        """The means, stretched about the mean of all to the variance of the distribution."""
+        mean, variance = self.means.mean(), self.means.var()
+        stretch = math.sqrt((self.square - mean * mean) / variance) if variance > 0 else 1.0
+        return np.asarray(mean + (self.means - mean) * stretch)
+
+    @property
+    def distance(self) -> float:
+        """RMS difference of a threshold from the stretched mean of its share."""
+        bank = self.stretched
+        return math.sqrt(self.square - 2 * (bank * self.means).mean() + (bank * bank).mean())
+
+
+def _shares(table: Charge) -> _Shares:
+    """The shares of the thresholds of a table of quantiles."""
     sides = table.reshape(2, KNOTS)
-    centre = float(sides[0, -1])  # the median: differences from it keep their digits
+    centre = float(sides[0, -1])  # differences from the median keep their digits
     parts = [_side(side - np.int64(centre)) for side in sides]
     width = 2.0**32 / SIZE
-    first = np.concatenate([parts[0][0], parts[1][0][::-1]]) / width
-    second = (parts[0][1].sum() + parts[1][1].sum()) / 2.0**32
-    mean = first.mean()
-    stretch = np.sqrt((second - mean * mean) / first.var()) if first.var() > 0 else 1.0
-    return np.asarray(centre + mean + (first - mean) * stretch)
+    means = np.concatenate([parts[0][0], parts[1][0][::-1]]) / width
+    return _Shares(centre, means, float((parts[0][1].sum() + parts[1][1].sum()) / 2.0**32))
 
 
 def _rounded(values: Values) -> npt.NDArray[np.int64]:
@@ -184,15 +210,32 @@ def bank_of(model: ExactModel, bits: int) -> Bank:
             f"thresholds of a bank must spread by 0 to {WIDEST:g}, not those of "
             f"{model.threshold:g} e with noise of {model.threshold_noise:g} e"
         )
+    return _bank(_plain(model), bits)
+
+
+def bank_distance(model: ExactModel) -> float:
+    """RMS difference of a threshold from the entry of the bank in whose share of the distribution
+    it lies, relative to the mean threshold. A bank of thresholds and independent draws that are
+    paired in this way differ by no more."""
+    return _distance(_plain(model))
+
+
+def _plain(model: ExactModel) -> ExactModel:
+    """A model without what does not change its thresholds."""
     noise = tuple(effect for effect in model.effects if effect.stream is Stream.SHOT_NOISE)
-    plain = replace(model, seed=0, effects=noise, reset="residual", dead_time=0.0, transfers=())
-    return _bank(plain, bits)
+    return replace(model, seed=0, effects=noise, reset="residual", dead_time=0.0, transfers=())
+
+
+@lru_cache(maxsize=32)
+def _distance(model: ExactModel) -> float:
+    shares = _shares(model.table())
+    return shares.distance / (shares.centre + float(shares.means.mean()))
 
 
 @lru_cache(maxsize=32)
 def _bank(model: ExactModel, bits: int) -> Bank:
-    """The bank of a model without what does not change its thresholds."""
-    ascending = _rounded(_quantiles(model.table()) * (2.0**bits / model.q))
+    shares = _shares(model.table())
+    ascending = _rounded((shares.centre + shares.stretched) * (2.0**bits / model.q))
     values = _order(ascending).astype(np.int32)
     values = np.append(values, values[:LANES])
     values.setflags(write=False)

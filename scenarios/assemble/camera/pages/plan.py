@@ -56,16 +56,19 @@ def _rows(run: LatchedRun) -> list[list[str]]:
     sources = {OWN_DRAWS: SOURCE} | {effect.name: effect.source for effect in effects}
     measured = {row["effect"]: row["measured"] for row in run.result.left_out}
     reinstated = {finding.effect for finding in run.reinstated}
-    rows = []
+    bank, rows = run.bank, []
     for row in run.plan.plan.rows:
         share = f"{row.kept:.1%}" if row.kept not in (0.0, 1.0) else f"{row.kept:.0%}"
         limit = measured.get(row.effect)
-        if limit is not None:
+        if row.effect == OWN_DRAWS and bank is not None:
+            check = (
+                f"rate {bank.rate:+.1g} +- {bank.rate_width:.1g}, "
+                f"noise {bank.noise:+.1g} +- {bank.noise_width:.1g}"
+            )
+        elif limit is not None:
             check = f"at most {limit:.2g}"
         elif row.effect in reinstated:
             check = "reinstated"
-        elif row.effect == OWN_DRAWS:
-            check = "" if row.kept == 1 else "by its statistics: patches keep it"
         else:
             check = "" if row.kept == 1 else "no patch leaves it out"
         rows.append([
