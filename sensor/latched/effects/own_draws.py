@@ -5,7 +5,8 @@ distribution. Independent thresholds can be drawn by first drawing the entry of 
 threshold within its share. Two pixels with such pairs of thresholds differ by what the bank leaves
 out of the distribution: `bank_distance`, .006 of its standard deviation, for each interval. The
 bound is the error of a window that lacks a noise of this size. Correlations between the draws of
-neighbours are below 1e-5 and are neglected.
+neighbours are below 1e-5 and are neglected. To this is added the rounding of light that grows by a
+whole number of units a cycle.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Final
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
+from cosim.spikes.viform import WORD
 from sensor.latched.effects.costs import bank_cost, noise_cost
 from sensor.latched.effects.windows import noise_error
 from sensor.latched.setting import CameraSetting
@@ -26,6 +28,9 @@ OWN_DRAWS: Final = "a draw for each spike"
 """Name in plans and reports."""
 SOURCE: Final = "quantiles of one random word for each spike; without it, those of a bank"
 _GROUP: Final = "noise"
+_GROWTH: Final = 0.5 * (WORD - 1) / 2
+"""Mean error of the light of a ramp, units: half a unit of its growth adds up over the cycles of a
+word."""
 
 
 def with_own_draws(effects: Sequence[Effect], setting: CameraSetting) -> tuple[Effect, ...]:
@@ -35,14 +40,16 @@ def with_own_draws(effects: Sequence[Effect], setting: CameraSetting) -> tuple[E
     Where registers are written or thresholds spread too widely there is no bank, and the effects
     are returned as they are.
     """
+    from sensor.latched.fast.units import units_of
     from sensor.latched.pixel.bank import bank_distance, has_bank
 
     if setting.writes or not has_bank(setting.model):
         return tuple(effects)
     distance = bank_distance(setting.model)
+    growth = _GROWTH * 2.0 ** -units_of(setting.model).bits * setting.threshold
 
     def bound(scene: Summary) -> Bound:
-        return Bound(noise_error(scene, distance), "estimate")
+        return Bound(noise_error(scene, distance) + scene.relative(growth), "estimate")
 
     cheaper = tuple(
         replace(effect, cost=bank_cost) if effect.group == _GROUP else effect for effect in effects

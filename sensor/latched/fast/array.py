@@ -107,6 +107,11 @@ class PixelArray:
         return bool((self.group_flags & BANK).any())
 
     @cached_property
+    def _ramps(self) -> bool:
+        """Whether any group adds light in whole steps: those without flags and with the bank."""
+        return self.banked or bool((self.group_flags == 0).any())
+
+    @cached_property
     def units(self) -> Units:
         """Units of charge, and the table of thresholds in them."""
         return units_of(self.model)
@@ -190,7 +195,7 @@ class PixelArray:
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
         return course_of(
-            light, self.clock, self.row_offsets, start, cycles, self._most, anchored=self.banked
+            light, self.clock, self.row_offsets, start, cycles, self._most, anchored=self._ramps
         )
 
     def timed_course(self, light: Light, start: int, cycles: int) -> Course | None:

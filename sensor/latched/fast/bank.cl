@@ -5,8 +5,6 @@
 //   RESET_HARD, RESET_SUBTRACT   reset rules other than `residual`: at most one threshold a cycle
 // A work-item steps several groups at a time, to hide the latency of each.
 
-#define GROUPS 4
-#define EACH _Pragma("unroll") for (uint i = 0; i < GROUPS; i++)
 #define TOP_BIT 0x80000000u
 
 #define BANK_PARAMETERS                                                                           \
@@ -14,19 +12,6 @@
         __global const int *bank, __global const uint *steps, const uint seed,                    \
         const uint start, const float dead, const int one, const int shortest, const int over
 
-// To the nearest integer, of two the even one. PoCL maps only truncation to an instruction.
-#if defined(__AVX512F__) && __has_builtin(__builtin_ia32_cvtps2dq512_mask)
-typedef float plain_floats __attribute__((vector_size(64)));
-inline int16 rounded(const float16 x)
-{
-    const union { float16 v; plain_floats p; } in = {x};
-    either16 out = {(int16)(0)};
-    out.p = (plain16)__builtin_ia32_cvtps2dq512_mask(in.p, out.p, -1, 4);
-    return out.v;
-}
-#else
-#define rounded(x) convert_int16_rte(x)
-#endif
 #define WHOLE(rate) rounded(held(rate, LIMIT) * SCALE)
 
 inline uint scrambled(uint word)
@@ -203,14 +188,6 @@ inline void store_part(const uint16 word, const uint begun, const uint c, __glob
         word[i] = again[i] = 0;                                                                   \
     }
 
-#ifdef PATTERN
-#define GAINS_OF(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
-#define LIGHT_OF(plane, row, x) held(lit(seen(plane, row, x, width) * gain + dark), brightest)
-#else
-#define GAINS_OF(g)
-#define LIGHT_OF(plane, row, x) held(seen(plane, row, x, width) * gain, brightest)
-#endif
-
 #define STEADY_LIGHT(i) const uint16 add = adds[i], lost = losts[i];
 __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 {
@@ -282,20 +259,8 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 
 __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
-    const uint row = y0 + get_global_id(1), left = 16 * (g0 + GROUPS * get_global_id(0));
-    uint g[GROUPS], x[GROUPS], c = segments[0];
-    int mine[GROUPS], any = 0;
-    EACH
-    {
-        x[i] = min(left + 16 * i, 16 * (g1 - 1)); // the last group stands for those beyond it
-        g[i] = row * groups + x[i] / 16;
-        mine[i] = left + 16 * i < 16 * g1 && flags[g[i]] == FLAGS;
-        any |= mine[i];
-    }
-    if (!any)
-        return;
-    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,
-                                            a8, a9, a10, a11, a12, a13, a14, a15};
+    MOVING_GROUPS
+    uint c = segments[0];
     // Light of each plane in units; all are loaded at once, to overlap memory latency.
     float16 levels[GROUPS][PLANES];
     int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP
@@ -330,7 +295,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;
         const uint first = segment[3], final = segment[others ? 5 : 3];
         __global const float *weight = weights + segment[2] + at_row * others;
-        __global const float *anchor = weights + segment[5 + PLANES] + 2 * at_row;
+        __global const float *anchor = weights + segment[5 + PLANES] + 3 * at_row;
         const float grows = as_float(segment[6 + PLANES]);
         const int way = max(ways[first], ways[final]);
         EACH AHEAD(planes[final] + (size_t)row * width + x[i] + 16 * AWAY * GROUPS)
@@ -356,7 +321,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
                 LOOP(ANY_LIGHT, ANY)
             }
             if (!((start + c) & 31))
-                anchor += 2 * rows;
+                anchor += 3 * rows;
             NEXT_WORDS(row, x[i])
         }
     }

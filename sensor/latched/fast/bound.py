@@ -5,7 +5,9 @@ accumulated charge, G rises linearly from k to k + 1 between the charges of spik
 a slope of 1 / threshold. If all these charges, and the accumulated charge, have an error of at most
 E, then G has an error of at most E / (shortest threshold). E grows with
 
-    each cycle   by half a unit (rounding of the increment) and the float32 rounding of its light,
+    each cycle   by half a unit (rounding of the increment) and the float32 rounding of its light;
+                 in a ramp without noise and dead time also by the rounding of its growth, which
+                 adds up over the cycles since the anchor,
     each spike   by the error of the threshold, and with dead time by that of the lost light. If a
                  spike falls on the edge of a cycle in one tier and beyond it in the other, the
                  light of another cycle is lost.
@@ -27,6 +29,7 @@ import math
 from typing import Final
 
 from cosim.plan.effects import Bound
+from cosim.spikes.viform import WORD
 from sensor.latched.fast.units import units_of
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel
@@ -37,6 +40,9 @@ _ROUNDINGS: Final = 10 * 2.0**-24
 """Rounding of a cycle's light in float32, relative to the brightest level: gain, dark charge, their
 product and sum, difference of levels, weight, product, sum, conversion to units, and the half that
 is added."""
+_GROWTH: Final = 2 * (WORD - 1) / 2 * 2.0**-32
+"""Mean error of a ramp without noise, thresholds: its growth is cut to an even number of units, and
+the error adds up over the cycles of a word."""
 
 
 def rate_bound(
@@ -64,11 +70,11 @@ def rate_bound(
         The bound; infinite where there is none.
     """
     units = units_of(model)
-    unit = 2.0**-units.bits
+    unit, ramp = 2.0**-units.bits, 0.0
     error, shortest, dead = units.error * unit, units.shortest * unit, model.dead / 65536
     low, high = dimmest / model.mean, brightest / model.mean
     if not model.noisy and not model.dead:
-        unit = 2.0**-32
+        unit, ramp = 2.0**-32, _GROWTH
     rate = low / (1 + low * dead)
     scale = window * max(min(rate, 1.0), floor)
     top = units.top * 2.0**-units.bits
@@ -79,7 +85,7 @@ def rate_bound(
         return Bound(math.inf, "proof")
     run = window if cycles is None else cycles
     # The exact tier rounds as well: the slope in every cycle, and the light lost in dead time.
-    a_cycle = unit / 2 + _ROUNDINGS * high + run / (ONE * model.mean)
+    a_cycle = unit / 2 + ramp + _ROUNDINGS * high + run / (ONE * model.mean)
     lost = unit + _ROUNDINGS * high + 2.0**-24 / model.mean
     a_spike = error + dead * (lost + high - low)
 

@@ -7,7 +7,8 @@ linear pieces over the cycle. Weights depend on the cycle and the row only, so e
 same numbers however a run is split. Where the light is constant all planes are equal, and the sum
 is the base to the last bit; so pixels outside the changed boxes need no weights.
 
-Kernels that step from cycle to cycle add a whole number to the light instead of weighing planes.
+Most kernels that step from cycle to cycle add a whole number to the light instead of weighing
+planes.
 They start from an anchor: the first cycle of a piece, or of each 32 cycles of the clock in it.
 """
 
@@ -43,8 +44,9 @@ class Segment:
         base: (H, W) float32, light of weight 0.
         planes: (H, W) float32 each.
         weights: (cycles, rows of the box or 1, planes) float32.
-        anchors: (words, rows of the box or 1, 2) float32, weight at the anchor of each 32 cycles of
-            the clock, and the anchor, in cycles from the start of the call; None for no ramp.
+        anchors: (words, rows of the box or 1, 3) float32, weight at the anchor of each 32 cycles of
+            the clock; the anchor, in cycles from the start of the call; and the number of cycles
+            for which it holds, which may lie outside the call. None for no ramp.
         slope: change of the weight in a cycle.
     """
 
@@ -103,10 +105,12 @@ def _within(
 
 
 def _anchors(
-    piece: Piece, clock: Clock, c: int, until: int, start: int, rows: npt.NDArray[np.int64]
-) -> Weights:
+    piece: Piece, clock: Clock, c: int, until: int, start: int, rows: npt.NDArray[np.int64],
+    end: int,
+) -> Weights:  # fmt: skip
     """Anchors of cycles c to `until`, which lie within a piece; see `Segment`. They depend on the
-    piece, the cycle and the row only."""
+    piece, the cycle and the row only. end: cycle after the last that lies within the piece in all
+    rows."""
     begins = []
     for offset in rows.tolist():
         first = max(piece.start - offset, 0)
@@ -114,7 +118,9 @@ def _anchors(
         begins.append(cycle + (clock.edge(cycle) < first))
     words = np.arange(c // WORD, (until - 1) // WORD + 1, dtype=np.int64)[:, None]
     cycles = np.maximum(words * WORD, np.array(begins, np.int64))
-    return np.stack([_within(piece, clock, cycles, rows), cycles - start], -1).astype(np.float32)
+    reach = np.minimum((words + 1) * WORD, end) - cycles
+    weights = _within(piece, clock, cycles, rows)
+    return np.stack([weights, cycles - start, reach], -1).astype(np.float32)
 
 
 def _meeting(
@@ -233,7 +239,8 @@ def course_of(
         n = bisect_right(stops, begin)
         piece = met[n]
         if begin >= piece.start and end <= piece.stop:
-            until = min(clock.cycle_at(piece.stop - latest), stop)
+            last = clock.cycle_at(piece.stop - latest)
+            until = min(last, stop)
             low, high = ends[c - start : until - start], ends[c - start + 1 : until - start + 1]
             planes: tuple[Plane, ...] = ()
             columns = []
@@ -249,7 +256,7 @@ def course_of(
             weights = np.stack(columns, axis=-1) if columns else np.zeros((*low.shape, 0))
             ramp, slope = None, 0.0
             if anchored and not piece.constant and dark is None:
-                ramp = _anchors(piece, clock, c, until, start, rows)
+                ramp = _anchors(piece, clock, c, until, start, rows, last)
                 slope = PS * clock.den / clock.num / (piece.stop - piece.start)
             segments.append(
                 Segment(

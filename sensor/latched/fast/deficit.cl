@@ -106,14 +106,74 @@
     }
 #endif
 
+// The group of this work-item in the changed box. Returns if it has other flags.
+#define MOVING_GROUP                                                                              \
+    const uint row = y0 + get_global_id(1), x = 16 * (g0 + get_global_id(0));                     \
+    const uint g = row * groups + x / 16;                                                         \
+    if (x >= 16 * g1 || flags[g] != FLAGS)                                                        \
+        return;                                                                                   \
+    GAINS(g)                                                                                      \
+    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
+                                            a8, a9, a10, a11, a12, a13, a14, a15};                \
+    float16 levels[PLANES]; /* loaded at once, to overlap memory latency */                       \
+    for (uint p = 0; p < n_planes; p++)                                                           \
+        levels[p] = LEVEL(planes[p]);
+
+// Most that a plane of this step adds to the base. Weights are 0 to 1, and -1 to 1 with noise of the
+// sampling instants.
+#if FLAGS & TIMING_FLAG
+#define UPWARDS(step) fabs(step)
+#else
+#define UPWARDS(step) (step > 0.0f ? step : (float16)(0.0f))
+#endif
+
 __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
     MOVING_GROUP
     STATE
     QUEUE
-    WALK(const int16 add = convert_int16(units + 0.5f); const int16 lost = LOST(add);
-         CYCLE(add, lost),
-         const int16 add = units_of(rate, one); const int16 lost = LOST(add); ANY_CYCLE(add, lost))
+    uint c = segments[0];
+    uint16 bits = 0;
+    if (c & 31)
+        bits = load_word(words + (c >> 5) * stride, row, x, width);
+    for (uint s = 0; s < n_segments; s++) {
+        __global const int *segment = segments + s * SEGMENT;
+        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;
+        const float16 base = levels[segment[3]];
+        float16 step = 0.0f;
+        if (others)
+            step = levels[segment[5]] - base;
+        __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others;
+        // Light below LIMIT, from at most two planes.
+        const float16 room = LIMIT - base - UPWARDS(step);
+        const int simple = LINEAR && others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));
+        const float16 base_units = base * SCALE, step_units = step * SCALE;
+        while (c < end) {
+            const uint stop = min(end, (c | 31) + 1);
+            if (simple)
+                for (; c < stop; c++, weight += jump) {
+                    const uint bit = 1u << (c & 31);
+                    const int16 add = convert_int16(base_units + weight[0] * step_units + 0.5f);
+                    const int16 lost = LOST(add);
+                    CYCLE(add, lost)
+                }
+            else
+                for (; c < stop; c++, weight += jump) {
+                    const uint bit = 1u << (c & 31);
+                    float16 rate = base;
+                    for (uint j = 0; j < others; j++)
+                        rate = rate + weight[j] * (levels[segment[5 + j]] - base);
+                    const int16 add = units_of(TRANSFERRED(lit(rate)), one), lost = LOST(add);
+                    ANY_CYCLE(add, lost)
+                }
+            if (!(c & 31)) {
+                store_word(bits, words + ((c >> 5) - 1) * stride, row, x, width);
+                bits = 0;
+            }
+        }
+    }
+    if (c & 31)
+        store_word(bits, words + (c >> 5) * stride, row, x, width);
     KEEP_STATE
 }
 

@@ -98,9 +98,31 @@ inline int some(const int16 v)
 }
 #endif
 
+// To the nearest integer, of two the even one. PoCL maps only truncation to an instruction.
+#if defined(__AVX512F__) && __has_builtin(__builtin_ia32_cvtps2dq512_mask)
+typedef float plain_floats __attribute__((vector_size(64)));
+inline int16 rounded(const float16 x)
+{
+    const union { float16 v; plain_floats p; } in = {x};
+    either16 out = {(int16)(0)};
+    out.p = (plain16)__builtin_ia32_cvtps2dq512_mask(in.p, out.p, -1, 4);
+    return out.v;
+}
+#else
+#define rounded(x) convert_int16_rte(x)
+#endif
+
+#ifdef PATTERN
+#define GAINS_OF(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
+#define LIGHT_OF(plane, row, x) held(lit(seen(plane, row, x, width) * gain + dark), brightest)
+#else
+#define GAINS_OF(g)
+#define LIGHT_OF(plane, row, x) held(seen(plane, row, x, width) * gain, brightest)
+#endif
+
 // A segment of the course of light (course.py): first cycle within the call, number of cycles, index
-// of its first weight, base plane, number of other planes, these planes, index of its first anchor,
-// and the change of the weight in a cycle (float).
+// of its first weight, base plane, number of other planes, these planes, index of its first anchor
+// or 0, and the change of the weight in a cycle (float).
 #define SEGMENT (7 + PLANES)
 #define PLANE_PARAMETERS                                                                          \
     __global const float *a0, __global const float *a1, __global const float *a2,                 \
@@ -109,62 +131,6 @@ inline int some(const int16 v)
         __global const float *a9, __global const float *a10, __global const float *a11,           \
         __global const float *a12, __global const float *a13, __global const float *a14,          \
         __global const float *a15
-
-// Most that a plane of this step adds to the base. Weights are 0 to 1, and -1 to 1 with noise of the
-// sampling instants.
-#if FLAGS & TIMING_FLAG
-#define UPWARDS(step) fabs(step)
-#else
-#define UPWARDS(step) (step > 0.0f ? step : (float16)(0.0f))
-#endif
-
-// Runs the segments. EASY is executed for a cycle whose light is below LIMIT thresholds and comes from
-// at most two planes; `units` is its light times SCALE. ANY is executed for all other cycles; `rate` is
-// the light in thresholds. Both add spikes to `bits` at `bit`.
-#define WALK(EASY, ANY)                                                                           \
-    uint c = segments[0];                                                                         \
-    uint16 bits = 0;                                                                              \
-    if (c & 31)                                                                                   \
-        bits = load_word(words + (c >> 5) * stride, row, x, width);                               \
-    for (uint s = 0; s < n_segments; s++) {                                                       \
-        __global const int *segment = segments + s * SEGMENT;                                     \
-        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;      \
-        const float16 base = levels[segment[3]];                                           \
-        float16 step = 0.0f;                                                                      \
-        if (others)                                                                               \
-            step = levels[segment[5]] - base;                                              \
-        __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others; \
-        const float16 room = LIMIT - base - UPWARDS(step);                                        \
-        const int easy = LINEAR && others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));       \
-        const float16 base_units = base * SCALE, step_units = step * SCALE;                       \
-        while (c < end) {                                                                         \
-            const uint stop = min(end, (c | 31) + 1);                                             \
-            if (easy)                                                                             \
-                for (; c < stop; c++, weight += jump) {                                           \
-                    const uint bit = 1u << (c & 31);                                              \
-                    const float16 units = base_units + weight[0] * step_units;                    \
-                    EASY                                                                          \
-                }                                                                                 \
-            else                                                                                  \
-                for (; c < stop; c++, weight += jump) {                                           \
-                    const uint bit = 1u << (c & 31);                                              \
-                    float16 rate = base;                                                          \
-                    if (others)                                                                   \
-                        rate = rate + weight[0] * step;                                           \
-                    for (uint j = 1; j < others; j++)                                             \
-                        rate = rate + weight[j] * (levels[segment[5 + j]] - base);         \
-                    rate = rate < 0.0f ? (float16)(0.0f) : rate;                                  \
-                    rate = TRANSFERRED(rate);                                                     \
-                    ANY                                                                           \
-                }                                                                                 \
-            if (!(c & 31)) {                                                                      \
-                store_word(bits, words + ((c >> 5) - 1) * stride, row, x, width);                 \
-                bits = 0;                                                                         \
-            }                                                                                     \
-        }                                                                                         \
-    }                                                                                             \
-    if (c & 31)                                                                                   \
-        store_word(bits, words + (c >> 5) * stride, row, x, width);
 
 #define STEADY_PARAMETERS                                                                         \
     __global const float *plane, __global uint *words, const uint stride, const uint width,       \
@@ -184,15 +150,22 @@ inline int some(const int16 v)
         __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
         const uint width, const uint groups, const float brightest, const uint y0,                \
         const uint g0, const uint g1, const uint n_planes GAIN_PARAMETERS
-// The group of this work-item in the changed box. Returns if it has other flags.
-#define MOVING_GROUP                                                                              \
-    const uint row = y0 + get_global_id(1), x = 16 * (g0 + get_global_id(0));                     \
-    const uint g = row * groups + x / 16;                                                         \
-    if (x >= 16 * g1 || flags[g] != FLAGS)                                                        \
+#define GROUPS 4
+#define EACH _Pragma("unroll") for (uint i = 0; i < GROUPS; i++)
+// Neighbouring groups of a work-item in the changed box, which it steps together to hide the latency
+// of each. Those that are not `mine` lie beyond the box or have other flags, and are not stored.
+#define MOVING_GROUPS                                                                             \
+    const uint row = y0 + get_global_id(1), left = 16 * (g0 + GROUPS * get_global_id(0));         \
+    uint g[GROUPS], x[GROUPS];                                                                    \
+    int mine[GROUPS], any = 0;                                                                    \
+    EACH                                                                                          \
+    {                                                                                             \
+        x[i] = min(left + 16 * i, 16 * (g1 - 1));                                                 \
+        g[i] = row * groups + x[i] / 16;                                                          \
+        mine[i] = left + 16 * i < 16 * g1 && flags[g[i]] == FLAGS;                                \
+        any |= mine[i];                                                                           \
+    }                                                                                             \
+    if (!any)                                                                                     \
         return;                                                                                   \
-    GAINS(g)                                                                                      \
     __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
-                                            a8, a9, a10, a11, a12, a13, a14, a15};                \
-    float16 levels[PLANES]; /* loaded at once, to overlap memory latency */                       \
-    for (uint p = 0; p < n_planes; p++)                                                           \
-        levels[p] = LEVEL(planes[p]);
+                                            a8, a9, a10, a11, a12, a13, a14, a15};

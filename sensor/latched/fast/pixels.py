@@ -216,9 +216,10 @@ class FastPixels:
         for flags in self._lists:
             if flags & TIMING != timing:
                 continue
-            items, local = _items(g1 - g0, flags)
+            items, local = _items(g1 - g0, flags or BANK)
+            first = () if flags else (np.uint32(start % PERIOD),)
             self._kernels[flags][1](
-                device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start),
+                device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start), *first,
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._array.groups[1]), self._array.brightest,

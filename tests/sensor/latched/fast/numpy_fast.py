@@ -24,6 +24,12 @@ _F = np.float32
 Array = npt.NDArray[Any]
 
 
+def _whole_groups(mask: Array) -> Array:
+    """Whether a mask, (rows, columns), is true for all pixels of the group of each pixel."""
+    groups = mask.reshape(len(mask), -1, LANES).all(axis=2)
+    return np.asarray(groups.repeat(LANES, axis=1))
+
+
 class NumpyFast:
     """One cycle at a time over all pixels of an array."""
 
@@ -44,7 +50,7 @@ class NumpyFast:
         gain, dark = array.gains
         return np.minimum(np.maximum(light * gain + dark, _F(0)), array.brightest)
 
-    def _ramp(self, segment: Segment, base: Array, others: list[Array], start: int) -> Any:
+    def _bank_ramp(self, segment: Segment, base: Array, others: list[Array], start: int) -> Any:
         """Units that the cycles of a segment bring to groups that draw from the bank, (cycles,
         rows, columns) int64, and the groups' pixels for which they hold; None if they do not."""
         if len(others) > 1 or (others and segment.anchors is None) or self._array.model.transfers:
@@ -52,22 +58,52 @@ class NumpyFast:
         one = _F(self._array.units.one)
         level, last = base * one, (others or [base])[0] * one
         step = last - level
-        easy = np.maximum(level, last) <= _F(CAP) * _F(1 - 2.0**-20)
-        easy = easy.reshape(len(easy), -1, LANES).all(axis=2).repeat(LANES, axis=1)
+        easy = _whole_groups(np.maximum(level, last) <= _F(CAP) * _F(1 - 2.0**-20))
         slope = np.rint(step * _F(segment.slope)).astype(np.int64)
         ramp = []
-        for c in range(segment.first, segment.first + segment.cycles):
-            weight, since = np.zeros((1, 1), _F), 0
-            if others:
-                word = (start + c) // WORD - (start + segment.first) // WORD
-                weight, since = segment.anchors[word, :, :1], c - segment.anchors[word, :, 1:]
-            anchor = np.rint(level + weight * step).astype(np.int64)
-            ramp.append(anchor + np.asarray(since, np.int64) * slope)
+        for weight, since, _ in self._anchors(segment, bool(others), start):
+            ramp.append(np.rint(level + weight * step).astype(np.int64) + since * slope)
         return ramp, easy
 
+    def _phase_ramp(self, segment: Segment, base: Array, others: list[Array], start: int) -> Any:
+        """The same for groups without flags, in 2^-32 thresholds and without whole thresholds."""
+        if len(others) > 1 or self._array.model.transfers:
+            return None
+        step = (others or [base])[0] - base
+        growth, margin, none = step * _F(segment.slope), _F(2.0**-20), -(2**62)
+        half = np.trunc(growth * _F(2.0**31)).astype(np.int64)
+        ramp = []
+        for weight, since, reach in self._anchors(segment, bool(others), start):
+            first = np.maximum(base + weight * step, _F(0))
+            last = first + (reach - 1).astype(_F) * growth
+            below = np.maximum(first, last) < _F(1) - margin
+            above = np.minimum(first, last) > _F(1) + margin
+            easy = _whole_groups((below | above) & (np.abs(growth) <= _F(0.25)))
+            whole = np.floor(first)
+            begin = ((first - whole) * _F(2.0**32) + _F(0.5)).astype(np.int64)
+            fall = np.where(first < 1, np.maximum(-half, 0) * 2 * (reach - 1), 0)
+            add = (np.maximum(begin, fall) + since * 2 * half) % 2**32
+            ramp.append(np.where(easy, add + np.where(first >= 1, 2**32, 0), none))
+        return ramp, np.ones(base.shape, bool)
+
+    @staticmethod
+    def _anchors(segment: Segment, moves: bool, start: int) -> Iterator[tuple[Array, Array, Array]]:
+        """Weight at the anchor of each cycle, cycles since the anchor and its reach, (rows, 1)."""
+        for n in range(segment.cycles):
+            weight, since, reach = np.zeros((1, 1), _F), np.zeros((1, 1)), np.ones((1, 1))
+            if moves and segment.anchors is None:
+                weight = segment.weights[n]
+            elif moves:
+                c = segment.first + n
+                word = (start + c) // WORD - (start + segment.first) // WORD
+                weight, since, reach = np.split(segment.anchors[word], 3, axis=1)
+                since = c - since
+            yield weight, since.astype(np.int64), reach.astype(np.int64)
+
     def _rates(self, course: Course, start: int, cycles: int) -> Iterator[tuple[Array, Array]]:
-        """Thresholds that each cycle brings, and the units of those pixels whose light is a ramp if
-        they draw from the bank, a large negative number elsewhere."""
+        """Thresholds that each cycle brings; and the units of those pixels whose light is a ramp of
+        whole steps, if they draw from the bank or have no flags, a large negative number
+        elsewhere."""
         steady = self._level(course.steady)
         none = np.full(steady.shape, -(2**62), np.int64)
         if course.box is None:
@@ -77,27 +113,32 @@ class NumpyFast:
         y0, y1, x0, x1 = course.box
         # Whole groups, as in the kernels.
         box = slice(y0, y1), slice(x0 // LANES * LANES, -(-x1 // LANES) * LANES)
+        flags = self._flags[box]
         for segment in course.segments:
             base = self._level(segment.base)[box]
             levels = [self._level(plane)[box] for plane in segment.planes]
             steps = [level - base for level in levels]
-            found = self._ramp(segment, base, levels, start)
+            ramps = [
+                (self._bank_ramp(segment, base, levels, start), (flags & BANK) != 0),
+                (self._phase_ramp(segment, base, levels, start), flags == 0),
+            ]
             for n, weights in enumerate(segment.weights):
                 rate = steady.copy()
                 rate[box] = base
                 for k, step in enumerate(steps):
                     rate[box] += weights[:, k : k + 1] * step
-                ramp = none
-                if found is not None:
-                    ramp = none.copy()
-                    ramp[box] = np.where(found[1], found[0][n], none[box])
+                ramp = none.copy()
+                for found, mine in ramps:
+                    if found is not None:
+                        ramp[box] = np.where(found[1] & mine, found[0][n], ramp[box])
                 yield rate, ramp
 
-    def _phase(self, rate: Array) -> Array:
+    def _phase(self, rate: Array, ramp: Array) -> Array:
         """One cycle of the pixels without any flag."""
-        rate = np.maximum(rate, _F(0))
-        whole = np.floor(rate)
-        add = ((rate - whole) * _F(2.0**32) + _F(0.5)).astype(np.uint64)
+        ramps, rate = ramp > -(2**61), np.maximum(rate, _F(0))
+        whole = np.where(ramps, ramp >> 32, np.floor(rate))
+        add = ((rate - np.floor(rate)) * _F(2.0**32) + _F(0.5)).astype(np.uint64)
+        add = np.where(ramps, (ramp % 2**32).astype(np.uint64), add)
         total = self._charge.view(np.uint32).astype(np.uint64) + add
         mine = self._flags == 0
         self._charge[mine] = total.astype(np.uint32).view(np.int32)[mine]
@@ -185,7 +226,7 @@ class NumpyFast:
                 positive = np.maximum(rate, _F(0))
                 rate = transfer_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
-            fired = self._phase(rate) | self._deficit(rate, ramp, start + c)
+            fired = self._phase(rate, ramp) | self._deficit(rate, ramp, start + c)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
         return np.stack([self._array.trimmed(word) for word in words])
 
