@@ -21,6 +21,7 @@ from sensor.latched.fast.units import (
     DEAD_TIME,
     DEEPEST,
     NOISE,
+    NOTHING,
     RESET,
     TIMING,
     Units,
@@ -210,7 +211,7 @@ class PixelArray:
     @cached_property
     def _dark(self) -> npt.NDArray[np.float32]:
         """A plane in which pixels gather nothing, not even dark current: below 0 it is cut off."""
-        return np.full(self.shape, 0.0 if self.pattern is None else -1e30, np.float32)
+        return np.full(self.shape, 0.0 if self.pattern is None else NOTHING, np.float32)
 
     @cached_property
     def _most(self) -> Any:
@@ -241,9 +242,7 @@ class PixelArray:
                 threshold[mine] = self.drawn(mine, cycles, crossing) / self.units.one
         return threshold
 
-    def drawn(
-        self, mine: npt.NDArray[Any], cycles: Any, crossing: int
-    ) -> npt.NDArray[np.int32]:
+    def drawn(self, mine: npt.NDArray[Any], cycles: Any, crossing: int) -> npt.NDArray[np.int32]:
         """Thresholds that pixels draw from the bank, (n,) units; see `Bank.draw`. mine: the n
         pixels, a mask (H W,) or their places."""
         groups, lanes = (each[mine] for each in self._groups_of)

@@ -8,9 +8,9 @@
 #define TOP_BIT 0x80000000u
 
 #define BANK_PARAMETERS                                                                           \
-    __global uint *charge, __global uint *latest, __global const uint *numbers,                   \
-        __global const int *bank, __global const uint *steps, const uint seed,                    \
-        const uint start, const float dead, const int one, const int shortest, const int over
+    __global uint *charge, __global uint *latest, __global const uint *keys,                      \
+        __global const int *bank, __global const uint *steps, const uint start,                   \
+        const float dead, const int one, const int shortest, const int over
 
 #define WHOLE(rate) rounded(held(rate, LIMIT) * SCALE)
 
@@ -21,7 +21,7 @@ inline uint scrambled(uint word)
     return word ^ (word >> 16);
 }
 
-// States of a group's generator in all cycles of a word; `key` is the hash of the group's number.
+// States of a group's generator in all cycles of a word; `key` is the hash of the group (bank.py).
 // steps: factors and summands that lead there from the first (bank.py).
 inline void generate(uint *states, const uint key, const uint cycle, __global const uint *steps)
 {
@@ -140,7 +140,7 @@ inline int way_of(const float16 most, const int shortest)
     {                                                                                             \
         d[i] = vload16(g[i], charge);                                                             \
         last[i] = vload16(g[i], latest);                                                          \
-        key[i] = scrambled(numbers[(size_t)16 * g[i]] ^ scrambled(seed));                         \
+        key[i] = keys[g[i]];                                                                      \
         generate(states[i], key[i], start + c, steps);                                            \
         word[i] = again[i] = 0;                                                                   \
     }                                                                                             \
@@ -204,6 +204,7 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     }
     if (!any)
         return;
+    CHECK
     uint16 adds[GROUPS], losts[GROUPS];
     int way = 0;
     EACH
@@ -217,6 +218,7 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
         losts[i] = as_uint16(LOST(add));
         way = max(way, way_of(convert_float16(add), shortest));
     }
+    REPORT
     GROUP_STATE
     __global const float *weight = 0; // the light does not change
     const uint jump = 0;
@@ -261,9 +263,10 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
     MOVING_GROUPS
     uint c = segments[0];
+    CHECK
     // Light of each plane in units; all are loaded at once, to overlap memory latency.
     float16 levels[GROUPS][PLANES];
-    int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP
+    float16 brightest_of[PLANES], top = 0.0f;
     for (uint p = 0; p < n_planes; p++) {
         float16 most = 0.0f;
         EACH
@@ -273,7 +276,13 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
             most = most > level ? most : level;
             levels[i][p] = level;
         }
-        ways[p] = way_of(most, shortest);
+        brightest_of[p] = most;
+        top = top > most ? top : most;
+    }
+    int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP
+    const int highest = way_of(top, shortest);
+    for (uint p = 0; p < n_planes; p++) {
+        ways[p] = highest ? way_of(brightest_of[p], shortest) : 0;
         beyond[p] = 0;
         if (ways[p] == 3)
             EACH beyond[p] |= some(as_int16(EASY_CAP - levels[i][p])) << i;
@@ -288,6 +297,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         AHEAD(darks + 16 * (g[i] + AWAY * GROUPS))
 #endif
     }
+    REPORT
     GROUP_STATE
     const uint at_row = rows > 1 ? row - y0 : 0;
     for (uint s = 0; s < n_segments; s++) {

@@ -98,7 +98,7 @@ def _within(
     or one for each row. offsets: of these middles, ps; for all cycles, or for each."""
     origin = clock.cycle_at(piece.start)
     unit = PS * clock.den  # a cycle is unit / clock.num ps; integers are divided only once
-    phase = offsets / float(PS * clock.period)
+    phase = offsets / (unit / clock.num)
     begun = (origin * unit - piece.start * clock.num) / unit + 0.5 + phase
     length = (piece.stop - piece.start) * clock.num / unit
     return np.asarray((begun + (cycles - origin).astype(np.float64)) / length)
@@ -244,7 +244,7 @@ def course_of(
             low, high = ends[c - start : until - start], ends[c - start + 1 : until - start + 1]
             planes: tuple[Plane, ...] = ()
             columns = []
-            longer = (high - low) / float(PS * clock.period)
+            longer = (high - low) / (PS * clock.den / clock.num)
             if not piece.constant:
                 planes = (piece.last,)
                 middle = rows if dark is None else (low + high) / 2

@@ -112,12 +112,14 @@
     const uint g = row * groups + x / 16;                                                         \
     if (x >= 16 * g1 || flags[g] != FLAGS)                                                        \
         return;                                                                                   \
-    GAINS(g)                                                                                      \
+    GAINS_OF(g)                                                                                   \
+    CHECK                                                                                         \
     __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
                                             a8, a9, a10, a11, a12, a13, a14, a15};                \
     float16 levels[PLANES]; /* loaded at once, to overlap memory latency */                       \
     for (uint p = 0; p < n_planes; p++)                                                           \
-        levels[p] = LEVEL(planes[p]);
+        levels[p] = LIGHT_OF(planes[p], row, x);                                                  \
+    REPORT
 
 // Most that a plane of this step adds to the base. Weights are 0 to 1, and -1 to 1 with noise of the
 // sampling instants.
@@ -219,7 +221,8 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     STATE
-    const float16 rate = TRANSFERRED(LEVEL(plane));
+    const float16 rate = TRANSFERRED(LIGHT_OF(plane, row, x));
+    REPORT
     const int16 add = units_of(rate, one), lost = LOST(add);
 #ifdef START
     const int16 sure = 0;

@@ -15,13 +15,25 @@
 
 #ifdef PATTERN
 #define GAIN_PARAMETERS , __global const float *gains, __global const float *darks
-#define GAINS(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
-// A leak may exceed the light.
-#define LEVEL(plane) held(lit(seen(plane, row, x, width) * gain + dark), brightest)
+#define GAINS_OF(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
+// Light of a plane, in thresholds a cycle. A leak may exceed it.
+#define LIGHT_OF(plane, row, x)                                                                   \
+    held(lit(seen(plane, row, x, width, &wrong) * gain + dark), brightest)
 #else
 #define GAIN_PARAMETERS , const float gain
-#define GAINS(g)
-#define LEVEL(plane) held(seen(plane, row, x, width) * gain, brightest)
+#define GAINS_OF(g)
+#define LIGHT_OF(plane, row, x) held(seen(plane, row, x, width, &wrong) * gain, brightest)
+#endif
+
+// Lanes of light that is negative or not a number are collected in `wrong`.
+#define CHECK int16 wrong = 0;
+#define REPORT                                                                                    \
+    if (some(wrong))                                                                              \
+        *fault = 1;
+#if FLAGS & TIMING_FLAG // in the course of noisy instants, a plane may gather nothing
+#define RIGHT(light) ((light) >= 0.0f | (light) == NOTHING)
+#else
+#define RIGHT(light) ((light) >= 0.0f)
 #endif
 
 // Maps of the light of a cycle; a fragment defines `transfer`.
@@ -44,15 +56,21 @@ inline float16 held(const float16 rate, const float most)
 }
 
 // Light on the group; 0 in lanes beyond the end of the row.
-inline float16 seen(__global const float *plane, const uint row, const uint x, const uint width)
+inline float16 seen(__global const float *plane, const uint row, const uint x, const uint width,
+                    int16 *wrong)
 {
     __global const float *at = plane + (size_t)row * width + x;
+    float16 light;
     if (x + 16 <= width)
-        return vload16(0, at);
-    float lanes[16];
-    for (uint i = 0; i < 16; i++)
-        lanes[i] = x + i < width ? at[i] : 0.0f;
-    return vload16(0, lanes);
+        light = vload16(0, at);
+    else {
+        float lanes[16];
+        for (uint i = 0; i < 16; i++)
+            lanes[i] = x + i < width ? at[i] : 0.0f;
+        light = vload16(0, lanes);
+    }
+    *wrong |= ~RIGHT(light);
+    return light;
 }
 
 inline uint16 load_word(__global const uint *words, const uint row, const uint x, const uint width)
@@ -112,14 +130,6 @@ inline int16 rounded(const float16 x)
 #define rounded(x) convert_int16_rte(x)
 #endif
 
-#ifdef PATTERN
-#define GAINS_OF(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
-#define LIGHT_OF(plane, row, x) held(lit(seen(plane, row, x, width) * gain + dark), brightest)
-#else
-#define GAINS_OF(g)
-#define LIGHT_OF(plane, row, x) held(seen(plane, row, x, width) * gain, brightest)
-#endif
-
 // A segment of the course of light (course.py): first cycle within the call, number of cycles, index
 // of its first weight, base plane, number of other planes, these planes, index of its first anchor
 // or 0, and the change of the weight in a cycle (float).
@@ -135,7 +145,8 @@ inline int16 rounded(const float16 x)
 #define STEADY_PARAMETERS                                                                         \
     __global const float *plane, __global uint *words, const uint stride, const uint width,       \
         const uint groups, const float brightest, __global const uint *list, const uint y0,       \
-        const uint y1, const uint g0, const uint g1, const uint cycles GAIN_PARAMETERS
+        const uint y1, const uint g0, const uint g1, const uint cycles, __global int *fault       \
+        GAIN_PARAMETERS
 // The group of this work-item. Returns if it lies in the changed box or is padding of the list.
 #define STEADY_GROUP                                                                              \
     const uint g = list[get_global_id(0)], row = ROW_OF(g), x = X_OF(g);                          \
@@ -143,13 +154,14 @@ inline int16 rounded(const float16 x)
         return;                                                                                   \
     if (row >= y0 && row < y1 && x >= 16 * g0 && x < 16 * g1)                                     \
         return;                                                                                   \
-    GAINS(g)
+    GAINS_OF(g)                                                                                   \
+    CHECK
 
 #define MOVING_PARAMETERS                                                                         \
     __global const uchar *flags, __global const int *segments, const uint n_segments,             \
         __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
         const uint width, const uint groups, const float brightest, const uint y0,                \
-        const uint g0, const uint g1, const uint n_planes GAIN_PARAMETERS
+        const uint g0, const uint g1, const uint n_planes, __global int *fault GAIN_PARAMETERS
 #define GROUPS 4
 #define EACH _Pragma("unroll") for (uint i = 0; i < GROUPS; i++)
 // Neighbouring groups of a work-item in the changed box, which it steps together to hide the latency

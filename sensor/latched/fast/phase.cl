@@ -16,7 +16,8 @@ __kernel WIDE void steady(__global uint *charge, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     uint16 always, phase = vload16(g, charge);
-    const float16 rate = TRANSFERRED(LEVEL(plane));
+    const float16 rate = TRANSFERRED(LIGHT_OF(plane, row, x));
+    REPORT
     const uint16 add = phase_of(rate, &always);
     uint c = 0;
     for (; c + 32 <= cycles; c += 32) {
@@ -57,6 +58,7 @@ __kernel WIDE void moving(__global uint *charge, const uint start, MOVING_PARAME
 {
     MOVING_GROUPS
     uint c = segments[0];
+    CHECK
     float16 levels[PLANES][GROUPS];
     for (uint p = 0; p < n_planes; p++)
         EACH
@@ -64,6 +66,7 @@ __kernel WIDE void moving(__global uint *charge, const uint start, MOVING_PARAME
             GAINS_OF(g[i])
             levels[p][i] = LIGHT_OF(planes[p], row, x[i]);
         }
+    REPORT
     uint16 phase[GROUPS], bits[GROUPS];
     EACH
     {

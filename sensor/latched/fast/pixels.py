@@ -18,13 +18,22 @@ from cosim.compute.opencl import Device
 from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
-from cosim.light.light import Box, Light, Piece, Plane
+from cosim.light.light import Box, Light, Plane
 from cosim.spikes.viform import words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
 from sensor.latched.fast.taking_over import taken_over
-from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, EMPTY, NOISE, RESET, TIMING
-from sensor.latched.pixel.bank import GENERATOR, PERIOD, STEPS
+from sensor.latched.fast.units import (
+    BANK,
+    CAP,
+    DEAD_TIME,
+    EMPTY,
+    NOISE,
+    NOTHING,
+    RESET,
+    TIMING,
+)
+from sensor.latched.pixel.bank import GENERATOR, PERIOD, STEPS, group_keys
 from sensor.latched.pixel.transfer import light_source
 
 __all__ = ["FastPixels"]
@@ -36,15 +45,6 @@ _TOGETHER: Final = 4
 """Groups that a work-item steps together if they draw from the bank; GROUPS in bank.cl."""
 _ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
-
-
-def _check_light(piece: Piece, plane: Plane) -> None:
-    """Raises ValueError if light within the changed box of a piece is negative or not a number."""
-    y0, y1, x0, x1 = piece.changed or (0, plane.shape[0], 0, plane.shape[1])
-    rows = plane[y0:y1]  # whole rows are contiguous, so their minimum is faster
-    part = rows[:, x0:x1]
-    if part.size and not rows.min() >= 0 and not part.min() >= 0:
-        raise ValueError(f"light must be 0 or more, not {float(part.min()):g}")
 
 
 class FastPixels:
@@ -68,9 +68,11 @@ class FastPixels:
         if array.gains is not None:
             self._gains = tuple(device.upload(plane) for plane in array.gains)
         if array.banked:
-            self._bank = device.upload(array.bank.values), device.upload(STEPS)
+            keys = group_keys(array.padded(array.numbers)[:, ::LANES], array.model.seed)
+            self._bank = tuple(device.upload(values) for values in (keys, array.bank.values, STEPS))
         self._kernels = {f: self._build(f) for f in lists}
         self._planes: dict[int, tuple[Plane, Any]] = {}
+        self._fault = device.upload(np.zeros(1, np.int32))
         self._upload(*array.initial_state())
 
     def _build(self, flags: int) -> tuple[Any, Any]:
@@ -86,6 +88,7 @@ class FastPixels:
             f"-DTIMING_FLAG={TIMING}",
             f"-DCAP={CAP}",
             f"-DEMPTY=({EMPTY})",
+            f"-DNOTHING=({NOTHING}f)",
         ]
         if self._array.gains is not None:
             defines.append("-DPATTERN")
@@ -135,8 +138,7 @@ class FastPixels:
         array, units = self._array, self._array.units
         if flags & BANK:
             return (
-                self._charge, self._low, self._numbers, *self._bank,
-                np.uint32(array.model.seed), np.uint32(start % PERIOD), array.dead,
+                self._charge, self._low, *self._bank, np.uint32(start % PERIOD), array.dead,
                 np.int32(units.one), np.int32(array.bank.shortest), np.int32(array.over),
             )  # fmt: skip
         return (
@@ -146,16 +148,12 @@ class FastPixels:
         )  # fmt: skip
 
     def _share(self, *courses: Course) -> None:
-        """Checks each new plane of a call, shares it with the device, and releases other planes."""
+        """Shares each new plane of a call with the device, and releases other planes."""
         planes: dict[int, tuple[Plane, Any]] = {}
         for piece in (piece for course in courses for piece in course.pieces):
             for plane in (piece.first, piece.last):
                 known = self._planes.get(id(plane)) or planes.get(id(plane))
                 if known is None:
-                    if self._planes or planes:
-                        _check_light(piece, plane)
-                    else:
-                        _check_light(Piece(0, 1, plane, plane), plane)
                     shared = np.ascontiguousarray(plane, np.float32)
                     known = (plane, self._device.share(shared))
                 planes[id(plane)] = known
@@ -183,7 +181,7 @@ class FastPixels:
                 plane, words, np.uint32(height * self._array.shape[1]),
                 np.uint32(self._array.shape[1]), np.uint32(groups), self._array.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
-                *self._gains,
+                self._fault, *self._gains,
             )  # fmt: skip
 
     def _moving(
@@ -224,7 +222,7 @@ class FastPixels:
                 words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self._array.groups[1]), self._array.brightest,
                 np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(slots)),
-                *self._gains, *planes,
+                self._fault, *self._gains, *planes,
             )  # fmt: skip
 
     def _launches(self, segments: list[Segment]) -> list[list[Segment]]:
@@ -248,6 +246,7 @@ class FastPixels:
 
         Raises:
             ValueError: the light has another shape, is negative, or does not cover the cycles.
+                After negative light the state has no meaning.
         """
         array = self._array
         course = array.course(light, start, cycles)
@@ -261,6 +260,10 @@ class FastPixels:
                 for run in self._launches(each.segments):
                     self._moving(run, each.box, start, words, flag)
         self._device.settle(words, out)
+        if self._device.download(self._fault, np.empty(1, np.int32))[0]:
+            self._fault = self._device.upload(np.zeros(1, np.int32))
+            least = np.min([(piece.first.min(), piece.last.min()) for piece in light.pieces])
+            raise ValueError(f"light must be 0 or more, not {float(least):g}")
         return out
 
     def fraction(self) -> npt.NDArray[np.float64]:

@@ -30,6 +30,7 @@ __all__ = [
     "DEEPEST",
     "EMPTY",
     "NOISE",
+    "NOTHING",
     "RESET",
     "TIMING",
     "Units",
@@ -67,6 +68,8 @@ DEEPEST: Final = -(1 << 30)
 less."""
 EMPTY: Final = -(1 << 30)
 """In place of a threshold that is not drawn yet: sums with it are negative."""
+NOTHING: Final = -1e30
+"""Light of a pixel that gathers nothing, not even dark current: below 0 it is cut off."""
 
 OCTAVES: Final = 32
 """Octaves of probability on each side of the median: one for y = 0, and those of 2^0 to 2^30."""

@@ -18,7 +18,15 @@ from sensor.latched.effects import EFFECTS, RESIDUAL
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.bound import rate_bound
-from sensor.latched.fast.units import current_thresholds, first_charge, quantile, units_of
+from sensor.latched.fast.units import (
+    BANK,
+    DEAD_TIME,
+    NOISE,
+    current_thresholds,
+    first_charge,
+    quantile,
+    units_of,
+)
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.interval import threshold
 from sensor.latched.pixel.model import ExactModel, Reset
@@ -415,7 +423,20 @@ def test_what_it_cannot_do_is_refused(device: Device) -> None:
     with pytest.raises(ValueError, match="light must fall on"):
         row = FastPixels(array(model, (1, 315), NUMBERS), device)
         row.expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 1)
-    for bad in (-1.0, np.nan):
-        plane[3, 3] = bad
-        with pytest.raises(ValueError, match="light must be 0 or more"):
-            pixels.expose(Light((Piece(0, PERIOD, plane, plane),)), 0, 1)
+
+
+@pytest.mark.parametrize("flag", [0, DEAD_TIME, NOISE, NOISE | BANK])
+@pytest.mark.parametrize("bad", [-1.0, np.nan])
+def test_negative_light_is_refused_wherever_it_changes(device, flag, bad):
+    model = ExactModel(1000.0, 1, tuple(EFFECTS.values()), dead_time=0.01)
+    flags = np.full((SHAPE[0], -(-SHAPE[1] // 16)), flag, np.uint8)
+    plane, wrong = np.ones(SHAPE, np.float32), np.ones(SHAPE, np.float32)
+    wrong[3, 3] = bad
+    still, ends = Piece(0, PERIOD, wrong, wrong), Piece(0, 2 * PERIOD, plane, wrong)
+    for piece, cycles in ((still, 1), (ends, 2), (replace(ends, changed=(3, 4, 0, 4)), 2)):
+        array = PixelArray(model, SHAPE, NUMBERS, CLOCK, 40_000.0, flags=flags)
+        pixels = FastPixels(array, device)
+        with pytest.raises(ValueError, match=f"light must be 0 or more, not {bad:g}"):
+            pixels.expose(Light((piece,)), 0, cycles)
+        whole = Light((Piece(0, PERIOD, plane, plane),))
+        assert pixels.expose(whole, 0, 1).shape == (1, plane.size)
