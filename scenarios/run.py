@@ -11,11 +11,12 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from shutil import rmtree
 
 from pydantic import TypeAdapter
 
 from cosim import InputError, Interrupted
-from cosim.files import storing
+from cosim.files import NOT_KEPT, storing
 from cosim.files.whole import whole
 from cosim.run.folder import (
     REINSTATED,
@@ -25,6 +26,7 @@ from cosim.run.folder import (
     how_to_resume,
     output_folder,
 )
+from cosim.run.foresight import Foresight
 from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, dumps, write_result
@@ -100,6 +102,8 @@ def run_scenario(
             notes = [*machine.notes, *messages, *outcome.notes]
             run = Run(folder, result, recording, outcome, notes, reinstated, began)
             result.files += (report or REPORT)(machine, run)
+            if options.store == NOT_KEPT:
+                result.files = _without_streams(folder, result.files)
             result.files.append("result.json")
             progress.advance(2)
             result.run_time_s = time.perf_counter() - began
@@ -116,6 +120,14 @@ def run_scenario(
                 with suppress(OSError):  # a full disk
                     recording.chain.save()
     return Done(result, folder, outcome)
+
+
+def _without_streams(folder: Path, files: list[str]) -> list[str]:
+    """Removes the recorded streams from a folder, and their names from the files of a run."""
+    streams = [name for name in files if name.endswith(".zarr")]
+    for name in streams:
+        rmtree(folder / name, ignore_errors=True)
+    return [name for name in files if name not in streams]
 
 
 def _without_speeds(outcome: Outcome) -> Outcome:
@@ -152,7 +164,7 @@ def _record(
                     progress.note(note)
                 announced = True
             try:
-                recording = Recording(chain, folder, chain.run(progress), resume)
+                recording = Recording(chain, folder, chain.run(Foresight(progress, folder)), resume)
                 new = machine.shortfall(recording)
             except BrokenPromise as exc:
                 new = exc.findings

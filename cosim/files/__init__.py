@@ -9,10 +9,11 @@ from cosim.files.opening import (
     open_stream,
     write_stream,
 )
-from cosim.files.zarr_store import STORES, Recorder, ZarrStream, storing
+from cosim.files.zarr_store import NOT_KEPT, STORES, Recorder, ZarrStream, storing
 
 __all__ = [
     "FORMATS",
+    "NOT_KEPT",
     "STORES",
     "Recorder",
     "ZarrStream",

@@ -30,10 +30,12 @@ from cosim.stage import Block
 if TYPE_CHECKING:
     import zarr
 
-__all__ = ["STORES", "Recorder", "ZarrStream", "storing", "write_zarr"]
+__all__ = ["NOT_KEPT", "STORES", "Recorder", "ZarrStream", "storing", "write_zarr"]
 
 VERSION = 1
-STORES: Final = {"raw": None, "fast": 1, "small": 9}
+NOT_KEPT: Final = "none"
+"""Name of the store whose streams are removed at the end of a run."""
+STORES: Final = {"raw": None, "fast": 1, "small": 9, NOT_KEPT: None}
 """Level of zstd by the name of a store, None for no compression. A film at .3 spikes a cycle takes
 1, .51 and .39 bit a pixel and cycle; small takes ten times the processor time of fast."""
 _STORE: ContextVar[str] = ContextVar("store", default="fast")

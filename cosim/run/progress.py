@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-__all__ = ["Progress"]
+__all__ = ["Progress", "duration_text"]
 
 
 class Progress(Protocol):
@@ -21,3 +21,12 @@ class Progress(Protocol):
     def note(self, text: str) -> None:
         """Reports one line that the user must read."""
         ...
+
+
+def duration_text(seconds: float) -> str:
+    """Text of a time: 12 s, 3 min, 5.5 h."""
+    for least, unit, name in ((7200, 3600, "h"), (120, 60, "min")):
+        if seconds >= least:
+            value = seconds / unit
+            return f"{value:.0f} {name}" if value >= 10 else f"{value:.2g} {name}"
+    return f"{max(seconds, 1):.0f} s"

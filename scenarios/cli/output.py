@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.run.progress import duration_text
+
 __all__ = [
     "EVERY_S",
     "Json",
@@ -83,17 +85,8 @@ class LineProgress(SilentProgress):
         before, began = self._first
         left = ""
         if before < done < self._total and 100 * (done - before) >= self._total:
-            left = f", {_duration((self._total - done) * (now - began) / (done - before))} left"
+            left = f", {duration_text((self._total - done) * (now - began) / (done - before))} left"
         self.note(f"{self._what}: {100 * done // self._total} %{left}")
-
-
-def _duration(seconds: float) -> str:
-    """Text of a time: 12 s, 3 min, 5.5 h."""
-    for least, unit, name in ((7200, 3600, "h"), (120, 60, "min")):
-        if seconds >= least:
-            value = seconds / unit
-            return f"{value:.0f} {name}" if value >= 10 else f"{value:.2g} {name}"
-    return f"{max(seconds, 1):.0f} s"
 
 
 class TerminalProgress(SilentProgress):

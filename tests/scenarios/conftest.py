@@ -103,12 +103,14 @@ def film() -> Callable[..., tuple[Result, Path]]:
         small: bool = True,
         resume: bool = False,
         device: str | None = None,
+        store: str = "fast",
         report: Callable[..., list[str]] = lambda machine, run: [],
         progress: Any = None,
     ) -> tuple[Result, Path]:
         short, scenario = load(name, [*(SMALL if small else ()), *assignments])
         done = run_scenario(
-            short, scenario, out, options=Options(device, resume), began=time.perf_counter(),
+            short, scenario, out, options=Options(device, resume, store=store),
+            began=time.perf_counter(),
             progress=progress or SilentProgress(),
             report=report,
         )  # fmt: skip

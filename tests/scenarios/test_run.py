@@ -21,6 +21,7 @@ from cosim.run.folder import output_folder
 from cosim.run.result import Result, _clean, dumps
 from cosim.spikes.viform import unpack_planes
 from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.report import write_report
 from sensor import EFFECTS
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
@@ -142,6 +143,16 @@ def test_a_pixel_s_latency_is_its_interval(step_run):
 
 
 # The document.
+
+
+def test_a_stream_that_is_not_kept_leaves_the_same_images(film, tmp_path, step_run):
+    sets = ("scene.at=1.26 ms", "image.at=[]", "title=A step <script>alert(1)</script> & more")
+    result, folder = film("step", tmp_path / "run", *sets, store="none", report=write_report)
+    assert not list(folder.rglob("*.zarr"))
+    assert set(result.files) == set(step_run.result.files) - {"stream.zarr"}
+    assert all((folder / name).exists() for name in result.files)
+    for image in (step_run.folder / "images").iterdir():
+        assert (folder / "images" / image.name).read_bytes() == image.read_bytes()
 
 
 def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):

@@ -39,7 +39,10 @@ def run(
         ),
     ] = None,
     store: Annotated[
-        str, typer.Option(help="recorded streams: raw (fastest), fast, or small (slowest)")
+        str,
+        typer.Option(
+            help="recorded streams: raw (fastest), fast, small (slowest), or none (not kept)"
+        ),
     ] = "fast",
     json: Json = False,
 ) -> None:
