@@ -24,6 +24,7 @@ from cosim.spikes.viform import words_for
 from display import GL_INSTALL, probe_gl
 from display.render.context import gl_packages
 from scenarios.studies.bench.display import display_rows
+from scenarios.studies.bench.growth import growth_rows
 from scenarios.studies.bench.link import link_rows
 from scenarios.studies.bench.loop import loop_rows
 from scenarios.studies.bench.readout import readout_row
@@ -244,7 +245,10 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
     return rows
 
 
-PARTS = {"sensor": _sensor, "display": display_rows, "link": link_rows, "loop": loop_rows}
+PARTS = {
+    "sensor": _sensor, "display": display_rows, "link": link_rows, "loop": loop_rows,
+    "growth": growth_rows,
+}  # fmt: skip
 """The parts that have a benchmark."""
 
 

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+import scenarios.studies.bench.growth as growth
 import scenarios.studies.bench.sensor as bench
 from cosim.compute.opencl import open_device
 from scenarios.cli.entry import _main
@@ -45,6 +46,15 @@ def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) ->
         unmatched = "noise-" in row["name"] or row["tier"] == "bank"
         assert (row["plain_ratio"] is None) == unmatched
         assert row["plain_ratio"] is None or row["plain_ratio"] > 0
+
+
+def test_growth_leaves_out_what_does_not_fit(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(growth, "_PIXELS", {"1e4": 10**4, "1e12": 10**12})
+    monkeypatch.setattr(growth, "_CYCLES", {})
+    assert _main(["bench", "growth", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert row["name"] == "growth.pixels-1e4" and row["value"] > 0
+    assert row["realtime"] == pytest.approx(row["value"] / 1e4 / 40e3)
 
 
 @pytest.mark.usefixtures("quick")

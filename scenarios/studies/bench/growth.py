@@ -1,0 +1,75 @@
+"""How the cost of a pixel and cycle grows with the number of pixels and the length of a run.
+
+The fast tier draws noise from the bank; the picture is that of `sensor.noise`. Sizes for which the
+memory of the machine is too small are left out.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from cosim.clock import PS, Clock
+from cosim.compute.memory import check_memory
+from cosim.compute.opencl import Device
+from cosim.errors import InputError
+from cosim.light.light import Light, Piece
+from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row, least
+from sensor import EFFECTS
+from sensor.latched.fast import FastPixels, PixelArray
+from sensor.latched.fast.units import BANK, NOISE
+from sensor.latched.pixel.bank import LANES
+from sensor.latched.pixel.model import ExactModel
+
+__all__ = ["growth_rows"]
+
+_WIDTH: Final = 1000
+_PIXELS: Final = {f"1e{k}": 10**k for k in range(4, 9)}
+_CYCLES: Final = {"64": 64, "512": 512, "4096": 4096, "1e5": 10**5}
+_CALL: Final = 512
+"""Cycles of a call; longer runs make several."""
+_STATE: Final = 60
+"""Bytes of a pixel beside its spikes: light, state, number, and copies of them."""
+
+
+def _rate(device: Device, n: int, cycles: int) -> float:
+    """Throughput of runs of `cycles` cycles of n pixels, pixel-cycles/s."""
+    call = min(_CALL, cycles)
+    check_memory("the array", n * (_STATE + call // 8), "none")
+    shape = n // _WIDTH, _WIDTH
+    picture = np.linspace(DARK, BRIGHT, n, dtype=np.float32).reshape(shape)
+    light = Light((Piece(0, 10**4 * PS, picture, picture),))
+    array = PixelArray(
+        ExactModel(1000.0, 1, tuple(EFFECTS.values())), shape, np.arange(n, dtype=np.uint32),
+        Clock.from_hz(REAL_TIME), 1000.0 * REAL_TIME,
+        flags=np.full((shape[0], -(-_WIDTH // LANES)), BANK | NOISE, np.uint8),
+    )  # fmt: skip
+    pixels, start = FastPixels(array, device), 0
+
+    def run() -> None:
+        nonlocal start
+        for begin in range(start, start + cycles, call):
+            pixels.expose(light, begin, min(call, start + cycles - begin))
+        start += cycles
+
+    return n * cycles / least(run, 3)
+
+
+def growth_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+    """Rows of both; none without an OpenCL device. ceiling: pixel-cycles/s."""
+    rows: list[Row] = []
+    if device is None:
+        return rows
+    for name, n, cycles in [
+        *((f"growth.pixels-{text}", n, _CALL) for text, n in _PIXELS.items()),
+        *((f"growth.cycles-{text}", 10**6, cycles) for text, cycles in _CYCLES.items()),
+    ]:
+        try:
+            value = _rate(device, n, cycles)
+        except InputError:
+            continue
+        share = value / ceiling if ceiling else None
+        real = value / (n * REAL_TIME)
+        rows.append(Row(name, "bank", value, "pixel-cycles/s", real, share, None))
+    return rows
