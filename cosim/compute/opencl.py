@@ -167,6 +167,13 @@ class Device:
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
 
     @cached_property
+    def gpu(self) -> bool:
+        """Whether it is a GPU, whose work-groups must be large."""
+        import pyopencl as cl
+
+        return bool(self.handle.type & cl.device_type.GPU)
+
+    @cached_property
     def context(self) -> Any:
         import pyopencl as cl
 

@@ -39,10 +39,11 @@ from sensor.latched.pixel.transfer import light_source
 __all__ = ["FastPixels"]
 
 _LOCAL: Final = 8
-"""Work-items that share a core. PoCL allocates the private arrays of all of them at once: those of
-a few fit in the cache, those of thousands overflow the stack."""
+"""Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at
+once: those of a few fit in the cache, those of thousands overflow the stack."""
+_LOCAL_GPU: Final = 64
 _TOGETHER: Final = 4
-"""Groups that a work-item steps together if they draw from the bank; GROUPS in bank.cl."""
+"""Groups that a work-item steps together if it does so cycle by cycle; GROUPS in light.cl."""
 _ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 
@@ -62,7 +63,8 @@ class FastPixels:
         self._table = device.upload(array.units.table)
         self._flags = device.upload(array.group_flags)
         flat = array.group_flags.ravel()
-        lists = {int(f): _filled(np.flatnonzero(flat == f), int(f)) for f in np.unique(flat)}
+        self._gpu = device.gpu
+        lists = {int(f): self._filled(np.flatnonzero(flat == f), int(f)) for f in np.unique(flat)}
         self._lists = {f: (device.upload(groups), groups.size) for f, groups in lists.items()}
         self._gains: tuple[Any, ...] = (np.float32(array.scale),)
         if array.gains is not None:
@@ -114,6 +116,20 @@ class FastPixels:
             self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving")
         )
         return steady, moving
+
+    def _items(self, groups: int, together: bool) -> tuple[int, int]:
+        """Work-items that a number of groups need, whole work-groups of them, and the size of a
+        work-group. together: whether an item has several groups."""
+        local = _LOCAL_GPU if self._gpu else 1 if together else _LOCAL
+        items = -(-groups // (_TOGETHER if together else 1))
+        return -(-items // local) * local, local
+
+    def _filled(self, groups: npt.NDArray[np.intp], flags: int) -> npt.NDArray[np.uint32]:
+        """Numbers of groups, padded to whole work-groups with a number that no group has."""
+        together = bool(flags & BANK)
+        size = self._items(groups.size, together)[0] * (_TOGETHER if together else 1)
+        rest = np.full(size - groups.size, 0xFFFFFFFF, np.uint32)
+        return np.append(groups.astype(np.uint32), rest)
 
     def _upload(self, charge: npt.NDArray[np.int32], spikes: npt.NDArray[np.uint64]) -> None:
         """Writes the padded state to the device."""
@@ -175,7 +191,7 @@ class FastPixels:
                 continue
             if (y1 - y0) * (g1 - g0) == height * groups:
                 return
-            items, local = _items(n, flags)
+            items, local = self._items(n, bool(flags & BANK))
             self._kernels[flags][0](
                 self._device.queue, (items,), (local,), *self._state(flags, start),
                 plane, words, np.uint32(height * self._array.shape[1]),
@@ -214,7 +230,7 @@ class FastPixels:
         for flags in self._lists:
             if flags & TIMING != timing:
                 continue
-            items, local = _items(g1 - g0, flags or BANK)
+            items, local = self._items(g1 - g0, not flags or bool(flags & BANK))
             first = () if flags else (np.uint32(start % PERIOD),)
             self._kernels[flags][1](
                 device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start), *first,
@@ -299,19 +315,6 @@ class FastPixels:
         )
         self.restore(state)
         return fires
-
-
-def _items(groups: int, flags: int) -> tuple[int, int]:
-    """Work-items that a number of groups need, and how many of them share a core."""
-    if flags & BANK:
-        return -(-groups // _TOGETHER), 1
-    return -(-groups // _LOCAL) * _LOCAL, _LOCAL
-
-
-def _filled(groups: npt.NDArray[np.intp], flags: int) -> npt.NDArray[np.uint32]:
-    """Numbers of groups, padded to whole work-groups with a number that no group has."""
-    rest = -groups.size % (_TOGETHER if flags & BANK else _LOCAL)
-    return np.append(groups.astype(np.uint32), np.full(rest, 0xFFFFFFFF, np.uint32))
 
 
 def _groups(box: Box | None) -> tuple[int, int, int, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,18 @@ def same(array: PixelArray, device: Device, light: Light, cuts: list[int]) -> np
         assert np.array_equal(fast.state()[key], values), key
     assert np.array_equal(fast.fraction(), plain.fraction())
     return found
+
+
+@pytest.mark.parametrize("flag", [0, DEAD_TIME, NOISE, NOISE | BANK])
+def test_work_groups_of_a_gpu_give_the_same_bits(device: Device, flag: int) -> None:
+    gpu = Device(device.handle, device.name)
+    gpu.gpu = True
+    pixels = array(ExactModel(300.0, 7, ALL, dead_time=0.2), WIDE, 0.7)
+    flags = np.full((HEIGHT, -(-WIDTH // 16)), flag, np.uint8)
+    flags[2, 1:4] = NOISE
+    still = level(WIDE, 3, 700.0)
+    for light in (light_between(WIDE, KNOTS, True), Light((Piece(0, PS, still, still),))):
+        same(replace(pixels, flags=flags), gpu, light, [0, 5, 64, 130])
 
 
 @pytest.mark.parametrize("dead", [0.0, 0.3])
