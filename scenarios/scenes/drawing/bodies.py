@@ -102,7 +102,7 @@ def _solid(x, y, cone, d):  # type: ignore[no-untyped-def]
     return (sine * ux - side * uy) * lean, (sine * uy + side * ux) * lean, r
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _search(parts, win, cam, blend, reach, across, place, surface):  # type: ignore[no-untyped-def]
     """Finds the pixels of the window within `reach`, m, of the union of the cones, which are joined
     smoothly over `blend`, m (polynomial smooth minimum, I. Quilez).
