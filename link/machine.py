@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from cosim.config.toml import to_toml
-from cosim.files import Recorder, ZarrStream
+from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
@@ -116,7 +116,7 @@ class LinkMachine:
         air = self._link.make_air()
         sensor = self._link.make_camera(air.row_delay)
         clock = setup.setting.camera.clock
-        recorder = Recorder(folder / STREAM, sensor.shape, setup.cycles, clock)
+        recorder = Recorder(folder / STREAM, sensor.shape, setup.cycles, clock, keep=True)
         return LinkChain(
             f"{self._name}: {setup.cycles} cycles of {chip.width} x {chip.height}",
             {
@@ -142,7 +142,7 @@ class LinkMachine:
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         setup, plan, seconds = self._setup, self._link.plan, recording.seconds
-        stream = ZarrStream(recording.folder / STREAM)
+        stream = recording.chain.stages["recorder"].recorded()
         begin = time.perf_counter()
         received = receive_stream(stream, setup.scenario.link.modem, progress)
         seconds["receiver"] = time.perf_counter() - begin
