@@ -2,10 +2,14 @@
 
 numba's own thread pool, which it takes where the machine has no OpenMP, ends the process if two
 threads enter it at once. With any pool, two such functions at once only share the same cores.
+
+OpenMP reads its settings when numba first enters it. By default its threads wait for work in a busy
+loop: between the blocks of a run they would take the cores from OpenCL and from all other stages.
 """
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable
 from functools import wraps
@@ -15,6 +19,8 @@ __all__ = ["all_cores"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _BUSY = threading.RLock()
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
 def all_cores(function: _Function) -> _Function:

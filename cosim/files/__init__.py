@@ -9,7 +9,14 @@ from cosim.files.opening import (
     open_stream,
     write_stream,
 )
-from cosim.files.zarr_store import NOT_KEPT, STORES, Recorder, ZarrStream, storing
+from cosim.files.zarr_store import (
+    NOT_KEPT,
+    STORES,
+    Recorder,
+    ZarrStream,
+    kept_bytes,
+    storing,
+)
 
 __all__ = [
     "FORMATS",
@@ -18,6 +25,7 @@ __all__ = [
     "Recorder",
     "ZarrStream",
     "ending_of",
+    "kept_bytes",
     "locate_stream",
     "notes_of",
     "open_stream",

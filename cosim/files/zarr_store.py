@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import shutil
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 import numpy.typing as npt
+import psutil
 
 from cosim.clock import Clock
 from cosim.errors import InputError
@@ -30,7 +31,9 @@ from cosim.stage import Block
 if TYPE_CHECKING:
     import zarr
 
-__all__ = ["NOT_KEPT", "STORES", "Recorder", "ZarrStream", "storing", "write_zarr"]
+__all__ = [
+    "NOT_KEPT", "STORES", "Recorder", "ZarrStream", "kept_bytes", "storing", "write_zarr",
+]  # fmt: skip
 
 VERSION = 1
 NOT_KEPT: Final = "none"
@@ -43,6 +46,10 @@ _CHUNK = 2
 """Words in a chunk: 64 cycles, a block."""
 _KEPT = 1 << 26
 """Bytes of decoded chunks that a reader keeps, beside the last one."""
+_WRITTEN = 1 << 29
+"""Bytes of chunks that a recorder keeps, at most: 4096 cycles of 1000 x 1000 pixels."""
+_SHARE = 8
+"""They take at most one part in so many of the free memory."""
 
 
 def _bad(
@@ -61,11 +68,19 @@ def storing(name: str) -> Iterator[None]:
         _STORE.reset(before)
 
 
+def kept_bytes(size: int) -> int:
+    """Bytes that a recorder with `keep` holds in memory, of `size` bytes that it writes."""
+    return min(size, _WRITTEN, psutil.virtual_memory().available // _SHARE)
+
+
 class ZarrStream:
     """A complete store as a spike stream, for any number of threads. The last chunks are kept.
-    Raises InputError for others."""
+    Raises InputError for others.
 
-    def __init__(self, path: Path) -> None:
+    written: chunks by number that are in memory already, and are not read from the store.
+    """
+
+    def __init__(self, path: Path, written: Mapping[int, Words] | None = None) -> None:
         import zarr  # takes a quarter of a second, so only if a store is opened
 
         try:
@@ -94,7 +109,7 @@ class ZarrStream:
             raise _bad(path, f"words of shape {words.shape} for {self.cycles} cycles")
         if words.chunks != (_CHUNK, *words.shape[1:]):
             raise _bad(path, f"chunks of shape {words.chunks}")
-        self._path, self._words = path, words
+        self._path, self._words, self._written = path, words, written or {}
         self._kept: OrderedDict[int, Words] = OrderedDict()
         self._lock = Lock()
 
@@ -105,6 +120,8 @@ class ZarrStream:
 
     def _chunk(self, n: int) -> Words:
         """Words of chunk n."""
+        if n in self._written:
+            return self._written[n]
         with self._lock:
             kept = self._kept.get(n)
             if kept is not None:
@@ -150,17 +167,23 @@ class Recorder:
     Blocks come in order and have any size. The next block completes a word that a block ends
     within.
 
+    Args:
+        keep: whether blocks stay in memory for `recorded`, up to `kept_bytes`.
+
     Attributes:
         bytes_written: bytes of words, before compression.
     """
 
     def __init__(
-        self, path: Path, shape: tuple[int, int], cycles: int, clock: Clock, start: int = 0
-    ) -> None:
+        self, path: Path, shape: tuple[int, int], cycles: int, clock: Clock, start: int = 0,
+        *, keep: bool = False,
+    ) -> None:  # fmt: skip
         self._start, self._store = start, _STORE.get()
         self._path, self._shape, self._cycles, self._clock = path, shape, cycles, clock
         self._array: Any = None
         self._open_word: Words | None = None
+        self._written: dict[int, Words] = {}
+        self._room = kept_bytes(words_for(cycles) * 4 * shape[0] * shape[1]) if keep else 0
         self.bytes_written = 0
 
     def _create(self) -> None:
@@ -217,12 +240,29 @@ class Recorder:
         first = block.start // WORD
         self._array[first : first + len(words)] = words
         self.bytes_written += words.nbytes
+        if block.start % (_CHUNK * WORD) == 0:
+            self._keep(words, block)
         self._open_word = words[-1].copy() if block.stop % WORD else None
         if block.stop == self._cycles:
             import zarr
 
             zarr.open_group(self._path, mode="r+").attrs["complete"] = True
         return data
+
+    def _keep(self, words: Words, block: Block) -> None:
+        """Keeps the complete chunks of a block that begins with a chunk, as long as there is
+        room."""
+        for at in range(0, len(words), _CHUNK):
+            chunk, stop = words[at : at + _CHUNK], block.start + (at + _CHUNK) * WORD
+            if stop > block.stop < self._cycles or chunk.nbytes > self._room:
+                return
+            self._written[block.start // (_CHUNK * WORD) + at // _CHUNK] = chunk
+            self._room -= chunk.nbytes
+
+    def recorded(self) -> ZarrStream:
+        """The complete store as a stream. What is kept in memory is not decoded again. Raises
+        InputError before the last block."""
+        return ZarrStream(self._path, self._written)
 
     def read_back(self, first: int, stop: int) -> Words:
         """Words `first` to `stop` (excluded) that were written before, also by the run that this

@@ -15,7 +15,10 @@ import numpy.typing as npt
 from cosim.light.light import Box, Light, Plane
 from cosim.stage import Block
 
-__all__ = ["Sketch", "Source", "Target"]
+__all__ = ["Points", "Sketch", "Source", "Target", "truth_at"]
+
+Points = list[tuple[int, int, str]]
+"""Row, column and name of pixels."""
 
 
 class Source(Protocol):
@@ -39,9 +42,18 @@ class Source(Protocol):
         """Reflectance at an instant in picoseconds, (H, W) float32, white = 1."""
         ...
 
-    def points(self) -> list[tuple[int, int, str]]:
+    def points(self) -> Points:
         """Pixels for figures: row, column, name."""
         ...
+
+
+def truth_at(source: Source, ps: int, points: Points) -> list[float]:
+    """The truth at some pixels. A source whose class has `truth_at` computes them alone."""
+    if hasattr(type(source), "truth_at"):  # not that of a source within this one
+        found: list[float] = source.truth_at(ps, points)  # type: ignore[attr-defined]
+        return found
+    plane = source.truth(ps)
+    return [float(plane[row, column]) for row, column, _ in points]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.report.png import write_png
+
 __all__ = ["INK", "LINE", "MARK", "QUICK", "overview_figure", "sheet_figure", "subplots"]
 
 DOTS = 130
@@ -54,29 +56,22 @@ def sheet_figure(heads: list[str], rows: list[tuple[str, list[Picture]]], path: 
 def _sheet(
     heads: list[str], rows: list[tuple[str, list[Picture]]], wide: int, points: int, path: Path
 ) -> None:
-    """Writes pictures of one size, dot by dot: axes would resample each and take longer.
+    """Writes pictures of one size, dot by dot, around which Matplotlib draws the text:
+    its axes would resample each and take longer.
 
     Args:
         wide: width of a picture, dots; its height keeps its shape.
         points: size of the text.
     """
     import cv2
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     height, width = rows[0][1][0].shape
     tall, text = max(1, round(wide * height / width)), round(2.2 * points * DOTS / 72)
     left = text if any(name for name, _ in rows) else 0
-    sheet = np.full(
-        (text + len(rows) * (tall + GAP), left + len(heads) * (wide + GAP)), 255, np.uint8
-    )
-    for line, (_, pictures) in enumerate(rows):
-        for column, picture in enumerate(pictures):
-            how = cv2.INTER_AREA if width > wide else cv2.INTER_NEAREST
-            y, x = text + line * (tall + GAP), left + column * (wide + GAP)
-            sheet[y : y + tall, x : x + wide] = cv2.resize(picture, (wide, tall), interpolation=how)
-    whole_y, whole_x = sheet.shape
+    whole_y, whole_x = text + len(rows) * (tall + GAP), left + len(heads) * (wide + GAP)
     figure = Figure(figsize=(whole_x / DOTS, whole_y / DOTS), dpi=DOTS)
-    figure.figimage(sheet, cmap="gray", vmin=0, vmax=255, origin="upper")
     style: Any = {"fontsize": points, "color": INK, "ha": "center", "va": "center"}
     for column, head in enumerate(heads):
         middle = left + column * (wide + GAP) + wide / 2
@@ -84,4 +79,12 @@ def _sheet(
     for line, (name, _) in enumerate(rows):
         middle = text + line * (tall + GAP) + tall / 2
         figure.text(left / 2 / whole_x, 1 - middle / whole_y, name, rotation=90, **style)
-    figure.savefig(path, dpi=DOTS, pil_kwargs=QUICK)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # the text
+    sheet = np.asarray(canvas.buffer_rgba())[:, :, 1].copy()  # grey
+    for line, (_, pictures) in enumerate(rows):
+        for column, picture in enumerate(pictures):
+            how = cv2.INTER_AREA if width > wide else cv2.INTER_NEAREST
+            y, x = text + line * (tall + GAP), left + column * (wide + GAP)
+            sheet[y : y + tall, x : x + wide] = cv2.resize(picture, (wide, tall), interpolation=how)
+    write_png(path, sheet)

@@ -69,8 +69,10 @@ def spikes_beyond(last: npt.NDArray[np.uint32], cycles: int) -> bool:
 def count_spikes(stream: SpikeStream, first: int, stop: int) -> npt.NDArray[np.uint32]:
     """Spikes of each pixel in cycles `first` to `stop` (excluded): (H, W) uint32."""
     total = np.zeros(stream.shape, np.uint32)
+    masked, ones = np.empty_like(total), np.empty(stream.shape, np.uint8)  # for all words
     for w in range(first // WORD, words_for(stop)):
-        total += np.bitwise_count(stream.read_words(w, w + 1)[0] & _mask(first, stop, w))
+        np.bitwise_and(stream.read_words(w, w + 1)[0], _mask(first, stop, w), out=masked)
+        total += np.bitwise_count(masked, out=ones)
     return total
 
 

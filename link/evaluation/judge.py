@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from link.evaluation.record import LinkEvaluation, SoftValues, Theory
 from link.layout import TRAINING
 from link.prediction.capacity import capacity_bps
 from link.prediction.capacity_input import capacity_input
-from link.prediction.cell_errors import cell_errors
+from link.prediction.cell_errors import CellErrors, cell_errors
 from link.prediction.light import cell_scene, cell_sight, transmission
 from link.prediction.reach import CellScene, Reach, predict_errors, reach
 from link.receiving import Received
@@ -31,8 +32,9 @@ from link.theory import clopper_pearson
 from link.trial.planned import PlannedLink
 from link.verdict import Cause
 
-__all__ = ["evaluate_link"]
+__all__ = ["closed_form", "evaluate_link"]
 
+Predicted = Callable[[], CellErrors | None]
 LEVEL: Final = 0.999
 """Confidence of the interval of the raw bit error rate."""
 _NOT_MODELLED: Final = frozenset(
@@ -77,8 +79,19 @@ def _eye(setup: FileLinkSetup, stream: SpikeStream, received: Received) -> Eye |
     return open_eye(stream, sent.layout, registration, timing, sent.bits, sent.data_end)
 
 
+def closed_form(setup: FileLinkSetup, link: PlannedLink) -> CellErrors | None:
+    """Predicted errors of the link's cells; None if the exact law of spikes does not apply. It
+    needs no reception, and takes about as long as one."""
+    mode, setting, scene = setup.mode, setup.setting, cell_scene(setup.setting)
+    wide = scene.blur > mode.cell * scene.pixel
+    if scene.reset != "hard" or wide or not panel_in_view(setting) or setting.aim.occluded > 0:
+        return None
+    timing = true_timing(setting, link.make_air().row_delay, mode.ticks)
+    return cell_errors(cell_sight(setting, timing, setup.sent.symbols), mode)
+
+
 def _theory(
-    setup: FileLinkSetup, link: PlannedLink, scene: CellScene, errors: Errors, received: Received,
+    setup: FileLinkSetup, closed: Predicted, scene: CellScene, errors: Errors, received: Received,
     cause: Cause,
 ) -> Theory:  # fmt: skip
     interval = None
@@ -87,15 +100,13 @@ def _theory(
         low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
         interval = float(low), float(high)
     soft = received.promise if received.mode == mode else None
-    wide = scene.blur > mode.cell * scene.pixel
     not_modelled = not errors.bits and cause in _NOT_MODELLED
     if not panel_in_view(setting) or setting.aim.occluded > 0 or not_modelled:
         return Theory(soft, None, interval)
-    if scene.reset != "hard" or wide or not errors.bits:
+    cells = closed() if errors.bits else None
+    if cells is None:
         return Theory(soft, predict_errors(scene, mode) or None, interval)
-    timing = true_timing(setting, link.make_air().row_delay, mode.ticks)
-    closed = cell_errors(cell_sight(setting, timing, setup.sent.symbols), mode)
-    return Theory(soft, closed.rate, interval, (closed.low, closed.high))
+    return Theory(soft, cells.rate, interval, (cells.low, cells.high))
 
 
 def _reach(setup: FileLinkSetup, scene: CellScene) -> list[Reach]:
@@ -127,9 +138,10 @@ def _outline(homography: npt.NDArray[np.float64], setup: FileLinkSetup) -> npt.N
 
 
 def evaluate_link(
-    setup: FileLinkSetup, link: PlannedLink, stream: SpikeStream, received: Received
-) -> LinkEvaluation:
-    """Compares a reception with what was sent."""
+    setup: FileLinkSetup, link: PlannedLink, stream: SpikeStream, received: Received,
+    closed: Predicted,
+) -> LinkEvaluation:  # fmt: skip
+    """Compares a reception with what was sent. closed: gives the result of `closed_form`."""
     assert link.check is not None
     setting, layout, camera = setup.setting, setup.sent.layout, setup.setting.camera
     verdict, delivered = judge_delivery(setup, received)
@@ -154,7 +166,7 @@ def evaluate_link(
         delivered=delivered,
         received=received,
         errors=errors,
-        theory=_theory(setup, link, scene, errors, received, verdict.cause),
+        theory=_theory(setup, closed, scene, errors, received, verdict.cause),
         rates=link_rates(layout, setting.panel.clock, len(setup.payload.data), seconds),
         eye=_eye(setup, stream, received),
         soft=_soft(setup, received),

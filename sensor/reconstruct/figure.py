@@ -13,6 +13,13 @@ from sensor.reconstruct.intervals import spike_cycles
 
 __all__ = ["interval_figure"]
 
+_DOTS = 110
+"""Dots an inch."""
+_PITCH = 0.85
+"""Inches from one pixel to the next."""
+_HIGH = 0.9
+"""Height of a pixel's part, pitches."""
+
 
 def interval_figure(
     stream: SpikeStream,
@@ -33,37 +40,58 @@ def interval_figure(
         instants: cycles that are marked.
         path: of the PNG.
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
-    ms = 1e3 / stream.clock.hz
-    figure, axes = subplots(
-        len(points), 1, figsize=(11, 0.85 * len(points) + 0.8), sharex=True, squeeze=False
-    )
-    times = np.linspace(*span, truth.shape[1]) * ms
-    for n, ((_, _, label), cycles, light, ax) in enumerate(
-        zip(points, spikes, truth, axes[:, 0], strict=True), 1
+    ms, rows = 1e3 / stream.clock.hz, len(points)
+    size = 11, _PITCH * rows + 0.8
+    figure, ax = subplots(figsize=size)
+    figure.dpi = _DOTS
+    canvas = FigureCanvasAgg(figure)
+    begin, end = (cycle * ms for cycle in span)
+    times = np.linspace(begin, end, truth.shape[1])
+    bases = np.arange(rows)[::-1]
+    marked = [(instant + 0.5) * ms for instant in instants if span[0] <= instant < span[1]]
+    ax.vlines(marked * rows, np.repeat(bases, len(marked)), np.repeat(bases + _HIGH, len(marked)),
+              color=LINE, linewidth=0.8, zorder=0)  # fmt: skip
+    ticks, texts, names = [], [], []
+    # One pair of axes: each further one takes as long as all that is drawn in it.
+    for n, ((_, _, label), cycles, light, base) in enumerate(
+        zip(points, spikes, truth, bases, strict=True), 1
     ):
         inside = cycles[(cycles >= span[0] - 255) & (cycles < span[1] + 255)]
         cycles = inside if inside.size > 1 else cycles
         tau = np.diff(cycles)
+        largest = max(float(light.max()), float(1 / tau.min()) if tau.size else 0, 1e-3)
+        scale = _HIGH / (1.15 * largest)
         if tau.size:
-            ax.stairs(1 / tau, (cycles + 1) * ms, fill=True, color="#9db4d8", linewidth=0)
-        ax.plot(times, light, color=MARK, linewidth=1)
-        for instant in (n for n in instants if span[0] <= n < span[1]):
-            ax.axvline((instant + 0.5) * ms, color=LINE, linewidth=0.8, zorder=0)
-        top = max(float(light.max()), float(1 / tau.min()) if tau.size else 0, 1e-3) * 1.15
-        ax.set_ylim(0, top)
-        ax.set_yticks([0, top / 1.15], ["0", f"{top / 1.15:.2g}"], fontsize=7, color=INK)
-        ax.set_ylabel(f"{n}  {label}", rotation=0, ha="right", va="center", fontsize=8.5, color=INK)
-        ax.yaxis.set_label_coords(-0.04, 0.5)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.spines[["left", "bottom"]].set_color(LINE)
-        ax.tick_params(color=LINE, labelcolor=INK)
-    axes[-1, 0].set_xlim(span[0] * ms, span[1] * ms)
-    axes[-1, 0].set_xlabel("time (ms); grey lines: the instants shown above", fontsize=9, color=INK)
-    axes[0, 0].set_title(
+            edges, heights = (cycles + 1) * ms, base + scale / tau
+            ax.fill_between(edges, base, np.append(heights, heights[-1]), step="post",
+                            color="#9db4d8", linewidth=0)  # fmt: skip
+        ax.plot(times, base + scale * light, color=MARK, linewidth=1)
+        ticks += [base, base + scale * largest]
+        texts += ["0", f"{largest:.2g}"]
+        names.append(
+            ax.text(-0.04, base + _HIGH / 2, f"{n}  {label}", ha="right", va="center",
+                    fontsize=8.5, color=INK, transform=ax.get_yaxis_transform())
+        )  # fmt: skip
+    style = {"color": LINE, "linewidth": 0.8, "clip_on": False}
+    ax.vlines([begin] * rows, bases, bases + _HIGH, **style)
+    ax.hlines(bases, begin, end, **style)
+    ax.spines[:].set_visible(False)
+    ax.set_xlim(begin, end)
+    ax.set_ylim(0, rows - 1 + _HIGH)
+    ax.set_yticks(ticks, texts, fontsize=7, color=INK)
+    ax.tick_params(color=LINE, labelcolor=INK)
+    ax.set_xlabel("time (ms); grey lines: the instants shown above", fontsize=9, color=INK)
+    ax.set_title(
         "1/ISI of single pixels, spikes a cycle (bars), and the true light (line)",
         fontsize=10,
         color=INK,
     )
-    figure.tight_layout(h_pad=0.15)
-    figure.savefig(path, dpi=110, pil_kwargs=QUICK)
+    wide, tall = size
+    widest = max(name.get_window_extent(canvas.get_renderer()).width for name in names) / _DOTS
+    right = 1 - 0.1 / wide
+    left = (widest + 0.1 + 0.04 * wide * right) / (1.04 * wide)
+    figure.subplots_adjust(left, 0.6 / tall, right, 1 - 0.35 / tall)
+    figure.savefig(path, dpi=_DOTS, pil_kwargs=QUICK)

@@ -61,6 +61,7 @@ class _Images:
     """Images and figures that are computed from a complete stream.
 
     Attributes:
+        stream: the recorded stream.
         shots: images at the instants; empty with a display.
         sizes: sizes of the stream in several codes, None with a display.
         display: outcome of the display, None without one.
@@ -69,6 +70,7 @@ class _Images:
         files: names of the written files.
     """
 
+    stream: ZarrStream
     shots: list[Shot]
     sizes: Sizes | None
     display: DisplayOutcome | None
@@ -168,7 +170,10 @@ class LatchedMachine:
     def stages(self, folder: Path) -> dict[str, Any]:
         """The stages by name; the display and what films it are the last ones."""
         setup = self.setup
-        recorder = Recorder(folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock)
+        recorder = Recorder(
+            folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock,
+            keep=self.display is None,
+        )  # fmt: skip
         stages: dict[str, Any] = {
             **setup.stages(self.source),
             **({} if self.verifier is None else {"check": self.verifier}),
@@ -257,7 +262,7 @@ class LatchedMachine:
     def _images(self, recording: Recording) -> _Images:
         """Images and size of the stream, for a run without a display."""
         begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
-        stream = ZarrStream(recording.folder / STREAM)
+        stream = recording.chain.stages["recorder"].recorded()
         image = self.scenario.image
         threshold, noise = setup.setting.threshold, setup.setting.threshold_noise
         with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
@@ -277,7 +282,8 @@ class LatchedMachine:
             sizes = measured.result()
             metrics["spike_rate"] = Metric(counted.result(), "spikes/cycle")
         seconds["images"] = time.perf_counter() - begin
-        return _Images(shots, sizes, None, metrics, interval_latency(stream.clock, shots), files)
+        latency = interval_latency(stream.clock, shots)
+        return _Images(stream, shots, sizes, None, metrics, latency, files)
 
     def _views(self, recording: Recording) -> _Images:
         """Images of the display's observers and measurements of its probes."""
@@ -303,7 +309,8 @@ class LatchedMachine:
         rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
         metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")} | filmed
         seconds["images"] += time.perf_counter() - begin
-        return _Images([], None, outcome, metrics, outcome.latency(), files)
+        stream = ZarrStream(recording.folder / STREAM)
+        return _Images(stream, [], None, outcome, metrics, outcome.latency(), files)
 
     def probe_camera(self) -> ProbeCamera:
         """The camera whose stream the display shows in its probes."""
@@ -314,8 +321,8 @@ class LatchedMachine:
         images, setup = run.outcome.views, self.setup
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
-            self.source, self.plan, ZarrStream(run.folder / STREAM), images.shots, images.sizes,
-            images.display, setup.mosaic, self.filmer,
+            self.source, self.plan, images.stream, images.shots, images.sizes, images.display,
+            setup.mosaic, self.filmer,
             None if self.verifier is None else self.verifier.bank(),
         )  # fmt: skip
 

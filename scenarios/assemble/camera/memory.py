@@ -11,6 +11,7 @@ from typing import Final
 
 from cosim import BLOCK
 from cosim.compute.memory import check_memory
+from cosim.files import kept_bytes
 from scenarios.assemble.camera.setup import CameraSetup
 
 __all__ = ["check_run_memory", "memory_note", "peak_memory"]
@@ -45,8 +46,8 @@ def peak_memory(setup: CameraSetup, planes: float = 0.0) -> int:
     if setup.display is not None:
         return SHOWN + (DISPLAY + SEEN * len(setup.instants)) * pixels
     light = PLANE + (CHARGE if setup.device is None else 0)
-    new = light * planes * min(setup.cycles, BLOCK)
-    return PROGRAM + round((IMAGES + INSTANT * len(setup.instants) + new) * pixels)
+    each = IMAGES + INSTANT * len(setup.instants) + light * planes * min(setup.cycles, BLOCK)
+    return PROGRAM + kept_bytes(setup.cycles * pixels // 8) + round(each * pixels)
 
 
 def check_run_memory(setup: CameraSetup, planes: float = 0.0) -> None:

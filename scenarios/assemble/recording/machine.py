@@ -89,7 +89,9 @@ class RecordingMachine:
         height, width = found.shape
         stages = {
             "file": found.stage(),
-            "recorder": Recorder(folder / STREAM, found.shape, found.cycles, found.clock),
+            "recorder": Recorder(
+                folder / STREAM, found.shape, found.cycles, found.clock, keep=True
+            ),
         }
         inputs = to_toml(self.scenario.model_copy(update={"title": ""}))
         identity = hashlib.sha256((add_digests(inputs) + viform_version()).encode()).hexdigest()
@@ -104,7 +106,7 @@ class RecordingMachine:
 
     def judge(self, recording: Recorded, progress: Progress) -> Outcome:
         found, seconds, begin = self.recording, recording.seconds, time.perf_counter()
-        stream = ZarrStream(recording.folder / STREAM)
+        stream = recording.chain.stages["recorder"].recorded()
         shots = self._images(stream)
         files = [STREAM, *_write(recording.folder, shots)]
         seconds["images"] = time.perf_counter() - begin

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from cosim import PS, Block, Box, Clock, Light, Piece, Plane
-from cosim.light.source import Sketch
+from cosim.light.source import Points, Sketch
 
 __all__ = ["MOTION_STEP", "AnalyticScene", "AnalyticSource"]
 
@@ -100,6 +100,14 @@ class AnalyticSource:
 
     def truth(self, ps: int) -> Plane:
         return self._scene.reflectance(ps / PS)
+
+    def truth_at(self, ps: int, points: Points) -> list[float]:
+        """See `cosim.light.source.truth_at`."""
+        patch = getattr(self._scene, "patch", None)
+        if patch is None:
+            plane = self.truth(ps)
+            return [float(plane[row, column]) for row, column, _ in points]
+        return [float(patch(ps / PS, (y, y + 1, x, x + 1))[0, 0]) for y, x, _ in points]
 
     def sketch(self, cycles: int, samples: int) -> Sketch:
         stop = self._clock.edge(cycles) / PS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pint
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -173,3 +174,18 @@ def test_any_text_is_read_or_refused(text: str, kind) -> None:
             assert isinstance(parse_quantity(candidate, kind), float)
         except ValueError as exc:
             assert str(exc).startswith(f"must be {kind}, not ")
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_values_are_those_of_pints_own_table(kind) -> None:
+    full = pint.UnitRegistry()
+    for unit in (*kind.accepted, kind.unit):
+        for prefix in ("", "kilo", "m", "µ", "Gi"):
+            if prefix and (
+                unit not in kind.accepted or "/" in unit or full.Unit(unit) == full.degC
+            ):
+                continue
+            text = f"3.3 {prefix}{unit}"
+            assert parse_quantity(text, kind) == pytest.approx(
+                full.Quantity(3.3, prefix + unit).to(kind.unit).magnitude, rel=1e-15
+            )

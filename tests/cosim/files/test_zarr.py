@@ -57,6 +57,26 @@ def test_blocks_of_any_size_give_the_same_words(
     np.testing.assert_array_equal(words_of(tmp_path / "a.zarr"), stream.words)
 
 
+@pytest.mark.parametrize("sizes", [[64], [128, 192], [32], [45, 3, 64, 1], [200]])
+@pytest.mark.parametrize("cycles", [75, 256, 300])
+def test_a_recorder_gives_what_it_wrote(
+    tmp_path: Path, random_stream, monkeypatch, sizes: list[int], cycles: int
+) -> None:
+    stream = random_stream(cycles, SHAPE)
+    for room in (0, 3 * stream.words[:2].nbytes, 2**20):  # of no chunk, of three, of all
+        monkeypatch.setattr("cosim.files.zarr_store._WRITTEN", room)
+        path = tmp_path / f"{room}.zarr"
+        recorder = Recorder(path, SHAPE, cycles, CLOCK, keep=True)
+        for given_, block in pieces(stream, sizes):
+            recorder.step(given_, block)
+        recorded = recorder.recorded()
+        np.testing.assert_array_equal(recorded.read_words(0, len(stream.words)), stream.words)
+        if sizes == [64]:
+            shutil.rmtree(path / "words" / "c")  # no chunk is read again
+            fit = min(room // stream.words[:2].nbytes, len(stream.words) // 2) * 2
+            np.testing.assert_array_equal(recorded.read_words(0, fit), stream.words[:fit])
+
+
 @settings(max_examples=5)
 @given(
     before=st.lists(st.integers(1, 70), min_size=1, max_size=4),

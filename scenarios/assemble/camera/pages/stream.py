@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cosim.light.demosaic import in_colour
+from cosim.light.source import truth_at
 from cosim.report.figures import overview_figure, sheet_figure
 from cosim.report.parts import cards, data, figure, plot, table
 from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
@@ -196,9 +197,8 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     span = (long.first, long.first + long.cycles)
     start, stop = clock.edge(span[0]), clock.edge(span[1]) - 1
     truth = np.empty((len(points), knots))
-    for k in range(knots):  # plane by plane, as planes may be large
-        plane = run.source.truth(start + (stop - start) * k // (knots - 1))
-        truth[:, k] = [float(plane[row, column]) for row, column, _ in points]
+    for k in range(knots):
+        truth[:, k] = truth_at(run.source, start + (stop - start) * k // (knots - 1), points)
         if (registers := run.setting.registers) is not None:
             cycle = clock.cycle_at(start + (stop - start) * k // (knots - 1))
             share = registers.shares(cycle, cycle + 1)

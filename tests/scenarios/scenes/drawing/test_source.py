@@ -8,9 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim import PS, Block, Clock
+from cosim.light.source import truth_at
 from cosim.stage import blocks
+from scenarios.scenes.charts.star import Star
 from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.drawing.points import spread_points
+from scenarios.scenes.drawing.sized import SizedSource
 
 CLOCK = Clock(40_000)
 LUX = 500.0
@@ -38,6 +41,16 @@ class Slide:
 
     def points(self) -> list[tuple[int, int, str]]:
         return [(3, 16, "middle")]
+
+
+@pytest.mark.parametrize("scene", [Slide(2_000.0), Star((40, 50))])
+def test_the_truth_at_pixels_is_that_of_the_picture(scene) -> None:
+    drawn = AnalyticSource(scene, LUX, CLOCK)
+    for source in (drawn, SizedSource(drawn, (90, 70))):
+        points = spread_points(source.shape)
+        for ps in (0, 10**9 + 7):
+            plane = source.truth(ps)
+            assert truth_at(source, ps, points) == [plane[y, x] for y, x, _ in points]
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, 2_000.0, 30_000.0, 10**6])
