@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.compute.opencl import Device
 from cosim.errors import MissingPackages
-from cosim.light.light import Light, Piece, Plane
+from cosim.light.light import Box, Light, Piece, Plane
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
 from cosim.spikes.viform import words_for
 from display import GL_INSTALL, probe_gl
@@ -54,6 +54,10 @@ MOVING = 10
 """Cycles between new planes of a scene that changes everywhere."""
 MOVING_RATES, OVEREXPOSED = (0.1, 0.5), (0.9, 1.5)
 """Spikes a cycle of the darkest and brightest pixel of that scene, and of an overexposed one."""
+STILL = 0.95
+"""Share of the rows of a scene that do not change."""
+UNLIT = 2.5e-6
+"""Spikes a cycle from a dark current of 100 electrons a second."""
 
 
 def _ceiling(device: Device, n: int) -> float:
@@ -176,30 +180,45 @@ def _random(shape: tuple[int, int], rates: tuple[float, float], seed: int) -> Pl
     return np.random.default_rng(seed).uniform(*rates, shape).astype(np.float32)
 
 
-def _bank_scenes(shape: tuple[int, int]) -> dict[str, tuple[Light, FixedPattern | None]]:
-    """Light and fixed pattern by the name of the row: the picture of `sensor.noise`; light that
-    changes everywhere, with a fixed pattern; and light near and above the threshold."""
+def _bank_scenes(shape: tuple[int, int]) -> dict[str, tuple[Light, FixedPattern | None, int]]:
+    """Light, fixed pattern and flags by the name of the row: the picture of `sensor.noise`; light
+    that changes everywhere, or in STILL of the rows no more, with a fixed pattern; light near and
+    above the threshold; and dark current alone, where every spike has a draw of its own."""
     n, tick = shape[0] * shape[1], PS / REAL_TIME
     picture = _rates(n).reshape(shape).astype(np.float32)
     bright = _random(shape, OVEREXPOSED, 1)
     edges = [round(MOVING * k * tick) for k in range((REPEATS + 1) * BLOCK // MOVING + 2)]
     planes = [_random(shape, MOVING_RATES, k) for k in range(len(edges))]
-    ends, levels = itertools.pairwise(edges), itertools.pairwise(planes)
-    pieces = (Piece(*end, *level) for end, level in zip(ends, levels, strict=True))
+    box = (0, round(shape[0] * (1 - STILL)), 0, shape[1])
+    still = [planes[0].copy() for _ in planes]
+    for plane, new in zip(still, planes, strict=True):
+        plane[: box[1]] = new[: box[1]]
+
+    def course(planes: list[Plane], box: Box | None) -> Light:
+        ends, levels = itertools.pairwise(edges), itertools.pairwise(planes)
+        return Light(
+            tuple(Piece(*end, *level, box) for end, level in zip(ends, levels, strict=True))
+        )
+
     pattern = DevicePattern(prnu=0.01, dark=0.1 * THRESHOLD, dsnu=0.1, device_seed=1)
-    numbers = np.arange(n, dtype=np.uint32)
+    own = pattern.at(np.arange(n, dtype=np.uint32))
+    dark = np.full(shape, UNLIT, np.float32)
     return {
-        "sensor.noise": (Light((Piece(0, PS, picture, picture),)), None),
-        "sensor.noise-moving": (Light(tuple(pieces)), pattern.at(numbers)),
-        "sensor.noise-bright": (Light((Piece(0, PS, bright, bright),)), None),
+        "sensor.noise": (Light((Piece(0, PS, picture, picture),)), None, BANK | NOISE),
+        "sensor.noise-moving": (course(planes, None), own, BANK | NOISE),
+        "sensor.noise-still": (course(still, box), own, BANK | NOISE),
+        "sensor.noise-bright": (Light((Piece(0, PS, bright, bright),)), None, BANK | NOISE),
+        "sensor.noise-dark": (Light((Piece(0, PS, dark, dark),)), None, NOISE),
     }
 
 
-def _bank(device: Device, light: Light, pattern: FixedPattern | None, cycles: int) -> float:
-    """Throughput of the fast tier with thresholds from the bank, pixel-cycles/s."""
+def _planned(
+    device: Device, light: Light, pattern: FixedPattern | None, flag: int, cycles: int
+) -> float:
+    """Throughput of the fast tier with this flag in all groups, pixel-cycles/s."""
     shape = light.shape
     numbers = np.arange(shape[0] * shape[1], dtype=np.uint32)
-    flags = np.full((shape[0], -(-shape[1] // LANES)), BANK | NOISE, np.uint8)
+    flags = np.full((shape[0], -(-shape[1] // LANES)), flag, np.uint8)
     array = PixelArray(
         ExactModel(THRESHOLD, 1, tuple(EFFECTS.values())), shape, numbers,
         Clock.from_hz(REAL_TIME), THRESHOLD * REAL_TIME, pattern, flags=flags,
@@ -238,9 +257,10 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
         for name, light in _scenes(shape).items():
             for tier, call in _tiers(device, True).items():
                 row(name, tier, _rate(call, light, n, BLOCK))
-        for name, (light, pattern) in _bank_scenes(shape).items():
-            changes = pattern is not None
-            row(name, "bank", _bank(device, light, pattern, BLOCK if changes else CYCLES))
+        for name, (light, pattern, flag) in _bank_scenes(shape).items():
+            cycles = CYCLES if pattern is None else BLOCK
+            tier = "bank" if flag & BANK else "fast"
+            row(name, tier, _planned(device, light, pattern, flag, cycles))
         rows.append(readout_row(device, ceiling))
     return rows
 

@@ -29,7 +29,9 @@ def test_bench_prints_the_documented_rows(capsys: pytest.CaptureFixture[str]) ->
     assert document["ceiling"]["value"] > 0
     names = ["static", "ramp", "noise", "noise-random", "noise-smooth", "noise-box"]
     *pixels, readout = document["rows"]
-    banked = [(f"sensor.{name}", "bank") for name in ("noise", "noise-moving", "noise-bright")]
+    banked = [(f"sensor.noise{kind}", "bank") for kind in ("", "-moving", "-still", "-bright")] + [
+        ("sensor.noise-dark", "fast")
+    ]
     assert [(row["name"], row["tier"]) for row in pixels] == [
         *((f"sensor.{name}", tier) for name in names for tier in ("exact", "fast")), *banked,
     ]  # fmt: skip
