@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from display.observe.views import Observer
 
-__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span"]
+__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span", "reduced"]
 
 Plane = npt.NDArray[np.float32]
 Values = npt.NDArray[np.float64]
@@ -63,18 +63,33 @@ class LightPlanes:
     planes: npt.NDArray[Any]
     spans: list[Span]
 
-    def smaller(self, by: int) -> LightPlanes:
-        """The means over complete squares of `by` x `by` pixels. Raises ValueError."""
-        if by == 1:
-            return self
-        from display.observe.row_kernels import by_rows, shrink  # imports numba, 0.4 s
+    def reduced(self, observer: Observer, by: int) -> Plane:
+        """The images of a still observer as means over `by` x `by` pixels, (images, H // by, W //
+        by) float32; incomplete squares at the right and at the bottom are left out."""
+        parts = _parts(self.spans, observer)
+        weights = [np.bincount(parts.plane, w, len(self.planes)) for w in parts.weight]
+        return reduced(self.planes, np.array(weights, np.float32), by)
 
-        n, height, width = self.planes.shape
-        if not 1 <= by <= min(height, width):
-            raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
-        small = np.empty((n, height // by, width // by), np.float32)
-        by_rows(shrink, height // by, self.planes, by, small)
-        return LightPlanes(small, self.spans)
+
+def reduced(planes: npt.NDArray[Any], weights: npt.NDArray[np.float32], by: int) -> Plane:
+    """Weighted sums of planes as means over `by` x `by` pixels, (images, H // by, W // by) float32.
+
+    Args:
+        planes: (n, H, W) float32, float64 or uint8.
+        weights: (images, n) float32.
+        by: side of the squares, 1 to the shorter side of a plane.
+
+    Raises:
+        ValueError: `by` is out of range.
+    """
+    from display.observe.row_kernels import add_reduced, by_rows  # imports numba, 0.4 s
+
+    height, width = planes.shape[1:]
+    if not 1 <= by <= min(height, width):
+        raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
+    images = np.zeros((len(weights), height // by, width // by), np.float32)
+    by_rows(add_reduced, height // by, planes, by, weights, images)
+    return images
 
 
 @dataclass(frozen=True, eq=False)
