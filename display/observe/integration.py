@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,8 @@ from display.observe.views import Observer
 
 __all__ = ["Gain", "LightPlanes", "ObserverImages", "Span", "reduced"]
 
+WAITING = 4
+"""Maximum number of planes of light that wait to be added together."""
 Plane = npt.NDArray[np.float32]
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
@@ -132,6 +134,11 @@ def _parts(spans: list[Span], observer: Observer) -> _Parts:
     return _Parts(plane, weight, *observer.shifts((start + stop) // 2))
 
 
+def _joined(several: list[_Parts]) -> _Parts:
+    names = [field.name for field in fields(_Parts)]
+    return _Parts(*(np.concatenate([getattr(p, n) for p in several], axis=-1) for n in names))
+
+
 def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any], ...]]:
     """The taps of each image: planes, integer shifts across and along the rows, and weights."""
     height, width = shape
@@ -163,16 +170,28 @@ def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any],
 class ObserverImages:
     """The images of an observer.
 
+    A frame is one or two planes of light. Several wait to be added together, because each pass
+    reads and writes all images.
+
     Attributes:
         observer: the observer.
         shape: (height, width), pixels.
-        images: images so far, (images, H, W) float32, white = 1.
     """
 
     def __init__(self, observer: Observer, shape: tuple[int, int]) -> None:
         self.observer = observer
         self.shape = shape
-        self.images = np.zeros((observer.images, *shape), np.float32)
+        self._images = np.zeros((observer.images, *shape), np.float32)
+        self._waiting = np.zeros((0, *shape), np.float32)
+        self._parts: list[_Parts] = []
+        """The parts of the planes that wait; the first `_planes` of `_waiting`."""
+        self._planes = 0
+
+    @property
+    def images(self) -> Plane:
+        """The images so far, (images, H, W) float32, white = 1."""
+        self._add_waiting()
+        return self._images
 
     def add(self, light: LightPlanes) -> None:
         """Adds the planes, with the weights and bilinear shifts of the observer. Raises ValueError
@@ -181,7 +200,25 @@ class ObserverImages:
             raise ValueError(f"planes must be of {self.shape} pixels, not {light.planes.shape[1:]}")
         if not light.spans:
             return
-        taps = _taps(_parts(light.spans, self.observer), self.shape)
+        parts, count = _parts(light.spans, self.observer), len(light.planes)
+        if count > WAITING // 2:
+            self._integrate(light.planes, parts)
+            return
+        if not len(self._waiting):
+            self._waiting = np.empty((WAITING, *self.shape), np.float32)
+        if self._planes + count > WAITING:
+            self._add_waiting()
+        self._waiting[self._planes : self._planes + count] = light.planes
+        self._parts.append(replace(parts, plane=parts.plane + self._planes))
+        self._planes += count
+
+    def _add_waiting(self) -> None:
+        if self._parts:
+            self._integrate(self._waiting[: self._planes], _joined(self._parts))
+        self._parts, self._planes = [], 0
+
+    def _integrate(self, planes: npt.NDArray[Any], parts: _Parts) -> None:
+        taps = _taps(parts, self.shape)
         counts = [len(weight) for *_, weight in taps]
         if not any(counts):
             return
@@ -195,14 +232,24 @@ class ObserverImages:
         pad = int(np.abs(along).max())
         place = line.ravel() * (self.shape[1] + 2 * pad) + pad + along
         by_rows(
-            add_images, self.shape[0], light.planes, pad, lines[0], lines[1], begin, place, weight,
-            self.images,
+            add_images, self.shape[0], planes, pad, lines[0], lines[1], begin, place, weight,
+            self._images,
         )  # fmt: skip
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """The images."""
-        return {"images": self.images.copy()}
+        """The images, and the light that waits."""
+        parts = vars(_joined(self._parts)) if self._parts else {}
+        return {
+            "images": self._images.copy(), "planes": self._waiting[: self._planes].copy(),
+        } | {f"part {name}": values for name, values in parts.items()}  # fmt: skip
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Restores a `state`."""
-        self.images = np.ascontiguousarray(state["images"], np.float32)
+        self._images = np.ascontiguousarray(state["images"], np.float32)
+        self._planes = len(state["planes"])
+        self._parts = []
+        if self._planes:
+            self._waiting = np.empty((WAITING, *self.shape), np.float32)
+            self._waiting[: self._planes] = state["planes"]
+            names = (field.name for field in fields(_Parts))
+            self._parts = [_Parts(*(state[f"part {name}"] for name in names))]

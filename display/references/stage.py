@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cosim import Block, Clock, Light
 from display.observe.integration import ObserverImages
+from display.observe.observers import Observers
 from display.observe.slow_motion import Film, SlowMotion
 from display.observe.views import Observer
 from display.panels.panel import FramePanel, Projector
@@ -61,10 +62,11 @@ class ReferenceStage:
                 if isinstance(panel, FramePanel)
                 else ProjectorShow(panel, shape, white)
             )
-        self._images = {
-            name: {who: ObserverImages(observer, shape) for who, observer in observers.items()}
-            for name in self._shows
-        }
+        # All observers see a plane of light in one pass.
+        self._observers, every = dict(observers), Observers(tuple(observers.values()))
+        self._images: dict[str, ObserverImages] = {}
+        if observers:
+            self._images = {name: ObserverImages(every, shape) for name in self._shows}
         self.films = {name: Film(motion) for name in self._shows} if motion is not None else {}
 
     def step(self, light: Light, block: Block) -> Light:
@@ -73,8 +75,8 @@ class ReferenceStage:
         for name, show in self._shows.items():
             film = self.films.get(name)
             for emitted in show.step(light, until):
-                for images in self._images[name].values():
-                    images.add(emitted)
+                if name in self._images:
+                    self._images[name].add(emitted)
                 if film is not None:
                     film.add(emitted)
             if film is not None:
@@ -83,16 +85,18 @@ class ReferenceStage:
 
     def images(self) -> dict[str, dict[str, Images]]:
         """Images by panel (and "truth") and observer, (images, H, W) float32, white = 1."""
+        if not self._images:
+            return {name: {} for name in self._shows}
+        stops = np.cumsum([observer.images for observer in self._observers.values()])[:-1]
         return {
-            name: {observer: images.images for observer, images in by_observer.items()}
-            for name, by_observer in self._images.items()
+            name: dict(zip(self._observers, np.split(seen.images, stops), strict=True))
+            for name, seen in self._images.items()
         }
 
     def _parts(self) -> dict[str, Any]:
         """All objects with a state, by their keys."""
         parts: dict[str, Any] = {f"{name}/show": show for name, show in self._shows.items()}
-        for name, by_observer in self._images.items():
-            parts |= {f"{name}/images/{who}": images for who, images in by_observer.items()}
+        parts |= {f"{name}/images": images for name, images in self._images.items()}
         return parts | {f"{name}/film": film for name, film in self.films.items()}
 
     def state(self) -> dict[str, npt.NDArray[Any]]:

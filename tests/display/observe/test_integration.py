@@ -7,7 +7,8 @@ import pytest
 
 from cosim import PS, Clock, Light, Piece
 from display import CameraPlane, FixedEye, PursuingEye
-from display.observe.integration import LightPlanes, ObserverImages, Span
+from display.observe.integration import WAITING, LightPlanes, ObserverImages, Span
+from display.observe.observers import Observers
 from display.references.truth import TruthShow
 from display.render.golden import _shifted
 
@@ -67,6 +68,53 @@ def test_several_planes_at_once_are_their_sum():
     np.testing.assert_allclose(together.images, alone.images, rtol=0, atol=1e-6)
     with pytest.raises(ValueError, match="planes must be of"):
         together.add(LightPlanes(planes[:, :3], spans))
+
+
+def test_planes_that_wait_are_part_of_the_state():
+    observer = PursuingEye(EYE, (0.0, 4000.0))
+    lights = [
+        LightPlanes(RNG.random((1, *SHAPE)).astype(np.float32), [Span(0, n * MS, (n + 1) * MS)])
+        for n in range(WAITING + 2)
+    ]
+    straight, cut = ObserverImages(observer, SHAPE), ObserverImages(observer, SHAPE)
+    for light in lights:
+        straight.add(light)
+        again = ObserverImages(observer, SHAPE)
+        again.restore(cut.state())
+        again.add(light)
+        cut = again
+    assert straight.images.std() > 1e-3
+    np.testing.assert_array_equal(cut.images, straight.images)
+
+
+def test_several_observers_see_what_each_sees_alone():
+    each = EYE, PursuingEye(EYE, (0.0, 4000.0)), CameraPlane((MS,), 2 * MS)
+    light = LightPlanes(
+        RNG.random((3, *SHAPE)).astype(np.float32),
+        [Span(n, n * MS, (n + 1) * MS) for n in range(3)],
+    )
+    together, alone = ObserverImages(Observers(each), SHAPE), []
+    together.add(light)
+    for observer in each:
+        alone.append(ObserverImages(observer, SHAPE))
+        alone[-1].add(light)
+    expected = np.concatenate([images.images for images in alone])
+    np.testing.assert_allclose(together.images, expected, rtol=0, atol=1e-6)
+
+
+def test_reduced_images_are_means_of_the_images():
+    camera, by = CameraPlane((MS, 2 * MS), 2 * MS), 3
+    for dtype in (np.float32, np.uint8):
+        planes = (RNG.random((4, *SHAPE)) * 2).astype(dtype)
+        light = LightPlanes(planes, [Span(n, n * MS, (n + 1) * MS) for n in range(4)])
+        whole = ObserverImages(camera, SHAPE)
+        whole.add(light)
+        height, width = SHAPE[0] // by, SHAPE[1] // by
+        squares = whole.images[:, : height * by, : width * by]
+        means = squares.reshape(2, height, by, width, by).mean(axis=(2, 4))
+        np.testing.assert_allclose(light.reduced(camera, by), means, rtol=0, atol=1e-6)
+    with pytest.raises(ValueError, match="by must be 1 to"):
+        light.reduced(camera, max(SHAPE) + 1)
 
 
 def test_light_that_has_left_the_retina_is_dark():
