@@ -35,8 +35,9 @@ PLANES: Final = 64
 images are sums of such sums in float64."""
 TOGETHER: Final = 8
 """Number of images to which the light of a few pixels is added at once."""
-ITEMS: Final = 32
-"""Number of work-items: enough for an even load, and their rows fit into the cache."""
+ITEMS: Final = 16
+"""Number of work-items for each core: enough for an even load, few enough for their rows to stay in
+the cache."""
 NO_SPAN: Final = 2**32 - 1
 VIEW: Final = 8
 """Numbers of a view in a span; the same in planes.cl."""
@@ -78,7 +79,8 @@ class OpenCLRenderer:
         self._device = open_device() if device is None else device
         self.name = f"OpenCL, {self._device.name}"
         self._window = max(1, min(PLANES // batch, WINDOW))
-        self._rows = -(-height // ITEMS)
+        self._rows = -(-height // (ITEMS * self._device.units))
+        self._items = -(-height // self._rows)
         self._shared: dict[int, tuple[npt.NDArray[Any], Any]] = {}
         shape = max(len(self._names), 1), height, self._line
         self._states = [self._share(np.zeros(shape, np.uint32)) for _ in range(2)]
@@ -86,7 +88,7 @@ class OpenCLRenderer:
         self._count = images
         self._images = self._share(np.empty((max(images, 1), height, self._line)))
         self._fresh = np.ones(images, np.bool_)
-        self._spans = self._share(np.empty((ITEMS, self._window, self._line), np.float32))
+        self._spans = self._share(np.empty((self._items, self._window, self._line), np.float32))
         self._kernels: dict[tuple[str, bool], Any] = {}
         self._taken = Outputs(np.float64)
         self._last: tuple[Words, int] | None = None
@@ -147,7 +149,7 @@ class OpenCLRenderer:
         if views is not None:
             table = self._views(views, first, last)
             self._kernel("look", True)(
-                self._device.queue, (ITEMS,), (1,), spans, np.uint32(first), np.uint32(last),
+                self._device.queue, (self._items,), (1,), spans, np.uint32(first), np.uint32(last),
                 np.uint32(self._window), *map(np.uint32, (height, self._line, self._rows)), *table,
             )  # fmt: skip
         self._device.settle(spans, light)
@@ -171,7 +173,7 @@ class OpenCLRenderer:
         )  # fmt: skip
         sizes = (*spans, self._window, *panel.shape, self._line, self._rows)
         self._kernel("show", whole)(
-            self._device.queue, (ITEMS,), (1,), self._device.share(words), np.uint32(cycles),
+            self._device.queue, (self._items,), (1,), self._device.share(words), np.uint32(cycles),
             np.uint32(self.batch), before, after, kept, *map(np.uint32, sizes),
             np.float32(self._unit), np.float32(1 / pulse), *emitter, *self._views(views, *spans),
         )  # fmt: skip
