@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import cv2
@@ -9,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.compute.outputs import Outputs
 from cosim.light.light import Plane
 
 __all__ = ["Likeness", "inside"]
@@ -23,7 +23,15 @@ EDGE = 5
 Levels = npt.NDArray[np.floating[Any]]
 
 
-_MEMORY = Outputs(np.float32)
+_LOCAL = threading.local()
+"""Memory of a thread for one comparison: fresh memory would take as long as the arithmetic."""
+
+
+def _memory(shape: tuple[int, ...]) -> Plane:
+    if getattr(_LOCAL, "memory", np.empty(0)).shape != shape:
+        _LOCAL.memory = np.empty(shape, np.float32)
+    memory: Plane = _LOCAL.memory
+    return memory
 
 
 def _blur(x: Plane, into: Plane) -> None:
@@ -74,7 +82,7 @@ class Likeness:
         """SSIM of an image with the true image, (H, W) float32, peak 1. The Gaussian window is 11 x
         11 with sigma 1.5, mirrored at the edges, as in scikit-image."""
         light = np.ascontiguousarray(image, np.float32)
-        parts = _MEMORY.take((6, *light.shape))
+        parts = _memory((6, *light.shape))
         flat = parts.reshape(6, -1)
         _products(light.ravel(), self._truth.ravel(), *flat[:3])
         for part, blurred in zip(parts[:3], parts[3:], strict=True):

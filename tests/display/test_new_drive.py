@@ -17,12 +17,13 @@ import pytest
 
 from cosim import Clock, Viform
 from cosim.spikes.viform import unpack_planes
-from display import Renderer, SpikePanel
+from display import SpikePanel
 from display.drives import DRIVES, Drive
 from display.probes import metrics
 from display.probes.waveform import panel_light
 from display.render.golden import GoldenRenderer
 from display.render.opencl import OpenCLRenderer
+from display.render.renderer import Renderer
 from display.trial.pixels import PanelPixels
 from scenarios.assemble.schema import scenario
 from scenarios.assemble.schema.scenario import export

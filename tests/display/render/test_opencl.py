@@ -12,11 +12,12 @@ import pytest
 
 import display.render.factory as factory
 from cosim import Clock, InputError
-from display import Renderer, SpikePanel, make_renderer
+from display import SpikePanel, make_renderer
 from display.drives import DRIVES
 from display.observe.views import Views
 from display.render.golden import GoldenRenderer
 from display.render.opencl import OpenCLRenderer
+from display.render.renderer import Renderer
 
 CLOCK = Clock.from_hz(40e3)
 SHAPE = (9, 150)

@@ -11,11 +11,12 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import Renderer, SpikePanel, make_renderer
+from display import SpikePanel, make_renderer
 from display.drives import DRIVES
 from display.observe.views import Views
 from display.render.golden import FOREVER, GoldenRenderer
 from display.render.opencl import OpenCLRenderer
+from display.render.renderer import Renderer
 
 CLOCK = Clock.from_hz(40e3)
 WITHIN = 1e-6
