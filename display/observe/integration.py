@@ -9,7 +9,7 @@ pictures.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -134,7 +134,7 @@ def _parts(spans: list[Span], observer: Observer) -> _Parts:
     return _Parts(plane, weight, *observer.shifts((start + stop) // 2))
 
 
-def _joined(several: list[_Parts]) -> _Parts:
+def _joined(several: Sequence[_Parts]) -> _Parts:
     names = [field.name for field in fields(_Parts)]
     return _Parts(*(np.concatenate([getattr(p, n) for p in several], axis=-1) for n in names))
 
@@ -168,39 +168,40 @@ def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any],
 
 
 class ObserverImages:
-    """The images of an observer.
+    """The images of observers of the same light, which is read once for all of them.
 
     A frame is one or two planes of light. Several wait to be added together, because each pass
     reads and writes all images.
 
     Attributes:
-        observer: the observer.
+        observers: the observers.
         shape: (height, width), pixels.
     """
 
-    def __init__(self, observer: Observer, shape: tuple[int, int]) -> None:
-        self.observer = observer
+    def __init__(self, observers: Sequence[Observer], shape: tuple[int, int]) -> None:
+        self.observers = tuple(observers)
         self.shape = shape
-        self._images = np.zeros((observer.images, *shape), np.float32)
+        self._images = np.zeros((sum(o.images for o in observers), *shape), np.float32)
         self._waiting = np.zeros((0, *shape), np.float32)
-        self._parts: list[_Parts] = []
-        """The parts of the planes that wait; the first `_planes` of `_waiting`."""
+        self._parts: list[list[_Parts]] = []
+        """The parts of the planes that wait, the first `_planes` of `_waiting`; for each
+        observer."""
         self._planes = 0
 
     @property
     def images(self) -> Plane:
-        """The images so far, (images, H, W) float32, white = 1."""
+        """The images so far, (images, H, W) float32, white = 1, in the order of the observers."""
         self._add_waiting()
         return self._images
 
     def add(self, light: LightPlanes) -> None:
-        """Adds the planes, with the weights and bilinear shifts of the observer. Raises ValueError
+        """Adds the planes, with the weights and bilinear shifts of the observers. Raises ValueError
         for planes of another size."""
         if light.planes.shape[1:] != self.shape:
             raise ValueError(f"planes must be of {self.shape} pixels, not {light.planes.shape[1:]}")
         if not light.spans:
             return
-        parts, count = _parts(light.spans, self.observer), len(light.planes)
+        parts, count = [_parts(light.spans, o) for o in self.observers], len(light.planes)
         if count > WAITING // 2:
             self._integrate(light.planes, parts)
             return
@@ -209,16 +210,20 @@ class ObserverImages:
         if self._planes + count > WAITING:
             self._add_waiting()
         self._waiting[self._planes : self._planes + count] = light.planes
-        self._parts.append(replace(parts, plane=parts.plane + self._planes))
+        self._parts.append([replace(p, plane=p.plane + self._planes) for p in parts])
         self._planes += count
 
     def _add_waiting(self) -> None:
         if self._parts:
-            self._integrate(self._waiting[: self._planes], _joined(self._parts))
+            self._integrate(self._waiting[: self._planes], self._joined())
         self._parts, self._planes = [], 0
 
-    def _integrate(self, planes: npt.NDArray[Any], parts: _Parts) -> None:
-        taps = _taps(parts, self.shape)
+    def _joined(self) -> list[_Parts]:
+        """The parts of all planes that wait, for each observer."""
+        return [_joined(parts) for parts in zip(*self._parts, strict=True)]
+
+    def _integrate(self, planes: npt.NDArray[Any], parts: list[_Parts]) -> None:
+        taps = [tap for each in parts for tap in _taps(each, self.shape)]
         counts = [len(weight) for *_, weight in taps]
         if not any(counts):
             return
@@ -238,18 +243,22 @@ class ObserverImages:
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The images, and the light that waits."""
-        parts = vars(_joined(self._parts)) if self._parts else {}
         return {
             "images": self._images.copy(), "planes": self._waiting[: self._planes].copy(),
-        } | {f"part {name}": values for name, values in parts.items()}  # fmt: skip
+        } | {
+            f"{n} {name}": values
+            for n, parts in enumerate(self._joined()) for name, values in vars(parts).items()
+        }  # fmt: skip
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Restores a `state`."""
         self._images = np.ascontiguousarray(state["images"], np.float32)
-        self._planes = len(state["planes"])
-        self._parts = []
+        self._planes, self._parts = len(state["planes"]), []
         if self._planes:
             self._waiting = np.empty((WAITING, *self.shape), np.float32)
             self._waiting[: self._planes] = state["planes"]
-            names = (field.name for field in fields(_Parts))
-            self._parts = [_Parts(*(state[f"part {name}"] for name in names))]
+            names = [field.name for field in fields(_Parts)]
+            self._parts = [[
+                _Parts(*(state[f"{n} {name}"] for name in names))
+                for n in range(len(self.observers))
+            ]]  # fmt: skip

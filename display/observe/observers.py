@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from cosim import PS
 from display.observe.temporal import STAGE_TIME, STAGES, frequency_scale
-from display.observe.views import Observer, Values
+from display.observe.views import Values
 
-__all__ = ["CameraPlane", "FixedEye", "Observers", "PursuingEye", "eye_time"]
+__all__ = ["CameraPlane", "FixedEye", "PursuingEye", "eye_time"]
 
 Instants = npt.NDArray[np.int64]
 
@@ -121,25 +121,3 @@ class PursuingEye:
         centre = np.array(self.still.instants, np.float64)[:, None]
         seconds = (at[None, :] - centre) / PS
         return seconds * self.velocity[0], seconds * self.velocity[1]
-
-
-@dataclass(frozen=True)
-class Observers:
-    """Several observers of the same light as one, with the images of all in their order.
-
-    Attributes:
-        each: the observers.
-    """
-
-    each: tuple[Observer, ...]
-
-    @property
-    def images(self) -> int:
-        return sum(observer.images for observer in self.each)
-
-    def weights(self, start: Instants, stop: Instants) -> Values:
-        return np.concatenate([observer.weights(start, stop) for observer in self.each])
-
-    def shifts(self, at: Instants) -> tuple[Values, Values]:
-        down, along = zip(*(observer.shifts(at) for observer in self.each), strict=True)
-        return np.concatenate(down), np.concatenate(along)

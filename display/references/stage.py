@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from cosim import Block, Clock, Light
 from display.observe.integration import ObserverImages
-from display.observe.observers import Observers
 from display.observe.slow_motion import Film, SlowMotion
 from display.observe.views import Observer
 from display.panels.panel import FramePanel, Projector
@@ -62,11 +61,10 @@ class ReferenceStage:
                 if isinstance(panel, FramePanel)
                 else ProjectorShow(panel, shape, white)
             )
-        # All observers see a plane of light in one pass.
-        self._observers, every = dict(observers), Observers(tuple(observers.values()))
-        self._images: dict[str, ObserverImages] = {}
-        if observers:
-            self._images = {name: ObserverImages(every, shape) for name in self._shows}
+        self._observers = dict(observers)
+        self._images = {
+            name: ObserverImages(list(observers.values()), shape) for name in self._shows
+        }
         self.films = {name: Film(motion) for name in self._shows} if motion is not None else {}
 
     def step(self, light: Light, block: Block) -> Light:
@@ -75,8 +73,7 @@ class ReferenceStage:
         for name, show in self._shows.items():
             film = self.films.get(name)
             for emitted in show.step(light, until):
-                if name in self._images:
-                    self._images[name].add(emitted)
+                self._images[name].add(emitted)
                 if film is not None:
                     film.add(emitted)
             if film is not None:
@@ -85,13 +82,14 @@ class ReferenceStage:
 
     def images(self) -> dict[str, dict[str, Images]]:
         """Images by panel (and "truth") and observer, (images, H, W) float32, white = 1."""
-        if not self._images:
-            return {name: {} for name in self._shows}
-        stops = np.cumsum([observer.images for observer in self._observers.values()])[:-1]
-        return {
-            name: dict(zip(self._observers, np.split(seen.images, stops), strict=True))
-            for name, seen in self._images.items()
-        }
+        out: dict[str, dict[str, Images]] = {}
+        for name, seen in self._images.items():
+            images, first = seen.images, 0
+            out[name] = {}
+            for who, observer in self._observers.items():
+                out[name][who] = images[first : first + observer.images]
+                first += observer.images
+        return out
 
     def _parts(self) -> dict[str, Any]:
         """All objects with a state, by their keys."""
