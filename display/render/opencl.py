@@ -81,7 +81,6 @@ class OpenCLRenderer:
         self._window = max(1, min(PLANES // batch, WINDOW))
         self._rows = -(-height // (ITEMS * self._device.units))
         self._items = -(-height // self._rows)
-        self._shared: dict[int, tuple[npt.NDArray[Any], Any]] = {}
         shape = max(len(self._names), 1), height, self._line
         self._states = [self._share(np.zeros(shape, np.uint32)) for _ in range(2)]
         """The state before the last block, and after it."""
@@ -287,6 +286,8 @@ class OpenCLRenderer:
         self._last = None
 
     def close(self) -> None:
-        """Releases the memory of the images and the state."""
+        """Releases the memory of the images and the state; the renderer cannot be used any more."""
         self._device.finish()
         self._last = None
+        self._images = self._spans = self._share(np.zeros((1, 1, 1), np.float32))
+        self._states = [self._spans] * 2
