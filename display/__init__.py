@@ -7,12 +7,11 @@ from display.panels.panel import SpikePanel
 from display.render.context import GL_INSTALL, probe_gl
 from display.render.factory import make_renderer
 from display.render.plane_by_plane import PlaneByPlane
-from display.render.renderer import Renderer
 from display.setting import DisplaySetting
 from display.window import Window, open_window
 
 __all__ = [
     "GL_INSTALL", "CameraPlane", "DisplaySetting", "FixedEye", "PlaneByPlane", "PursuingEye",
-    "Renderer", "SpikePanel", "Window", "fit_words", "make_renderer", "open_window", "panel_views",
+    "SpikePanel", "Window", "fit_words", "make_renderer", "open_window", "panel_views",
     "probe_gl",
 ]  # fmt: skip

@@ -13,6 +13,7 @@ from cosim.config.quantity import Quantity, Section, Share, Time
 from display.drives import DRIVES
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.panels.panel import FramePanel, Projector, SpikePanel
+from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
 
 __all__ = ["OBSERVERS", "DisplaySection"]
@@ -116,8 +117,10 @@ class DisplaySection(Section):
         description="as-camera: a pixel of the panel emits the colour of the camera's filter in "
         "its place (sensor.colour); without it the panel has one colour",
     )
-    renderer: Literal["gl", "numpy"] = Field(
-        default="gl", description="gl: shaders; numpy: the golden model, exact and slow"
+    renderer: RendererKind = Field(
+        default="auto",
+        description="gl: shaders; opencl: kernels, faster on a processor; auto: opencl if GL is "
+        "software, else gl; numpy: the golden model, exact and slow",
     )
 
     def panel(

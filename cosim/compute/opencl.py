@@ -166,6 +166,11 @@ class Device:
     def __post_init__(self) -> None:
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
 
+    @property
+    def units(self) -> int:
+        """Number of compute units; of a processor, its cores."""
+        return int(self.handle.max_compute_units)
+
     @cached_property
     def gpu(self) -> bool:
         """Whether it is a GPU, whose work-groups must be large."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from cosim.light.light import Plane
 
@@ -21,10 +23,44 @@ EDGE = 5
 Levels = npt.NDArray[np.floating[Any]]
 
 
-def _mean(x: Plane) -> Plane:
+_LOCAL = threading.local()
+"""Memory of a thread for one comparison: fresh memory would take as long as the arithmetic."""
+
+
+def _memory(shape: tuple[int, ...]) -> Plane:
+    if getattr(_LOCAL, "memory", np.empty(0)).shape != shape:
+        _LOCAL.memory = np.empty(shape, np.float32)
+    memory: Plane = _LOCAL.memory
+    return memory
+
+
+def _blur(x: Plane, into: Plane) -> None:
     """Gaussian-weighted mean in the window of each pixel."""
-    blurred = cv2.GaussianBlur(x, (2 * EDGE + 1, 2 * EDGE + 1), 1.5, borderType=cv2.BORDER_REFLECT)
-    return np.asarray(blurred, np.float32)
+    size = 2 * EDGE + 1
+    cv2.GaussianBlur(x, (size, size), 1.5, dst=into, borderType=cv2.BORDER_REFLECT)
+
+
+@njit(cache=True, nogil=True)
+def _products(image, truth, x, square, product):  # type: ignore[no-untyped-def]
+    """x = image - 1/2, its square, and its product with `truth`; all flat."""
+    for n in range(x.size):
+        v = image[n] - HALF
+        x[n] = v
+        square[n] = v * v
+        product[n] = v * truth[n]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # an exception would prevent vectorisation
+def _similarity(moments, truth_mean, truth_power, out):  # type: ignore[no-untyped-def]
+    """SSIM from the blurred x, square and product, and the moments of the truth; all flat."""
+    means, squares, products = moments
+    two = np.float32(2.0)
+    for n in range(out.size):
+        power = squares[n] - means[n] * means[n]
+        common = products[n] - means[n] * truth_mean[n]
+        mean, level = means[n] + HALF, truth_mean[n] + HALF
+        top = (two * mean * level + C1) * (two * common + C2)
+        out[n] = top / ((power + truth_power[n] + C2) * (mean * mean + level * level + C1))
 
 
 def inside(values: Plane) -> Plane:
@@ -37,23 +73,22 @@ class Likeness:
 
     def __init__(self, truth: Levels) -> None:
         self._truth = truth.astype(np.float32) - HALF
-        self._mean = _mean(self._truth)
-        self._power = _mean(self._truth * self._truth) - self._mean * self._mean
+        self._mean, self._power = np.empty_like(self._truth), np.empty_like(self._truth)
+        _blur(self._truth, self._mean)
+        _blur(self._truth * self._truth, self._power)
+        self._power -= self._mean * self._mean
 
     def map(self, image: Levels) -> Plane:
         """SSIM of an image with the true image, (H, W) float32, peak 1. The Gaussian window is 11 x
         11 with sigma 1.5, mirrored at the edges, as in scikit-image."""
-        x = image.astype(np.float32) - HALF
-        mean = _mean(x)
-        power = _mean(x * x)
-        power -= mean * mean
-        common = _mean(x * self._truth)
-        common -= mean * self._mean
-        mean += HALF
-        level = self._mean + HALF
-        top = (2 * mean * level + C1) * (2 * common + C2)
-        power += self._power
-        power += C2
-        power *= mean * mean + level * level + C1
-        top /= power
-        return np.asarray(top, np.float32)
+        light = np.ascontiguousarray(image, np.float32)
+        parts = _memory((6, *light.shape))
+        flat = parts.reshape(6, -1)
+        _products(light.ravel(), self._truth.ravel(), *flat[:3])
+        for part, blurred in zip(parts[:3], parts[3:], strict=True):
+            _blur(part, blurred)
+        out = np.empty_like(light)
+        _similarity(
+            (flat[3], flat[4], flat[5]), self._mean.ravel(), self._power.ravel(), out.ravel()
+        )
+        return out

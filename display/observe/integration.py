@@ -9,8 +9,8 @@ pictures.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,10 @@ import numpy.typing as npt
 
 from display.observe.views import Observer
 
-__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span"]
+__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span", "reduced"]
 
+WAITING = 4
+"""Maximum number of planes of light that wait to be added together."""
 Plane = npt.NDArray[np.float32]
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
@@ -63,18 +65,33 @@ class LightPlanes:
     planes: npt.NDArray[Any]
     spans: list[Span]
 
-    def smaller(self, by: int) -> LightPlanes:
-        """The means over complete squares of `by` x `by` pixels. Raises ValueError."""
-        if by == 1:
-            return self
-        from display.observe.row_kernels import by_rows, shrink  # imports numba, 0.4 s
+    def reduced(self, observer: Observer, by: int) -> Plane:
+        """The images of a still observer as means over `by` x `by` pixels, (images, H // by, W //
+        by) float32; incomplete squares at the right and at the bottom are left out."""
+        parts = _parts(self.spans, observer)
+        weights = [np.bincount(parts.plane, w, len(self.planes)) for w in parts.weight]
+        return reduced(self.planes, np.array(weights, np.float32), by)
 
-        n, height, width = self.planes.shape
-        if not 1 <= by <= min(height, width):
-            raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
-        small = np.empty((n, height // by, width // by), np.float32)
-        by_rows(shrink, height // by, self.planes, by, small)
-        return LightPlanes(small, self.spans)
+
+def reduced(planes: npt.NDArray[Any], weights: npt.NDArray[np.float32], by: int) -> Plane:
+    """Weighted sums of planes as means over `by` x `by` pixels, (images, H // by, W // by) float32.
+
+    Args:
+        planes: (n, H, W) float32, float64 or uint8.
+        weights: (images, n) float32.
+        by: side of the squares, 1 to the shorter side of a plane.
+
+    Raises:
+        ValueError: `by` is out of range.
+    """
+    from display.observe.row_kernels import add_reduced, by_rows  # imports numba, 0.4 s
+
+    height, width = planes.shape[1:]
+    if not 1 <= by <= min(height, width):
+        raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
+    images = np.zeros((len(weights), height // by, width // by), np.float32)
+    by_rows(add_reduced, height // by, planes, by, weights, images)
+    return images
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +134,11 @@ def _parts(spans: list[Span], observer: Observer) -> _Parts:
     return _Parts(plane, weight, *observer.shifts((start + stop) // 2))
 
 
+def _joined(several: Sequence[_Parts]) -> _Parts:
+    names = [field.name for field in fields(_Parts)]
+    return _Parts(*(np.concatenate([getattr(p, n) for p in several], axis=-1) for n in names))
+
+
 def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any], ...]]:
     """The taps of each image: planes, integer shifts across and along the rows, and weights."""
     height, width = shape
@@ -146,27 +168,62 @@ def _taps(parts: _Parts, shape: tuple[int, int]) -> list[tuple[npt.NDArray[Any],
 
 
 class ObserverImages:
-    """The images of an observer.
+    """The images of observers of the same light, which is read once for all of them.
+
+    A frame is one or two planes of light. Several wait to be added together, because each pass
+    reads and writes all images.
 
     Attributes:
-        observer: the observer.
+        observers: the observers.
         shape: (height, width), pixels.
-        images: images so far, (images, H, W) float32, white = 1.
     """
 
-    def __init__(self, observer: Observer, shape: tuple[int, int]) -> None:
-        self.observer = observer
+    def __init__(self, observers: Sequence[Observer], shape: tuple[int, int]) -> None:
+        self.observers = tuple(observers)
         self.shape = shape
-        self.images = np.zeros((observer.images, *shape), np.float32)
+        self._images = np.zeros((sum(o.images for o in observers), *shape), np.float32)
+        self._waiting = np.zeros((0, *shape), np.float32)
+        self._parts: list[list[_Parts]] = []
+        """The parts of the planes that wait, the first `_planes` of `_waiting`; for each
+        observer."""
+        self._planes = 0
+
+    @property
+    def images(self) -> Plane:
+        """The images so far, (images, H, W) float32, white = 1, in the order of the observers."""
+        self._add_waiting()
+        return self._images
 
     def add(self, light: LightPlanes) -> None:
-        """Adds the planes, with the weights and bilinear shifts of the observer. Raises ValueError
+        """Adds the planes, with the weights and bilinear shifts of the observers. Raises ValueError
         for planes of another size."""
         if light.planes.shape[1:] != self.shape:
             raise ValueError(f"planes must be of {self.shape} pixels, not {light.planes.shape[1:]}")
         if not light.spans:
             return
-        taps = _taps(_parts(light.spans, self.observer), self.shape)
+        parts, count = [_parts(light.spans, o) for o in self.observers], len(light.planes)
+        if count > WAITING // 2:
+            self._integrate(light.planes, parts)
+            return
+        if not len(self._waiting):
+            self._waiting = np.empty((WAITING, *self.shape), np.float32)
+        if self._planes + count > WAITING:
+            self._add_waiting()
+        self._waiting[self._planes : self._planes + count] = light.planes
+        self._parts.append([replace(p, plane=p.plane + self._planes) for p in parts])
+        self._planes += count
+
+    def _add_waiting(self) -> None:
+        if self._parts:
+            self._integrate(self._waiting[: self._planes], self._joined())
+        self._parts, self._planes = [], 0
+
+    def _joined(self) -> list[_Parts]:
+        """The parts of all planes that wait, for each observer."""
+        return [_joined(parts) for parts in zip(*self._parts, strict=True)]
+
+    def _integrate(self, planes: npt.NDArray[Any], parts: list[_Parts]) -> None:
+        taps = [tap for each in parts for tap in _taps(each, self.shape)]
         counts = [len(weight) for *_, weight in taps]
         if not any(counts):
             return
@@ -180,14 +237,28 @@ class ObserverImages:
         pad = int(np.abs(along).max())
         place = line.ravel() * (self.shape[1] + 2 * pad) + pad + along
         by_rows(
-            add_images, self.shape[0], light.planes, pad, lines[0], lines[1], begin, place, weight,
-            self.images,
+            add_images, self.shape[0], planes, pad, lines[0], lines[1], begin, place, weight,
+            self._images,
         )  # fmt: skip
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """The images."""
-        return {"images": self.images.copy()}
+        """The images, and the light that waits."""
+        return {
+            "images": self._images.copy(), "planes": self._waiting[: self._planes].copy(),
+        } | {
+            f"{n} {name}": values
+            for n, parts in enumerate(self._joined()) for name, values in vars(parts).items()
+        }  # fmt: skip
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Restores a `state`."""
-        self.images = np.ascontiguousarray(state["images"], np.float32)
+        self._images = np.ascontiguousarray(state["images"], np.float32)
+        self._planes, self._parts = len(state["planes"]), []
+        if self._planes:
+            self._waiting = np.empty((WAITING, *self.shape), np.float32)
+            self._waiting[: self._planes] = state["planes"]
+            names = [field.name for field in fields(_Parts)]
+            self._parts = [[
+                _Parts(*(state[f"{n} {name}"] for name in names))
+                for n in range(len(self.observers))
+            ]]  # fmt: skip

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-__all__ = ["add_images", "by_rows", "carry_errors", "shrink"]
+__all__ = ["add_images", "add_reduced", "by_rows", "carry_errors"]
 
 
 @cache
@@ -143,26 +143,32 @@ def carry_errors(first, stop, before, after, scale, part, error, planes):  # typ
                 left[x] = value - np.float32(on)
 
 
-@njit(cache=True, nogil=True)
-def shrink(first, stop, planes, by, small):  # type: ignore[no-untyped-def]
-    """Fills the rows `first` to `stop` of small[k, y, x], the mean of planes[k] over `by` x `by`
-    pixels.
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def add_reduced(first, stop, planes, by, weights, images):  # type: ignore[no-untyped-def]
+    """Adds weighted planes to the rows `first` to `stop` of images, as means over `by` x `by`
+    pixels: images[i, y, x] += sum over planes k of weights[i, k] · mean of planes[k] in the square.
 
     Args:
-        planes: (n, H, W) float32 or uint8; incomplete squares at the right and at the bottom are
-            ignored.
-        small: (n, H // by, W // by) float32, output.
+        planes: (n, H, W) float32, float64 or uint8; incomplete squares at the right and at the
+            bottom are ignored.
+        weights: (images, n) float32; planes of weight 0 are not read.
+        images: (images, H // by, W // by) float32.
     """
     scale = np.float32(1.0 / (by * by))
+    total = np.empty(planes.shape[2], np.float32)
     for y in range(first, stop):
-        for k in range(len(small)):
-            out = small[k, y]
+        for i in range(len(images)):
+            for x in range(len(total)):
+                total[x] = 0.0
+            for k in range(len(planes)):
+                weight = weights[i, k]
+                if weight == 0.0:
+                    continue
+                for row in range(y * by, (y + 1) * by):
+                    _add(total, planes[k, row], weight)
+            out = images[i, y]
             for x in range(len(out)):
-                out[x] = 0.0
-            for a in range(by):
-                row = planes[k, y * by + a]
+                square = np.float32(0.0)
                 for b in range(by):
-                    for x in range(len(out)):
-                        out[x] += row[x * by + b]
-            for x in range(len(out)):
-                out[x] *= scale
+                    square += total[x * by + b]
+                out[x] += square * scale

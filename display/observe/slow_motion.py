@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cosim import Clock
 from cosim.report.png import for_display
-from display.observe.integration import LightPlanes, ObserverImages
+from display.observe.integration import LightPlanes, reduced
 from display.observe.observers import CameraPlane
 
 __all__ = ["Film", "SlowMotion", "exposure_cycles", "slow_motion"]
@@ -105,8 +105,8 @@ class Film:
 
     def keep(self, index: int, plane: Values) -> None:
         """Stores a complete exposure of a renderer, (H, W), white = 1."""
-        whole = LightPlanes(plane.astype(np.float32, copy=False)[None], [])
-        self.frames[index] = for_display(whole.smaller(self.motion.by).planes[0])
+        picture = reduced(plane[None], np.ones((1, 1), np.float32), self.motion.by)
+        self.frames[index] = for_display(picture[0])
 
     def add(self, light: LightPlanes) -> None:
         """Adds light of a display to the exposures that it falls on."""
@@ -118,9 +118,8 @@ class Film:
         )
         if first == stop:
             return
-        images = ObserverImages(motion.camera(first, stop), motion.shape)
-        images.add(light.smaller(motion.by))
-        for index, image in enumerate(images.images, first):
+        images = light.reduced(motion.camera(first, stop), motion.by)
+        for index, image in enumerate(images, first):
             self._open[index] = self._open[index] + image if index in self._open else image
 
     def close(self, until: int) -> None:

@@ -83,7 +83,7 @@ def _row(
 ) -> Flicker:
     """The row for the waveforms `waves`, (samples, places), sampled at `hz`. Places that are always
     dark are ignored."""
-    lit = [wave for wave in waves.T if wave.max() > 0]
+    lit = [wave for wave in np.ascontiguousarray(waves.T) if wave.max() > 0]
     if not lit:
         none = math.nan
         dark = FlickerFigures(0.0, none, none, none, none, risk_of(0.0, 0.0))

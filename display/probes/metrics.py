@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 from cosim.run.result import Metric
 from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
@@ -34,6 +36,9 @@ PST_CLOCK: Final = 100e3
 NAMES: Final = {
     SPARSE: "sparse", DIM: "dim", GREY: "grey", WHITE: "white", BRIGHT: "bright",
 }  # fmt: skip
+
+
+_Row = TypeVar("_Row")
 
 
 @dataclass(frozen=True)
@@ -77,17 +82,25 @@ def probe_display(
         pst_lm: whether PstLM is measured, which takes as long as all other probes; it is not
             measured for clocks above PST_CLOCK.
     """
-    white = panel.white_rate
-    latency = spike_latency(camera, panel, rates, seed)
-    blur = [row for edge in edges for row in spike_blur(camera, panel, edge, seed)]
-    flicker = spike_flicker(camera, panel, rates, per_degree, seed)
-    for other in references:
-        latency += frame_latency(other, white, rates)
-        blur += frame_blur(other, white, edges)
-        flicker += frame_flicker(other, white, panel.luminance, rates, per_degree)
-    pst_lm = pst_lm and panel.clock.hz <= PST_CLOCK
-    pst = spike_pst_lm(camera, panel, GREY, panel.drive, seed) if pst_lm else None
-    return Probes(panel.drive, tuple(latency), tuple(blur), tuple(flicker), pst)
+    white, luminance = panel.white_rate, panel.luminance
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # most of the work is compiled
+        submit, pst = pool.submit, None
+        if pst_lm and panel.clock.hz <= PST_CLOCK:
+            pst = submit(spike_pst_lm, camera, panel, GREY, panel.drive, seed)
+        flicker = [submit(spike_flicker, camera, panel, [r], per_degree, seed) for r in rates]
+        blur = [submit(spike_blur, camera, panel, edge, seed) for edge in edges]
+        latency = [submit(spike_latency, camera, panel, [r], seed) for r in rates]
+        for other in references:
+            latency.append(submit(frame_latency, other, white, rates))
+            blur.append(submit(frame_blur, other, white, edges))
+            flicker.append(submit(frame_flicker, other, white, luminance, rates, per_degree))
+        return Probes(
+            panel.drive, _rows(latency), _rows(blur), _rows(flicker), pst.result() if pst else None
+        )
+
+
+def _rows(parts: Sequence[Future[list[_Row]]]) -> tuple[_Row, ...]:
+    return tuple(row for part in parts for row in part.result())
 
 
 def _known(value: float, unit: str) -> Metric:

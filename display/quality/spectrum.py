@@ -11,6 +11,7 @@ one component.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -66,6 +67,13 @@ class Spectrum:
         return self.frequency[first], np.sqrt(total)
 
 
+@lru_cache(maxsize=4)
+def _hann(length: int) -> Values:
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+    window.flags.writeable = False
+    return window
+
+
 def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
     """The spectrum of light sampled at `rate`, Hz, relative to its mean. Raises ValueError."""
     if not rate > 0:
@@ -74,7 +82,7 @@ def spectrum(wave: npt.ArrayLike, rate: float) -> Spectrum:
     pieces = max(int(len(light) / (rate * WINDOW) + 1e-9), 1)
     length = len(light) // pieces
     parts = light[: pieces * length].reshape(pieces, length)
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+    window = _hann(length)
     # The mean under the window is subtracted, because it would leak into the lowest bins.
     level = (parts * window).sum(axis=1) / window.sum()
     power = np.abs(np.fft.rfft((parts - level[:, None]) * window)) ** 2

@@ -61,9 +61,9 @@ class ReferenceStage:
                 if isinstance(panel, FramePanel)
                 else ProjectorShow(panel, shape, white)
             )
+        self._observers = dict(observers)
         self._images = {
-            name: {who: ObserverImages(observer, shape) for who, observer in observers.items()}
-            for name in self._shows
+            name: ObserverImages(list(observers.values()), shape) for name in self._shows
         }
         self.films = {name: Film(motion) for name in self._shows} if motion is not None else {}
 
@@ -73,8 +73,7 @@ class ReferenceStage:
         for name, show in self._shows.items():
             film = self.films.get(name)
             for emitted in show.step(light, until):
-                for images in self._images[name].values():
-                    images.add(emitted)
+                self._images[name].add(emitted)
                 if film is not None:
                     film.add(emitted)
             if film is not None:
@@ -83,16 +82,19 @@ class ReferenceStage:
 
     def images(self) -> dict[str, dict[str, Images]]:
         """Images by panel (and "truth") and observer, (images, H, W) float32, white = 1."""
-        return {
-            name: {observer: images.images for observer, images in by_observer.items()}
-            for name, by_observer in self._images.items()
-        }
+        out: dict[str, dict[str, Images]] = {}
+        for name, seen in self._images.items():
+            images, first = seen.images, 0
+            out[name] = {}
+            for who, observer in self._observers.items():
+                out[name][who] = images[first : first + observer.images]
+                first += observer.images
+        return out
 
     def _parts(self) -> dict[str, Any]:
         """All objects with a state, by their keys."""
         parts: dict[str, Any] = {f"{name}/show": show for name, show in self._shows.items()}
-        for name, by_observer in self._images.items():
-            parts |= {f"{name}/images/{who}": images for who, images in by_observer.items()}
+        parts |= {f"{name}/images": images for name, images in self._images.items()}
         return parts | {f"{name}/film": film for name, film in self.films.items()}
 
     def state(self) -> dict[str, npt.NDArray[Any]]:

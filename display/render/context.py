@@ -18,6 +18,7 @@ from cosim.errors import MissingPackages
 
 __all__ = [
     "DRAW_BUFFERS", "GL_INSTALL", "check_alive", "gl_packages", "lost", "open_context", "probe_gl",
+    "software",
 ]  # fmt: skip
 
 _DEBIAN = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri")
@@ -32,7 +33,9 @@ UNITS = 8
 _BACKEND: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
 """The default backend needs a window system; the default library names are those of -dev
 packages."""
-INSTEAD = "or --set display.renderer=numpy, slower"
+INSTEAD = "or --set display.renderer=opencl, or display.renderer=numpy, slower"
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
+"""Parts of the names of GL renderers that run on the processor, in lower case."""
 _PACKAGES = f"install a driver ({GL_INSTALL}), {INSTEAD}"
 _CAUSES = (
     ("not loaded", "the GL libraries", "libGL.so.1 and libEGL.so.1", "missing"),
@@ -76,6 +79,12 @@ def open_context() -> moderngl.Context:
         context.release()
         raise
     return context
+
+
+def software(context: moderngl.Context) -> bool:
+    """Whether GL runs on the processor."""
+    name = str(context.info["GL_RENDERER"]).lower()
+    return any(part in name for part in _SOFTWARE)
 
 
 def gl_packages() -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from cosim import Block
 from cosim.spikes.viform import WORD, Words
 from display.render.factory import DRAW, make_renderer
 from display.render.golden import GoldenRenderer
+from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
 
 __all__ = ["display_ns", "golden_ns"]
@@ -29,7 +30,7 @@ def golden_ns(setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]]) ->
 
 
 def display_ns(
-    kind: Literal["gl", "numpy"], setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]]
+    kind: RendererKind, setting: DisplaySetting, blocks: Sequence[tuple[Block, Words]]
 ) -> float:
     """Cost of a renderer, ns per pixel and plane.
 

@@ -17,11 +17,13 @@ import pytest
 
 from cosim import Clock, Viform
 from cosim.spikes.viform import unpack_planes
-from display import Renderer, SpikePanel
+from display import SpikePanel
 from display.drives import DRIVES, Drive
 from display.probes import metrics
 from display.probes.waveform import panel_light
 from display.render.golden import GoldenRenderer
+from display.render.opencl import OpenCLRenderer
+from display.render.renderer import Renderer
 from display.trial.pixels import PanelPixels
 from scenarios.assemble.schema import scenario
 from scenarios.assemble.schema.scenario import export
@@ -106,11 +108,12 @@ def test_compiled_pixels_and_waveforms_are_the_golden_model(fading, words, emitt
 
 
 @pytest.mark.parametrize("emitter", [(0.0, 0.0), (1e-5, 3e-5)])
-def test_shaders_are_the_golden_model(gl, fading, words, views, emitter):
+@pytest.mark.parametrize("tested", [Renderer, OpenCLRenderer])
+def test_shaders_and_kernels_are_the_golden_model(gl, fading, words, views, emitter, tested):
     panel = replace(fading, rise=emitter[0], decay=emitter[1])
     seen = views(3, PLANES // 8, still=1)
     images = []
-    for make in (GoldenRenderer, Renderer):
+    for make in (GoldenRenderer, tested):
         renderer = make(panel, 8, 3)
         try:
             renderer.step(words[:4], 128, _half(seen, 0))
@@ -119,8 +122,8 @@ def test_shaders_are_the_golden_model(gl, fading, words, views, emitter):
             images.append(np.stack([renderer.take(n) for n in range(3)]))
         finally:
             renderer.close()
-    golden, shaders = images
-    np.testing.assert_allclose(shaders, golden, atol=1e-6 * np.abs(golden).max())
+    golden, ours = images
+    np.testing.assert_allclose(ours, golden, atol=1e-6 * np.abs(golden).max())
 
 
 def _half(views: Any, which: int) -> Any:

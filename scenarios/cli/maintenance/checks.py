@@ -96,7 +96,7 @@ def _opencl() -> Check:
 
 def _gl() -> Check:
     works, description = probe_gl()
-    remedy = f"{GL_INSTALL} (or --set display.renderer=numpy, slower)"
+    remedy = f"{GL_INSTALL} (or --set display.renderer=opencl, or display.renderer=numpy, slower)"
     return Check("gl", works, description, remedy, needed=False)
 
 

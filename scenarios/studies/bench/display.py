@@ -1,4 +1,4 @@
-"""Throughput of the display's renderer, against a renderer with one draw call for each plane.
+"""Throughput of the display's renderer, against a GL renderer with one draw call for each plane.
 
 The stream has the rates of the picture in the sensor benchmark. The observer is a fixed eye (a
 pursuing eye in display.pursuit). Every timed call includes the transfer of its image to the host.
@@ -15,7 +15,7 @@ from cosim.clock import Clock
 from cosim.compute.opencl import Device
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least_of
 from cosim.spikes.viform import WORD
-from display import FixedEye, PlaneByPlane, PursuingEye, Renderer, SpikePanel, panel_views
+from display import FixedEye, PlaneByPlane, PursuingEye, SpikePanel, make_renderer, panel_views
 from sensor import CHIPS
 
 __all__ = ["display_rows"]
@@ -59,7 +59,7 @@ def _planes_a_second(
     views = panel_views(observer, panel, 0, CYCLES, batch)
     bits = [(words[0] >> np.uint32(n)) & np.uint32(1) for n in range(PLAIN_CYCLES)]
     planes = np.stack(bits).astype(np.uint8)
-    ours, plain = Renderer(panel, batch, 1), PlaneByPlane(kind, shape)
+    ours, plain = make_renderer("auto", panel, batch, 1), PlaneByPlane(kind, shape)
 
     def show() -> npt.NDArray[np.float64]:
         ours.step(words, CYCLES, views)

@@ -20,7 +20,7 @@ Show = FrameShow | ProjectorShow
 
 
 def seen(show: Show, light: Light, until: int, observer: Observer) -> np.ndarray:
-    looker = ObserverImages(observer, light.shape)
+    looker = ObserverImages([observer], light.shape)
     for lit in show.step(light, until):
         looker.add(lit)
     return looker.images
@@ -207,7 +207,7 @@ def test_blocks_do_not_show(kind):
         return FrameShow(panel, (9, 30), 500.0)
 
     def run(size: int, again: bool = False) -> np.ndarray:
-        show, looker = made(), ObserverImages(eye, (9, 30))
+        show, looker = made(), ObserverImages([eye], (9, 30))
         for start in range(0, 1280, size):
             stop = min(start + size, 1280)
             light = Light(tuple(pieces[start // 20 : -(-stop // 20)]))
@@ -215,7 +215,7 @@ def test_blocks_do_not_show(kind):
                 looker.add(lit)
             if again:
                 before, seen_so_far = show.state(), looker.state()
-                show, looker = made(), ObserverImages(eye, (9, 30))
+                show, looker = made(), ObserverImages([eye], (9, 30))
                 show.restore(before)
                 looker.restore(seen_so_far)
         return looker.images

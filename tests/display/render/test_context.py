@@ -14,7 +14,8 @@ import pytest
 
 import display.render.context
 from cosim import Clock, InputError
-from display import GL_INSTALL, Renderer, SpikePanel, probe_gl
+from display import GL_INSTALL, SpikePanel, probe_gl
+from display.render.renderer import Renderer
 
 OPEN = """
 from cosim import InputError

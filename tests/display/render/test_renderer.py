@@ -1,4 +1,5 @@
-"""The shaders against the golden model in float64, and against what light must add up to."""
+"""The shaders and the OpenCL kernels against the golden model in float64, and against what light
+must add up to."""
 
 from __future__ import annotations
 
@@ -10,12 +11,12 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Clock
-from display import Renderer, SpikePanel, make_renderer
+from display import SpikePanel, make_renderer
 from display.drives import DRIVES
 from display.observe.views import Views
 from display.render.golden import FOREVER, GoldenRenderer
-
-pytestmark = pytest.mark.usefixtures("gl")
+from display.render.opencl import OpenCLRenderer
+from display.render.renderer import Renderer
 
 CLOCK = Clock.from_hz(40e3)
 WITHIN = 1e-6
@@ -26,6 +27,18 @@ EMITTERS = {
     "falling at once": (1.0, 1e-5, 0.0), "falling fast": (1.0, 1e-5, 1e-6),
 }  # fmt: skip
 Words = npt.NDArray[np.uint32]
+
+
+@pytest.fixture(params=["gl", "opencl"])
+def renderer_of(request: pytest.FixtureRequest) -> type[Renderer] | type[OpenCLRenderer]:
+    """Each renderer that is held to the golden model."""
+    if request.param == "opencl":
+        return OpenCLRenderer
+    request.getfixturevalue("gl")
+    return Renderer
+
+
+AnyType = type[Renderer] | type[OpenCLRenderer]
 
 
 def panel(drive: str, emitter: str = "quick", shape: tuple[int, int] = SHAPE) -> SpikePanel:
@@ -48,10 +61,14 @@ def agree(seen: npt.NDArray[np.float64], golden: npt.NDArray[np.float64]) -> Non
 @pytest.mark.parametrize("emitter", EMITTERS)
 @pytest.mark.parametrize("drive", DRIVES)
 def test_blocks_of_any_length_agree_with_the_golden_model(
-    drive: str, emitter: str, stream: Callable[..., Words], views: Callable[..., Views]
+    renderer_of: AnyType,
+    drive: str,
+    emitter: str,
+    stream: Callable[..., Words],
+    views: Callable[..., Views],
 ) -> None:
     shown, batch = panel(drive, emitter), 8
-    golden, shaders = GoldenRenderer(shown, batch, 4), Renderer(shown, batch, 4)
+    golden, shaders = GoldenRenderer(shown, batch, 4), renderer_of(shown, batch, 4)
     for seed, cycles in enumerate((64, 37, 128, 1)):
         words, look = stream(cycles, rates(), seed), views(4, -(-cycles // batch), 2, seed)
         for renderer in (golden, shaders):
@@ -73,10 +90,14 @@ def test_blocks_of_any_length_agree_with_the_golden_model(
 @pytest.mark.parametrize("batch", [1, 5, 64])
 @pytest.mark.parametrize("shape", [(1, 1), (7, 5)])
 def test_spans_of_any_number_of_planes_and_panels_of_any_size(
-    batch: int, shape: tuple[int, int], stream: Callable[..., Words], views: Callable[..., Views]
+    renderer_of: AnyType,
+    batch: int,
+    shape: tuple[int, int],
+    stream: Callable[..., Words],
+    views: Callable[..., Views],
 ) -> None:
     shown = panel("causal", shape=shape)
-    golden, shaders = GoldenRenderer(shown, batch, 3), Renderer(shown, batch, 3)
+    golden, shaders = GoldenRenderer(shown, batch, 3), renderer_of(shown, batch, 3)
     rate = np.random.default_rng(2).random(shape)
     for seed, cycles in enumerate((70, 200)):
         words = stream(cycles, rate, seed)
@@ -91,11 +112,11 @@ def test_spans_of_any_number_of_planes_and_panels_of_any_size(
 
 
 def test_more_images_than_a_draw_has_targets(
-    stream: Callable[..., Words], views: Callable[..., Views]
+    renderer_of: AnyType, stream: Callable[..., Words], views: Callable[..., Views]
 ) -> None:
     for drive in ("impulse", "hold"):
         shown, images = panel(drive), 11
-        golden, shaders = GoldenRenderer(shown, 64, images), Renderer(shown, 64, images)
+        golden, shaders = GoldenRenderer(shown, 64, images), renderer_of(shown, 64, images)
         words = stream(128, rates())
         look = views(images, 2, 9)
         look.weight[3], look.slope[3] = 0, 0  # one that looks elsewhere
@@ -109,12 +130,12 @@ def test_more_images_than_a_draw_has_targets(
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_state_goes_over_to_either_renderer(
-    drive: str, stream: Callable[..., Words], views: Callable[..., Views]
+    renderer_of: AnyType, drive: str, stream: Callable[..., Words], views: Callable[..., Views]
 ) -> None:
     shown = panel(drive, "short")
     words, look = stream(192, rates()), views(2, 12, 1)
-    whole, first = Renderer(shown, 8, 2), Renderer(shown, 8, 2)
-    second, plain = Renderer(shown, 8, 2), GoldenRenderer(shown, 8, 2)
+    whole, first = renderer_of(shown, 8, 2), renderer_of(shown, 8, 2)
+    second, plain = renderer_of(shown, 8, 2), GoldenRenderer(shown, 8, 2)
     whole.step(words[:3], 96, look)
     first.step(words[:3], 96, look)
     state = first.state()
@@ -133,14 +154,14 @@ def test_a_state_goes_over_to_either_renderer(
 
 @pytest.mark.parametrize("constant", [0.0, 100e-6, 1e-3])
 def test_the_light_of_impulse_is_spikes_times_q(
-    constant: float, stream: Callable[..., Words]
+    renderer_of: AnyType, constant: float, stream: Callable[..., Words]
 ) -> None:
     # An emitter as slow to rise as to decay moves light in time and loses none.
     shown = SpikePanel(SHAPE, CLOCK, 0.2, "impulse", 0.5, constant, constant)
     words = stream(2000, rates())
     spikes = np.bitwise_count(words).sum(axis=0).astype(np.float64)
     dark = np.zeros((64, *SHAPE), np.uint32)  # 51 ms, in which all that is left is emitted
-    shaders = Renderer(shown, 64, 1)
+    shaders = renderer_of(shown, 64, 1)
     for block, cycles in ((words, 2000), (dark, 2048)):
         still = np.zeros((1, -(-cycles // 64)))
         shaders.step(block, cycles, Views(still + 1, still, still, still, still, still))
@@ -152,10 +173,10 @@ def test_the_light_of_impulse_is_spikes_times_q(
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_extremes_all_spikes_one_ever_none_and_very_old_ages(
-    drive: str, stream: Callable[..., Words]
+    renderer_of: AnyType, drive: str, stream: Callable[..., Words]
 ) -> None:
     shown = panel(drive, shape=(1, 8))
-    golden, shaders = GoldenRenderer(shown, 64, 0), Renderer(shown, 64, 0)
+    golden, shaders = GoldenRenderer(shown, 64, 0), renderer_of(shown, 64, 0)
     state: dict[str, Any] = golden.state()
     state["started"][0, 4:] = True
     state["age"][0, 4:] = [FOREVER, FOREVER - 1, 2**31, 10**8]
@@ -178,10 +199,10 @@ def test_extremes_all_spikes_one_ever_none_and_very_old_ages(
     shaders.close()
 
 
-def test_a_long_exposure_keeps_its_digits() -> None:
+def test_a_long_exposure_keeps_its_digits(renderer_of: AnyType) -> None:
     # 1500 blocks whose sum a float32 would hold to 1e-4 at best: a tenth is none of its numbers.
     shown = SpikePanel((2, 8), CLOCK, 0.5, "hold")
-    shaders = Renderer(shown, 128, 1)
+    shaders = renderer_of(shown, 128, 1)
     every_third = np.packbits(np.arange(96) % 3 == 0, bitorder="little").view(np.uint32)
     words = np.broadcast_to(every_third[:, None, None], (3, 2, 8))
     one = np.full((1, 1), 0.1)
@@ -196,15 +217,20 @@ def test_a_long_exposure_keeps_its_digits() -> None:
     shaders.close()
 
 
-def test_words_of_another_size_are_refused_as_the_golden_model_does() -> None:
-    for renderer in (make_renderer(kind, panel("hold"), 8, 0) for kind in ("gl", "numpy")):
+def test_words_of_another_size_are_refused_as_the_golden_model_does(
+    gl: str, renderer_of: AnyType
+) -> None:
+    for renderer in (
+        make_renderer(kind, panel("hold"), 8, 0) for kind in ("gl", "opencl", "numpy")
+    ):
         with pytest.raises(ValueError, match=r"\(13, 18\) pixels, not \(13, 17\)"):
             renderer.step(np.zeros((1, 13, 17), np.uint32), 32, None)
         renderer.close()
     with pytest.raises(ValueError, match="batch must be 1 or more"):
-        Renderer(panel("hold"), 0, 0)
+        renderer_of(panel("hold"), 0, 0)
 
 
+@pytest.mark.usefixtures("gl")
 def test_what_a_scene_does_not_need_is_not_in_its_shader(
     stream: Callable[..., Words], views: Callable[..., Views]
 ) -> None:

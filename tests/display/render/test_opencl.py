@@ -1,0 +1,114 @@
+"""What the OpenCL renderer promises beyond agreement with the golden model, and its choice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import display.render.factory as factory
+from cosim import Clock, InputError
+from display import SpikePanel, make_renderer
+from display.drives import DRIVES
+from display.observe.views import Views
+from display.render.golden import GoldenRenderer
+from display.render.opencl import OpenCLRenderer
+from display.render.renderer import Renderer
+
+CLOCK = Clock.from_hz(40e3)
+SHAPE = (9, 150)
+"""Wider than four groups of sixteen pixels, and no multiple of them."""
+PLANES = 256
+Words = npt.NDArray[np.uint32]
+
+
+@pytest.fixture(scope="module")
+def words(stream: Callable[..., Words]) -> Words:
+    return stream(PLANES, np.random.default_rng(4).random(SHAPE) ** 2)
+
+
+def part(views: Views, first: int, stop: int) -> Views:
+    return Views(*(values[:, first:stop] for values in vars(views).values()))
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("cut", [64, 128])
+def test_blocks_of_whole_windows_give_the_same_bits(
+    drive: str, cut: int, words: Words, views: Callable[..., Views]
+) -> None:
+    shown, batch = SpikePanel(SHAPE, CLOCK, 0.6, drive), 8
+    look = views(5, PLANES // batch, 2, cross=False)
+    whole, pieces = OpenCLRenderer(shown, batch, 5), OpenCLRenderer(shown, batch, 5)
+    whole.step(words, PLANES, look)
+    for first in range(0, PLANES, cut):
+        seen = part(look, first // batch, (first + cut) // batch)
+        pieces.step(words[first // 32 : (first + cut) // 32], cut, seen)
+        again = OpenCLRenderer(shown, batch, 5)
+        again.restore(pieces.state())  # as after an interruption
+        pieces = again
+    for image in range(5):
+        straight = whole.take(image)
+        assert straight.std() > 1e-3
+        np.testing.assert_array_equal(pieces.take(image), straight)
+
+
+def test_shifts_across_rows_agree_with_those_along_rows(
+    words: Words, views: Callable[..., Views]
+) -> None:
+    # One image that shifts across rows sends the whole block through the other kernel.
+    shown = SpikePanel(SHAPE, CLOCK, 0.6, "causal")
+    look = views(3, PLANES // 8, 1, cross=False)
+    plain, crossing = OpenCLRenderer(shown, 8, 3), OpenCLRenderer(shown, 8, 4)
+    plain.step(words, PLANES, look)
+    across = Views(*(v[:1].copy() for v in vars(look).values()))
+    across.dy[:] = 0.5
+    crossing.step(words, PLANES, Views.joined([look, across]))
+    for image in range(3):
+        np.testing.assert_allclose(crossing.take(image), plain.take(image), atol=1e-6)
+
+
+def test_shifts_of_any_size_are_dark_beyond_the_panel(words: Words) -> None:
+    shown, spans = SpikePanel(SHAPE, CLOCK, 0.6, "hold"), PLANES // 64
+    shifts = [-1e7, -149.5, -64.25, -1.0, -1e-3, 0.5, 15.0, 16.75, 86.0, 149.0, 1e7]
+    images, none = len(shifts), np.zeros((len(shifts), spans))
+    dx = np.tile(np.array(shifts)[:, None], spans)
+    look = Views(none + 0.1, none, none, dx, none, none)
+    golden, kernels = GoldenRenderer(shown, 64, images), OpenCLRenderer(shown, 64, images)
+    for renderer in (golden, kernels):
+        renderer.step(words, PLANES, look)
+    for image in range(images):
+        np.testing.assert_allclose(kernels.take(image), golden.take(image), rtol=1e-6, atol=1e-6)
+
+
+def test_the_renderer_of_software_gl_is_opencl(gl: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = SpikePanel((4, 4), CLOCK, 0.6)
+
+    def made(kind: Any) -> type:
+        renderer = make_renderer(kind, shown, 8, 0)
+        renderer.close()
+        return type(renderer)
+
+    assert made("gl") is Renderer and made("opencl") is OpenCLRenderer
+    monkeypatch.setattr(factory, "software", lambda context: True)
+    assert made("auto") is OpenCLRenderer
+
+    def no_device() -> None:
+        raise InputError("the OpenCL device", "one that this machine has", "none", "install one")
+
+    monkeypatch.setattr(factory, "open_device", no_device)
+    assert made("auto") is Renderer
+    monkeypatch.undo()
+    monkeypatch.setattr(factory, "software", lambda context: False)
+    assert made("auto") is Renderer
+
+
+def test_software_gl_is_known_by_its_name(gl: str) -> None:
+    context = moderngl.create_context(require=330, standalone=True, backend="egl",
+                                      libgl="libGL.so.1", libegl="libEGL.so.1")  # fmt: skip
+    name = context.info["GL_RENDERER"].lower()
+    assert factory.software(context) is any(part in name for part in ("llvmpipe", "softpipe"))
+    context.release()
