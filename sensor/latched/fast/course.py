@@ -116,11 +116,13 @@ def _anchors(
         first = max(piece.start - offset, 0)
         cycle = clock.cycle_at(first)
         begins.append(cycle + (clock.edge(cycle) < first))
-    words = np.arange(c // WORD, (until - 1) // WORD + 1, dtype=np.int64)[:, None]
-    cycles = np.maximum(words * WORD, np.array(begins, np.int64))
-    reach = np.minimum((words + 1) * WORD, end) - cycles
-    weights = _within(piece, clock, cycles, rows)
-    return np.stack([weights, cycles - start, reach], -1).astype(np.float32)
+    words = WORD * np.arange(c // WORD, (until - 1) // WORD + 1)[:, None]
+    cycles = np.maximum(words, begins)
+    anchors = np.empty((*cycles.shape, 3), np.float32)
+    anchors[..., 0] = _within(piece, clock, cycles, rows)
+    anchors[..., 1] = cycles - start
+    anchors[..., 2] = np.minimum(words + WORD, end) - cycles
+    return anchors
 
 
 def _meeting(
@@ -253,16 +255,15 @@ def course_of(
             if dark is not None:
                 planes += (dark,)
                 columns.append(-longer)
-            weights = np.stack(columns, axis=-1) if columns else np.zeros((*low.shape, 0))
+            weights = np.empty((*low.shape, len(columns)), np.float32)
+            for n_th, column in enumerate(columns):
+                weights[..., n_th] = column
             ramp, slope = None, 0.0
             if anchored and not piece.constant and dark is None:
                 ramp = _anchors(piece, clock, c, until, start, rows, last)
                 slope = PS * clock.den / clock.num / (piece.stop - piece.start)
             segments.append(
-                Segment(
-                    c - start, until - c, piece.first, planes, weights.astype(np.float32), ramp,
-                    slope,
-                )
+                Segment(c - start, until - c, piece.first, planes, weights, ramp, slope)
             )  # fmt: skip
             c = until
             continue

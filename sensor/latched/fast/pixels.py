@@ -206,21 +206,24 @@ class FastPixels:
         """One launch for segments that together use at most sixteen planes, for the groups whose
         flag TIMING is this one. start: first cycle of the call."""
         slots: dict[int, int] = {}
-        entries = np.zeros((len(segments), _ENTRY), np.int32)
+        table: list[list[int]] = []
         begin = 1  # weight 0 is for segments without planes
         values = [np.zeros(1, np.float32)]
-        for entry, segment in zip(entries, segments, strict=True):
+        for segment in segments:
             used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
             at = begin if segment.planes else 0
-            entry[:5] = segment.first, segment.cycles, at, used[0], len(segment.planes)
-            entry[5 : 5 + len(segment.planes)] = used[1:]
+            entry = [segment.first, segment.cycles, at, used[0], len(segment.planes), *used[1:]]
             values.append(segment.weights.ravel())
             begin += segment.weights.size
-            if segment.anchors is not None:
-                entry[-2:] = begin, np.float32(segment.slope).view(np.int32)
+            entry += [0] * (_ENTRY - 2 - len(entry))
+            if segment.anchors is None:
+                entry += [0, 0]
+            else:
+                entry += [begin, int(np.float32(segment.slope).view(np.int32))]
                 values.append(segment.anchors.ravel())
                 begin += segment.anchors.size
-        weights = np.concatenate(values)
+            table.append(entry)
+        entries, weights = np.array(table, np.int32), np.concatenate(values)
         rows = max(s.weights.shape[1] for s in segments)
         planes = [self._planes[key][1] for key in slots]
         planes += planes[:1] * (MOST_PLANES - len(planes))
