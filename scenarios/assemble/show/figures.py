@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cosim.report.figures import INK, LINE, MARK, subplots
+from cosim.report.figures import INK, LINE, MARK, QUICK, subplots
 from display.chain.outcome import SPIKE, DisplayOutcome
 from display.chain.tap import panel_waves, spike_waves
 from display.probes.latency import PARTS
@@ -21,6 +20,12 @@ WINDOW = 25 * 10**9
 """Maximum length of the plotted window, ps."""
 SAMPLES = 2000
 """Number of samples in the plotted window."""
+_ROOM, _HIGH = 2.2, 0.9
+"""Height of a wave's frame, in true levels; its share of the distance between two frames."""
+_FRAME: Any = {"color": LINE, "linewidth": 0.8, "clip_on": False}
+_LABEL = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+_BAR = 0.62
+"""Height of a bar, in distances between two bars."""
 
 
 def _places(levels: Any, waves: Any) -> list[int]:
@@ -56,32 +61,39 @@ def wave_figure(shown: Shown, path: Path) -> str:
     for panel in chain.section.reference_panels():
         waves[panel.name] = panel_waves(panel, light, at)
     places = _places(truth, waves.values())
-    figure, axes = subplots(
-        len(waves), len(places), sharex=True, squeeze=False,
-        figsize=(5.6 * len(places), 0.95 * len(waves) + 0.9),
-    )  # fmt: skip
-    for row, (name, wave) in zip(axes, waves.items(), strict=True):
-        for place, ax in zip(places, row, strict=True):
-            ax.fill_between(ms, wave[:, place], step="mid", color="#9db4d8", linewidth=0)
-            ax.plot(ms, truth[:, place], color=MARK, linewidth=1)
-            top = max(float(truth[:, place].max()) * 2.2, 1e-3)
-            ax.set_ylim(0, top)
-            ax.set_yticks([0, float(f"{top / 2.2:.2g}")])
-            ax.tick_params(labelsize=7, color=LINE, labelcolor=INK)
-            ax.spines[["top", "right"]].set_visible(False)
-            ax.spines[["left", "bottom"]].set_color(LINE)
-        row[0].set_ylabel(
-            outcome.title(name), rotation=0, ha="right", va="center", fontsize=8.5, color=INK
-        )
-        row[0].yaxis.set_label_coords(-0.12, 0.5)
+    size = 5.6 * len(places) + 0.3, 0.95 * len(waves) + 0.9
+    figure, axes = subplots(1, len(places), squeeze=False, figsize=size)
+    bases = np.arange(len(waves))[::-1]
+    # One pair of axes a pixel: each further one takes as long as all that is drawn in it.
     for place, ax in zip(places, axes[0], strict=True):
+        level = max(float(truth[:, place].max()), 1e-3 / _ROOM)
+        scale = _HIGH / (_ROOM * level)
+        for base, wave in zip(bases, waves.values(), strict=True):
+            shown_wave = base + np.minimum(scale * wave[:, place], _HIGH)
+            ax.fill_between(ms, base, shown_wave, step="mid", color="#9db4d8", linewidth=0)
+            ax.plot(ms, base + scale * truth[:, place], color=MARK, linewidth=1)
+        ax.vlines([ms[0]] * len(bases), bases, bases + _HIGH, **_FRAME)
+        ax.hlines(bases, ms[0], ms[-1], **_FRAME)
+        ax.spines[:].set_visible(False)
+        ticks = np.stack([bases, bases + scale * level]).T.ravel()
+        ax.set_yticks(ticks, ["0", f"{level:.2g}"] * len(bases), fontsize=7)
+        ax.set_xlim(ms[0], ms[-1])
+        ax.set_ylim(0, len(waves) - 1 + _HIGH)
+        ax.tick_params(labelsize=7, color=LINE, labelcolor=INK)
         row_of, column, label = chain.points[place]
         ax.set_title(f"{label} (row {row_of}, column {column})", fontsize=9.5, color=INK)
-    for ax in axes[-1]:
         ax.set_xlabel("time (ms)", fontsize=9, color=INK)
-        ax.set_xlim(ms[0], ms[-1])
-    figure.tight_layout(h_pad=0.2)
-    figure.savefig(path, dpi=110)
+    across = axes[0, 0].get_yaxis_transform()
+    for base, name in zip(bases, waves, strict=True):
+        axes[0, 0].text(
+            -0.1, base + _HIGH / 2, outcome.title(name), ha="right", va="center", fontsize=8.5,
+            color=INK, transform=across,
+        )  # fmt: skip
+    wide, tall = size
+    figure.subplots_adjust(
+        1.5 / wide, 0.5 / tall, 1 - 0.1 / wide, 1 - 0.35 / tall, wspace=0.12
+    )  # fmt: skip
+    figure.savefig(path, dpi=110, pil_kwargs=QUICK)
     return (
         "Light that each display emits at two pixels of the image (blue) and the true light there "
         "(line), white = 1. Values above the frame are cut off."
@@ -91,31 +103,39 @@ def wave_figure(shown: Shown, path: Path) -> str:
 def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
     """Writes the latencies by stage, for a step out of the dark: one plot for each light, one bar
     for each display."""
+    from matplotlib.collections import PolyCollection
     from matplotlib.patches import Rectangle
 
     assert outcome.probes is not None
     rows_on = [row for row in outcome.probes.latency if row.way == "rise"]
     rates = list(dict.fromkeys(row.rate for row in rows_on))
-    figure, axes = subplots(1, len(rates), figsize=(2.6 * len(rates) + 1.2, 3.4), sharey=True)
-    for rate, ax in zip(rates, np.atleast_1d(axes), strict=True):
+    size = 2.6 * len(rates) + 1.2, 3.4
+    figure, axes = subplots(1, len(rates), figsize=size, squeeze=False)
+    for rate, ax in zip(rates, axes[0], strict=True):
         rows = [row for row in rows_on if row.rate == rate][::-1]
-        highs = [row.total.high for row in rows if row.drive and math.isfinite(row.total.high)]
-        most = 1.1 * max(highs, default=1e3) / 1e3
-        for y, row in enumerate(rows):
-            left = 0.0
-            for part, colour in zip(row.parts, _COLOURS, strict=True):
-                ms = max(part.mean / 1e3, 0.0)
-                ax.barh(y, ms, left=left, color=colour, height=0.62, linewidth=0)
-                left += ms
-            middle, ends = row.total.median / 1e3, (row.total.low / 1e3, row.total.high / 1e3)
-            ax.plot(ends, (y, y), color=INK, linewidth=1, solid_capstyle="butt")
-            ax.plot(middle, y, "|", color=MARK, markersize=10, markeredgewidth=2)
+        places = np.arange(len(rows))
+        parts = np.array([[max(part.mean / 1e3, 0.0) for part in row.parts] for row in rows])
+        ends = np.cumsum(parts, axis=1)
+        for begin, end, colour in zip((ends - parts).T, ends.T, _COLOURS, strict=True):
+            low, high = places - _BAR / 2, places + _BAR / 2
+            corners = [(begin, low), (end, low), (end, high), (begin, high)]
+            bars = np.stack([np.stack(corner, -1) for corner in corners], 1)
+            ax.add_collection(PolyCollection(list(bars), facecolors=colour), autolim=False)
+        lows, medians, highs = (
+            np.array([getattr(row.total, name) for row in rows]) / 1e3
+            for name in ("low", "median", "high")
+        )
+        spiking = np.array([bool(row.drive) for row in rows]) & np.isfinite(highs)
+        most = 1.1 * float(highs[spiking].max(initial=0.0)) or 1.1
+        ax.hlines(places, lows, highs, color=INK, linewidth=1)
+        ax.plot(medians, places, "|", color=MARK, markersize=10, markeredgewidth=2)
+        for y, middle in zip(places, medians, strict=True):
             if middle > most:
-                place = {"ha": "right", "va": "center", "fontsize": 8, "color": INK}
-                box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
-                ax.text(most * 0.97, y, f"{middle:.3g} ms ›", bbox=box, **place)
+                ax.text(most * 0.97, y, f"{middle:.3g} ms ›", ha="right", va="center", fontsize=8,
+                        color=INK, bbox=_LABEL)  # fmt: skip
         names = [f"spikes, {row.drive}" if row.drive else row.display for row in rows]
-        ax.set_yticks(range(len(rows)), names, fontsize=8.5, color=INK)
+        ax.set_yticks(places, names if ax is axes[0, 0] else [], fontsize=8.5, color=INK)
+        ax.set_ylim(-0.7, len(rows) - 0.3)
         ax.set_xlim(0, most)
         ax.set_title(f"{rate:g} spikes a cycle", fontsize=9.5, color=INK)
         ax.set_xlabel("ms", fontsize=8.5, color=INK)
@@ -124,5 +144,6 @@ def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
         ax.tick_params(color=LINE, labelcolor=INK, labelsize=8)
     handles = [Rectangle((0, 0), 1, 1, color=colour) for colour in _COLOURS]
     figure.legend(handles, PARTS, loc="lower center", ncols=4, frameon=False, fontsize=8.5)
-    figure.tight_layout(rect=(0, 0.06, 1, 1))
-    figure.savefig(path, dpi=110)
+    wide, tall = size
+    figure.subplots_adjust(1.25 / wide, 0.75 / tall, 1 - 0.15 / wide, 1 - 0.35 / tall, wspace=0.12)
+    figure.savefig(path, dpi=110, pil_kwargs=QUICK)
