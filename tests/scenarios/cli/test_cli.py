@@ -352,5 +352,5 @@ def test_a_run_stores_its_stream_as_it_is_told(viform, refused, tmp_path):
     assert sizes["raw"] >= 160 // 8 * 96 * 64 > 1.5 * sizes["small"]
     np.testing.assert_array_equal(words(tmp_path / "raw"), words(tmp_path / "small"))
     said = refused("run", "step", "--store", "tiny", "--out", tmp_path / "no")
-    assert said == "--store must be one of raw, fast, small, not tiny; change it"
+    assert said == "--store must be one of raw, fast, small, none, not tiny; change it"
     assert not (tmp_path / "no").exists()
