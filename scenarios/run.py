@@ -102,8 +102,9 @@ def run_scenario(
             notes = [*machine.notes, *messages, *outcome.notes]
             run = Run(folder, result, recording, outcome, notes, reinstated, began)
             result.files += (report or REPORT)(machine, run)
+            streams = [name for name in result.files if name.endswith(".zarr")]
             if options.store == NOT_KEPT:
-                result.files = _without_streams(folder, result.files)
+                result.files = [name for name in result.files if name not in streams]
             result.files.append("result.json")
             progress.advance(2)
             result.run_time_s = time.perf_counter() - began
@@ -111,6 +112,9 @@ def run_scenario(
             for leftover in (recording.chain.checkpoint, folder / REINSTATED):
                 leftover.unlink(missing_ok=True)
             finished = True
+            if options.store == NOT_KEPT:  # only now: without them a run cannot be resumed
+                for name in streams:
+                    rmtree(folder / name, ignore_errors=True)
         except KeyboardInterrupt:
             raise Interrupted(
                 machine.length, machine.length, how_to_resume(folder), machine.unit
@@ -120,14 +124,6 @@ def run_scenario(
                 with suppress(OSError):  # a full disk
                     recording.chain.save()
     return Done(result, folder, outcome)
-
-
-def _without_streams(folder: Path, files: list[str]) -> list[str]:
-    """Removes the recorded streams from a folder, and their names from the files of a run."""
-    streams = [name for name in files if name.endswith(".zarr")]
-    for name in streams:
-        rmtree(folder / name, ignore_errors=True)
-    return [name for name in files if name not in streams]
 
 
 def _without_speeds(outcome: Outcome) -> Outcome:

@@ -15,12 +15,19 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar
 
-__all__ = ["all_cores"]
+__all__ = ["all_cores", "cores"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _BUSY = threading.RLock()
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
+def cores() -> int:
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def all_cores(function: _Function) -> _Function:

@@ -1,7 +1,8 @@
 """The units of quantities, in pint's language, with pint's names and values.
 
-pint takes 0.13 s to read its own thousand units, of which the kinds of quantities accept these. As
-every other unit is refused in any case, nothing else changes.
+pint takes 0.13 s to read its own thousand units, of which the kinds of quantities accept these. All
+others are refused in any case, so little else changes: `fm` is a femtometre and not a fermi, and a
+few names of pint's other units, such as `yd`, are now those of these units with a prefix.
 """
 
 from __future__ import annotations

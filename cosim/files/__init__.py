@@ -16,6 +16,7 @@ from cosim.files.zarr_store import (
     ZarrStream,
     kept_bytes,
     storing,
+    streams_kept,
 )
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "notes_of",
     "open_stream",
     "storing",
+    "streams_kept",
     "write_events",
     "write_stream",
 ]

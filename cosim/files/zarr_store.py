@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     import zarr
 
 __all__ = [
-    "NOT_KEPT", "STORES", "Recorder", "ZarrStream", "kept_bytes", "storing", "write_zarr",
+    "NOT_KEPT", "STORES", "Recorder", "ZarrStream", "kept_bytes", "storing", "streams_kept",
+    "write_zarr",
 ]  # fmt: skip
 
 VERSION = 1
@@ -71,6 +72,11 @@ def storing(name: str) -> Iterator[None]:
 def kept_bytes(size: int) -> int:
     """Bytes that a recorder with `keep` holds in memory, of `size` bytes that it writes."""
     return min(size, _WRITTEN, psutil.virtual_memory().available // _SHARE)
+
+
+def streams_kept() -> bool:
+    """Whether the streams of the run that is made remain in its folder."""
+    return _STORE.get() != NOT_KEPT
 
 
 class ZarrStream:

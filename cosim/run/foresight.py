@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -10,10 +11,19 @@ from cosim.run.progress import Progress, duration_text
 
 __all__ = ["Foresight"]
 
-_WATCHED_S: Final = 2.0
+_WATCHED_S: Final = 4.0
 """Time for which a recording is watched before it is extrapolated."""
 _LEAST_S: Final = 10.0
 """Shorter recordings are not worth a line."""
+
+
+def _size(folder: Path) -> int:
+    """Bytes of the files below a folder; another thread may rename them meanwhile."""
+    size = 0
+    for place in folder.rglob("*"):
+        with suppress(OSError):
+            size += place.stat().st_size if place.is_file() else 0
+    return size
 
 
 class Foresight:
@@ -54,8 +64,7 @@ class Foresight:
     def _say(self, seconds: float, done: int) -> None:
         if seconds < _LEAST_S:
             return
-        size = sum(f.stat().st_size for f in self._folder.rglob("*") if f.is_file())
-        size = size * self._total // done
+        size = _size(self._folder) * self._total // done
         unit, name = (1e9, "GB") if size >= 1e9 else (1e6, "MB")
         disk = f"{size / unit:.3g} {name} of disk"
         self.note(f"{self._what} takes about {duration_text(seconds)} and {disk}")

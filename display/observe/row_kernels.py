@@ -6,7 +6,6 @@ numba's own threads (parallel=True), the compilation took three times as long.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -16,14 +15,14 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from cosim.compute.cores import cores
+
 __all__ = ["add_images", "add_reduced", "by_rows", "carry_errors"]
 
 
 @cache
 def _threads() -> tuple[int, ThreadPoolExecutor]:
-    count = os.cpu_count() or 1
-    if hasattr(os, "sched_getaffinity"):
-        count = len(os.sched_getaffinity(0))
+    count = cores()
     return count, ThreadPoolExecutor(count, thread_name_prefix="rows")
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
+from cosim.compute.cores import cores
 from cosim.run.result import Metric
 from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
 from display.probes.blur import Blur, frame_blur, spike_blur
@@ -83,7 +83,7 @@ def probe_display(
             measured for clocks above PST_CLOCK.
     """
     white, luminance = panel.white_rate, panel.luminance
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # most of the work is compiled
+    with ThreadPoolExecutor(cores()) as pool:  # most of the work is compiled
         submit, pst = pool.submit, None
         if pst_lm and panel.clock.hz <= PST_CLOCK:
             pst = submit(spike_pst_lm, camera, panel, GREY, panel.drive, seed)

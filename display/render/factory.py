@@ -31,35 +31,40 @@ def make_renderer(
 
     Args:
         kind: "gl" for shaders, which need GL 3.3; "opencl" for kernels, which are faster on a
-            processor; "auto" for kernels if GL is software and there is an OpenCL device, else for
-            shaders; "numpy" for the golden model, which is slow.
+            processor; "auto" for kernels if GL is software or missing and there is an OpenCL device
+            that is no GPU, else for shaders; "numpy" for the golden model, which is slow.
         panel: the panel.
         batch: number of planes in a span of light.
         images: number of images of the observers.
         context: GL context of the shaders, None for a new context.
 
     Raises:
-        InputError: GL 3.3 is not available ("auto" and "gl"), or OpenCL is not ("opencl").
+        InputError: GL 3.3 is not available ("gl"), or OpenCL is not ("opencl"), or neither is
+            ("auto").
     """
     if kind == "numpy":
         return GoldenRenderer(panel, batch, images)
     if kind == "opencl":
         return OpenCLRenderer(panel, batch, images)
-    if kind == "auto" and _software(context):
+    if kind == "auto" and not _fast_gl(context):
         try:
             device = open_device()
         except InputError:  # software GL is slow, but it works
             return Renderer(panel, batch, images, context)
-        return OpenCLRenderer(panel, batch, images, device)
+        if not device.gpu:  # the kernels are written for processors
+            return OpenCLRenderer(panel, batch, images, device)
     return Renderer(panel, batch, images, context)
 
 
-def _software(context: moderngl.Context | None) -> bool:
-    """Whether the GL of this context, or of a new one, runs on the processor."""
+def _fast_gl(context: moderngl.Context | None) -> bool:
+    """Whether this context, or a new one, is GL on a GPU."""
     if context is not None:
-        return software(context)
-    own = open_context()
+        return not software(context)
     try:
-        return software(own)
+        own = open_context()
+    except InputError:
+        return False
+    try:
+        return not software(own)
     finally:
         own.release()

@@ -69,17 +69,17 @@ class LineProgress(SilentProgress):
 
     def __init__(self) -> None:
         self._last_line_at = time.monotonic()
-        self._what, self._total = "", 0
+        self._what, self._total, self._steps = "", 0, 0
         self._first: tuple[int, float] | None = None
 
     def start(self, what: str, total: int) -> None:
-        self._what, self._total, self._first = what, total, None
+        self._what, self._total, self._first, self._steps = what, total, None, 0
 
     def advance(self, done: int) -> None:
-        now = time.monotonic()
-        if self._first is None:  # a resumed run does not begin at 0
+        now, self._steps = time.monotonic(), self._steps + 1
+        if self._steps <= 2:  # kernels are compiled in the first step
             self._first = done, now
-        if now - self._last_line_at < EVERY_S or not self._total:
+        if now - self._last_line_at < EVERY_S or not self._total or self._first is None:
             return
         self._last_line_at = now
         before, began = self._first

@@ -6,7 +6,6 @@ bounded memory.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
+from cosim.compute.cores import cores
 from cosim.spikes.viform import WORD, words_for
 from sensor.codec.columns import Column, Damaged, pack_column, unpack_column, values_in
 from sensor.codec.follow import (
@@ -156,7 +156,7 @@ def frame_count(shape: tuple[int, int], cycles: int) -> tuple[int, int]:
 
 def workers() -> int:
     """Number of threads over bands; the compiled loops and zstd release the interpreter lock."""
-    return min(os.cpu_count() or 1, 16)
+    return min(cores(), 16)
 
 
 def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[Frame]:

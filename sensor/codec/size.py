@@ -33,6 +33,8 @@ K = 3.0
 REFINE = 8
 """Widths in its means, which come far nearer to the light than the paper's single widths."""
 UNIT = "bit/pixel-cycle"
+_UNPACKED = 1024
+"""Planes that are unpacked at a time, a byte a bit."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,12 @@ def layout(stream: Viform, name: str) -> bytes:
     """The raw bits in one of LAYOUTS."""
     words: Words = stream.words
     if name == "plane":
-        planes = unpack_planes(words, 0, stream.cycles).reshape(stream.cycles, -1)
-        return np.packbits(planes, axis=1, bitorder="little").tobytes()
+        parts = []
+        for first in range(0, stream.cycles, _UNPACKED):
+            cycles = min(_UNPACKED, stream.cycles - first)
+            planes = unpack_planes(words, first, cycles).reshape(cycles, -1)
+            parts.append(np.packbits(planes, axis=1, bitorder="little").tobytes())
+        return b"".join(parts)
     return words.tobytes() if name == "word" else words.reshape(len(words), -1).T.tobytes()
 
 

@@ -145,6 +145,20 @@ def test_a_pixel_s_latency_is_its_interval(step_run):
 # The document.
 
 
+def test_a_stream_that_is_not_kept_outlives_a_full_disk(film, tmp_path, monkeypatch):
+    def full(folder, result):
+        raise OSError(28, "No space left on device")
+
+    sets = ("step", tmp_path / "run", "scene.at=1.26 ms")
+    monkeypatch.setattr("scenarios.run.write_result", full)
+    with pytest.raises(InputError, match="make room"):
+        film(*sets, store="none")
+    assert (tmp_path / "run" / "stream.zarr").exists()
+    monkeypatch.undo()
+    result, folder = film(*sets, store="none", resume=True)
+    assert "stream.zarr" not in result.files and not list(folder.rglob("*.zarr"))
+
+
 def test_a_stream_that_is_not_kept_leaves_the_same_images(film, tmp_path, step_run):
     sets = ("scene.at=1.26 ms", "image.at=[]", "title=A step <script>alert(1)</script> & more")
     result, folder = film("step", tmp_path / "run", *sets, store="none", report=write_report)

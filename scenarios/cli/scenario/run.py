@@ -164,6 +164,7 @@ def _checked(result: Result) -> list[tuple[str, str]]:
         promised, measured = (
             "unknown" if row[key] is None else f"{row[key]:.2g}" for key in ("bound", "measured")
         )
-        text = f"{row['effect']}: bound {promised} ({row['kind']}), {measured} measured"
+        measured = "no change found" if row["measured"] == 0 else f"{measured} measured"
+        text = f"{row['effect']}: bound {promised} ({row['kind']}), {measured}"
         lines.append(("" if n else "left out", text))
     return lines if result.left_out else [*lines, ("left out", "nothing")]

@@ -107,6 +107,19 @@ def _summary(run: LatchedRun) -> str:
     )
 
 
+def _bank_text(run: LatchedRun) -> str:
+    """How thresholds from the bank were checked, for a run that has any."""
+    if run.bank is None:
+        return ""
+    return (
+        " Thresholds from the bank belong to cycles, and cannot be paired with those of the "
+        "reference. The planned camera therefore has a draw for each spike on the patches, and a "
+        "second one has the bank. The table says by how much rate and noise of the second differ, "
+        "relative to the rate, on the average of all patches, and how far off that may be by "
+        "chance. The bound is computed from the distributions themselves."
+    )
+
+
 def _reinstated(run: LatchedRun) -> str:
     if not run.reinstated:
         return ""
@@ -153,7 +166,7 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
         *has, fine = sets[:, index]
         out = [name for name, k in zip(names, has, strict=True) if not k]
         absent = ", ".join(out) or "nothing"
-        legend.append([str(n + 1), f"{counts[index]}", "full physics" if fine else absent])
+        legend.append([str(n + 1), f"{counts[index]}", "nothing, full physics" if fine else absent])
         if n < len(_COLOURS):
             short = f"without {absent}" if len(absent) <= 40 else f"without {len(out)}, see table"
             label = "full physics" if fine else short if out else "every effect"
@@ -190,8 +203,8 @@ def plan_section(run: LatchedRun) -> str:
         + "<p>Changes are relative to the spike rate of a tile over the image window, RMS over its "
         "pixels: the maximum over the tiles that leave the effect out, or over all tiles if none "
         "does. Estimates are doubled. The check is the upper 99.9 % limit, measured on the patches "
-        "that leave the effect out.</p>"
+        f"that leave the effect out.{_bank_text(run)}</p>"
         + _reinstated(run)
         + plot(path, "effects of each tile")
-        + table(["set", "tiles", "without"], legend)
+        + table(["set", "tiles", "left out"], legend)
     )

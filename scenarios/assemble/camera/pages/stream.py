@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.files import streams_kept
 from cosim.light.demosaic import in_colour
 from cosim.light.source import truth_at
 from cosim.report.figures import overview_figure, sheet_figure
@@ -295,4 +296,7 @@ def stream_page(run: LatchedRun) -> Page:
         "<p>The first line reproduces one of the linear images from the stream, the second the "
         f"whole run, with the same bits {where}.</p>"
     )
-    return Page(run.scenario.title, subtitle, _cards(run), pictures, [image], does, files)
+    lines = [image]
+    if not streams_kept():
+        does, lines = f"<p>This line reproduces the whole run, with the same bits {where}.</p>", []
+    return Page(run.scenario.title, subtitle, _cards(run), pictures, lines, does, files)

@@ -66,6 +66,8 @@ def test_more_instants_and_moving_light_need_more() -> None:
         ("film", ("sensor.width=2000", "sensor.height=1500", "duration=3.2 ms", "image.at=[60]")),
         ("glass", ("sensor.width=1200", "sensor.height=1000", "duration=3.2 ms", "image.at=[60]")),
         ("step", ("sensor.width=8000", "sensor.height=8000", *SHORT)),
+        ("film", ("duration=300 ms",)),
+        ("film", ("sensor.chip=spikeone", "duration=800 ms")),
     ],
 )  # fmt: skip
 def test_runs_need_what_they_state(tmp_path: Path, scenario: str, sets: tuple[str, ...]) -> None:
