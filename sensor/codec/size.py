@@ -81,8 +81,8 @@ def layout(stream: Viform, name: str) -> bytes:
     if name == "plane":
         parts = []
         for first in range(0, stream.cycles, _UNPACKED):
-            cycles = min(_UNPACKED, stream.cycles - first)
-            planes = unpack_planes(words, first, cycles).reshape(cycles, -1)
+            last = min(first + _UNPACKED, stream.cycles)
+            planes = unpack_planes(words, first, last).reshape(last - first, -1)
             parts.append(np.packbits(planes, axis=1, bitorder="little").tobytes())
         return b"".join(parts)
     return words.tobytes() if name == "word" else words.reshape(len(words), -1).T.tobytes()

@@ -123,6 +123,17 @@ def test_a_file_of_another_size_or_that_is_damaged_is_refused(viform, refused, r
 # Sizes.
 
 
+def test_planes_of_a_long_stream_are_laid_out_in_parts() -> None:
+    words = np.random.default_rng(3).integers(0, 2**32, (79, 3, 8), np.uint32)
+    words[-1] &= (1 << 4) - 1
+    stream = Viform(words, 2500, Clock(40_000))
+    planes = np.unpackbits(
+        words.transpose(1, 2, 0).copy().view(np.uint8), axis=-1, bitorder="little"
+    )[..., :2500]  # fmt: skip
+    bits = np.unpackbits(np.frombuffer(layout(stream, "plane"), np.uint8), bitorder="little")
+    assert np.array_equal(bits.reshape(2500, 3, 8), planes.transpose(2, 0, 1))
+
+
 def test_the_three_orders_hold_the_same_bits(stream):
     planes = stream.planes()
     bits = np.unpackbits(np.frombuffer(layout(stream, "plane"), np.uint8), bitorder="little")
