@@ -195,9 +195,20 @@ def test_a_machine_without_gl_says_so_before_anything_is_written(refused, tmp_pa
         raise ValueError("requested device index 0, but found 0 devices")
 
     monkeypatch.setattr(moderngl, "create_context", none)
-    line = refused(*RUN, "--out", tmp_path / "run")
+    line = refused(*RUN, "--set", "display.renderer=gl", "--out", tmp_path / "run")
     assert "the EGL vendor must be" in line and "display.renderer=numpy" in line
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_machine_without_gl_shows_with_opencl(viform, tmp_path, monkeypatch):
+    import moderngl
+
+    def none(**_: Any) -> None:
+        raise ValueError("requested device index 0, but found 0 devices")
+
+    monkeypatch.setattr(moderngl, "create_context", none)
+    done = viform(*RUN, "--out", tmp_path / "run", "--json")
+    assert done.code == 0 and json.loads(done.out)["renderer"].startswith("OpenCL")
 
 
 # Figures.
