@@ -14,6 +14,7 @@ import tempfile
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ __all__ = [
     "open_device",
     "opencl_packages",
     "prepare_caches",
-    "probe",
+    "probe", "wide_cl",
 ]
 
 _PACKAGES = ("pocl-opencl-icd", "ocl-icd-libopencl1")
@@ -149,6 +150,11 @@ def open_device(wanted: str | None = None) -> Device:
         gpus = [i for i, (_, d) in enumerate(present) if d.type & cl.device_type.GPU]
         chosen = (gpus or [0])[0]
     return Device(present[chosen][1], names[chosen])
+
+
+def wide_cl() -> str:
+    """OpenCL source that defines WIDE, an attribute of kernels with sixteen lanes."""
+    return (files("cosim.compute") / "wide.cl").read_text()
 
 
 @dataclass(eq=False)

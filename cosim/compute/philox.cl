@@ -5,16 +5,7 @@
 // product is then one instruction a vector on processors, where mul_hi on uint16 costs 5 times more.
 #define PHILOX_LOW 0xFFFFFFFFul
 
-#ifndef __has_attribute // not all compilers have these
-#define __has_attribute(name) 0
-#endif
-#ifndef __has_builtin
-#define __has_builtin(name) 0
-#endif
-#if __has_attribute(min_vector_width)
-__attribute__((min_vector_width(512)))
-#endif
-inline void philox16(ulong16 *c0, ulong16 *c1, ulong16 *c2, ulong16 *c3, uint k0, uint k1)
+WIDE inline void philox16(ulong16 *c0, ulong16 *c1, ulong16 *c2, ulong16 *c3, uint k0, uint k1)
 {
     ulong16 a = *c0, b = *c1, c = *c2, d = *c3;
 #pragma unroll

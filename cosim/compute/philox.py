@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.opencl import wide_cl
+
 __all__ = ["philox4x32", "philox_cl"]
 
 _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
@@ -56,4 +58,4 @@ def philox4x32(
 
 def philox_cl() -> str:
     """OpenCL source of `philox16`, sixteen counters at a time."""
-    return (files("cosim.compute") / "philox.cl").read_text()
+    return wide_cl() + (files("cosim.compute") / "philox.cl").read_text()

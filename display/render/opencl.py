@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.memory import check_memory
-from cosim.compute.opencl import Device, open_device
+from cosim.compute.opencl import Device, open_device, wide_cl
 from cosim.compute.outputs import Outputs
 from display.observe.views import Views
 from display.panels.emission import LEVELS, relaxation, slow
@@ -112,6 +112,7 @@ class OpenCLRenderer:
             text = [f"#define {key}" for key, on in switches.items() if on]
             text += [f"#define {key} {value}" for key, value in values.items()]
             text += [f"#define LEVEL ({drive.glsl})", f"#define REMEMBER ({drive.glsl_remember})"]
+            text.append(wide_cl())
             text.append((files("display.render") / "planes.cl").read_text(encoding="utf-8"))
             options = ("-cl-std=CL1.2", "-cl-single-precision-constant")
             self._kernels[name, whole] = self._device.kernel("\n".join(text), name, options)

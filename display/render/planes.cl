@@ -12,18 +12,6 @@
 //   INTERVALS, MEMORY, EMITS, PULSED   as in drive.frag
 #pragma OPENCL FP_CONTRACT OFF
 
-#ifndef __has_attribute // not all compilers have these
-#define __has_attribute(name) 0
-#endif
-#ifndef __has_builtin
-#define __has_builtin(name) 0
-#endif
-// Without this attribute the compiler splits sixteen lanes into two vectors of eight.
-#if __has_attribute(min_vector_width)
-#define WIDE __attribute__((min_vector_width(512)))
-#else
-#define WIDE
-#endif
 #define EACH _Pragma("unroll") for (uint i = 0; i < GROUPS; i++)
 #define STEP (16 * GROUPS)
 // Rounding errors of a sum of this many planes are those of a float32.

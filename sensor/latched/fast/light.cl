@@ -2,19 +2,6 @@
 // float32 with one rounding an operation, so every device gives the same numbers as numpy.
 #pragma OPENCL FP_CONTRACT OFF
 
-#ifndef __has_attribute // not all compilers have these
-#define __has_attribute(name) 0
-#endif
-#ifndef __has_builtin
-#define __has_builtin(name) 0
-#endif
-// Without this attribute the compiler splits sixteen lanes into two vectors of eight.
-#if __has_attribute(min_vector_width)
-#define WIDE __attribute__((min_vector_width(512)))
-#else
-#define WIDE
-#endif
-
 #define PLANES 16
 #define ROW_OF(g) ((uint)(g) / groups)
 #define X_OF(g) (16 * ((uint)(g) % groups))

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.opencl import Device
+from cosim.compute.opencl import Device, wide_cl
 from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
@@ -83,7 +83,7 @@ class FastPixels:
         def text(name: str) -> str:
             return (files("sensor.latched.fast") / name).read_text()
 
-        source, model = text("light.cl"), self._array.model
+        source, model = wide_cl() + text("light.cl"), self._array.model
         defines = [
             "-cl-std=CL1.2",
             f"-DFLAGS={flags}",

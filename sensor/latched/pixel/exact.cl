@@ -264,13 +264,6 @@ inline int some_int(const int16 v)
 }
 #endif
 
-// Without this attribute the compiler splits sixteen lanes into vectors of half the width.
-#if __has_attribute(min_vector_width)
-#define WIDE __attribute__((min_vector_width(512)))
-#else
-#define WIDE
-#endif
-
 #if defined(RESET_HARD) || defined(RESET_SUBTRACT)
 #define ONE_A_CYCLE
 #endif

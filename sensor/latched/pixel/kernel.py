@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.opencl import Device
+from cosim.compute.opencl import Device, wide_cl
 from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
@@ -69,7 +69,7 @@ class KernelPixels:
 
     def _build(self, name: str, ramp: bool) -> Any:
         folder = files("sensor.latched.pixel")
-        source = (folder / "exact.cl").read_text()
+        source = wide_cl() + (folder / "exact.cl").read_text()
         defines = ["-cl-std=CL1.2", f"-DJUMP={JUMP}", f"-DDEEPEST=({DEEPEST}L)"]
         defines.append(f"-DPLANES={_PLANES}")
         if self._model.noisy:
