@@ -178,6 +178,7 @@ class Recorder:
 
     Attributes:
         bytes_written: bytes of words, before compression.
+        spikes: spikes so far, also of the run that is resumed.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class Recorder:
         self._open_word: Words | None = None
         self._written: dict[int, Words] = {}
         self._room = kept_bytes(words_for(cycles) * 4 * shape[0] * shape[1]) if keep else 0
-        self.bytes_written = 0
+        self.bytes_written = self.spikes = 0
 
     def _create(self) -> None:
         """Creates the store, without words."""
@@ -235,6 +236,7 @@ class Recorder:
         if self._array is None:
             self._array = self._open(resumed=block.start > 0)
         words, offset = data.words, block.start % WORD
+        self.spikes += int(np.bitwise_count(words).sum(dtype=np.int64))
         if offset:  # continue the incomplete word of the previous block
             joined = np.zeros((words_for(offset + block.cycles), *self._shape), np.uint32)
             joined[: len(words)] = words << np.uint32(offset)
@@ -278,12 +280,13 @@ class Recorder:
         return cast(Words, self._array[first:stop])
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """The incomplete word, if there is one."""
-        return {} if self._open_word is None else {"open_word": self._open_word}
+        """The number of spikes, and the incomplete word if there is one."""
+        counted = {"spikes": np.full(1, self.spikes)}
+        return counted if self._open_word is None else {"open_word": self._open_word, **counted}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
-        self._open_word = state.get("open_word")
+        self._open_word, self.spikes = state.get("open_word"), int(state["spikes"][0])
 
 
 def write_zarr(stream: SpikeStream, path: Path) -> None:

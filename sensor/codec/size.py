@@ -27,6 +27,10 @@ __all__ = [
 
 SAMPLE = 128
 """Rows, and pixels of each, whose size is measured in a run's stream."""
+_BITS = 1 << 26
+"""Bits of a sample, at most: a longer stream has fewer rows of it."""
+_ROWS = 16
+"""Fewest rows of a sample."""
 _GOLDEN = (5**0.5 - 1) / 2
 K = 3.0
 """Standard deviations of the statistical code in a report."""
@@ -56,9 +60,10 @@ class Sizes:
 
 def sample(stream: SpikeStream) -> Viform:
     """SAMPLE rows, evenly spaced, of each SAMPLE neighbouring pixels, spread by the golden ratio;
-    all of a stream that is no larger."""
+    all of a stream that is no larger. A long stream has fewer rows."""
     height, width = stream.shape
-    high, wide = min(SAMPLE, height), min(SAMPLE, width)
+    wide = min(SAMPLE, width)
+    high = min(SAMPLE, height, max(_BITS // (wide * stream.cycles), _ROWS))
     n = np.arange(high)
     rows = (2 * n + 1) * height // (2 * high)
     first = (n * _GOLDEN % 1 * (width - wide + 1)).astype(int)

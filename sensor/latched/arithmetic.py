@@ -20,6 +20,7 @@ import numpy.typing as npt
 from cosim.plan.effects import Summary
 from cosim.plan.planner import ESTIMATE_WEIGHT
 from sensor.latched.effects.windows import (
+    GAINS,
     crossing_error,
     ends_error,
     latch_error,
@@ -51,6 +52,14 @@ TABLE_RMS: Final = 1.2e-6
 tests/sensor/latched/test_arithmetic.py measures it for thresholds of 10 to 20 000 electrons."""
 TABLE_BIAS: Final = 1.7e-6
 """Mean of that error, in squares of the relative standard deviation."""
+LAW_RMS: Final = 0.35
+"""RMS error of a threshold in the fast tier, over the largest error that its units state.
+tests/sensor/latched/test_arithmetic.py measures it for thresholds of 1 to 30 000 electrons."""
+LAW_BIAS: Final = 0.07
+"""Mean of that error, in the same measure; largest at one electron."""
+FLOAT_RMS: Final = 0.7 * 2.0**-24
+"""RMS rounding of the fast tier's light in float32, relative. The same test measures it: .35 to .66
+of 2^-24 under constant light, less where light changes and errors have either sign."""
 
 
 def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
@@ -126,13 +135,49 @@ def _table_walk(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     return walk + _rounding(mean, cycles)
 
 
-def _phase_error(
-    setting: CameraSetting, scene: Summary, rate: npt.NDArray[np.float64] | float
-) -> Values:
-    """Relative error of the rates of each tile, (tiles,), if the rate is off by `rate` spikes a
-    cycle, and phases by the table and by the dead time. Rare events are limits, and count once."""
-    walk = _table_walk(setting, scene, scene.cycles) + rate * scene.cycles
-    inside = _table_walk(setting, scene, scene.window) + rate * scene.window
+def _fast_walk(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
+    """Phase by which the fast tier's thresholds and its rounding are off from the exact tier's
+    after a number of cycles, in spikes, (tiles,).
+
+    Under constant light the increment of a cycle is always rounded alike: by a uniform part of a
+    unit, and by that of its float32. Errors of thresholds are independent, but for their mean.
+    """
+    units, mean = units_of(setting.model), setting.model.mean
+    unit = 2.0**-units.bits
+    light = np.asarray(scene.brightest, np.float64) / mean
+    spikes = np.minimum(light, 1) * cycles
+    roundings = FLOAT_RMS * (1 + 4 * len(setting.model.transfers))  # a transfer adds about four
+    law = LAW_RMS * np.sqrt(spikes) + LAW_BIAS * spikes
+    rounded = unit / np.sqrt(12) + roundings * light
+    return np.asarray(rounded * cycles + units.error * unit * law)
+
+
+def _walk(setting: CameraSetting, scene: Summary, tier: Tier, cycles: int) -> Values:
+    """Phase by which a tier's thresholds and rounding are off after a number of cycles, in spikes,
+    (tiles,)."""
+    walk = _table_walk(setting, scene, cycles)
+    if tier == "exact":
+        return walk
+    walk = walk + _fast_walk(setting, scene, cycles)
+    return np.where(_meaned(setting, scene), np.maximum(walk, 1.0), walk)
+
+
+def _meaned(setting: CameraSetting, scene: Summary) -> npt.NDArray[np.bool_]:
+    """Tiles with changing light that reaches the longest threshold, (tiles,). There the fast tier
+    subtracts thresholds at their mean. When the light falls below it again, the phase is off by up
+    to a spike."""
+    units = units_of(setting.model)
+    most = np.asarray(scene.brightest, np.float64) / setting.model.mean
+    over = most * (1 + GAINS * scene.uneven) >= units.top / units.one
+    falls = (np.asarray(scene.planes) > 0) & ~saturated_tiles(scene)
+    return np.asarray(over & falls & (setting.model.noisy or scene.dead > 0))
+
+
+def _phase_error(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
+    """Relative error of the rates of each tile, (tiles,), if phases are off by thresholds, rounding
+    and dead time. Rare events are limits, and count once."""
+    walk = _walk(setting, scene, tier, scene.cycles)
+    inside = _walk(setting, scene, tier, scene.window)
     dead = _dead_shift(setting, scene, scene.cycles)
     # The RMS over a tile is relative to its mean light or the floor. It is largest if only a share
     # of the pixels reaches the brightest light. The shift of the dead time is a limit already.
@@ -170,15 +215,14 @@ def moved_spikes(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
         low, high = (np.asarray(x, np.float64) / mean for x in (scene.darkest, scene.brightest))
         charge = 4 * TABLE_RMS * spread + _rounding(mean, cycles) + _dead_shift(setting, scene, 1)
         return _moved_spikes(spread, low, high, charge, cycles) / cycles
-    rate = _fast_rate(setting, scene) if tier == "fast" else 0.0
-    return np.minimum(_table_walk(setting, scene, cycles) + rate * cycles + dead, 1.0)
+    return np.minimum(_walk(setting, scene, tier, cycles) + dead, 1.0)
 
 
 def exact_error(setting: CameraSetting, scene: Summary) -> Values:
     """Relative RMS error of the rates of each tile in the exact tier against the reference,
     (tiles,)."""
     if setting.model.reset != "hard":
-        return _phase_error(setting, scene, 0.0)
+        return _phase_error(setting, scene, "exact")
     low, high = np.broadcast_arrays(
         np.asarray(scene.darkest, np.float64), np.asarray(scene.brightest, np.float64)
     )
@@ -210,23 +254,13 @@ def fast_error(setting: CameraSetting, scene: Summary) -> Values:
 
     It is the error of the exact tier, and the smaller of two values. The proof against the exact
     tier (sensor/latched/fast/bound.py) holds for the nominal pixel and assumes that all rounding
-    errors of the run have the same sign. The estimate takes the rounding errors of a cycle
-    (float32, and half a unit) and the quantile's error a spike as an error of the rate, and their
-    sum over the run as a shift of the spikes against their draws.
+    errors of the run have the same sign. The estimate takes their expected sizes
+    (`_fast_walk`), and their sum over the run as a shift of the spikes against their draws.
     """
     proof = ESTIMATE_WEIGHT * _fast_proof(setting, scene) + exact_error(setting, scene)
     if setting.reset != "residual":  # the rate is not smooth in the charge
         return proof
-    return np.minimum(proof, _phase_error(setting, scene, _fast_rate(setting, scene)))
-
-
-def _fast_rate(setting: CameraSetting, scene: Summary) -> Values:
-    """Rounding errors of the fast tier in a cycle, spikes, (tiles,)."""
-    units, q = units_of(setting.model), setting.model.mean
-    unit = 2.0**-units.bits
-    spikes = np.asarray(scene.brightest, np.float64) / q
-    roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))  # a transfer adds about four
-    return np.asarray(unit / 2 + roundings * spikes + units.error * unit * spikes)
+    return np.minimum(proof, _phase_error(setting, scene, "fast"))
 
 
 def _fast_proof(setting: CameraSetting, scene: Summary) -> Values:

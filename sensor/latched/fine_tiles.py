@@ -1,25 +1,30 @@
-"""Tiles of a chip that the reference simulates, in place of the tier of the other tiles.
+"""Tiles of a chip that the exact tier or the reference simulates, whatever the others have.
 
-A plan gives a tile to the reference if the arithmetic of the cheaper tiers could change its rates
-by more than the tolerance allows.
+A plan gives a tile to one of them if the arithmetic of the cheaper tiers could change its rates by
+more than the tolerance allows.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.light.light import Light, PlaneMap
+from cosim.compute.opencl import Device
+from cosim.light.light import Light, Plane, PlaneMap
 from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TileGrid
 from sensor.latched.patches import PatchCamera
 from sensor.latched.setting import CameraSetting
+from sensor.latched.tiers import Tier
 
 __all__ = ["FineTiles", "MixedPatches"]
 
 Words = npt.NDArray[np.uint32]
+Tiles = Mapping[Tier, npt.NDArray[np.bool_]]
+"""Which tiles or patches each of the better tiers simulates."""
 _TOGETHER: Final = 256
 """Tiles that are simulated at once, which limits the memory for their light."""
 
@@ -36,12 +41,13 @@ def _equal_boxes(grid: TileGrid, tiles: npt.NDArray[np.intp]) -> list[list[int]]
 
 
 class FineTiles:
-    """Full physics on some tiles of a chip.
+    """Every effect on some tiles of a chip.
 
     Args:
         setting: the camera with every effect.
         grid: tiles of the chip.
-        tiles: (n,) numbers of the tiles.
+        tiles: (tiles,) bool of each tier.
+        device: OpenCL device of the exact tier, or None for numba.
         row_delay: (height of the chip,) int64 ps; see `SpikeCamera`.
 
     Attributes:
@@ -52,15 +58,17 @@ class FineTiles:
         self,
         setting: CameraSetting,
         grid: TileGrid,
-        tiles: npt.NDArray[np.intp],
+        tiles: Tiles,
+        device: Device | None = None,
         row_delay: npt.NDArray[np.int64] | None = None,
     ) -> None:
-        self.everywhere = tiles.size == len(grid)
+        self.everywhere = bool(np.any(list(tiles.values()), axis=0).all())
         self._parts = []
-        for some in _equal_boxes(grid, tiles):
-            plane = PatchPlane(grid, some)
-            camera = PatchCamera(setting, plane, "reference", row_delay=row_delay)
-            self._parts.append((plane.numbers, PlaneMap(plane.cut, None), camera))
+        for tier, mask in tiles.items():
+            for some in _equal_boxes(grid, np.flatnonzero(mask)):
+                plane = PatchPlane(grid, some)
+                camera = PatchCamera(setting, plane, tier, device, row_delay=row_delay)
+                self._parts.append((plane.numbers, PlaneMap(plane.cut, None), camera))
 
     def step(self, light: Light, start: int, cycles: int, words: Words) -> None:
         """Writes the words of the tiles into those of the chip.
@@ -95,13 +103,14 @@ class FineTiles:
 
 
 class MixedPatches:
-    """A camera on patches, some of which the reference simulates.
+    """A camera on patches, some of which a better tier simulates.
 
     Args:
         camera: camera on all patches of `plane`.
         setting: the camera with every effect.
         plane: the patches.
-        fine: (patches,) bool, patches that the reference simulates; at least one.
+        fine: (patches,) bool of each tier.
+        device: OpenCL device of the exact tier, or None for numba.
 
     Attributes:
         bits: (pixels,) int64, latched spikes so far.
@@ -112,45 +121,60 @@ class MixedPatches:
         camera: PatchCamera,
         setting: CameraSetting,
         plane: PatchPlane,
-        fine: npt.NDArray[np.bool_],
+        fine: Tiles,
+        device: Device | None = None,
     ) -> None:
-        tiles = [tile for tile, each in zip(plane.tiles, fine, strict=True) if each]
         self._camera = camera
-        self._fine = PatchCamera(setting, PatchPlane(plane.grid, tiles), "reference")
-        self._inside = np.repeat(fine, plane.rows * plane.columns)
-        size = plane.rows + 2, plane.columns + 2
+        self._size = plane.rows + 2, plane.columns + 2
+        self._parts = []
+        for tier, patches in fine.items():
+            if patches.any():
+                tiles = np.array(plane.tiles)[patches].tolist()
+                part = PatchCamera(setting, PatchPlane(plane.grid, tiles), tier, device)
+                inside = np.repeat(patches, plane.rows * plane.columns)
+                self._parts.append((inside, PlaneMap(self._selecting(patches), None), part))
+        self.bits = np.zeros(plane.numbers.size, np.int64)
+
+    def _selecting(self, patches: npt.NDArray[np.bool_]) -> Callable[[Plane], Plane]:
+        """Reduces the light of all patches to that of some."""
 
         def select(cut: npt.NDArray[Any]) -> npt.NDArray[Any]:
-            patches = cut.reshape(fine.size, *size)[fine]
-            return np.ascontiguousarray(patches.reshape(-1, size[1]))
+            some = cut.reshape(patches.size, *self._size)[patches]
+            return np.ascontiguousarray(some.reshape(-1, self._size[1]))
 
-        self._cut = PlaneMap(select, None)
-        self.bits = np.zeros(plane.numbers.size, np.int64)
+        return select
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
         """Words (ceil(cycles / 32), pixels) of the next cycles. light: cut by `PatchPlane.cut`."""
         words = self._camera.step(light, start, cycles).copy()
-        words[:, self._inside] = self._fine.step(self._cut(light), start, cycles)
-        self.bits = np.where(self._inside, 0, self._camera.bits)
-        self.bits[self._inside] = self._fine.bits
+        self.bits = self._camera.bits.copy()
+        for inside, cut, part in self._parts:
+            words[:, inside] = part.step(cut(light), start, cycles)
+            self.bits[inside] = part.bits
         return words
 
     def phase(self) -> npt.NDArray[np.float64]:
         """Spikes so far, including the fraction of the current interval, (pixels,)."""
         phase = self._camera.phase()
-        phase[self._inside] = self._fine.phase()
+        for inside, _, part in self._parts:
+            phase[inside] = part.phase()
         return phase
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next step depends on."""
-        fine = {f"fine:{key}": value for key, value in self._fine.state().items()}
+        fine = {
+            f"fine{n}:{key}": value
+            for n, (*_, part) in enumerate(self._parts)
+            for key, value in part.state().items()
+        }
         return {"mixed": self.bits.copy(), **self._camera.state(), **fine}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
         self.bits = state["mixed"].astype(np.int64)
-        fine = {k.removeprefix("fine:"): v for k, v in state.items() if k.startswith("fine:")}
-        self._fine.restore(fine)
+        for n, (*_, part) in enumerate(self._parts):
+            own = f"fine{n}:"
+            part.restore({k.removeprefix(own): v for k, v in state.items() if k.startswith(own)})
         self._camera.restore(
-            {k: v for k, v in state.items() if k != "mixed" and not k.startswith("fine:")}
+            {k: v for k, v in state.items() if k != "mixed" and not k.startswith("fine")}
         )

@@ -127,7 +127,7 @@ def every_tile(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
             "tier": each.plan.tier, "tolerance": tolerance, "error": each.error.value,
             "ci": (each.error.low, each.error.high), "outcome": each.outcome,
             "reinstated": each.reinstated, "tiles": tiles,
-            "full_physics_tiles": int(each.plan.fine.sum()), "over_limit": over_limit,
+            "full_physics_tiles": each.plan.full_physics, "over_limit": over_limit,
             "over_tolerance": over_tolerance, "worst_tile": trial.plane.tiles[worst],
             "worst_error": float(errors[worst]),
             "holds": not over_limit and (each.outcome != "ok" or not over_tolerance),

@@ -95,8 +95,8 @@ def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
         name, plan.plan, tier=plan.tier, device=setup.device_name, tier_error=plan.tier_error,
         speeds=_measure(setup, plan, _with_every_effect(setup, plan)),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
-        tiles=setup.survey.classes, full_physics_tiles=int(plan.fine.sum()),
-        display=_display(setup, plan), **_writes(setup, plan),
+        tiles=setup.survey.classes, full_physics_tiles=plan.full_physics,
+        exact_tiles=int(plan.exact.sum()), display=_display(setup, plan), **_writes(setup, plan),
     )  # fmt: skip
     document["predicted"]["memory_bytes"] = peak_memory(setup, planes)
     return document

@@ -47,7 +47,6 @@ from sensor.reconstruct.shots import (
     Shot,
     colour_differences,
     interval_latency,
-    spike_rate,
     take_shots,
     write_colour,
     write_images,
@@ -202,7 +201,8 @@ class LatchedMachine:
         content of the clip."""
         text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
         text += self.plan.tier + ("" if self.display is None else self.display.identity())
-        text += hashlib.sha256(self.plan.fine.tobytes()).hexdigest()
+        for better in (self.plan.fine, self.plan.exact):
+            text += hashlib.sha256(better.tobytes()).hexdigest()
         for name, tiles in self.plan.plan.kept.items():
             text += name + hashlib.sha256(tiles.tobytes()).hexdigest()
         path = getattr(self.scenario.scene, "path", None)
@@ -262,12 +262,12 @@ class LatchedMachine:
     def _images(self, recording: Recording) -> _Images:
         """Images and size of the stream, for a run without a display."""
         begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
-        stream = recording.chain.stages["recorder"].recorded()
+        recorder = recording.chain.stages["recorder"]
+        stream, spikes = recorder.recorded(), recorder.spikes
         image = self.scenario.image
         threshold, noise = setup.setting.threshold, setup.setting.threshold_noise
         with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
             measured = beside.submit(measure_sizes, stream, threshold, noise)
-            counted = beside.submit(spike_rate, stream)
             dim, names = dim_light(setup, self.camera, recording.folder)
             shots = take_shots(
                 stream, self.source, setup.instants, image.window, setup.white_rate, dim,
@@ -280,7 +280,7 @@ class LatchedMachine:
                 files += write_colour(recording.folder, shots, setup.mosaic)
                 metrics |= colour_differences(shots, setup.mosaic)
             sizes = measured.result()
-            metrics["spike_rate"] = Metric(counted.result(), "spikes/cycle")
+        metrics["spike_rate"] = Metric(spikes / (setup.cycles * self.pixels), "spikes/cycle")
         seconds["images"] = time.perf_counter() - begin
         latency = interval_latency(stream.clock, shots)
         return _Images(stream, shots, sizes, None, metrics, latency, files)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -53,8 +53,10 @@ class RunPlan:
         setting: the simulated camera, with the effects that at least one tile keeps.
         flags: flags of the fast tier's work-items, (height, groups) uint8; None in the exact tier.
         tier_error: (tiles,) bound of the error of the arithmetic, relative.
-        fine: (tiles,) bool, tiles that the reference simulates with every effect, and with the
+        fine: (tiles,) bool, tiles that a better tier simulates, with every effect, and with the
             lumped form of a circuit.
+        exact: (tiles,) bool, those of them that the exact tier simulates; the others have the
+            reference.
         full: the camera with every effect.
         spans: windows of cycles that are checked.
         display: the simulated display, None without one.
@@ -71,11 +73,17 @@ class RunPlan:
     flags: npt.NDArray[np.uint8] | None
     tier_error: npt.NDArray[np.float64]
     fine: npt.NDArray[np.bool_]
+    exact: npt.NDArray[np.bool_]
     full: CameraSetting
     spans: Sequence[Span]
     display: DisplaySetting | None = None
     full_display: DisplaySetting | None = None
     end_error: npt.NDArray[np.float64] | float = 0.0
+
+    @property
+    def full_physics(self) -> int:
+        """Number of tiles that the reference simulates."""
+        return int((self.fine & ~self.exact).sum())
 
     def patches(self, seed: int) -> list[int]:
         """Numbers of the tiles to check, the most informative first: the brightest, the darkest,
@@ -126,9 +134,15 @@ class RunPlan:
 
     def camera(self, device: Device | None) -> SpikeCamera:
         """The planned camera."""
-        fine = np.flatnonzero(self.fine)
-        tiles = FineTiles(self.full.lumped, self.survey.grid, fine) if fine.size else None
+        tiles = None
+        if self.fine.any():
+            tiles = FineTiles(self.full.lumped, self.survey.grid, self._better(), device)
         return SpikeCamera(self.setting, device, tier=self.tier, flags=self.flags, fine=tiles)
+
+    def _better(self, tiles: Any = slice(None)) -> dict[Tier, npt.NDArray[np.bool_]]:
+        """Which of some tiles each of the better tiers simulates."""
+        fine, exact = self.fine[tiles], self.exact[tiles]
+        return {"exact": exact, "reference": fine & ~exact}
 
     def on_patches(self, plane: PatchPlane, device: Device | None) -> TrialCamera:
         """The planned camera on patches that are tiles of the survey's grid.
@@ -142,10 +156,10 @@ class RunPlan:
         camera = PatchCamera(
             self.setting, plane, self.tier, device if self.tier == "fast" else None, flags
         )
-        fine = self.fine[plane.tiles]
-        if not fine.any():
+        if not self.fine[plane.tiles].any():
             return camera
-        return MixedPatches(camera, self.full.lumped, plane, fine)
+        better = self._better(plane.tiles)
+        return MixedPatches(camera, self.full.lumped, plane, better, device)
 
     def banked(self, plane: PatchPlane) -> npt.NDArray[np.bool_]:
         """Which patches take their thresholds from the bank, (patches,)."""
@@ -176,15 +190,18 @@ class RunPlan:
         return self.flags[rows, columns[:, None]].reshape(-1, 1)
 
 
-def _flags(plan: Plan, grid: TileGrid) -> npt.NDArray[np.uint8]:
-    """Flags of the fast tier, (height, groups) uint8; see `PixelArray`."""
+def _flags(
+    plan: Plan, grid: TileGrid, fine: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.uint8]:
+    """Flags of the fast tier, (height, groups) uint8; see `PixelArray`. Its spikes in fine tiles
+    are replaced, so they have no effects there."""
     none = np.zeros(len(grid), bool)
     every = np.ones(len(grid), bool)
     noise = plan.kept.get("shot noise", none) | plan.kept.get("threshold noise", none)
     dead = plan.kept.get("reset dead time", none)
     bank = noise & ~plan.kept.get(OWN_DRAWS, every)
     flags = NOISE * noise | DEAD_TIME * dead | BANK * bank
-    return grid.groups(flags.astype(np.uint8))
+    return grid.groups(np.where(fine, 0, flags).astype(np.uint8))
 
 
 HELD: Final = (1, 2, 4, 8, 16, 64)
@@ -204,19 +221,22 @@ class _Arithmetic:
 
     Attributes:
         tier: tier of most tiles.
-        error: (tiles,) bound of its error, relative; in fine tiles that of a lumped circuit alone.
-        fine: (tiles,) bool, tiles that the reference simulates.
+        error: (tiles,) bound of the error of the tier that simulates a tile, relative; in tiles of
+            the reference that of a lumped circuit alone.
+        fine: (tiles,) bool, tiles that a better tier simulates.
+        exact: (tiles,) bool, those of them that the exact tier simulates.
     """
 
     tier: Tier
     error: npt.NDArray[np.float64]
     fine: npt.NDArray[np.bool_]
+    exact: npt.NDArray[np.bool_]
 
     def cost(self, scene: Summary) -> float:
         """Mean cost of the arithmetic, ns per pixel-cycle."""
         main = EXACT if self.tier == "exact" else QUIET
-        fine = np.broadcast_to(reference_cost(scene), self.fine.shape)
-        return float(np.where(self.fine, fine, main).mean())
+        better = np.where(self.exact, EXACT, reference_cost(scene))
+        return float(np.where(self.fine, better, main).mean())
 
 
 def _moved_light(
@@ -260,17 +280,29 @@ def _arithmetic(
     display: DisplaySetting | None,
     spans: Sequence[Span],
 ) -> _Arithmetic:
-    """The arithmetic of a tier, with the reference in the tiles in which it could use more than its
+    """The arithmetic of a tier, with a better one in the tiles in which it could use more than its
     part of the tolerance: in the exact tier as much as all left-out effects together may use, in
-    the fast tier less, as the exact tier can take its place."""
-    if tier == "fast":
-        error, part = error_over_levels(setting, scene, spans, fast_error), FAST_PART * SHARE
-    else:
-        error, part = error_over_levels(setting, scene, spans, exact_error), SHARE
-    if display is not None:
-        error = error + _moved_light(setting, scene, tier, display, end=False)
-    fine = error > part * accepted_error(tolerance) if mixed else np.zeros(error.shape, bool)
-    return _Arithmetic(tier, np.where(fine, 0.0, error) + setting.lumped_error, fine)
+    the fast tier less, as the exact tier can take its place. The exact tier is the better one where
+    it is good enough, and the reference elsewhere."""
+
+    def error_of(tier: Tier) -> npt.NDArray[np.float64]:
+        estimate = fast_error if tier == "fast" else exact_error
+        error = error_over_levels(setting, scene, spans, estimate)
+        if display is not None:
+            error = error + _moved_light(setting, scene, tier, display, end=False)
+        return error
+
+    error, most = error_of(tier), SHARE * accepted_error(tolerance)
+    part = FAST_PART if tier == "fast" else 1.0
+    fine = error > part * most if mixed else np.zeros(error.shape, bool)
+    exact = np.zeros(error.shape, bool)
+    if tier == "fast" and fine.any():
+        better = error_of("exact")
+        exact = fine & (better <= most)
+        error = np.where(exact, better, error)
+    return _Arithmetic(
+        tier, np.where(fine & ~exact, 0.0, error) + setting.lumped_error, fine, exact
+    )
 
 
 def plan_run(
@@ -304,7 +336,7 @@ def plan_run(
         forced: names of effects that are kept for any bound.
         tier: tier of the camera; None to choose it by the tolerance.
         display: the display with every effect, None without one.
-        mixed: whether the reference simulates the tiles in which the arithmetic of the tier could
+        mixed: whether a better tier simulates the tiles in which the arithmetic of the tier could
             change the rates too much.
     """
     scene = survey.scene if display is None else _through_observer(survey.scene, display)
@@ -326,13 +358,17 @@ def plan_run(
         effects, scene, tolerance, certain=survey.certain, tier_error=arithmetic.error,
         forced=forced, exempt=exempt, base_ns=QUIET + (0.0 if display is None else BASE_COST),
     )  # fmt: skip
-    flags = _flags(plan, survey.grid) if tier == "fast" else None
+    flags = _flags(plan, survey.grid, fine) if tier == "fast" else None
     absent = [name for name, tiles in plan.kept.items() if not tiles.any()]
     coarse = [name for name in exempt if not plan.kept[name][~fine].any()]
+    ends: npt.NDArray[np.float64] | float = 0.0
+    if display is not None:
+        ends = np.where(fine, 0.0, _moved_light(setting, scene, tier, display, end=True))
+        if arithmetic.exact.any():
+            exact = _moved_light(setting, scene, "exact", display, end=True)
+            ends = np.where(arithmetic.exact, exact, ends)
     return RunPlan(
-        plan, survey, tier, setting.without(coarse), flags, arithmetic.error, fine, setting, spans,
-        None if display is None else display.without(absent), display,
-        0.0 if display is None else np.where(
-            fine, 0.0, _moved_light(setting, scene, tier, display, end=True)
-        ),
+        plan, survey, tier, setting.without(coarse), flags, arithmetic.error, fine,
+        arithmetic.exact, setting, spans, None if display is None else display.without(absent),
+        display, ends,
     )  # fmt: skip

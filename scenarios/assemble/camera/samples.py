@@ -110,7 +110,7 @@ class TileSamples(Paired):
 def sample_tiles(
     run: RunPlan, checked: list[int], device: Device | None, seed: int
 ) -> TileSamples | None:
-    """Samples of the tiles that are neither `checked` as a whole nor simulated by the reference;
+    """Samples of the tiles that are neither `checked` as a whole nor simulated by a better tier;
     None if there is no such tile.
 
     Tiles at the right and bottom edges that are smaller than a sample are left out.

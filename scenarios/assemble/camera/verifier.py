@@ -76,7 +76,8 @@ class Verifier(DisplayTrial):
         samples: TileSamples | None = None, keep: bool = False,
     ) -> None:  # fmt: skip
         plan, display = run.plan, None
-        self._promised, self._fine, self._samples = run.promised, run.fine, samples
+        self._promised, self._samples = run.promised, samples
+        self._better = {"the exact tier": int(run.exact.sum()), "full physics": run.full_physics}
         self._end_error = run.end_error
         if run.display is not None and run.full_display is not None:
             display = TrialDisplay(run.full_display, run.display, run.survey.scene.cycles)
@@ -186,7 +187,7 @@ class Verifier(DisplayTrial):
         if change is None:
             return []
         tiles = np.array(self.plane.tiles)[self._banked]
-        promised = np.broadcast_to(self._plan.promise[OWN_DRAWS], len(self._fine))[tiles]
+        promised = np.broadcast_to(self._plan.promise[OWN_DRAWS], len(self._promised))[tiles]
         most = float(promised.max())
         if change.least <= most:
             return []
@@ -237,9 +238,9 @@ class Verifier(DisplayTrial):
         if samples is not None:
             kind += f" and {samples.pixels} pixels in each of {samples.tiles.size} other tiles"
             checked += samples.tiles.size
-        fine = int(self._fine.sum())
-        if fine:
-            kind += f"; {fine} of {self._fine.size} tiles have full physics"
+        for tier, count in self._better.items():
+            if count:
+                kind += f"; {count} of {len(self._promised)} tiles have {tier}"
         if self._display is not None:
             kind = f"radiance as {self._display.observer_name} integrates it, {kind}"
         return Error(error.value, kind, (error.low, error.high), checked, self._tiles_over())

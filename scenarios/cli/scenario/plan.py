@@ -106,11 +106,13 @@ def _text(document: dict[str, Any]) -> str:
             "this exceeds the tolerance: the cause is the lumped form of the circuit or the "
             "arithmetic of this tier, not an effect left out; the run measures it"
         )
-    if document.get("full_physics_tiles"):
-        lines.append(
-            f"{document['full_physics_tiles']} of {sum(tiles.values())} tiles are simulated with "
-            "full physics: there the arithmetic of this tier could use too much of the tolerance"
-        )
+    for field, how in (("exact_tiles", "in the exact tier"),
+                       ("full_physics_tiles", "with full physics")):  # fmt: skip
+        if document.get(field):
+            lines.append(
+                f"{document[field]} of {sum(tiles.values())} tiles are simulated {how}: there the "
+                "arithmetic of this tier could use too much of the tolerance"
+            )
     for phase in document.get("writes", []):
         lines.append(
             f"from cycle {phase['start']}: threshold {phase['threshold']:g} e, rows "

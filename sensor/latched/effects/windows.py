@@ -18,6 +18,7 @@ from cosim.plan.effects import Bound, Summary
 from cosim.plan.tiles import TILE
 
 __all__ = [
+    "GAINS",
     "bound_of",
     "clipped_tiles",
     "crossing_error",
@@ -37,7 +38,7 @@ _CHANCE = 1e-4
 """Chance that a scene has a tile with more changed spikes than a bound takes."""
 _SHARES = tuple(4.0**-n for n in range(5))
 """Shares of the pixels of a tile that have its brightest light, from all to one of 256."""
-_GAINS = 5.0
+GAINS = 5.0
 """Standard deviations within which the gains of pixels lie."""
 _SCORES = 81
 """Gains of pixels within that range over which the lost spikes are averaged."""
@@ -191,11 +192,11 @@ def latch_error(scene: Summary, spikes: Any) -> Values:
         scene.darkest, scene.brightest
     ))  # fmt: skip
     if scene.spread == 0:
-        reached = high * (1 + _GAINS * scene.uneven) > 1
+        reached = high * (1 + GAINS * scene.uneven) > 1
         return rare_error(scene, np.where(reached, 2 * np.minimum(spikes, 1), 0.0))
     cycles = np.minimum(2 * np.asarray(spikes, np.float64) / np.maximum(high, 1e-300), 1)
     likely = np.minimum(np.maximum(low, 1.0), high)
-    score = np.linspace(-_GAINS, _GAINS, _SCORES) if scene.uneven else np.zeros(1)
+    score = np.linspace(-GAINS, GAINS, _SCORES) if scene.uneven else np.zeros(1)
     weight = np.exp(-score * score / 2)
     lost = np.zeros(likely.shape)
     for gain, share in zip(1 + scene.uneven * score, weight / weight.sum(), strict=True):

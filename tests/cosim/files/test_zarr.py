@@ -116,15 +116,16 @@ def test_any_run_of_words_is_read(tmp_path_factory, random_stream, first: int, n
     np.testing.assert_array_equal(words, stream.words[first : first + n])
 
 
-def test_the_state_is_the_word_that_is_not_full(tmp_path: Path, random_stream) -> None:
+def test_the_state_is_the_count_and_the_word_that_is_not_full(tmp_path: Path, random_stream) -> None:
     stream = random_stream(300, SHAPE)
     recorder = Recorder(tmp_path / "a.zarr", SHAPE, stream.cycles, CLOCK)
-    assert recorder.state() == {}
+    assert recorder.state() == {"spikes": 0}
     for given_, block in pieces(stream, [40, 24, 7]):
         recorder.step(given_, block)
         state = recorder.state()
-        assert state.keys() == ({"open_word"} if block.stop % 32 else set())
-        if state:
+        assert state["spikes"] == stream.planes()[: block.stop].sum()
+        assert state.keys() - {"spikes"} == ({"open_word"} if block.stop % 32 else set())
+        if block.stop % 32:
             part = stream.planes()[block.stop // 32 * 32 : block.stop]
             np.testing.assert_array_equal(state["open_word"], pack_planes(part)[0])
 

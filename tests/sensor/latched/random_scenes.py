@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim import PS, Clock, Light, Piece, Summary
+from cosim.compute.opencl import Device
 from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TILE, TileGrid
 from sensor import CHIPS, CameraSetting
 from sensor.device.pattern import DevicePattern
 from sensor.latched.patches import PatchCamera
+from sensor.latched.tiers import Tier
 
 CLOCK = Clock.from_hz(40e3)
 PERIOD = PS // 40_000
@@ -92,9 +94,11 @@ def random_scene(seed: int) -> Scene:
     return Scene(setting, plane, Light(pieces), (start, start + width), cycles, summary)
 
 
-def rates(scene: Scene, setting: CameraSetting, tier: str = "exact") -> np.ndarray:
+def rates(
+    scene: Scene, setting: CameraSetting, tier: Tier = "exact", device: Device | None = None
+) -> np.ndarray:
     """Spikes a cycle of each pixel in the window."""
-    camera = PatchCamera(setting, scene.plane, tier)  # type: ignore[arg-type]
+    camera = PatchCamera(setting, scene.plane, tier, device)
     cut = Light(tuple(_cut(scene.plane, scene.light)))
     marks, at = [], 0
     for edge in scene.window:  # what comes after it changes nothing

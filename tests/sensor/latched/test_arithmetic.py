@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cosim import PS, Clock, Light, Piece, Summary
+from cosim.compute.opencl import Device
 from cosim.plan.tiles import TILE
 from sensor import CHIPS, CameraSetting
-from sensor.latched.arithmetic import TABLE_BIAS, TABLE_RMS, exact_error, fast_error
+from sensor.device.pattern import DevicePattern
+from sensor.latched.arithmetic import (
+    FLOAT_RMS,
+    LAW_BIAS,
+    LAW_RMS,
+    TABLE_BIAS,
+    TABLE_RMS,
+    exact_error,
+    fast_error,
+)
+from sensor.latched.fast.units import quantile, units_of
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.interval import interval_table, threshold
 from sensor.latched.reference.law import draw_all, law_of
-from tests.sensor.latched.random_scenes import Scene, random_scene, rates
+from sensor.latched.tiers import Tier
+from tests.sensor.latched.random_scenes import PERIOD, Scene, random_scene, rates
 
 CLOCK = Clock.from_hz(40e3)
 
 
 def setting(**more: object) -> CameraSetting:
-    return CameraSetting(CHIPS["spiketwo"], CLOCK, 1000.0, 3, **more)  # type: ignore[arg-type]
+    chip = more.pop("chip", CHIPS["spiketwo"])
+    return CameraSetting(chip, CLOCK, 1000.0, 3, **more)  # type: ignore[arg-type]
 
 
 def scene(camera: CameraSetting, low: object, high: object, planes: float = 0.1) -> Summary:
@@ -43,10 +57,46 @@ def test_the_table_of_thresholds_errs_as_stated(q: float, sigma: float) -> None:
     assert abs(off.mean()) / q < TABLE_BIAS * spread**2
 
 
-def _actual(case: Scene) -> float:
-    """RMS error of the exact tier, relative to the mean rate or the floor."""
+@pytest.mark.parametrize("q", [1.0, 3.0, 10.0, 100.0, 1000.0, 30_000.0])
+def test_thresholds_of_the_fast_tier_err_as_stated(q: float) -> None:
+    model = replace(setting(), threshold=q).model
+    units, table = units_of(model), model.table()
+    words = np.random.default_rng(1).integers(0, 2**32, 500_000, dtype=np.uint32)
+    off = quantile(units.table, words) - threshold(table, words) * (units.one / model.q)
+    assert 0.6 * LAW_RMS < off.std() / units.error < LAW_RMS
+    assert abs(off.mean()) / units.error < LAW_BIAS
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("moving", [False, True])
+def test_light_of_the_fast_tier_is_rounded_as_stated(
+    device: Device, moving: bool, uneven: bool
+) -> None:
+    """Phases of both tiers after 4000 cycles, without noise and dead time."""
+    case = random_scene(7)
+    pattern = DevicePattern(prnu=0.01, dark=1000.0, dsnu=0.1, threshold_fpn=0.01, device_seed=1)
+    camera = setting(chip=case.setting.chip, pattern=pattern if uneven else None)
+    camera = camera.without(["shot noise"])
+    rng, planes = np.random.default_rng(2), []
+    for _ in range(101):
+        share = rng.uniform(0.2, 0.4, case.light.pieces[0].first.shape)
+        planes.append((share * 40e6 / camera.electrons_per_lux).astype(np.float32))
+    if not moving:
+        planes = planes[:1] * 101
+    light = Light(tuple(
+        Piece(40 * n * PERIOD - PS * (n == 0), 40 * (n + 1) * PERIOD, first, last)
+        for n, (first, last) in enumerate(itertools.pairwise(planes))
+    ))  # fmt: skip
+    case = replace(case, setting=camera, light=light, window=(0, 4000))
+    off = (rates(case, camera, "fast", device) - rates(case, camera)) / 0.3
+    rms = float(np.sqrt((off**2).mean()))
+    assert (0.0 if moving else 0.5 * FLOAT_RMS) < rms < FLOAT_RMS
+
+
+def _actual(case: Scene, tier: Tier = "exact", device: Device | None = None) -> float:
+    """RMS error of a tier, relative to the mean rate or the floor."""
     truth = rates(case, case.setting, "reference")
-    error = rates(case, case.setting) - truth
+    error = rates(case, case.setting, tier, device) - truth
     return float(np.sqrt((error**2).mean()) / max(truth.mean(), case.summary.floor))
 
 
@@ -64,6 +114,23 @@ def test_the_exact_tier_keeps_its_bound() -> None:
 @pytest.mark.slow
 def test_the_exact_tier_keeps_its_bound_in_a_thousand_scenes() -> None:
     assert len(_exceeded(range(100, 1100))) <= 5
+
+
+def _exceeded_by_fast(seeds: range, device: Device) -> list[int]:
+    return [
+        seed for seed in seeds
+        if _actual(case := random_scene(seed), "fast", device)
+        > fast_error(case.setting, case.summary).max()
+    ]  # fmt: skip
+
+
+def test_the_fast_tier_keeps_its_bound(device: Device) -> None:
+    assert len(_exceeded_by_fast(range(100), device)) <= 1
+
+
+@pytest.mark.slow
+def test_the_fast_tier_keeps_its_bound_in_a_thousand_scenes(device: Device) -> None:
+    assert len(_exceeded_by_fast(range(100, 1100), device)) <= 5
 
 
 def _steady(reset: str, light: float, dead_time: float) -> tuple[Scene, float]:

@@ -1,4 +1,4 @@
-"""Tiles that the reference simulates have its bits, and all others those of their tier."""
+"""Tiles that a better tier simulates have its bits, and all others those of their own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.light import PlaneMap
 from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TileGrid
+from cosim.plan.tiles import TILE, TileGrid
 from sensor import SpikeCamera
 from sensor.latched.fine_tiles import FineTiles, MixedPatches
 from sensor.latched.patches import PatchCamera
@@ -17,6 +17,13 @@ from tests.sensor.latched.test_patches import SHAPE, camera, light
 
 GRID = TileGrid(*SHAPE)
 BLOCKS = (Block(0, 37), Block(37, 60))
+
+
+def tiles_of(*numbers: int) -> np.ndarray:
+    """(tiles,) bool, true for these."""
+    tiles = np.zeros(len(GRID), bool)
+    tiles[list(numbers)] = True
+    return tiles
 
 
 def words_of(chip: SpikeCamera) -> np.ndarray:
@@ -28,26 +35,31 @@ def words_of(chip: SpikeCamera) -> np.ndarray:
 
 @pytest.mark.parametrize("tier", ["exact", "fast"])
 def test_each_tile_has_the_bits_of_its_tier(device: Device, tier) -> None:
-    setting, tiles = camera(), np.array([1, 4, 19])  # two of them at the edges, which are smaller
+    setting = camera()
+    # Two tiles of the reference are at the edges, and smaller.
+    fine = {"reference": tiles_of(1, 4, 19), "exact": tiles_of(0, 7)}
     used = device if tier == "fast" else None
-    mixed = words_of(SpikeCamera(setting, used, tier=tier, fine=FineTiles(setting, GRID, tiles)))
-    full, plain = (
-        words_of(SpikeCamera(setting, used if t == tier else None, tier=t))
-        for t in ("reference", tier)
+    mixed = words_of(
+        SpikeCamera(setting, used, tier=tier, fine=FineTiles(setting, GRID, fine, used))
     )
-    inside = np.zeros(SHAPE, bool)
-    for tile in tiles:
-        y0, y1, x0, x1 = GRID.box(tile)
-        inside[y0:y1, x0:x1] = True
-    inside = inside.ravel()
-    assert (mixed[:, inside] == full[:, inside]).all()
-    assert (mixed[:, ~inside] == plain[:, ~inside]).all()
-    assert (full[:, inside] != plain[:, inside]).any()  # dead time at changing light differs
+    words = {
+        t: words_of(SpikeCamera(setting, device if t == "fast" else None, tier=t))
+        for t in ("reference", "exact", tier)
+    }
+    inside = {
+        t: np.repeat(GRID.groups(tiles), TILE, axis=1)[:, : SHAPE[1]].ravel()
+        for t, tiles in fine.items()
+    }
+    inside[tier] = ~np.any(list(inside.values()), axis=0) | inside.get(tier, False)
+    for t, pixels in inside.items():
+        assert (mixed[:, pixels] == words[t][:, pixels]).all()
+    pixels = inside["reference"]  # dead time at changing light differs
+    assert (words["reference"][:, pixels] != words[tier][:, pixels]).any()
 
 
 def test_a_chip_of_fine_tiles_is_the_reference() -> None:
     setting = camera()
-    fine = FineTiles(setting, GRID, np.arange(len(GRID)))
+    fine = FineTiles(setting, GRID, {"reference": np.ones(len(GRID), bool)})
     assert fine.everywhere
     both = (
         words_of(SpikeCamera(setting, None, fine=fine)),
@@ -56,10 +68,12 @@ def test_a_chip_of_fine_tiles_is_the_reference() -> None:
     assert (both[0] == both[1]).all()
 
 
-def test_a_state_continues() -> None:
+def test_a_state_continues(device: Device) -> None:
     setting, shown = camera(), light(camera())
     one, two = (
-        SpikeCamera(setting, None, fine=FineTiles(setting, GRID, np.array([0, 3]))) for _ in "ab"
+        SpikeCamera(setting, device, tier="fast", fine=FineTiles(
+            setting, GRID, {"reference": tiles_of(0, 3), "exact": tiles_of(5)}, device
+        )) for _ in "ab"
     )
     one.step(shown, BLOCKS[0])
     two.restore(one.state())
@@ -70,7 +84,10 @@ def test_mixed_patches_are_those_of_the_chip() -> None:
     setting, shown = camera(), light(camera())
     plane = PatchPlane(GRID, [0, 6, 12])
     fine = np.array([False, True, False])
-    made = [MixedPatches(PatchCamera(setting, plane, "exact"), setting, plane, fine) for _ in "ab"]
+    made = [
+        MixedPatches(PatchCamera(setting, plane, "exact"), setting, plane, {"reference": fine})
+        for _ in "ab"
+    ]
     parts = [PatchCamera(setting, plane, tier) for tier in ("exact", "reference")]
     cut = PlaneMap(plane.cut, None)(shown)
     inside = np.repeat(fine, 256)

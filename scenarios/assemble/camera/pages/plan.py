@@ -84,10 +84,11 @@ def _summary(run: LatchedRun) -> str:
     plan, survey = run.plan.plan, run.plan.survey
     promised = float(run.plan.promised.max())
     classes = ", ".join(f"{count} {kind}" for kind, count in survey.classes.items() if count)
-    fine = int(run.plan.fine.sum())
-    exact = (
-        f" {fine} tiles are simulated with full physics, because the arithmetic of this tier could "
-        "use too much of the tolerance there." if fine else ""
+    counts = ((int(run.plan.exact.sum()), "in the exact tier"),
+              (run.plan.full_physics, "with full physics"))  # fmt: skip
+    better = "".join(
+        f" {count} tiles are simulated {how}, because the arithmetic of this tier could use too "
+        "much of the tolerance there." for count, how in counts if count
     )  # fmt: skip
     if plan.tolerance == 0:
         opening = f"Tolerance 0 keeps every effect; {run.plan.tier} tier."
@@ -98,7 +99,7 @@ def _summary(run: LatchedRun) -> str:
             "is allowed."
         )
     return (
-        f"{opening}{exact} The plane consists of {len(survey.grid)} tiles of 16 x 16 pixels: "
+        f"{opening}{better} The plane consists of {len(survey.grid)} tiles of 16 x 16 pixels: "
         f"{classes}. {len(run.plan.patches(run.scenario.seed))} of them were checked as a whole: "
         "they were simulated with the reference (every effect), with the planned camera, and "
         "without one effect at a time, all with the same random numbers. In others a few pixels "
@@ -142,7 +143,9 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     tiles; returns the rows of its legend."""
     plan, grid = run.plan.plan, run.plan.survey.grid
     names = list(plan.kept)
-    kept = np.stack([np.broadcast_to(plan.kept[n], len(grid)) for n in names] + [run.plan.fine])
+    kept = np.stack(
+        [np.broadcast_to(plan.kept[n], len(grid)) for n in names] + [run.plan.fine, run.plan.exact]
+    )
     sets, which, counts = np.unique(kept, axis=1, return_inverse=True, return_counts=True)
     order = np.argsort(-counts, kind="stable")
     place = np.empty(len(order), int)
@@ -163,13 +166,14 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
         axes.add_patch(Rectangle(corner, side, side, fill=False, edgecolor=MARK, linewidth=1.6))
     legend, handles = [], []
     for n, index in enumerate(order):
-        *has, fine = sets[:, index]
+        *has, fine, exact = sets[:, index]
+        better = "exact tier" if exact else "full physics"
         out = [name for name, k in zip(names, has, strict=True) if not k]
         absent = ", ".join(out) or "nothing"
-        legend.append([str(n + 1), f"{counts[index]}", "nothing, full physics" if fine else absent])
+        legend.append([str(n + 1), f"{counts[index]}", f"nothing, {better}" if fine else absent])
         if n < len(_COLOURS):
             short = f"without {absent}" if len(absent) <= 40 else f"without {len(out)}, see table"
-            label = "full physics" if fine else short if out else "every effect"
+            label = better if fine else short if out else "every effect"
             handles.append(Patch(color=_COLOURS[n], label=f"{n + 1}: {label}"))
     handles.append(Patch(fill=False, edgecolor=MARK, label="checked"))
     axes.legend(
