@@ -175,15 +175,20 @@ class Recorder:
 
     Args:
         keep: whether blocks stay in memory for `recorded`, up to `kept_bytes`.
+        watch: rows and columns, two arrays that broadcast, of pixels whose words stay in memory;
+            None for no pixels.
 
     Attributes:
         bytes_written: bytes of words, before compression.
         spikes: spikes so far, also of the run that is resumed.
+        watched: words of the watched pixels, (words, ...) uint32 with the shape of `watch`; None
+            without any.
     """
 
     def __init__(
         self, path: Path, shape: tuple[int, int], cycles: int, clock: Clock, start: int = 0,
         *, keep: bool = False,
+        watch: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]] | None = None,
     ) -> None:  # fmt: skip
         self._start, self._store = start, _STORE.get()
         self._path, self._shape, self._cycles, self._clock = path, shape, cycles, clock
@@ -192,6 +197,10 @@ class Recorder:
         self._written: dict[int, Words] = {}
         self._room = kept_bytes(words_for(cycles) * 4 * shape[0] * shape[1]) if keep else 0
         self.bytes_written = self.spikes = 0
+        self._watch = watch
+        self.watched: Words | None = None
+        if watch is not None:
+            self.watched = np.zeros((words_for(cycles), *np.broadcast(*watch).shape), np.uint32)
 
     def _create(self) -> None:
         """Creates the store, without words."""
@@ -247,6 +256,9 @@ class Recorder:
             words = joined
         first = block.start // WORD
         self._array[first : first + len(words)] = words
+        if self._watch is not None and self.watched is not None:
+            rows, columns = self._watch
+            self.watched[first : first + len(words)] = words[:, rows, columns]
         self.bytes_written += words.nbytes
         if block.start % (_CHUNK * WORD) == 0:
             self._keep(words, block)
@@ -280,13 +292,15 @@ class Recorder:
         return cast(Words, self._array[first:stop])
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """The number of spikes, and the incomplete word if there is one."""
-        counted = {"spikes": np.full(1, self.spikes)}
-        return counted if self._open_word is None else {"open_word": self._open_word, **counted}
+        """The number of spikes, the incomplete word, and the words of watched pixels."""
+        parts = {"open_word": self._open_word, "watched": self.watched}
+        state = {key: part.copy() for key, part in parts.items() if part is not None}
+        return {"spikes": np.full(1, self.spikes), **state}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
         self._open_word, self.spikes = state.get("open_word"), int(state["spikes"][0])
+        self.watched = state.get("watched")
 
 
 def write_zarr(stream: SpikeStream, path: Path) -> None:

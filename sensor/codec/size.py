@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from numcodecs.zstd import Zstd
 
 from cosim import SpikeStream, Viform
 from cosim.run.result import Metric
-from cosim.spikes.viform import Words, unpack_planes, words_for
+from cosim.spikes.viform import Words, unpack_planes
 from sensor.codec.coding import Code, encode
 
 __all__ = [
@@ -20,7 +21,7 @@ __all__ = [
     "coded_size",
     "layout",
     "measure_sizes",
-    "sample",
+    "sample_places",
     "size_metrics",
     "zstd_size",
 ]
@@ -58,21 +59,19 @@ class Sizes:
     all_pixels: int
 
 
-def sample(stream: SpikeStream) -> Viform:
-    """SAMPLE rows, evenly spaced, of each SAMPLE neighbouring pixels, spread by the golden ratio;
-    all of a stream that is no larger. A long stream has fewer rows."""
-    height, width = stream.shape
+def sample_places(
+    shape: tuple[int, int], cycles: int
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows (n, 1) and columns (n, m) of the sample of a stream: SAMPLE rows, evenly spaced, of each
+    SAMPLE neighbouring pixels, spread by the golden ratio; all of a stream that is no larger. A
+    long stream has fewer rows."""
+    height, width = shape
     wide = min(SAMPLE, width)
-    high = min(SAMPLE, height, max(_BITS // (wide * stream.cycles), _ROWS))
+    high = min(SAMPLE, height, max(_BITS // (wide * cycles), _ROWS))
     n = np.arange(high)
     rows = (2 * n + 1) * height // (2 * high)
     first = (n * _GOLDEN % 1 * (width - wide + 1)).astype(int)
-    columns = first[:, None] + np.arange(wide)
-    parts = [
-        stream.read_words(w, w + 2)[:, rows[:, None], columns]
-        for w in range(0, words_for(stream.cycles), 2)
-    ]
-    return Viform(np.concatenate(parts), stream.cycles, stream.clock)
+    return rows[:, None], first[:, None] + np.arange(wide)
 
 
 LAYOUTS = ("plane", "word", "pixel")
@@ -111,10 +110,14 @@ def coded_size(stream: SpikeStream, code: Code, level: int | None = 3) -> tuple[
     return _per_cycle(stream, size), events
 
 
-def measure_sizes(stream: SpikeStream, threshold: float, noise: float) -> Sizes:
-    """Sizes of a run's stream, of a sample of its pixels where it is large. threshold, noise:
-    electrons, what the statistical code takes for chance."""
-    part = sample(stream)
+def measure_sizes(part: Viform, all_pixels: int, threshold: float, noise: float) -> Sizes:
+    """Sizes of a stream.
+
+    Args:
+        part: the stream, or a sample of its pixels; see `sample_places`.
+        all_pixels: pixels of the stream.
+        threshold, noise: electrons, what the statistical code takes for chance.
+    """
     statistical = Code("statistical", K, max(threshold, 1e-3), min(noise, threshold), REFINE)
     return Sizes(
         min(zstd_size(part, 3).values()),
@@ -122,7 +125,7 @@ def measure_sizes(stream: SpikeStream, threshold: float, noise: float) -> Sizes:
         coded_size(part, Code("line"))[0],
         coded_size(part, statistical)[0],
         part.shape[0] * part.shape[1],
-        stream.shape[0] * stream.shape[1],
+        all_pixels,
     )
 
 

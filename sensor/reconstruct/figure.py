@@ -42,7 +42,11 @@ def interval_figure(
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    spikes = spike_cycles(stream, [(r, c) for r, c, _ in points])
+    places = [(r, c) for r, c, _ in points]
+    spikes = spike_cycles(stream, places, (span[0] - 255, span[1] + 255))
+    if min(len(cycles) for cycles in spikes) < 2:  # intervals that are longer than the span
+        every = spike_cycles(stream, places)
+        spikes = [a if len(a) > 1 else b for a, b in zip(spikes, every, strict=True)]
     ms, rows = 1e3 / stream.clock.hz, len(points)
     size = 11, _PITCH * rows + 0.8
     figure, ax = subplots(figsize=size)
@@ -59,8 +63,6 @@ def interval_figure(
     for n, ((_, _, label), cycles, light, base) in enumerate(
         zip(points, spikes, truth, bases, strict=True), 1
     ):
-        inside = cycles[(cycles >= span[0] - 255) & (cycles < span[1] + 255)]
-        cycles = inside if inside.size > 1 else cycles
         tau = np.diff(cycles)
         largest = max(float(light.max()), float(1 / tau.min()) if tau.size else 0, 1e-3)
         scale = _HIGH / (1.15 * largest)

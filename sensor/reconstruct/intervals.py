@@ -180,13 +180,19 @@ def tau_levels(tau: Cycles, longest: int | None = WHITEST) -> npt.NDArray[np.uin
 
 
 def spike_cycles(
-    stream: SpikeStream, pixels: Sequence[tuple[int, int]]
+    stream: SpikeStream,
+    pixels: Sequence[tuple[int, int]],
+    span: tuple[int, int] = (0, 2**62),
 ) -> list[npt.NDArray[np.int64]]:
-    """Cycles in which the flag of each (row, column) is set, ascending; the stream is read once."""
+    """Cycles of a span in which the flag of each (row, column) is set, ascending; the stream is
+    read once. span: first cycle, and the one after the last."""
     rows, columns = (np.array(x) for x in zip(*pixels, strict=True))
+    first, stop = max(span[0], 0), min(span[1], stream.cycles)
+    begin = first // WORD
     words = np.concatenate(
-        [stream.read_words(w, w + 1)[:, rows, columns] for w in range(words_for(stream.cycles))]
+        [stream.read_words(w, w + 1)[:, rows, columns] for w in range(begin, words_for(stop))]
     )
     octets = np.ascontiguousarray(words.T).astype("<u4").view(np.uint8)
-    bits = np.unpackbits(octets, axis=1, count=stream.cycles, bitorder="little")
-    return [np.flatnonzero(row) for row in bits]
+    bits = np.unpackbits(octets, axis=1, bitorder="little")[:, : stop - begin * WORD]
+    found = (np.flatnonzero(row) + begin * WORD for row in bits)
+    return [cycles[cycles >= first] for cycles in found]

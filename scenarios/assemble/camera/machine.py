@@ -18,6 +18,7 @@ from cosim.run.inputs import digest
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
+from cosim.spikes.viform import Viform
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from display.probes.camera import ProbeCamera
@@ -38,7 +39,7 @@ from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.filming import make_camera
 from scenarios.assemble.show.tables import display_lines
 from sensor import SpikeCamera
-from sensor.codec.size import Sizes, measure_sizes, size_metrics
+from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
 from sensor.latched.reading import ReadingCamera
 from sensor.latched.readout import readout_stages
 from sensor.reconstruct.fidelity import judge
@@ -172,6 +173,7 @@ class LatchedMachine:
         recorder = Recorder(
             folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock,
             keep=self.display is None,
+            watch=None if self.display else sample_places(self.camera.shape, setup.cycles),
         )  # fmt: skip
         stages: dict[str, Any] = {
             **setup.stages(self.source),
@@ -267,7 +269,8 @@ class LatchedMachine:
         image = self.scenario.image
         threshold, noise = setup.setting.threshold, setup.setting.threshold_noise
         with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
-            measured = beside.submit(measure_sizes, stream, threshold, noise)
+            part = Viform(recorder.watched, stream.cycles, stream.clock)
+            measured = beside.submit(measure_sizes, part, self.pixels, threshold, noise)
             dim, names = dim_light(setup, self.camera, recording.folder)
             shots = take_shots(
                 stream, self.source, setup.instants, image.window, setup.white_rate, dim,

@@ -116,7 +116,7 @@ def test_any_run_of_words_is_read(tmp_path_factory, random_stream, first: int, n
     np.testing.assert_array_equal(words, stream.words[first : first + n])
 
 
-def test_the_state_is_the_count_and_the_word_that_is_not_full(tmp_path: Path, random_stream) -> None:
+def test_the_state_is_the_count_and_the_open_word(tmp_path: Path, random_stream) -> None:
     stream = random_stream(300, SHAPE)
     recorder = Recorder(tmp_path / "a.zarr", SHAPE, stream.cycles, CLOCK)
     assert recorder.state() == {"spikes": 0}
@@ -128,6 +128,21 @@ def test_the_state_is_the_count_and_the_word_that_is_not_full(tmp_path: Path, ra
         if block.stop % 32:
             part = stream.planes()[block.stop // 32 * 32 : block.stop]
             np.testing.assert_array_equal(state["open_word"], pack_planes(part)[0])
+
+
+def test_watched_pixels_have_their_words_also_after_a_restart(
+    tmp_path: Path, random_stream
+) -> None:
+    stream, watch = random_stream(300, SHAPE), (np.array([[0], [1]]), np.array([[1, 2], [0, 1]]))
+    for cut in ([300], [40, 24, 7, 229]):
+        recorder = Recorder(tmp_path / "a.zarr", SHAPE, stream.cycles, CLOCK, watch=watch)
+        for part, block in pieces(stream, cut):
+            if block.start:
+                state = recorder.state()
+                recorder = Recorder(tmp_path / "a.zarr", SHAPE, stream.cycles, CLOCK, watch=watch)
+                recorder.restore(state)
+            recorder.step(part, block)
+        np.testing.assert_array_equal(recorder.watched, stream.words[:, *watch])
 
 
 def test_words_are_counted_as_they_are_written(tmp_path: Path, random_stream) -> None:

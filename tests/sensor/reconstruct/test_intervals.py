@@ -57,12 +57,15 @@ def test_tfp_is_the_mean_of_the_cycles_there_are(planes: np.ndarray, pick: int, 
 
 
 @settings(max_examples=50, deadline=None)
-@given(streams)
-def test_spike_cycles_lists_every_spike(planes: np.ndarray) -> None:
+@given(streams, st.integers(-5, 130), st.integers(1, 200))
+def test_spike_cycles_lists_every_spike(planes: np.ndarray, first: int, length: int) -> None:
     stream = Viform.from_planes(planes, CLOCK)
     places = list(np.ndindex(planes.shape[1:]))
-    for (r, c), cycles in zip(places, spike_cycles(stream, places), strict=True):
+    first = min(first, len(planes) - 1)
+    some = spike_cycles(stream, places, (first, first + length))
+    for (r, c), cycles, inside in zip(places, spike_cycles(stream, places), some, strict=True):
         assert np.array_equal(cycles, np.flatnonzero(planes[:, r, c]))
+        assert np.array_equal(inside, cycles[(cycles >= first) & (cycles < first + length)])
 
 
 def test_tau_is_255_less_the_interval_clipped() -> None:

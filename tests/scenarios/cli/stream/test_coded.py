@@ -21,7 +21,7 @@ from sensor.codec.size import (
     coded_size,
     layout,
     measure_sizes,
-    sample,
+    sample_places,
     size_metrics,
     zstd_size,
 )
@@ -35,6 +35,13 @@ def stream() -> Viform:
     """200 cycles of 8 x 16 pixels."""
     planes = np.random.default_rng(6).random((200, 8, 16)) < np.linspace(0, 0.5, 16)
     return Viform.from_planes(planes, CLOCK)
+
+
+def sampled(stream) -> Viform:
+    """The sample of a stream."""
+    rows, columns = sample_places(stream.shape, stream.cycles)
+    words = stream.read_words(0, 10**6)
+    return Viform(words[:, rows, columns], stream.cycles, stream.clock)
 
 
 @pytest.fixture
@@ -144,11 +151,12 @@ def test_the_three_orders_hold_the_same_bits(stream):
 
 
 def test_a_sample_is_spread_over_the_plane_and_whole_where_it_fits(stream):
-    assert sample(stream) == stream
+    assert sampled(stream) == stream
+    assert sample_places((1000, 1000), 20_000)[1].shape == (26, 128)
     height, width = 300, 700
     number = np.arange(height * width, dtype=np.uint32).reshape(1, height, width)
     words = np.concatenate([number, number + 1, number + 2])
-    part = sample(Viform(words, 96, CLOCK))
+    part = sampled(Viform(words, 96, CLOCK))
     assert part.shape == (128, 128)
     rows, columns = np.divmod(part.words[0], width)
     assert (np.diff(rows[:, 0].astype(int)) >= 2).all()
@@ -159,7 +167,7 @@ def test_a_sample_is_spread_over_the_plane_and_whole_where_it_fits(stream):
 
 
 def test_sizes_are_those_of_the_frames_and_of_zstd(stream):
-    sizes = measure_sizes(stream, 1000.0, 5.0)
+    sizes = measure_sizes(stream, 128, 1000.0, 5.0)
     assert sizes.zstd == min(zstd_size(stream, 3).values())
     assert sizes.line == coded_size(stream, Code("line"))[0]
     assert sizes.repeat == coded_size(stream, Code("repeat"))[0]
@@ -177,14 +185,14 @@ def test_random_bits_are_not_made_smaller():
     # 2^18 fair coins hold 2^18 bits: whoever says less counts wrongly.
     words = np.random.default_rng(2).integers(0, 2**32, (64, 16, 8), dtype=np.uint32)
     coins = Viform(words, 2048, CLOCK)
-    sizes = measure_sizes(coins, 1.0, 0.0)
+    sizes = measure_sizes(coins, 128, 1.0, 0.0)
     assert min(sizes.zstd, sizes.repeat, sizes.line) > 0.999
 
 
 def test_a_run_tells_the_size_of_its_stream(step_run):
     metrics = step_run.result.metrics
     stream = open_stream(step_run.folder)
-    part = sample(stream)
+    part = sampled(stream)
     assert metrics["size_line"].value == coded_size(part, Code("line"))[0]
     page = (step_run.folder / "report.html").read_text(encoding="utf-8")
     assert "Size of the stream" in page and "a sample, 16384 of its 100000 pixels" in page
