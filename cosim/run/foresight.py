@@ -67,4 +67,7 @@ class Foresight:
         size = _size(self._folder) * self._total // done
         unit, name = (1e9, "GB") if size >= 1e9 else (1e6, "MB")
         disk = f"{size / unit:.3g} {name} of disk"
-        self.note(f"{self._what} takes about {duration_text(seconds)} and {disk}")
+        self.note(
+            f"{self._what}: recording takes about {duration_text(seconds)} and {disk}; images and "
+            "report follow"
+        )

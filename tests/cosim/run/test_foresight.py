@@ -46,7 +46,8 @@ def film(
 
 def test_time_and_disk_of_a_long_recording(tmp_path, monkeypatch):
     notes = film(monkeypatch, tmp_path, 0.5)
-    assert notes.notes == ["filming takes about 55 s and 100 MB of disk", "end"]
+    text = "filming: recording takes about 55 s and 100 MB of disk; images and report follow"
+    assert notes.notes == [text, "end"]
 
 
 def test_a_short_recording_says_nothing(tmp_path, monkeypatch):
@@ -57,7 +58,8 @@ def test_a_resumed_recording_counts_what_is_left(tmp_path, monkeypatch):
     for n in range(50):
         (tmp_path / f"{n}").write_bytes(bytes(1_000_000))
     notes = film(monkeypatch, tmp_path, 0.5, begin=500)
-    assert notes.notes == ["filming takes about 30 s and 100 MB of disk", "end"]
+    text = "filming: recording takes about 30 s and 100 MB of disk; images and report follow"
+    assert notes.notes == [text, "end"]
 
 
 @pytest.mark.parametrize(
