@@ -11,11 +11,12 @@ import pytest
 from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.survey import Sketched, survey
-from cosim.plan.tiles import TileGrid
+from cosim.plan.tiles import TILE, TileGrid
 from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
 from scenarios.scenes.kinds.grid import SceneGrid
+from sensor import SpikeCamera
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fast.units import BANK
 
@@ -156,3 +157,25 @@ def test_noise_comes_from_the_bank_where_that_is_cheaper(device):
         device, "star", "sensor.threshold=1 ke", "duration=10 ms", tolerance=0.0, tier="fast"
     )
     assert never.flags is not None and not (never.flags & BANK).any()
+
+
+def test_the_exact_tier_takes_tiles_in_which_light_falls_from_above_the_longest_threshold(device):
+    """The fast tier subtracts thresholds at their mean there, which moves the phase by a spike."""
+    _, scenario = load("star", [
+        "sensor.chip=spikeone", "sensor.threshold=1 ke", "sensor.lens.f_number=2",
+        "scene.illuminance=50 klx", "duration=1.6 ms",
+    ])  # fmt: skip
+    setup = set_up_camera(scenario, None)
+    plan = plan_run(setup.survey, setup.setting, 1e-2, setup.spans, device)
+    assert plan.tier == "fast" and plan.exact.any() and not (plan.fine & ~plan.exact).any()
+    assert plan.flags is not None
+    scene, lens = setup.stages(setup.source()).values()
+    block = Block(0, 64)
+    light = lens.step(scene.step(None, block), block)
+    words = [
+        camera.step(light, block).words
+        for camera in (plan.camera(device), SpikeCamera(setup.setting, None))
+    ]
+    inside = np.repeat(plan.survey.grid.groups(plan.exact), TILE, axis=1)[:, : words[0].shape[2]]
+    assert not plan.flags[plan.survey.grid.groups(plan.exact)].any()
+    np.testing.assert_array_equal(words[0][:, inside], words[1][:, inside])
