@@ -188,7 +188,34 @@ inline void store_part(const uint16 word, const uint begun, const uint c, __glob
         word[i] = again[i] = 0;                                                                   \
     }
 
+// Memory that the work-item after the next reads.
+#define AWAY 2
+#if __has_builtin(__builtin_prefetch)
+#define AHEAD(at) __builtin_prefetch((const void *)(size_t)(at));
+#else
+#define AHEAD(at)
+#endif
+#ifdef PATTERN
+#define GAINS_AHEAD(g) AHEAD(gains + 16 * ((g) + AWAY * GROUPS)) AHEAD(darks + 16 * ((g) + AWAY * GROUPS))
+#else
+#define GAINS_AHEAD(g)
+#endif
+#define STATE_AHEAD(g)                                                                            \
+    AHEAD(charge + 16 * ((g) + AWAY * GROUPS))                                                    \
+    AHEAD(latest + 16 * ((g) + AWAY * GROUPS))                                                    \
+    GAINS_AHEAD(g)
+
 #define STEADY_LIGHT(i) const uint16 add = adds[i], lost = losts[i];
+#define STEADY_COURSE(CYCLES)                                                                     \
+    while (c < cycles) {                                                                          \
+        const uint stop = UNTIL(cycles);                                                          \
+        CYCLES                                                                                    \
+        NEXT_WORDS(row[i], x[i])                                                                  \
+    }                                                                                             \
+    if (c & 31)                                                                                   \
+        STORE_WORDS(row[i], x[i])                                                                 \
+    KEEP_GROUPS
+
 __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 {
     uint g[GROUPS], row[GROUPS], x[GROUPS], c = 0;
@@ -209,6 +236,8 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     int way = 0;
     EACH
     {
+        STATE_AHEAD(g[i]) // lists are mostly of neighbours
+        AHEAD(plane + (size_t)row[i] * width + x[i] + 16 * AWAY * GROUPS)
         if (g[i] == 0xFFFFFFFF) // padding of the list repeats the first group
             g[i] = g[0], row[i] = row[0], x[i] = x[0];
         GAINS_OF(g[i])
@@ -222,23 +251,12 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     GROUP_STATE
     __global const float *weight = 0; // the light does not change
     const uint jump = 0;
-    while (c < cycles) {
-        const uint stop = UNTIL(cycles);
-        BY_WAY(way, LOOP(STEADY_LIGHT, ONCE), LOOP(STEADY_LIGHT, TWICE), LOOP(STEADY_LIGHT, ANY))
-        NEXT_WORDS(row[i], x[i])
+    if (way == 0) { // alone, this loop fits in the registers
+        STEADY_COURSE(LOOP(STEADY_LIGHT, ONCE))
+        return;
     }
-    if (c & 31)
-        STORE_WORDS(row[i], x[i])
-    KEEP_GROUPS
+    STEADY_COURSE(BY_WAY(way, LOOP(STEADY_LIGHT, ONCE), LOOP(STEADY_LIGHT, TWICE), LOOP(STEADY_LIGHT, ANY)))
 }
-
-// Memory that the work-item after the next reads.
-#define AWAY 2
-#if __has_builtin(__builtin_prefetch)
-#define AHEAD(at) __builtin_prefetch((const void *)(size_t)(at));
-#else
-#define AHEAD(at)
-#endif
 
 // Light of a ramp: a whole number of units that grows by another in each cycle.
 #define RAMP_LIGHT(i)                                                                             \
@@ -327,12 +345,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     EACH
     {
         AHEAD(planes[0] + (size_t)row * width + x[i] + 16 * AWAY * GROUPS)
-        AHEAD(charge + 16 * (g[i] + AWAY * GROUPS))
-        AHEAD(latest + 16 * (g[i] + AWAY * GROUPS))
-#ifdef PATTERN
-        AHEAD(gains + 16 * (g[i] + AWAY * GROUPS))
-        AHEAD(darks + 16 * (g[i] + AWAY * GROUPS))
-#endif
+        STATE_AHEAD(g[i])
     }
     REPORT
     GROUP_STATE
