@@ -266,7 +266,7 @@ class Device:
         import pyopencl as cl
 
         view, _ = cl.enqueue_map_buffer(
-            self.queue, buffer, cl.map_flags.READ, 0, array.shape, array.dtype
+            self.queue, buffer, cl.map_flags.READ, 0, array.shape, array.dtype, is_blocking=False
         )
         view.base.release(self.queue)
         self.finish()
@@ -277,6 +277,13 @@ class Device:
 
         cl.enqueue_copy(self.queue, into, buffer)
         return into
+
+    def fetch(self, buffer: Any, into: npt.NDArray[Any]) -> Any:
+        """Copies a buffer into `into`, which is valid after the queue is empty. The result must be
+        kept until then."""
+        import pyopencl as cl
+
+        return cl.enqueue_copy(self.queue, into, buffer, is_blocking=False)
 
     def finish(self) -> None:
         """Waits until the queue is empty."""
