@@ -93,6 +93,13 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
     return min(y0), max(y1), min(x0), max(x1)
 
 
+def _ends_of(offsets: npt.NDArray[np.int64]) -> tuple[int, int]:
+    """The least and the most of the offsets."""
+    if offsets.size == 1:
+        return int(offsets[0]), int(offsets[0])
+    return int(offsets.min()), int(offsets.max())
+
+
 class _Run(NamedTuple):
     """Cycles `first` to `until` of the clock, which lie within a piece in all rows, as those up to
     `last` do."""
@@ -162,8 +169,8 @@ def _anchors(
         run_of += [n] * len(some)
         cuts.append(len(words))
     which, begin = np.array(run_of), np.array(words)[:, None]
-    least, most = int(rows.min()), int(rows.max())
-    begins = np.stack([_begins(run.piece, clock, rows, least, most) for run in runs])
+    least, most = _ends_of(rows)
+    begins = np.array([_begins(run.piece, clock, rows, least, most) for run in runs])
     cycles = np.maximum(begin, begins[which])
     ends = np.array([run.last for run in runs])[which, None]
     anchors = np.empty((*cycles.shape, 3), np.float32)
@@ -234,29 +241,34 @@ def _merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, 
 def _segments(
     parts: list[_Run | Segment],
     clock: Clock,
-    start: int,
-    ends: npt.NDArray[np.int64],
+    call: tuple[int, int],
     rows: npt.NDArray[np.int64],
+    ends: npt.NDArray[np.int64] | None,
     dark: Plane | None,
     anchored: bool,
 ) -> list[Segment]:
-    """The segments of a call, from runs and segments in which pieces meet. All runs are computed at
-    once: a call of numpy costs more than its few numbers. Arguments: see `course_of`."""
-    runs = [part for part in parts if isinstance(part, _Run)]
-    moving = [run for run in runs if not run.piece.constant]
-    low, high = ends[:-1], ends[1:]
+    """The segments of the cycles of a call, from runs and segments in which pieces meet.
+
+    All runs are computed at once, with few kinds of calls of numpy: the code of each has left the
+    caches while the kernels of the previous call ran. Arguments: see `course_of`.
+    """
+    start, stop = call
+    moving = [part for part in parts if isinstance(part, _Run) and not part.piece.constant]
     tick = PS * clock.den / clock.num
-    longer = (high - low) / tick
     # Weight of the last plane of a piece, and of the dark plane. Other cycles have any number.
-    weights = np.empty((*low.shape, 2), np.float32)
-    weights[..., 1] = -longer
+    width = rows.size if ends is None else ends.shape[1]
+    weights = np.empty((stop - start, width, 2), np.float32)
+    middles: npt.NDArray[Any] = rows
+    longer: Any = 0.0
+    if ends is not None:
+        middles, longer = (ends[:-1] + ends[1:]) / 2, (ends[1:] - ends[:-1]) / tick
+        weights[..., 1] = -longer
     anchors: list[Weights] = []
     if moving:
-        run_of = np.zeros(len(low), np.intp)
+        run_of = np.zeros(stop - start, np.intp)
         for n, run in enumerate(moving):
             run_of[run.first - start : run.until - start] = n
-        each = np.arange(start, start + len(low))[:, None]
-        middles = rows if dark is None else (low + high) / 2
+        each = np.arange(start, stop)[:, None]
         weights[..., 0] = _positions(moving, clock, run_of, each, middles) * (1 + longer)
         if anchored and dark is None:
             anchors = _anchors(moving, clock, start, rows)
@@ -313,7 +325,8 @@ def course_of(
         ValueError: the light does not cover the cycles.
     """
     slack = 0 if timing is None else timing.most
-    earliest, latest = int(offsets.min()) - slack, int(offsets.max()) + slack
+    earliest, latest = _ends_of(offsets)
+    earliest, latest = earliest - slack, latest + slack
     begin, end = clock.edge(start) + earliest, clock.edge(start + cycles) + latest
     if light.pieces[0].start > max(begin, 0) or light.pieces[-1].stop < end:
         raise ValueError(
@@ -330,9 +343,7 @@ def course_of(
     if earliest == latest:
         rows = rows[:1]
     # Instants at which the cycles begin and end, (cycles + 1, rows) ps from their edges.
-    ends = np.broadcast_to(rows, (cycles + 1, rows.size))
-    if timing is not None:
-        ends = rows + timing.moves(start, cycles + 1)
+    ends = None if timing is None else rows + timing.moves(start, cycles + 1)
     stops = [p.stop for p in met]
     parts: list[_Run | Segment] = []
     c, stop = start, start + cycles
@@ -346,14 +357,13 @@ def course_of(
             c = min(last, stop)
             continue
         meet = [p for p in met[n:] if p.start < end] or [met[0]]
-        planes, weights = _meeting(
-            meet, clock.edge(c), clock.edge(c + 1), ends[c - start], ends[c - start + 1], dark
-        )
+        low, high = (rows, rows) if ends is None else ends[c - start : c - start + 2]
+        planes, weights = _meeting(meet, clock.edge(c), clock.edge(c + 1), low, high, dark)
         base = meet[0].first
         if len(planes) >= MOST_PLANES:
             base, planes = _merged(base, planes, weights, box, most), ()
             weights = weights[:, :0]
         parts.append(Segment(c - start, 1, base, planes, weights[None]))
         c += 1
-    segments = _segments(parts, clock, start, ends, rows, dark, anchored)
+    segments = _segments(parts, clock, (start, stop), rows, ends, dark, anchored)
     return Course(met[0].first, box, segments, met)
