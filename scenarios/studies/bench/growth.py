@@ -10,17 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from cosim.clock import PS, Clock
+from cosim.clock import PS
 from cosim.compute.memory import check_memory
 from cosim.compute.opencl import Device
 from cosim.errors import InputError
 from cosim.light.light import Light, Piece
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row, least
-from sensor import EFFECTS
-from sensor.latched.fast import FastPixels, PixelArray
+from scenarios.studies.bench.planned import planned_pixels
 from sensor.latched.fast.units import BANK, NOISE
-from sensor.latched.pixel.bank import LANES
-from sensor.latched.pixel.model import ExactModel
 
 __all__ = ["growth_rows"]
 
@@ -40,12 +37,7 @@ def _rate(device: Device, n: int, cycles: int) -> float:
     shape = n // _WIDTH, _WIDTH
     picture = np.linspace(DARK, BRIGHT, n, dtype=np.float32).reshape(shape)
     light = Light((Piece(0, 10**4 * PS, picture, picture),))
-    array = PixelArray(
-        ExactModel(1000.0, 1, tuple(EFFECTS.values())), shape, np.arange(n, dtype=np.uint32),
-        Clock.from_hz(REAL_TIME), 1000.0 * REAL_TIME,
-        flags=np.full((shape[0], -(-_WIDTH // LANES)), BANK | NOISE, np.uint8),
-    )  # fmt: skip
-    pixels, start = FastPixels(array, device), 0
+    pixels, start = planned_pixels(device, shape, BANK | NOISE), 0
 
     def run() -> None:
         nonlocal start

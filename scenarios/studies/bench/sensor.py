@@ -27,6 +27,7 @@ from scenarios.studies.bench.display import display_rows
 from scenarios.studies.bench.growth import growth_rows
 from scenarios.studies.bench.link import link_rows
 from scenarios.studies.bench.loop import loop_rows
+from scenarios.studies.bench.planned import THRESHOLD, planned_pixels
 from scenarios.studies.bench.readout import readout_row
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.device.pattern import DevicePattern, FixedPattern
@@ -34,7 +35,6 @@ from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.units import BANK, NOISE
-from sensor.latched.pixel.bank import LANES
 from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
@@ -43,7 +43,6 @@ __all__ = ["PARTS", "Row", "bench"]
 
 CYCLES = 512
 PLAIN_CYCLES = 8
-THRESHOLD = 1000.0
 MEAN = 0.034
 """Mean spike rate of a drawn scene, spikes a cycle."""
 BLOCK = 64
@@ -216,14 +215,8 @@ def _planned(
     device: Device, light: Light, pattern: FixedPattern | None, flag: int, cycles: int
 ) -> float:
     """Throughput of the fast tier with this flag in all groups, pixel-cycles/s."""
-    shape = light.shape
-    numbers = np.arange(shape[0] * shape[1], dtype=np.uint32)
-    flags = np.full((shape[0], -(-shape[1] // LANES)), flag, np.uint8)
-    array = PixelArray(
-        ExactModel(THRESHOLD, 1, tuple(EFFECTS.values())), shape, numbers,
-        Clock.from_hz(REAL_TIME), THRESHOLD * REAL_TIME, pattern, flags=flags,
-    )  # fmt: skip
-    return _rate(FastPixels(array, device).expose, light, numbers.size, cycles)
+    pixels = planned_pixels(device, light.shape, flag, pattern)
+    return _rate(pixels.expose, light, light.shape[0] * light.shape[1], cycles)
 
 
 def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:

@@ -148,15 +148,15 @@ inline int way_of(const float16 most, const int shortest)
 #define KEEP_GROUPS                                                                               \
     EACH if (mine[i])                                                                             \
     {                                                                                             \
-        vstore16(d[i], g[i], charge);                                                             \
-        vstore16(last[i], g[i], latest);                                                          \
+        STORE16(d[i], charge + 16 * (size_t)g[i]);                                                        \
+        STORE16(last[i], latest + 16 * (size_t)g[i]);                                                     \
     }
 
 // The latest spike of each lane, if there is one in the cycles up to `cycle`; the top bits are the
 // latest.
 inline uint16 latest_of(const uint16 word, const uint16 again, const uint cycle, const uint16 before)
 {
-    const uint16 away = clz(word);
+    const uint16 away = leading_zeros(word);
     const uint16 found = ((cycle - away) << 1) | ((again << (away & 31)) >> 31);
     return select(before, found, as_int16(word) != 0);
 }
@@ -188,7 +188,34 @@ inline void store_part(const uint16 word, const uint begun, const uint c, __glob
         word[i] = again[i] = 0;                                                                   \
     }
 
+// Memory that the work-item after the next reads.
+#define AWAY 2
+#if __has_builtin(__builtin_prefetch)
+#define AHEAD(at) __builtin_prefetch((const void *)(size_t)(at));
+#else
+#define AHEAD(at)
+#endif
+#ifdef PATTERN
+#define GAINS_AHEAD(g) AHEAD(gains + 16 * ((g) + AWAY * GROUPS)) AHEAD(darks + 16 * ((g) + AWAY * GROUPS))
+#else
+#define GAINS_AHEAD(g)
+#endif
+#define STATE_AHEAD(g)                                                                            \
+    AHEAD(charge + 16 * ((g) + AWAY * GROUPS))                                                    \
+    AHEAD(latest + 16 * ((g) + AWAY * GROUPS))                                                    \
+    GAINS_AHEAD(g)
+
 #define STEADY_LIGHT(i) const uint16 add = adds[i], lost = losts[i];
+#define STEADY_COURSE(CYCLES)                                                                     \
+    while (c < cycles) {                                                                          \
+        const uint stop = UNTIL(cycles);                                                          \
+        CYCLES                                                                                    \
+        NEXT_WORDS(row[i], x[i])                                                                  \
+    }                                                                                             \
+    if (c & 31)                                                                                   \
+        STORE_WORDS(row[i], x[i])                                                                 \
+    KEEP_GROUPS
+
 __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 {
     uint g[GROUPS], row[GROUPS], x[GROUPS], c = 0;
@@ -209,6 +236,8 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     int way = 0;
     EACH
     {
+        STATE_AHEAD(g[i]) // lists are mostly of neighbours
+        AHEAD(plane + (size_t)row[i] * width + x[i] + 16 * AWAY * GROUPS)
         if (g[i] == 0xFFFFFFFF) // padding of the list repeats the first group
             g[i] = g[0], row[i] = row[0], x[i] = x[0];
         GAINS_OF(g[i])
@@ -222,23 +251,12 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     GROUP_STATE
     __global const float *weight = 0; // the light does not change
     const uint jump = 0;
-    while (c < cycles) {
-        const uint stop = UNTIL(cycles);
-        BY_WAY(way, LOOP(STEADY_LIGHT, ONCE), LOOP(STEADY_LIGHT, TWICE), LOOP(STEADY_LIGHT, ANY))
-        NEXT_WORDS(row[i], x[i])
+    if (way == 0) { // alone, this loop fits in the registers
+        STEADY_COURSE(LOOP(STEADY_LIGHT, ONCE))
+        return;
     }
-    if (c & 31)
-        STORE_WORDS(row[i], x[i])
-    KEEP_GROUPS
+    STEADY_COURSE(BY_WAY(way, LOOP(STEADY_LIGHT, ONCE), LOOP(STEADY_LIGHT, TWICE), LOOP(STEADY_LIGHT, ANY)))
 }
-
-// Memory that the work-item after the next reads.
-#define AWAY 2
-#if __has_builtin(__builtin_prefetch)
-#define AHEAD(at) __builtin_prefetch((const void *)(size_t)(at));
-#else
-#define AHEAD(at)
-#endif
 
 // Light of a ramp: a whole number of units that grows by another in each cycle.
 #define RAMP_LIGHT(i)                                                                             \
@@ -259,6 +277,52 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));                           \
     adds[i] += slopes[i];
 
+// All segments, and the state after them. CYCLES steps the cycles up to `stop`, within a word; adds:
+// light of the first of them, which grows by `slopes` in each.
+#define COURSE(CYCLES)                                                                            \
+    for (uint s = 0; s < n_segments; s++) {                                                       \
+        __global const int *segment = segments + s * SEGMENT;                                     \
+        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;      \
+        const uint first = segment[3], final = segment[others ? 5 : 3];                           \
+        __global const float *weight = weights + segment[2] + at_row * others;                    \
+        __global const float *anchor = weights + segment[5 + PLANES] + 3 * at_row;                \
+        const float grows = as_float(segment[6 + PLANES]);                                        \
+        const int ramp = others && segment[5 + PLANES];                                           \
+        EACH AHEAD(planes[final] + (size_t)row * width + x[i] + 16 * AWAY * GROUPS)               \
+        while (c < end) {                                                                         \
+            const uint stop = UNTIL(end);                                                         \
+            int16 adds[GROUPS], slopes[GROUPS];                                                   \
+            const float from = ramp ? anchor[0] : 0.0f;                                           \
+            const int since = ramp ? (int)c - (int)anchor[1] : 0;                                 \
+            EACH                                                                                  \
+            {                                                                                     \
+                const float16 base = levels[i][first], step = levels[i][final] - base;            \
+                slopes[i] = rounded(step * grows);                                                \
+                adds[i] = rounded(base + from * step);                                            \
+            }                                                                                     \
+            if (since)                                                                            \
+                EACH adds[i] += since * slopes[i];                                                \
+            CYCLES                                                                                \
+            if (!((start + c) & 31))                                                              \
+                anchor += 3 * rows;                                                               \
+            NEXT_WORDS(row, x[i])                                                                 \
+        }                                                                                         \
+    }                                                                                             \
+    if (c & 31)                                                                                   \
+        STORE_WORDS(row, x[i])                                                                    \
+    KEEP_GROUPS
+
+// Cycles of any light.
+#define BY_LIGHT                                                                                  \
+    const int way = max(ways[first], ways[final]), linear = LINEAR && (!others || ramp);          \
+    if (linear && way < 3)                                                                        \
+        BY_WAY(way, LOOP(RAMP_LIGHT, ONCE), LOOP(RAMP_LIGHT, TWICE), LOOP(RAMP_LIGHT, ANY))       \
+    else {                                                                                        \
+        int ramps[GROUPS];                                                                        \
+        EACH ramps[i] = linear && !((beyond[first] | beyond[final]) & (1 << i));                  \
+        LOOP(ANY_LIGHT, ANY)                                                                      \
+    }
+
 __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
     MOVING_GROUPS
@@ -266,7 +330,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     CHECK
     // Light of each plane in units; all are loaded at once, to overlap memory latency.
     float16 levels[GROUPS][PLANES];
-    float16 brightest_of[PLANES], top = 0.0f;
+    float16 top = 0.0f;
     for (uint p = 0; p < n_planes; p++) {
         float16 most = 0.0f;
         EACH
@@ -276,66 +340,32 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
             most = most > level ? most : level;
             levels[i][p] = level;
         }
-        brightest_of[p] = most;
         top = top > most ? top : most;
-    }
-    int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP
-    const int highest = way_of(top, shortest);
-    for (uint p = 0; p < n_planes; p++) {
-        ways[p] = highest ? way_of(brightest_of[p], shortest) : 0;
-        beyond[p] = 0;
-        if (ways[p] == 3)
-            EACH beyond[p] |= some(as_int16(EASY_CAP - levels[i][p])) << i;
     }
     EACH
     {
         AHEAD(planes[0] + (size_t)row * width + x[i] + 16 * AWAY * GROUPS)
-        AHEAD(charge + 16 * (g[i] + AWAY * GROUPS))
-        AHEAD(latest + 16 * (g[i] + AWAY * GROUPS))
-#ifdef PATTERN
-        AHEAD(gains + 16 * (g[i] + AWAY * GROUPS))
-        AHEAD(darks + 16 * (g[i] + AWAY * GROUPS))
-#endif
+        STATE_AHEAD(g[i])
     }
     REPORT
     GROUP_STATE
     const uint at_row = rows > 1 ? row - y0 : 0;
-    for (uint s = 0; s < n_segments; s++) {
-        __global const int *segment = segments + s * SEGMENT;
-        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;
-        const uint first = segment[3], final = segment[others ? 5 : 3];
-        __global const float *weight = weights + segment[2] + at_row * others;
-        __global const float *anchor = weights + segment[5 + PLANES] + 3 * at_row;
-        const float grows = as_float(segment[6 + PLANES]);
-        const int way = max(ways[first], ways[final]);
-        EACH AHEAD(planes[final] + (size_t)row * width + x[i] + 16 * AWAY * GROUPS)
-        const int ramp = others && segment[5 + PLANES], linear = LINEAR && (!others || ramp);
-        while (c < end) {
-            const uint stop = UNTIL(end);
-            int16 adds[GROUPS], slopes[GROUPS];
-            const float from = ramp ? anchor[0] : 0.0f;
-            const int since = ramp ? (int)c - (int)anchor[1] : 0;
-            EACH
-            {
-                const float16 base = levels[i][first], step = levels[i][final] - base;
-                slopes[i] = rounded(step * grows);
-                adds[i] = rounded(base + from * step);
-            }
-            if (since)
-                EACH adds[i] += since * slopes[i];
-            if (linear && way < 3)
-                BY_WAY(way, LOOP(RAMP_LIGHT, ONCE), LOOP(RAMP_LIGHT, TWICE), LOOP(RAMP_LIGHT, ANY))
-            else {
-                int ramps[GROUPS];
-                EACH ramps[i] = linear && !((beyond[first] | beyond[final]) & (1 << i));
-                LOOP(ANY_LIGHT, ANY)
-            }
-            if (!((start + c) & 31))
-                anchor += 3 * rows;
-            NEXT_WORDS(row, x[i])
-        }
+    const int highest = way_of(top, shortest);
+    int easy = LINEAR && !highest;
+    for (uint s = 0; s < n_segments; s++)
+        easy &= !segments[s * SEGMENT + 4] || segments[s * SEGMENT + 5 + PLANES];
+    if (easy) { // ramps below one threshold a cycle: alone, this loop fits in the registers
+        COURSE(LOOP(RAMP_LIGHT, ONCE))
+        return;
     }
-    if (c & 31)
-        STORE_WORDS(row, x[i])
-    KEEP_GROUPS
+    int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP
+    for (uint p = 0; p < n_planes; p++) {
+        float16 most = 0.0f;
+        EACH most = most > levels[i][p] ? most : levels[i][p];
+        ways[p] = highest ? way_of(most, shortest) : 0;
+        beyond[p] = 0;
+        if (ways[p] == 3)
+            EACH beyond[p] |= some(as_int16(EASY_CAP - levels[i][p])) << i;
+    }
+    COURSE(BY_LIGHT)
 }

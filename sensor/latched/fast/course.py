@@ -14,9 +14,11 @@ They start from an anchor: the first cycle of a piece, or of each 32 cycles of t
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
-from typing import Any, Final
+from itertools import pairwise
+from operator import attrgetter
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -91,38 +93,91 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
     return min(y0), max(y1), min(x0), max(x1)
 
 
-def _within(
-    piece: Piece, clock: Clock, cycles: npt.NDArray[np.int64], offsets: npt.NDArray[Any]
+def _ends_of(offsets: npt.NDArray[np.int64]) -> tuple[int, int]:
+    """The least and the most of the offsets."""
+    if offsets.size == 1:
+        return int(offsets[0]), int(offsets[0])
+    return int(offsets.min()), int(offsets.max())
+
+
+class _Run(NamedTuple):
+    """Cycles `first` to `until` of the clock, which lie within a piece in all rows, as those up to
+    `last` do."""
+
+    first: int
+    until: int
+    last: int
+    piece: Piece
+
+
+def _positions(
+    runs: list[_Run],
+    clock: Clock,
+    run_of: npt.NDArray[np.intp],
+    cycles: npt.NDArray[np.int64],
+    offsets: npt.NDArray[Any],
 ) -> npt.NDArray[np.float64]:
-    """Position in a piece, 0 to 1, of the middle of each cycle, (cycles, rows). cycles: (cycles, 1)
-    or one for each row. offsets: of these middles, ps; for all cycles, or for each."""
-    origin = clock.cycle_at(piece.start)
+    """Position in their pieces, 0 to 1, of the middles of cycles, (n, rows).
+
+    Args:
+        runs: runs of cycles.
+        clock: of the cycles.
+        run_of: (n,) run of each cycle.
+        cycles: (n, 1) or (n, rows).
+        offsets: (rows,) or (n, rows) ps of these middles.
+    """
     unit = PS * clock.den  # a cycle is unit / clock.num ps; integers are divided only once
-    phase = offsets / (unit / clock.num)
-    begun = (origin * unit - piece.start * clock.num) / unit + 0.5 + phase
-    length = (piece.stop - piece.start) * clock.num / unit
-    return np.asarray((begun + (cycles - origin).astype(np.float64)) / length)
+    origins, begun, lengths = [], [], []
+    for run in runs:
+        piece = run.piece
+        origin = clock.cycle_at(piece.start)
+        origins.append(origin)
+        begun.append((origin * unit - piece.start * clock.num) / unit + 0.5)
+        lengths.append((piece.stop - piece.start) * clock.num / unit)
+    phase = np.array(begun)[run_of, None] + offsets / (unit / clock.num)
+    since = (cycles - np.array(origins)[run_of, None]).astype(np.float64)
+    return np.asarray((phase + since) / np.array(lengths)[run_of, None])
+
+
+def _begins(
+    piece: Piece, clock: Clock, rows: npt.NDArray[np.int64], least: int, most: int
+) -> npt.NDArray[np.int64]:
+    """First cycle of each row that begins within a piece, (rows,). rows: offsets, ps, from `least`
+    to `most`."""
+
+    def first(offset: int) -> int:
+        instant = max(piece.start - offset, 0)
+        cycle = clock.cycle_at(instant)
+        return cycle + (clock.edge(cycle) < instant)
+
+    lowest = first(most)
+    begins = np.full(rows.shape, lowest)
+    for cycle in range(lowest, first(least)):
+        begins += rows < piece.start - clock.edge(cycle)
+    return begins
 
 
 def _anchors(
-    piece: Piece, clock: Clock, c: int, until: int, start: int, rows: npt.NDArray[np.int64],
-    end: int,
-) -> Weights:  # fmt: skip
-    """Anchors of cycles c to `until`, which lie within a piece; see `Segment`. They depend on the
-    piece, the cycle and the row only. end: cycle after the last that lies within the piece in all
-    rows."""
-    begins = []
-    for offset in rows.tolist():
-        first = max(piece.start - offset, 0)
-        cycle = clock.cycle_at(first)
-        begins.append(cycle + (clock.edge(cycle) < first))
-    words = WORD * np.arange(c // WORD, (until - 1) // WORD + 1)[:, None]
-    cycles = np.maximum(words, begins)
+    runs: list[_Run], clock: Clock, start: int, rows: npt.NDArray[np.int64]
+) -> list[Weights]:
+    """Anchors of each run; see `Segment`. They depend on the piece, the cycle and the row only.
+    start: first cycle of the call."""
+    words, run_of, cuts = [], [], []
+    for n, run in enumerate(runs):
+        some = range(run.first // WORD, (run.until - 1) // WORD + 1)
+        words += [WORD * word for word in some]
+        run_of += [n] * len(some)
+        cuts.append(len(words))
+    which, begin = np.array(run_of), np.array(words)[:, None]
+    least, most = _ends_of(rows)
+    begins = np.array([_begins(run.piece, clock, rows, least, most) for run in runs])
+    cycles = np.maximum(begin, begins[which])
+    ends = np.array([run.last for run in runs])[which, None]
     anchors = np.empty((*cycles.shape, 3), np.float32)
-    anchors[..., 0] = _within(piece, clock, cycles, rows)
+    anchors[..., 0] = _positions(runs, clock, which, cycles, rows)
     anchors[..., 1] = cycles - start
-    anchors[..., 2] = np.minimum(words + WORD, end) - cycles
-    return anchors
+    anchors[..., 2] = np.minimum(begin + WORD, ends) - cycles
+    return [anchors[a:b] for a, b in pairwise([0, *cuts])]
 
 
 def _meeting(
@@ -183,6 +238,61 @@ def _merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, 
     return plane
 
 
+def _segments(
+    parts: list[_Run | Segment],
+    clock: Clock,
+    call: tuple[int, int],
+    rows: npt.NDArray[np.int64],
+    ends: npt.NDArray[np.int64] | None,
+    dark: Plane | None,
+    anchored: bool,
+) -> list[Segment]:
+    """The segments of the cycles of a call, from runs and segments in which pieces meet.
+
+    All runs are computed at once, with few kinds of calls of numpy: the code of each has left the
+    caches while the kernels of the previous call ran. Arguments: see `course_of`.
+    """
+    start, stop = call
+    moving = [part for part in parts if isinstance(part, _Run) and not part.piece.constant]
+    tick = PS * clock.den / clock.num
+    # Weight of the last plane of a piece, and of the dark plane. Other cycles have any number.
+    width = rows.size if ends is None else ends.shape[1]
+    weights = np.empty((stop - start, width, 2), np.float32)
+    middles: npt.NDArray[Any] = rows
+    longer: Any = 0.0
+    if ends is not None:
+        middles, longer = (ends[:-1] + ends[1:]) / 2, (ends[1:] - ends[:-1]) / tick
+        weights[..., 1] = -longer
+    anchors: list[Weights] = []
+    if moving:
+        run_of = np.zeros(stop - start, np.intp)
+        for n, run in enumerate(moving):
+            run_of[run.first - start : run.until - start] = n
+        each = np.arange(start, stop)[:, None]
+        weights[..., 0] = _positions(moving, clock, run_of, each, middles) * (1 + longer)
+        if anchored and dark is None:
+            anchors = _anchors(moving, clock, start, rows)
+    ramps = iter(anchors)
+    segments = []
+    for part in parts:
+        if isinstance(part, Segment):
+            segments.append(part)
+            continue
+        piece, first = part.piece, part.first - start
+        planes = () if piece.constant else (piece.last,)
+        columns = slice(int(piece.constant), 1 if dark is None else 2)
+        mine = weights[first : part.until - start, :, columns]
+        ramp = None if piece.constant else next(ramps, None)
+        slope = 0.0 if ramp is None else tick / (piece.stop - piece.start)
+        segments.append(
+            Segment(
+                first, part.until - part.first, piece.first,
+                planes if dark is None else (*planes, dark), mine, ramp, slope,
+            )
+        )  # fmt: skip
+    return segments
+
+
 def course_of(
     light: Light,
     clock: Clock,
@@ -215,14 +325,17 @@ def course_of(
         ValueError: the light does not cover the cycles.
     """
     slack = 0 if timing is None else timing.most
-    earliest, latest = int(offsets.min()) - slack, int(offsets.max()) + slack
+    earliest, latest = _ends_of(offsets)
+    earliest, latest = earliest - slack, latest + slack
     begin, end = clock.edge(start) + earliest, clock.edge(start + cycles) + latest
     if light.pieces[0].start > max(begin, 0) or light.pieces[-1].stop < end:
         raise ValueError(
             f"light must cover {max(begin, 0)} to {end} ps, not "
             f"{light.pieces[0].start} to {light.pieces[-1].stop} ps"
         )
-    met = tuple(p for p in light.pieces if p.start < end and p.stop > begin) or light.pieces[:1]
+    begun = bisect_left(light.pieces, end, key=attrgetter("start"))
+    ended = bisect_right(light.pieces, begin, key=attrgetter("stop"))
+    met = light.pieces[ended:begun] or light.pieces[:1]
     box = _box(met) if timing is None else (timing.first, timing.stop, 0, light.shape[1])
     if box is None:
         return Course(met[0].first, None, [], met)
@@ -230,11 +343,9 @@ def course_of(
     if earliest == latest:
         rows = rows[:1]
     # Instants at which the cycles begin and end, (cycles + 1, rows) ps from their edges.
-    ends = np.broadcast_to(rows, (cycles + 1, rows.size))
-    if timing is not None:
-        ends = rows + timing.moves(start, cycles + 1)
+    ends = None if timing is None else rows + timing.moves(start, cycles + 1)
     stops = [p.stop for p in met]
-    segments: list[Segment] = []
+    parts: list[_Run | Segment] = []
     c, stop = start, start + cycles
     while c < stop:
         begin, end = clock.edge(c) + earliest, clock.edge(c + 1) + latest
@@ -242,39 +353,17 @@ def course_of(
         piece = met[n]
         if begin >= piece.start and end <= piece.stop:
             last = clock.cycle_at(piece.stop - latest)
-            until = min(last, stop)
-            low, high = ends[c - start : until - start], ends[c - start + 1 : until - start + 1]
-            planes: tuple[Plane, ...] = ()
-            columns = []
-            longer = (high - low) / (PS * clock.den / clock.num)
-            if not piece.constant:
-                planes = (piece.last,)
-                middle = rows if dark is None else (low + high) / 2
-                each = np.arange(c, until)[:, None]
-                columns.append(_within(piece, clock, each, middle) * (1 + longer))
-            if dark is not None:
-                planes += (dark,)
-                columns.append(-longer)
-            weights = np.empty((*low.shape, len(columns)), np.float32)
-            for n_th, column in enumerate(columns):
-                weights[..., n_th] = column
-            ramp, slope = None, 0.0
-            if anchored and not piece.constant and dark is None:
-                ramp = _anchors(piece, clock, c, until, start, rows, last)
-                slope = PS * clock.den / clock.num / (piece.stop - piece.start)
-            segments.append(
-                Segment(c - start, until - c, piece.first, planes, weights, ramp, slope)
-            )  # fmt: skip
-            c = until
+            parts.append(_Run(c, min(last, stop), last, piece))
+            c = min(last, stop)
             continue
         meet = [p for p in met[n:] if p.start < end] or [met[0]]
-        planes, weights = _meeting(
-            meet, clock.edge(c), clock.edge(c + 1), ends[c - start], ends[c - start + 1], dark
-        )
+        low, high = (rows, rows) if ends is None else ends[c - start : c - start + 2]
+        planes, weights = _meeting(meet, clock.edge(c), clock.edge(c + 1), low, high, dark)
         base = meet[0].first
         if len(planes) >= MOST_PLANES:
             base, planes = _merged(base, planes, weights, box, most), ()
             weights = weights[:, :0]
-        segments.append(Segment(c - start, 1, base, planes, weights[None]))
+        parts.append(Segment(c - start, 1, base, planes, weights[None]))
         c += 1
+    segments = _segments(parts, clock, (start, stop), rows, ends, dark, anchored)
     return Course(met[0].first, box, segments, met)

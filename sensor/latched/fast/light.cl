@@ -66,6 +66,14 @@ inline float16 seen(__global const float *plane, const uint row, const uint x, c
     return light;
 }
 
+// Sixteen lanes that are aligned to one of them. PoCL splits vstore16 into three stores.
+#ifdef __AVX512F__
+typedef uint16 __attribute__((aligned(4))) loose16;
+#define STORE16(lanes, at) *(__global loose16 *)(at) = (lanes)
+#else
+#define STORE16(lanes, at) vstore16(lanes, 0, at)
+#endif
+
 inline uint16 load_word(__global const uint *words, const uint row, const uint x, const uint width)
 {
     __global const uint *at = words + (size_t)row * width + x;
@@ -82,7 +90,7 @@ inline void store_word(const uint16 word, __global uint *words, const uint row, 
 {
     __global uint *at = words + (size_t)row * width + x;
     if (x + 16 <= width) {
-        vstore16(word, 0, at);
+        STORE16(word, at);
         return;
     }
     uint lanes[16];
@@ -107,6 +115,18 @@ inline int some(const int16 v)
     const int4 b = a.lo | a.hi;
     return (b.x | b.y | b.z | b.w) < 0;
 }
+#endif
+
+// Zeros above the highest bit that is set; PoCL splits clz into four parts.
+#if defined(__AVX512CD__) && __has_builtin(__builtin_ia32_vplzcntd_512)
+inline uint16 leading_zeros(const uint16 bits)
+{
+    either16 lanes = {as_int16(bits)};
+    lanes.p = (plain16)__builtin_ia32_vplzcntd_512(lanes.p);
+    return as_uint16(lanes.v);
+}
+#else
+#define leading_zeros(bits) clz(bits)
 #endif
 
 // To the nearest integer, of two the even one. PoCL maps only truncation to an instruction.

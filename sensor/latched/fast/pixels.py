@@ -278,8 +278,11 @@ class FastPixels:
             if each is not None and each.box is not None:
                 for run in self._launches(each.segments):
                     self._moving(run, each.box, start, words, flag)
+        fault = np.empty(1, np.int32)
+        fetched = self._device.fetch(self._fault, fault)  # while the kernels run
         self._device.settle(words, out)
-        if self._device.download(self._fault, np.empty(1, np.int32))[0]:
+        del fetched
+        if fault[0]:
             self._fault = self._device.upload(np.zeros(1, np.int32))
             least = np.min([(piece.first.min(), piece.last.min()) for piece in light.pieces])
             raise ValueError(f"light must be 0 or more, not {float(least):g}")

@@ -132,6 +132,44 @@ def test_a_program_is_compiled_once_for_each_source_and_options(
     np.testing.assert_array_equal(out, (values + 3) * 3 + 3 + 10)
 
 
+NUMBERS = """
+kernel void numbers(global double *out, const uint a, const int b, const float c, const uchar d,
+                    const ulong e, constant int *f) {
+    out[0] = a; out[1] = b; out[2] = c; out[3] = d; out[4] = e; out[5] = f[0];
+}
+"""
+
+
+def test_numbers_have_the_types_of_the_kernel(device: Device) -> None:
+    out = device.upload(np.zeros(6))
+    last = device.upload(np.array([-7], np.int32))
+    # Wider types than those of the kernel: undeclared, they would be refused or misread.
+    numbers = (np.int64(2**32 - 1), np.int64(-5), np.float64(0.1), np.int64(255), np.int64(2**40))
+    device.kernel(NUMBERS, "numbers")(device.queue, (1,), None, out, *numbers, last)
+    values = np.empty(6)
+    fetched = device.fetch(out, values)
+    device.finish()
+    del fetched
+    assert values.tolist() == [2**32 - 1, -5, float(np.float32(0.1)), 255, 2**40, -7]
+
+
+def test_kernels_are_untyped_where_the_driver_tells_no_types(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyopencl as cl
+
+    def silent(*_: object) -> None:
+        raise cl.RuntimeError("clGetKernelArgInfo", cl.status_code.INVALID_OPERATION, "no types")
+
+    monkeypatch.setattr(cl.Kernel, "get_arg_info", silent)
+    out = device.upload(np.zeros(6))
+    last = device.upload(np.array([-7], np.int32))
+    numbers = (np.uint32(1), np.int32(-5), np.float32(0.1), np.uint8(2), np.uint64(2**40))
+    device.kernel(NUMBERS, "numbers")(device.queue, (1,), None, out, *numbers, last)
+    values = device.download(out, np.empty(6))
+    assert values.tolist() == [1, -5, float(np.float32(0.1)), 2, 2**40, -7]
+
+
 _NOISY = """
 from cosim.compute.opencl import open_device
 source = "kernel void f(global int *x) { int unused; double y = x[0]; x[1] = sin(y); }"
