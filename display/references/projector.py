@@ -14,9 +14,8 @@ from display.panels.panel import Projector
 
 __all__ = ["ProjectorShow", "spread_errors"]
 
-BATCH = 32
-"""Number of planes computed at a time: a compromise between cache size and passes over the
-images."""
+BATCH = 128
+"""Maximum number of planes computed at a time: each time, all images are read and written."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of the low-discrepancy sequence R2, 1/g and 1/g^2 with g^3 = g + 1."""
 
