@@ -45,7 +45,8 @@ class ProjectorShow:
         self._scale = np.float32(1 / white)
         self._delay = seconds_to_ps(panel.latency)
         self._next = 0
-        self._error = np.ascontiguousarray(spread_errors(*np.indices(shape)), np.float32)
+        row, column = np.ogrid[: shape[0], : shape[1]]
+        self._error = np.ascontiguousarray(spread_errors(row, column), np.float32)
         self._planes = np.empty((BATCH, *shape), np.uint8)
 
     def step(self, light: Light, until: int) -> Iterator[LightPlanes]:
