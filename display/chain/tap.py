@@ -110,7 +110,8 @@ def spike_waves(
     """
     rows, columns = ([p[k] for p in places] for k in (0, 1))
     small = replace(panel, shape=(1, len(places)), row_scan=0.0)
-    renderer, parts, chunk = GoldenRenderer(small, 1, 0), [], 16
+    # Two words are a chunk of a store; more would be joined, with all their pixels.
+    renderer, parts, chunk = GoldenRenderer(small, 1, 0), [], 2
     cycles = min(stream.cycles, panel.clock.cycle_at(stop) + 1)
     for n in range(0, cycles, WORD * chunk):
         words = stream.read_words(n // WORD, n // WORD + chunk)[:, rows, columns][:, None]

@@ -89,9 +89,12 @@ def reduced(planes: npt.NDArray[Any], weights: npt.NDArray[np.float32], by: int)
     height, width = planes.shape[1:]
     if not 1 <= by <= min(height, width):
         raise ValueError(f"by must be 1 to {min(height, width)}, not {by}")
-    images = np.zeros((len(weights), height // by, width // by), np.float32)
-    by_rows(add_reduced, height // by, planes, by, weights, images)
-    return images
+    # A plane that many images share, such as a frame in slow motion, is reduced once.
+    shared = np.count_nonzero(weights) > 2 * len(planes)
+    each = np.eye(len(planes), dtype=np.float32) if shared else weights
+    images = np.zeros((len(each), height // by, width // by), np.float32)
+    by_rows(add_reduced, height // by, planes, by, each, images)
+    return np.tensordot(weights, images, 1) if shared else images
 
 
 @dataclass(frozen=True, eq=False)

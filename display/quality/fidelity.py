@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.light.ssim import Likeness, inside
+from cosim.light.ssim import Likeness, inside_mean
 from cosim.run.result import Metric
 from display.panels.panel import metric_key
 
@@ -76,8 +76,18 @@ class _Truth:
     def __init__(self, image: npt.NDArray[np.float32]) -> None:
         self.light = np.clip(image, 0, 1)
         self.likeness = Likeness(self.light)
-        band = np.searchsorted(BANDS, self.light.ravel(), "right") - 1
-        self.band = np.clip(band, 0, len(BANDS) - 2).astype(np.uint8)
+        self.band = np.empty(self.light.size, np.uint8)
+        _sort(self.light.ravel(), np.array(BANDS[1:-1]), self.band)
+
+
+@njit(cache=True, nogil=True)
+def _sort(light, edges, band):  # type: ignore[no-untyped-def]
+    """band = the number of edges up to the light of each pixel; all flat."""
+    for n in range(light.size):
+        count = 0
+        for edge in edges:
+            count += light[n] >= edge
+        band[n] = count
 
 
 @njit(cache=True, nogil=True)
@@ -106,8 +116,7 @@ def _compare(display: str, observer: str, images: Images, truths: Sequence[_Trut
         flat = clipped.ravel(), truth.light.ravel(), alike.ravel()
         each = _by_band(truth.band, *flat, len(BANDS) - 1)
         total.append(_decibel(float(each[:, 1].sum() / truth.band.size)))
-        whole = inside(alike)
-        structure.append(float(whole.mean(dtype=np.float64)) if whole.size else float("nan"))
+        structure.append(inside_mean(alike))
         if observer == "eye":  # only the still eye has bands
             sums += each
     count = sums[:, 0].sum()

@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 __all__ = ["Spectrum", "spectrum", "waveform"]
 
@@ -57,14 +58,25 @@ class Spectrum:
     def components(self, gain: npt.ArrayLike = 1.0) -> tuple[Values, Values]:
         """The frequency of the strongest bin, Hz, and the contrast of each component. `gain`:
         factor on the contrast of each bin, (bins,)."""
-        energy = self.energy * np.broadcast_to(np.asarray(gain, np.float64), self.energy.shape) ** 2
-        total = np.bincount(self.group, energy)
-        starts = np.flatnonzero(np.diff(self.group, prepend=-1))
-        most = np.maximum.reduceat(self.energy, starts)
-        peaks = np.flatnonzero(self.energy == most[self.group])
-        # The first of equal bins.
-        first = peaks[np.flatnonzero(np.diff(self.group[peaks], prepend=-1))]
-        return self.frequency[first], np.sqrt(total)
+        gains = np.broadcast_to(np.asarray(gain, np.float64), self.energy.shape)
+        total, strongest = _components(self.energy, gains, self.group)
+        return self.frequency[strongest], np.sqrt(total)
+
+
+@njit(cache=True, nogil=True)
+def _components(energy, gain, group):  # type: ignore[no-untyped-def]
+    """The energy of each component, (components,), and its strongest bin, the first of equal
+    ones."""
+    total = np.zeros(group[-1] + 1)
+    strongest = np.zeros(len(total), np.int64)
+    last = -1
+    for k in range(len(energy)):
+        at = group[k]
+        total[at] += energy[k] * gain[k] ** 2
+        if at != last or energy[k] > energy[strongest[at]]:
+            strongest[at] = k
+        last = at
+    return total, strongest
 
 
 @lru_cache(maxsize=4)

@@ -9,6 +9,7 @@ citable source was found for the constants of T; with them, the threshold at 100
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -51,6 +52,13 @@ def check_svm(seconds: float, rate: float) -> None:
 
 def svm_of(lines: Spectrum) -> float:
     """SVM of a spectrum."""
-    frequency, visible = lines.components(1 / svm_threshold(lines.frequency))
+    gain = _gains(len(lines.frequency), float(lines.frequency[1]))
+    frequency, visible = lines.components(gain)
     counts = (frequency >= LOWEST) & (frequency <= HIGHEST)
     return float((visible[counts] ** EXPONENT).sum() ** (1 / EXPONENT))
+
+
+@lru_cache(maxsize=4)
+def _gains(bins: int, step: float) -> Values:
+    """1 / T(f) at the bins of a spectrum, `step` Hz apart."""
+    return 1 / svm_threshold(np.arange(bins) * step)

@@ -14,9 +14,8 @@ from display.panels.panel import Projector
 
 __all__ = ["ProjectorShow", "spread_errors"]
 
-BATCH = 32
-"""Number of planes computed at a time: a compromise between cache size and passes over the
-images."""
+BATCH = 128
+"""Maximum number of planes computed at a time: each time, all images are read and written."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of the low-discrepancy sequence R2, 1/g and 1/g^2 with g^3 = g + 1."""
 
@@ -46,7 +45,8 @@ class ProjectorShow:
         self._scale = np.float32(1 / white)
         self._delay = seconds_to_ps(panel.latency)
         self._next = 0
-        self._error = np.ascontiguousarray(spread_errors(*np.indices(shape)), np.float32)
+        row, column = np.ogrid[: shape[0], : shape[1]]
+        self._error = np.ascontiguousarray(spread_errors(row, column), np.float32)
         self._planes = np.empty((BATCH, *shape), np.uint8)
 
     def step(self, light: Light, until: int) -> Iterator[LightPlanes]:

@@ -13,7 +13,7 @@ from display.observe.integration import Gain, LightPlanes, Span, Values
 
 __all__ = ["TruthShow"]
 
-BATCH = 8
+BATCH = 32
 """Number of planes of light that are integrated together."""
 Instants = npt.NDArray[np.int64]
 Stack = npt.NDArray[np.float32]

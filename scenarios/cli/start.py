@@ -11,7 +11,7 @@ __all__ = ["BEGAN"]
 BEGAN = time.perf_counter()
 """time.perf_counter() at the start of the command."""
 
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 """Parameters of mallopt(3)."""
 
 # By default, Python looks for dead cycles of objects after each 700 new ones. Imports make a
@@ -24,3 +24,5 @@ with suppress(AttributeError, OSError):  # not the GNU C library
     _mallopt = ctypes.CDLL(None).mallopt
     _mallopt(_M_MMAP_THRESHOLD, 1 << 25)  # the largest that it takes
     _mallopt(_M_TRIM_THRESHOLD, 1 << 28)
+    # By default, threads have pools of 64 MB, between which freed memory does not pass.
+    _mallopt(_M_ARENA_MAX, 1)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Plane
-from cosim.light.ssim import Likeness, inside
+from cosim.light.ssim import Likeness, inside_mean
 from cosim.run.result import Metric
 
 __all__ = ["Estimate", "Imaged", "judge", "psnr", "ssim", "to_white"]
@@ -55,7 +55,7 @@ def ssim(image: Estimate, truth: Plane) -> float:
     et al., IEEE Trans. Image Process. 13:600, 2004; peak 1. NaN for images under 11 x 11."""
     if min(image.shape) < 11:
         return math.nan
-    return float(inside(Likeness(truth).map(image)).mean(dtype=np.float64))
+    return inside_mean(Likeness(truth).map(image))
 
 
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:

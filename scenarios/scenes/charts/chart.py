@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from cosim import Box, Plane
 from scenarios.scenes.charts.chart_art import FINE, bars, edge, faces, slow, still, words
@@ -32,6 +33,15 @@ STRIPS = (
     (0.915, 0.985, slow, SLOW),
 )
 """First and last row of each strip over the height, the function that draws it, and its speed."""
+
+
+@njit(cache=True, nogil=True)
+def _mix(one, two, part, out):  # type: ignore[no-untyped-def]
+    """out = two part + one (1 - part), all float32; in one pass, as memory is the limit."""
+    rest = np.float32(1.0) - part
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            out[y, x] = two[y, x] * part + one[y, x] * rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +69,7 @@ class _Strip:
         number = int(fine)
         part = np.float32(fine - number)
         one, two = (self._slice(n % (width * FINE), width) for n in (number, number + 1))
-        rows = image[self.top : self.low]
-        np.multiply(two, part, out=rows)
-        rows += one * (np.float32(1) - part)
+        _mix(one, two, part, image[self.top : self.low])
 
     def _slice(self, number: int, width: int) -> Plane:
         column, phase = divmod(number, FINE)

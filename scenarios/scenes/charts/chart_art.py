@@ -213,12 +213,18 @@ def _star(brush: _Brush, x: float, y: float, r: float) -> None:
 
 def _ball(brush: _Brush, x: float, y: float, r: float) -> None:
     """A matt ball with light from the upper left."""
-    place = (np.indices(brush.picture.shape) + 0.5) / FINE
-    down, along = (place[0] - y) / r, (place[1] - x) / r
+    # The box of fine pixels around the ball, within the picture.
+    (top, low), (left, right) = (
+        np.clip([math.floor((at - r) * FINE), math.ceil((at + r) * FINE)], 0, size)
+        for at, size in zip((y, x), brush.picture.shape, strict=True)
+    )
+    box = brush.picture[top:low, left:right]
+    rows, columns = np.ogrid[top:low, left:right]
+    down, along = ((rows + 0.5) / FINE - y) / r, ((columns + 0.5) / FINE - x) / r
     inside = down**2 + along**2 < 1
     out = np.sqrt(np.maximum(1 - down**2 - along**2, 0))
     lit = np.maximum((-0.5 * along - 0.55 * down + 0.67 * out), 0)
-    brush.picture[inside] = (0.02 + 0.88 * lit[inside]).astype(np.float32)
+    box[inside] = (0.02 + 0.88 * lit[inside]).astype(np.float32)
 
 
 def slow(rows: int, width: int) -> Picture:
