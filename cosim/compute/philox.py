@@ -22,6 +22,9 @@ _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = 0x9E3779B9, 0xBB67AE85
 _LOW, _32 = np.uint64(0xFFFFFFFF), np.uint64(32)
 
+_LARGE = 1 << 14
+"""Number of counters from which the compiled form is taken, whose library takes long to load."""
+
 U32 = npt.NDArray[np.uint32]
 
 
@@ -39,6 +42,14 @@ def philox4x32(
     """
     c0, c1, c2, c3 = np.broadcast_arrays(*(np.asarray(c, np.uint64) for c in counter))
     k0, k1 = key
+    if c0.size >= _LARGE:
+        from cosim.compute.philox_compiled import fill_words
+
+        counters = np.array([c0, c1, c2, c3]).reshape(4, -1)
+        out = np.empty(counters.shape, np.uint32)
+        fill_words(counters, np.uint64(k0), np.uint64(k1), out)
+        w0, w1, w2, w3 = out.reshape(4, *c0.shape)
+        return w0, w1, w2, w3
     for _ in range(10):
         p0, p1 = _M0 * c0, _M1 * c2
         c0, c1, c2, c3 = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["pick", "random_words", "word_at"]
+__all__ = ["fill_words", "pick", "random_words", "word_at"]
 
 _LOW = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
@@ -25,6 +25,16 @@ def random_words(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-d
         k0 = (k0 + np.uint64(0x9E3779B9)) & _LOW
         k1 = (k1 + np.uint64(0xBB67AE85)) & _LOW
     return c0, c1, c2, c3
+
+
+@njit(cache=True, nogil=True)
+def fill_words(counters, k0, k1, out):  # type: ignore[no-untyped-def]
+    """Fills `out`, (4, n) uint32, with the words of the counters, (4, n) uint64, and the key
+    (k0, k1)."""
+    for n in range(out.shape[1]):
+        index = (counters[1, n] << _32) | counters[2, n]
+        words = random_words(counters[0, n], index, counters[3, n], k0, k1)
+        out[0, n], out[1, n], out[2, n], out[3, n] = words
 
 
 @njit(cache=True)

@@ -54,12 +54,15 @@ class Piece:
         """Whether the light of the piece does not change."""
         return self.first is self.last
 
+    def part(self, ps: int) -> np.float32:
+        """Position of instant `ps` within the piece, 0 to 1."""
+        return np.float32((ps - self.start) / (self.stop - self.start))
+
     def level(self, ps: int) -> Plane:
         """Level at instant `ps` within the piece."""
         if self.constant:
             return self.first
-        part = np.float32((ps - self.start) / (self.stop - self.start))
-        return self.first + (self.last - self.first) * part
+        return self.first + (self.last - self.first) * self.part(ps)
 
 
 @dataclass(frozen=True, eq=False)

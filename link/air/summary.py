@@ -139,11 +139,11 @@ def _rates(scene: LinkSummary, factors: Values) -> Values:
 
 
 def _half_width(rate: float, bits: int) -> float:
-    from scipy.stats import beta
+    from scipy.special import betaincinv
 
     errors = round(rate * bits)
-    low = beta.ppf(_RISK / 2, errors, bits - errors + 1) if errors else 0.0
-    high = beta.ppf(1 - _RISK / 2, errors + 1, bits - errors) if errors < bits else 1.0
+    low = betaincinv(errors, bits - errors + 1, _RISK / 2) if errors else 0.0
+    high = betaincinv(errors + 1, bits - errors, 1 - _RISK / 2) if errors < bits else 1.0
     return float(high - low) / 2
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
@@ -142,6 +143,16 @@ def evaluate_link(
     closed: Predicted,
 ) -> LinkEvaluation:  # fmt: skip
     """Compares a reception with what was sent. closed: gives the result of `closed_form`."""
+    with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
+        eye = beside.submit(_eye, setup, stream, received)
+        return _evaluated(setup, link, stream, received, closed, eye.result)
+
+
+def _evaluated(
+    setup: FileLinkSetup, link: PlannedLink, stream: SpikeStream, received: Received,
+    closed: Predicted, eye: Callable[[], Eye | None],
+) -> LinkEvaluation:  # fmt: skip
+    """`evaluate_link`. eye: gives the eye diagram."""
     assert link.check is not None
     setting, layout, camera = setup.setting, setup.sent.layout, setup.setting.camera
     verdict, delivered = judge_delivery(setup, received)
@@ -168,7 +179,6 @@ def evaluate_link(
         errors=errors,
         theory=_theory(setup, closed, scene, errors, received, verdict.cause),
         rates=link_rates(layout, setting.panel.clock, len(setup.payload.data), seconds),
-        eye=_eye(setup, stream, received),
         soft=_soft(setup, received),
         image=_image(stream),
         outline=outline,
@@ -178,4 +188,5 @@ def evaluate_link(
         scene=scene,
         reach=_reach(setup, scene),
         capacity=capacity,
+        eye=eye(),
     )

@@ -268,14 +268,13 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
         context, spike = (patterns >> j) & 3, (patterns >> (j + _CONTEXT)) & 1
         for before in range(2):
             for after in range(2):
-                for k, s in enumerate(each.share):
-                    if j < ticks:
-                        on, off = tables[j, s, before, 1], tables[j, s, before, 0]
-                    else:  # the next symbol begins
-                        on, off = tables[0, s, 1, after], tables[0, s, 0, after]
-                    ratio[before, after, k] += (on - off)[context, spike]
+                if j < ticks:
+                    on, off = tables[j, each.share, before, 1], tables[j, each.share, before, 0]
+                else:  # the next symbol begins
+                    on, off = tables[0, each.share, 1, after], tables[0, each.share, 0, after]
+                ratio[before, after] += (on - off)[:, context, spike]
     most = (_BINS // 2 - 1) // each.share.size  # sums do not wrap around
-    bins = np.clip(np.rint(ratio / _STEP), -most, most)
+    bins = np.clip(np.rint(ratio / _STEP), -most, most).astype(np.intp) + most
     value = np.fft.ifftshift(np.arange(_BINS) - _BINS // 2) * _STEP
     # From the sum's characteristic function: P(below 0) + P(0) / 2, and the mean of
     # 1 / (1 + e^|L|).
@@ -285,15 +284,16 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
     twice = np.full(below.size, 2.0 / _BINS)
     twice[[0, -1]] /= 2
     wave = -2j * np.pi / _BINS * np.arange(below.size)
+    # Of each ratio, (ratios, 2 frequencies): real and imaginary parts.
+    turn = np.exp(np.arange(-most, most + 1.0)[:, None] * wave).view(np.float64)
     wrong, promise = np.empty(each.bit.size), np.empty(each.bit.size)
     for before in range(2):
         for after in range(2):
-            turn = np.exp(bins[before, after, ..., None] * wave)
             these = np.flatnonzero((each.before == before) & (each.after == after))
             spectrum = np.ones((these.size, below.size), np.complex128)
             for k in range(each.share.size):
-                law = each.patterns[these, k]
-                spectrum *= law @ turn[k].real + 1j * (law @ turn[k].imag)
+                law = each.patterns[these, k] @ turn[bins[before, after, k]]
+                spectrum *= law.view(np.complex128)
             sums = (spectrum @ (twice * np.stack([above, below, doubt]).conj()).T).real
             wrong[these] = np.where(each.bit[these], sums[:, 1], sums[:, 0])
             promise[these] = sums[:, 2]

@@ -101,13 +101,13 @@ def end_text(errors: Errors) -> str:
 
     A duration that cuts the transmission leaves darkness after that symbol.
     """
-    from scipy.stats import poisson
+    from scipy.special import pdtrc
 
     rest = errors.bits - errors.bits // max(errors.symbols, 1)
     if not errors.at_end or not rest:
         return ""
     others = errors.wrong - errors.at_end
-    if poisson.sf(errors.at_end - 1, (others + 1) / (errors.symbols - 1)) > _CHANCE:
+    if pdtrc(errors.at_end - 1, (others + 1) / (errors.symbols - 1)) > _CHANCE:
         return ""
     return (
         f" {errors.at_end:,} of the wrong bits are of the transmission's last symbol, more than of "

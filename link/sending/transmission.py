@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from threading import Lock
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -26,7 +27,8 @@ _KEPT: Final = 8
 
 
 class Transmission:
-    """A transmission: training, then groups that carry data, then the closing.
+    """A transmission: training, then groups that carry data, then the closing. Several threads may
+    read it.
 
     Args:
         mode: of the transmission.
@@ -54,6 +56,7 @@ class Transmission:
         self.data_end = min(carrying, self.symbols)
         self._disparities = {0: np.packbits(np.zeros(self.layout.cells, np.bool_))}
         self._group: tuple[int, _Bits] | None = None
+        self._encoding = Lock()
 
     @property
     def ticks(self) -> int:
@@ -127,7 +130,8 @@ class Transmission:
             if group < 0:
                 out[n] = self._training[symbol]
             elif group < self.writer.groups:
-                out[n] = self._line(group)[within]
+                with self._encoding:
+                    out[n] = self._line(group)[within]
             else:
                 out[n] = self._closing[symbol - self.data_end]
         return out

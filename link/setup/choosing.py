@@ -136,8 +136,6 @@ def foresee(
     Returns:
         Share of codewords lost, of frames lost, overhead, goodput in bit/s.
     """
-    from scipy.stats import nbinom
-
     layout = Layout(mode)
     try:
         form = Blocks(layout, True)
@@ -146,14 +144,31 @@ def foresee(
     words = float(rs_word_error(WORD_BYTES, WORD_BYTES - mode.parity, byte))
     frames = float(-np.expm1(form.frame_words * np.log1p(-min(words, 1 - 1e-12))))
     needed = source_symbols(size, form.symbol_bytes) + _BEYOND
-    # The number of frames lost before `needed` ones arrive has a negative binomial distribution.
-    lost = float(nbinom.isf(_SURE, needed, 1 - frames)) if frames < 0.999 else math.inf
+    lost = _most_lost(needed, 1 - frames) if frames < 0.999 else math.inf
     overhead = (_BEYOND + lost) / (needed - _BEYOND)
     if not overhead <= max(most_overhead, _BEYOND / (needed - _BEYOND)):
         return words, frames, math.inf, 0.0
     blocks = math.ceil((needed + lost) / form.frames)
     symbols = TRAINING + blocks * form.groups * layout.group
     return words, frames, overhead, 8 * size * hz / (symbols * mode.ticks)
+
+
+def _most_lost(needed: int, arrives: float) -> int:
+    """Frames lost before `needed` ones arrive, each with probability `arrives`: the least number
+    that is exceeded with at most the probability _SURE. Lost frames have a negative binomial
+    distribution."""
+    from scipy.special import nbdtrc  # scipy.stats, which has the quantile, takes 0.4 s to load
+
+    low, high = -1, 1
+    while nbdtrc(high, needed, arrives) > _SURE:
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        if nbdtrc(middle, needed, arrives) > _SURE:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def _too_long(mode: Mode, threshold: float, background: float) -> bool:

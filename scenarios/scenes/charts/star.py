@@ -26,7 +26,8 @@ from scenarios.scenes.drawing.canvas import (
     ellipse,
     everywhere,
 )
-from scenarios.scenes.drawing.shapes import Array, Cam, Win, cover, grid, lay, square_mean
+from scenarios.scenes.drawing.shading import Array, square_mean
+from scenarios.scenes.drawing.shapes import Cam, Win, cover, grid, lay
 
 __all__ = ["Star", "spokes"]
 

@@ -71,11 +71,20 @@ class AnalyticSource:
             else "static analytic scene"
         ]
 
-    def _plane(self, cycle: int) -> Plane:
+    def _plane(self, cycle: int, changed: Box | None = None) -> Plane:
+        """The light at the start of a cycle, lux. changed: box outside which it is that of the
+        previous instant, None if unknown."""
         if cycle not in self._planes:
-            seconds = self._clock.edge(cycle) / PS
+            seconds, before = self._clock.edge(cycle) / PS, self._planes.get(cycle - self._every)
+            patch = getattr(self._scene, "patch", None)
+            if changed is None or before is None or patch is None:
+                plane = self._scene.reflectance(seconds) * self._lux
+            else:
+                plane = before.copy()
+                y0, y1, x0, x1 = changed
+                plane[y0:y1, x0:x1] = patch(seconds, changed) * self._lux
             self._planes = {c: p for c, p in self._planes.items() if c == cycle - self._every}
-            self._planes[cycle] = self._scene.reflectance(seconds) * self._lux
+            self._planes[cycle] = plane
         return self._planes[cycle]
 
     def _piece(self, cycle: int) -> Piece:
@@ -84,7 +93,7 @@ class AnalyticSource:
             start, stop = self._clock.edge(cycle), self._clock.edge(cycle + self._every)
             box = self._scene.moving(start / PS, stop / PS)
             first = self._plane(cycle)
-            piece = Piece(start, stop, first, self._plane(cycle + self._every), box)
+            piece = Piece(start, stop, first, self._plane(cycle + self._every, box), box)
             self._pieces = {c: p for c, p in self._pieces.items() if c >= cycle - self._every}
             self._pieces[cycle] = piece
         return self._pieces[cycle]

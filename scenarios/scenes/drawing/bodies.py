@@ -1,32 +1,22 @@
 """Rounded solids of analytic scenes: smooth unions of round cones with shading, and soft shadows.
 
-The conventions are those of `shapes`. Only the search for distances is compiled by numba (some
-seconds at the first use, then cached): it does not vectorise, because far cones are skipped tile by
-tile. Shading and patterns are computed by numpy on the pixels of the solid.
+The conventions are those of `shapes`. The search for distances and the shading are compiled by
+numba (some seconds at the first use, then cached): far cones are skipped tile by tile, and numpy
+would go through the pixels of a solid once for each operation.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit, vectorize
+from numba import njit
 
-from scenarios.scenes.drawing.shapes import (
-    PLAIN,
-    Array,
-    Cam,
-    Surface,
-    Win,
-    cover,
-    cover_solid,
-    diffuse,
-    highlight,
-    pattern,
-    wrinkles,
-)
+from scenarios.scenes.drawing.shading import Array, Surface, shade, visible
+from scenarios.scenes.drawing.shapes import Cam, Win
 
 __all__ = ["capsules", "paint_body", "paint_shadow", "polyline"]
 
@@ -66,8 +56,13 @@ def polyline(
     """Rows of cones along points, m. The radius changes linearly from `first` to `middle`, at half
     of the points, and to `last`."""
     n = len(points) - 1
-    radii = np.interp(np.linspace(0, 2, n + 1), (0, 1, 2), (first, middle, last)).tolist()
+    radii = _radii(n + 1, first, middle, last)
     return [(*points[m], *points[m + 1], radii[m], radii[m + 1]) for m in range(n)]
+
+
+@lru_cache(maxsize=32)
+def _radii(n: int, first: float, middle: float, last: float) -> tuple[float, ...]:
+    return tuple(np.interp(np.linspace(0, 2, n), (0, 1, 2), (first, middle, last)).tolist())
 
 
 @njit(cache=True, error_model="numpy")
@@ -169,19 +164,20 @@ def _find(
     image: Any, win: Win, cam: Cam, parts: Array, blend: float, reach: float
 ) -> tuple[Any, Any, Array]:
     """The flat image, and the result of `_search`: indices into it, and rows x, y, distance, tilt
-    x, tilt y, radius."""
+    x, tilt y, radius, which have room for more."""
     size = (win[1] - win[0]) * (win[3] - win[2])
     place, surface = np.empty(size, np.int64), np.empty((6, size))
     n = _search(parts, win, cam, blend, reach, image.shape[1], place, surface)
-    return image.reshape(-1, copy=False), place[:n], surface[:, :n]
+    return image.reshape(-1, copy=False), place[:n], surface
 
 
-@vectorize(cache=True)
-def _dim(d, r, wide, depth):  # type: ignore[no-untyped-def]  # a ufunc
-    """Factor of a shadow at the distance d from its outline, for a solid of radius r."""
-    a = min(max(0.5 - 0.5 * d / wide, 0.0), 1.0)
-    r = min(r / wide, 1.0)
-    return 1.0 - depth * min(a * a * (3 - 2 * a) * 4 * r / (1 + r) ** 2, 1.0)
+@njit(cache=True, error_model="numpy", nogil=True)
+def _dim(flat, place, surface, wide, depth):  # type: ignore[no-untyped-def]
+    """Darkens pixels of the flat image, for the distances and radii that `_search` found."""
+    for n in range(place.size):
+        a = min(max(0.5 - 0.5 * surface[2, n] / wide, 0.0), 1.0)
+        r = min(surface[5, n] / wide, 1.0)
+        flat[place[n]] *= 1.0 - depth * min(a * a * (3 - 2 * a) * 4 * r / (1 + r) ** 2, 1.0)
 
 
 def paint_body(
@@ -198,28 +194,9 @@ def paint_body(
             does not change the outline.
     """
     pixel = cam[0]
-    flat, place, (x, y, d, tx, ty, r) = _find(image, win, cam, parts, blend, 0.5 * pixel)
-    part = cover_solid(d / pixel, r / pixel)
-    tx, ty = tx * s.round, ty * s.round
-    for bx, by, sx, sy, height in bumps:
-        ex, ey = (x - bx) / sx, (y - by) / sy
-        g = height * np.exp(-0.5 * (ex * ex + ey * ey))
-        tx, ty = tx + g * ex / sx, ty + g * ey / sy
-    cos, sin = math.cos(s.turn), math.sin(s.turn)
-    u, v = cos * (x - s.x) + sin * (y - s.y), cos * (y - s.y) - sin * (x - s.x)
-    if s.seam > -1e6:
-        part = part * cover((s.seam - u) / pixel)
-    if s.folds > 0.0:
-        du, dv = wrinkles(s, u, v)
-        # Wrinkles shift the pattern of the cloth.
-        u, v = u + 0.30 * s.fold_size * du, v + 0.30 * s.fold_size * dv
-        tx, ty = tx + cos * du - sin * dv, ty + sin * du + cos * dv
-    tone = s.albedo * diffuse(tx, ty)
-    if s.pattern != PLAIN:
-        tone = tone * pattern(s, u, v, pixel)
-    spot = highlight(tx, ty, s.shine, s.gloss)
-    under = flat[place]
-    flat[place] = under + part * (np.clip(tone + spot, 0.0, 1.0) - under)
+    flat, place, found = _find(image, win, cam, parts, blend, 0.5 * pixel)
+    floats: Any = map(float, s)  # one type of each field, for which `shade` is compiled
+    shade(flat, place, found, pixel, visible(s.period, pixel), Surface(*floats), bumps)
 
 
 def paint_shadow(
@@ -229,5 +206,5 @@ def paint_shadow(
     `soft`, m, and at least half a pixel. The shadow of a thin object is fainter, nearly in
     proportion to its width."""
     wide = math.hypot(soft, 0.5 * cam[0])
-    flat, place, (_, _, d, _, _, r) = _find(image, win, cam, parts, blend, wide)
-    flat[place] *= _dim(d, r, wide, depth)
+    flat, place, found = _find(image, win, cam, parts, blend, wide)
+    _dim(flat, place, found, wide, depth)

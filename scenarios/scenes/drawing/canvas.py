@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from cosim import Box, Plane
 from scenarios.scenes.drawing import bodies, shapes
-from scenarios.scenes.drawing.shapes import Surface
+from scenarios.scenes.drawing.shading import Surface
 
 __all__ = [
     "Canvas", "Drawn", "Item", "Layer", "View", "blob", "body", "check_instant",
@@ -179,7 +179,8 @@ class Canvas:
             adds, passes = np.zeros(size, np.float32), np.ones(size, np.float32)
             for item in layer.still:
                 item.draw(adds, box, self.view)
-                item.draw(passes, box, self.view)
+                if self._static:  # nothing is below the first layer
+                    item.draw(passes, box, self.view)
             passes -= adds
             self._static.append((box, adds, passes))
 

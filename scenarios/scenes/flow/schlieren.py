@@ -17,7 +17,7 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim import Plane
-from scenarios.scenes.drawing.shapes import noise
+from scenarios.scenes.drawing.shading import noise
 
 __all__ = ["GLADSTONE_DALE", "Bench"]
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from cosim import Box, Plane
 from scenarios.scenes.drawing.canvas import NOTHING, View, check_instant, check_number, check_shape
-from scenarios.scenes.drawing.shapes import noise
+from scenarios.scenes.drawing.shading import noise
 from scenarios.scenes.flow.gasdynamics import (
     Gas,
     Start,

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from cosim import Plane
-from scenarios.scenes.drawing.shapes import noise
+from scenarios.scenes.drawing.shading import noise
 from scenarios.scenes.flow.steadyflow import Sphere, Wedge
 
 __all__ = ["SWELLS", "WIDTH", "fine", "flows", "grain", "mix", "swirl"]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from scenarios.scenes.drawing.bodies import polyline
 from scenarios.scenes.drawing.canvas import Item, blob, body, ellipse, shadow
-from scenarios.scenes.drawing.shapes import CHECK, HAIR, SKIN, Surface
+from scenarios.scenes.drawing.shading import CHECK, HAIR, SKIN, Surface
 
 __all__ = ["CENTRE", "SHIRT", "SKIN_TONE", "person", "person_shadow"]
 

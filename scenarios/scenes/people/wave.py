@@ -29,18 +29,8 @@ from scenarios.scenes.drawing.canvas import (
     check_shape,
     shadow,
 )
-from scenarios.scenes.drawing.shapes import (
-    Array,
-    Cam,
-    Surface,
-    Win,
-    cover,
-    grid,
-    lattice,
-    lay,
-    noise,
-    visible,
-)
+from scenarios.scenes.drawing.shading import Array, Surface, lattice, noise, visible
+from scenarios.scenes.drawing.shapes import Cam, Win, cover, grid, lay
 from scenarios.scenes.people.portrait import CENTRE, SHIRT, SKIN_TONE, person, person_shadow
 
 __all__ = ["Wave"]

@@ -7,6 +7,7 @@ apart, in steps of `STEP` cycles, so that constant light stays constant in betwe
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
@@ -33,6 +34,14 @@ _SIGMAS: Final = 4.0
 """Deviations within which the drift of a run is taken to lie."""
 
 
+@lru_cache(maxsize=8)
+def _knots(seed: int, knot: int) -> tuple[float, float]:
+    """Standard normal values of a knot and of the next."""
+    words = philox4x32((0, np.arange(knot, knot + 2), 0, 0), (seed, Stream.DRIFT))[0]
+    low, high = ndtri((words.astype(np.float64) + 0.5) / 2.0**32)
+    return float(low), float(high)
+
+
 class Drift:
     """The light times the gain of its instant.
 
@@ -50,9 +59,8 @@ class Drift:
     def gain(self, step: int) -> float:
         """Gain of a step of `STEP` cycles; before the run it is that of the first one."""
         knot, part = divmod(max(step, 0) * STEP, KNOT)
-        words = philox4x32((0, np.arange(knot, knot + 2), 0, 0), (self._seed, Stream.DRIFT))[0]
-        low, high = ndtri((words.astype(np.float64) + 0.5) / 2.0**32)
-        return float(1 + self._size * (low + (high - low) * part / KNOT))
+        low, high = _knots(self._seed, knot)
+        return 1 + self._size * (low + (high - low) * part / KNOT)
 
     def on(self, light: Light, start: int, cycles: int) -> Light:
         """The light of these cycles and of two before and after, as far as it is given."""
@@ -80,13 +88,19 @@ class Drift:
         if piece.constant:
             first = last = self._scaled(piece.first, step)
         else:
-            gain = np.float32(self.gain(step))
-            first, last = (
-                np.maximum(piece.level(at), np.float32(0)) * gain for at in (start, stop)
-            )
+            first, last = self._level(piece, start, step), self._level(piece, stop, step)
         part = Piece(start, stop, first, last)
         self._parts[id(piece), step] = piece, part
         return part
+
+    def _level(self, piece: Piece, at: int, step: int) -> Plane:
+        """Level of a piece at an instant, ps, at least 0, times the gain of a step."""
+        from sensor.latched.effects.gained import gained  # numba, which other starts need not load
+
+        first, last = (np.ascontiguousarray(end, np.float32) for end in (piece.first, piece.last))
+        level, gain = np.empty(first.shape, np.float32), np.float32(self.gain(step))
+        gained(first.reshape(-1), last.reshape(-1), piece.part(at), gain, level.reshape(-1))
+        return level
 
     def _scaled(self, plane: Plane, step: int) -> Plane:
         """A plane times the gain of a step; the last few are kept."""

@@ -168,11 +168,13 @@ class ReferencePixels:
             return self._transferred_course(met, first, last)
         begins = np.array([p.start for p in met], np.int64)
         ends = np.array([p.stop for p in met], np.int64)
-        rates = np.empty((2, n, len(met)))
-        for i, piece in enumerate(met):
-            rates[0, :, i] = self._level(piece.first)
-            rates[1, :, i] = self._level(piece.last)
-        return begins, ends, rates[0], rates[1]
+        # Pieces are gathered row by row: columns written one by one would miss the cache at each
+        # pixel.
+        starts = np.ascontiguousarray(np.array([self._level(p.first) for p in met]).T)
+        stops = starts
+        if not all(p.constant for p in met):
+            stops = np.ascontiguousarray(np.array([self._level(p.last) for p in met]).T)
+        return begins, ends, starts, stops
 
     def _transferred_course(
         self, pieces: list[Piece], first: int, last: int

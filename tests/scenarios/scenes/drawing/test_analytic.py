@@ -13,7 +13,7 @@ from scenarios.scenes.charts import star as star_module
 from scenarios.scenes.charts.star import RADIUS, Star, spokes
 from scenarios.scenes.drawing.bodies import capsules
 from scenarios.scenes.drawing.canvas import Canvas, Item, Layer, View, body
-from scenarios.scenes.drawing.shapes import Surface, noise, square_mean
+from scenarios.scenes.drawing.shading import Surface, noise, square_mean
 from scenarios.scenes.people import wave as wave_module
 from scenarios.scenes.people.wave import Wave
 

@@ -1,0 +1,16 @@
+"""Compiled kernel of the common drift (drift.py)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = ["gained"]
+
+
+@njit(cache=True, nogil=True)
+def gained(first, last, part, gain, out):  # type: ignore[no-untyped-def]
+    """Fills `out` with a level between two, at least 0, times a gain: (pixels,) float32 each.
+    part: position of the level, 0 to 1."""
+    for n in range(out.size):
+        out[n] = max(first[n] + (last[n] - first[n]) * part, np.float32(0)) * gain
