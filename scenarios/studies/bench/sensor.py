@@ -51,6 +51,10 @@ BOX = (400, 500)
 """Rows and columns of the part that changes."""
 MOVING = 10
 """Cycles between new planes of a scene that changes everywhere."""
+PLANES = 32
+"""Different planes of that scene: they come in turn, and no cache holds as many."""
+SHORT = 24
+"""Repetitions of its calls, which last milliseconds, so that one of them is undisturbed."""
 MOVING_RATES, OVEREXPOSED = (0.1, 0.5), (0.9, 1.5)
 """Spikes a cycle of the darkest and brightest pixel of that scene, and of an overexposed one."""
 STILL = 0.95
@@ -132,7 +136,7 @@ def _tiers(device: Device, noise: bool) -> dict[str, Call]:
     }
 
 
-def _rate(call: Call, light: Light, n: int, cycles: int) -> float:
+def _rate(call: Call, light: Light, n: int, cycles: int, repeats: int = REPEATS) -> float:
     """Throughput of consecutive calls, each with new light, pixel-cycles/s."""
     start = -cycles
 
@@ -141,7 +145,7 @@ def _rate(call: Call, light: Light, n: int, cycles: int) -> float:
         start += cycles
         call(light, start, cycles)
 
-    return n * cycles / least(next_call, REPEATS)
+    return n * cycles / least(next_call, repeats)
 
 
 def _smooth(shape: tuple[int, int], mean: float) -> npt.NDArray[np.float32]:
@@ -186,17 +190,17 @@ def _bank_scenes(shape: tuple[int, int]) -> dict[str, tuple[Light, FixedPattern 
     n, tick = shape[0] * shape[1], PS / REAL_TIME
     picture = _rates(n).reshape(shape).astype(np.float32)
     bright = _random(shape, OVEREXPOSED, 1)
-    edges = [round(MOVING * k * tick) for k in range((REPEATS + 1) * BLOCK // MOVING + 2)]
-    planes = [_random(shape, MOVING_RATES, k) for k in range(len(edges))]
+    edges = [round(MOVING * k * tick) for k in range((SHORT + 1) * BLOCK // MOVING + 2)]
+    planes = [_random(shape, MOVING_RATES, k) for k in range(PLANES)]
     box = (0, round(shape[0] * (1 - STILL)), 0, shape[1])
     still = [planes[0].copy() for _ in planes]
     for plane, new in zip(still, planes, strict=True):
         plane[: box[1]] = new[: box[1]]
 
     def course(planes: list[Plane], box: Box | None) -> Light:
-        ends, levels = itertools.pairwise(edges), itertools.pairwise(planes)
+        ends, levels = itertools.pairwise(edges), itertools.pairwise(itertools.cycle(planes))
         return Light(
-            tuple(Piece(*end, *level, box) for end, level in zip(ends, levels, strict=True))
+            tuple(Piece(*end, *level, box) for end, level in zip(ends, levels, strict=False))
         )
 
     pattern = DevicePattern(prnu=0.01, dark=0.1 * THRESHOLD, dsnu=0.1, device_seed=1)
@@ -216,7 +220,8 @@ def _planned(
 ) -> float:
     """Throughput of the fast tier with this flag in all groups, pixel-cycles/s."""
     pixels = planned_pixels(device, light.shape, flag, pattern)
-    return _rate(pixels.expose, light, light.shape[0] * light.shape[1], cycles)
+    repeats = SHORT if cycles == BLOCK else REPEATS
+    return _rate(pixels.expose, light, light.shape[0] * light.shape[1], cycles, repeats)
 
 
 def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
