@@ -40,7 +40,10 @@ _SMALLEST, _SHARE = 4, 96
 """Size of a tag's module: at least _SMALLEST panel pixels, otherwise the panel's shorter side over
 _SHARE."""
 _FEWEST, _MOST, _PILOT = 2, 16, 32
-"""Pilot columns: at least _FEWEST, at most _MOST, one for every _PILOT columns of cells."""
+"""Pilot columns of format 1: at least _FEWEST, at most _MOST, one for every _PILOT columns of
+cells."""
+_SPARSE: Final = 5
+"""Pilot columns of format 2, at most; a small panel has as many as in format 1."""
 
 
 @cache
@@ -58,20 +61,24 @@ def pilots() -> npt.NDArray[np.bool_]:
     return out
 
 
-def training(cells: int) -> npt.NDArray[np.bool_]:
+def training(layout: Layout) -> npt.NDArray[np.bool_]:
     """Returns the bits of the data cells before the first group, (TRAINING, cells).
 
-    They are random in even symbols and inverted in odd ones, so that every cell is on half of the
-    time.
+    In format 1 they are random in even symbols and inverted in odd ones, so that every cell is on
+    half of the time, as the line codes have it. In format 2 all of them are random: charge that a
+    pixel carries into the next symbol then has the same distribution as in scrambled data.
     """
     rng = np.random.Generator(np.random.Philox(key=0x5649464F524D))
-    even = rng.integers(0, 2, (TRAINING // 2, cells), dtype=np.uint8).astype(np.bool_)
-    return np.stack([even, ~even], axis=1).reshape(TRAINING, cells)
+    drawn = TRAINING // (2 if layout.mode.format == 1 else 1)
+    bits = rng.integers(0, 2, (drawn, layout.cells), dtype=np.uint8).astype(np.bool_)
+    if layout.mode.format == 1:
+        bits = np.stack([bits, ~bits], axis=1).reshape(TRAINING, layout.cells)
+    return bits
 
 
 def closing(layout: Layout) -> npt.NDArray[np.bool_]:
     """Returns the bits of the data cells after the last group, (`Layout.closing`, cells)."""
-    return training(layout.cells)[: layout.closing]
+    return training(layout)[: layout.closing]
 
 
 @dataclass(frozen=True)
@@ -109,7 +116,7 @@ class Layout:
     def pilot_columns(self) -> npt.NDArray[np.intp]:
         """Columns of cells that are pilots, evenly spread."""
         columns = self.shape[1]
-        count = min(max(columns // _PILOT, _FEWEST), _MOST)
+        count = min(max(columns // _PILOT, _FEWEST), _MOST if self.mode.format == 1 else _SPARSE)
         return ((np.arange(count) + 0.5) * columns / count).astype(np.intp)
 
     @cached_property

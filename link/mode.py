@@ -68,6 +68,11 @@ class Mode:
         _index("parity", self.parity, PARITIES)
 
     @property
+    def format(self) -> int:
+        """2 for random training and few pilots, which scrambled symbols have; else 1."""
+        return 2 if self.line == "scrambled" else 1
+
+    @property
     def code(self) -> LineCode:
         """The line code."""
         return CATALOGUE[self.line]

@@ -63,7 +63,7 @@ def _bits(layout: Layout, symbols: int, seed: int) -> npt.NDArray[np.bool_]:
     bits = rng.integers(0, 2, (symbols, layout.cells), np.uint8).astype(np.bool_)
     if layout.mode.line == "manchester":
         bits[1::2] = ~bits[: symbols // 2 * 2 : 2]
-    bits[:TRAINING] = training(layout.cells)
+    bits[:TRAINING] = training(layout)
     return bits
 
 

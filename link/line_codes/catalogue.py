@@ -11,12 +11,12 @@ from link.line_codes.code import Bits, LineCode
 from link.line_codes.eight_ten import EIGHT_TEN
 from link.line_codes.four_six import FOUR_SIX
 from link.line_codes.manchester import MANCHESTER
-from link.line_codes.uncoded import UNCODED
+from link.line_codes.uncoded import SCRAMBLED, UNCODED
 
 __all__ = ["CATALOGUE", "decode_line", "encode_line"]
 
 CATALOGUE: Final[dict[str, LineCode]] = {
-    code.name: code for code in (UNCODED, MANCHESTER, FOUR_SIX, EIGHT_TEN)
+    code.name: code for code in (UNCODED, MANCHESTER, FOUR_SIX, EIGHT_TEN, SCRAMBLED)
 }
 """In the order of their numbers in the tags of a panel, so a new code goes to the end."""
 

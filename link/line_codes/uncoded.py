@@ -1,7 +1,12 @@
-"""No line code: the bits of a byte unchanged."""
+"""No line code: the bits of a byte unchanged.
+
+All data are scrambled (link/coding/blocks.py), so that runs are those of random bits. `none` is the
+form of earlier recordings, whose training is not random (link/layout.py).
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -9,7 +14,7 @@ import numpy.typing as npt
 
 from link.line_codes.code import LineCode
 
-__all__ = ["UNCODED"]
+__all__ = ["SCRAMBLED", "UNCODED"]
 
 
 def _read(
@@ -27,3 +32,4 @@ UNCODED: Final = LineCode(
     "none", symbols=8, bits=8, run_limit=None, codewords=np.arange(256, dtype=np.uint16)[None],
     read=_read,
 )  # fmt: skip
+SCRAMBLED: Final = replace(UNCODED, name="scrambled")

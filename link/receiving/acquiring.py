@@ -263,7 +263,7 @@ def _time(
         - 1,
     )
     if high - low >= 8:
-        known = known_cells(layout, low, training(layout.cells)[low:high])
+        known = known_cells(layout, low, training(layout)[low:high])
         w = choose_witnesses(recording, layout, registration, begun, known)
         if w is not None and match(w, begun) > _MATCH:
             fit = fit_timing(w, begun, clocking.span)

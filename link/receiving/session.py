@@ -109,7 +109,7 @@ class Session:
         self._known: tuple[int, npt.NDArray[np.bool_]] | None = None
         if acquired.trained is not None:
             low, high = acquired.trained
-            self._known = low, training(self.layout.cells)[low:high]
+            self._known = low, training(self.layout)[low:high]
         self._confidence: float | None = None
         """Factor on soft values, learned from the training; None before."""
         self._next: int | None = None

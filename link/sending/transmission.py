@@ -75,7 +75,7 @@ class Transmission:
 
     @cached_property
     def _training(self) -> _Bits:
-        return training(self.layout.cells)
+        return training(self.layout)
 
     @cached_property
     def _closing(self) -> _Bits:

@@ -32,6 +32,9 @@ _SURE: Final = 1e-6
 """Probability that a file lacks frames in spite of its overhead."""
 _BEYOND: Final = 2
 """Frames beyond the file's own, as in the sender."""
+_RARE: Final = 24
+"""Length of a run of random bits that is taken as the longest: one codeword in 2^12 then holds a
+false spike, which its parity corrects."""
 _LEVEL: Final = 0.999
 """Confidence of the upper limit of the share of wrong bytes."""
 _MARGIN: Final = 1.5
@@ -112,8 +115,10 @@ class Choice:
 
 
 def longest_run(mode: Mode) -> float:
-    """Returns the longest run of OFF ticks of a mode's line code."""
-
+    """Returns the longest run of OFF ticks of a mode's line code; of scrambled symbols, the one
+    that one symbol in 2^_RARE begins."""
+    if mode.line == "scrambled":
+        return _RARE * mode.ticks
     most = mode.code.run_limit
     return math.inf if most is None else most * mode.ticks
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+
+import numpy as np
 
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
@@ -13,7 +16,7 @@ from link.prediction.reach import LEAST_CELL
 from link.receiving.tags import LEAST_MODULE
 from link.section import LinkScenario, ModemSection
 from link.setting import LinkSetting
-from link.setup.choosing import Choice, Trial, choose
+from link.setup.choosing import Choice, Trial, choose, foresee
 from link.setup.pilot import film_pilot, strip_of
 from link.setup.truth import panel_in_view
 
@@ -21,6 +24,10 @@ __all__ = ["choose_mode", "tag_warning"]
 
 _PILOTS = 8
 """Largest number of pilots."""
+_DRIFT = 0.1
+"""Drift of the phase while a file is sent, ticks, from which a mode is tried at its end as well."""
+_STEP = 0.25
+"""Largest distance of the phases at which a mode is tried, ticks."""
 _NEVER = 0.8
 """Share of the required size of a tag's module below which tags were never detected."""
 
@@ -52,17 +59,31 @@ def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting
     """Returns the modes that the scenario leaves open, with cells somewhat larger than a camera
     pixel.
 
-    Two choices are only made on request: symbols of one tick, which is shared with a neighbour
-    unless the phase is 0, and the line code `none`, which does not limit runs.
+    Two choices are only made on request: the line code `none`, which is that of earlier recordings,
+    and symbols of one tick in a line code: its training is not that of its data.
     """
     cells = [c for c in CELLS if c * setting.scale >= LEAST_CELL] or [CELLS[-1]]
     return [
         Mode(*size, cell, ticks, line, parity)
         for cell in (cells if modem.cell == "auto" else [modem.cell])
-        for ticks in (TICKS[1:4] if modem.ticks == "auto" else [modem.ticks])
         for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
+        for ticks in (TICKS[line != "scrambled" : 4] if modem.ticks == "auto" else [modem.ticks])
         for parity in (PARITIES if modem.parity == "auto" else [modem.parity])
     ]
+
+
+def _drifts(setting: LinkSetting, mode: Mode, size: int) -> list[int]:
+    """Returns how much later the planes come at the phases at which a mode is tried, ps: 0, and
+    those that the clocks drift through while a file of `size` bytes is sent, at most a tick."""
+    period = setting.camera.clock.edge(1)
+    ratio = setting.camera.clock.hz / setting.panel.clock.hz
+    goodput = foresee(mode, 0.0, size, setting.panel.clock.hz)[3]
+    ticks = 8 * size * setting.panel.clock.hz / goodput if goodput else 0.0
+    drift = float(np.clip((ratio - 1) * ticks, -1, 1))
+    if abs(drift) < _DRIFT:
+        return [0]
+    steps = max(math.ceil(abs(drift) / _STEP), 1)
+    return [round(drift * n / steps * period) for n in range(steps + 1)]
 
 
 def choose_mode(
@@ -93,10 +114,14 @@ def choose_mode(
     def trial(mode: Mode) -> Trial:
         nonlocal tried
         narrow = replace(mode, width=strip.optics.width)
-        pilot = film_pilot(strip, narrow, modem.detector, scenario.seed, device)
+        found = []
+        for late in _drifts(setting, mode, max(size, 1)):
+            at = replace(strip, first_light=strip.first_light + late)
+            pilot = film_pilot(at, narrow, modem.detector, scenario.seed, device)
+            found.append(Trial.of(narrow, pilot.sent, pilot.soft))
         tried += 1
         progress.advance(tried)
-        return Trial.of(narrow, pilot.sent, pilot.soft)
+        return max(found, key=lambda one: one.values_wrong)
 
     camera = setting.camera
     choice = choose(

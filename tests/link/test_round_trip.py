@@ -26,7 +26,7 @@ FOCAL_LENGTH = DISTANCE * 0.02 / 1.02
 RESETS: tuple[tuple[Reset, float], ...] = (("hard", 1.4), ("residual", 1.4), ("subtract", 1.0005))
 """With the light of a tick in thresholds: what subtraction leaves over must not become a spike."""
 GRID = [
-    (cell, ticks, LINE_CODES[(i + j) % 4], *RESETS[(i + 2 * j) % 3])
+    (cell, ticks, LINE_CODES[(i + j) % len(LINE_CODES)], *RESETS[(i + 2 * j) % 3])
     for (i, cell), (j, ticks) in product(enumerate(CELLS), enumerate(TICKS))
 ]
 """Every cell size with every length of symbol; every line code with every reset rule."""

@@ -32,7 +32,7 @@ def _scene(
     drift = np.array([[0, 0.0, 0.0], [300, 0.6, -0.5]])
     registration = Registration(placed, drift, 0.35)
     timing = Timing(first, ticks * 1.00002, slope, shape[0])
-    known = training(layout.cells)
+    known = training(layout)
     return make(layout, registration, timing, SYMBOLS, shape, known=known, **given)  # type: ignore[arg-type]
 
 

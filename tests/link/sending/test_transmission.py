@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from cosim import Clock
 from cosim.spikes.viform import unpack_planes
 from link.coding import Inbox
-from link.layout import PERIOD, TRAINING, pilots, training
+from link.layout import PERIOD, TRAINING, Layout, pilots, training
 from link.line_codes import decode_line
 from link.mode import CELLS, LINE_CODES, TICKS, Mode
 from link.sending import FileTransmission, PlaneStream, Transmission
@@ -34,10 +34,10 @@ def test_the_planes_alone_bring_the_file_back(line, interleave):
     symbols = planes.reshape(-1, ticks, *planes.shape[1:])
     assert (symbols == symbols[:, :1]).all()
     cells = symbols[:, 0, ::side, ::side].reshape(sent.symbols, -1)
-    assert (cells[:TRAINING, layout.data] == training(layout.cells)).all()
+    assert (cells[:TRAINING, layout.data] == training(layout)).all()
     known = pilots()[np.arange(sent.symbols) % PERIOD]
     assert (cells[:, layout.pilot.ravel()] == known[:, None]).all()
-    assert (cells[sent.data_end :, layout.data] == training(layout.cells)[: layout.closing]).all()
+    assert (cells[sent.data_end :, layout.data] == training(layout)[: layout.closing]).all()
     shown = cells[TRAINING : sent.data_end, layout.data]
     soft = np.where(shown, 2, -2).astype(np.float32)
     inbox = Inbox(layout, interleave=interleave)
@@ -45,6 +45,20 @@ def test_the_planes_alone_bring_the_file_back(line, interleave):
         inbox.put(group, *decoded)
     assert inbox.file is not None
     assert (inbox.file.data, inbox.file.name) == (DATA, "a.bin")
+
+
+def test_scrambled_symbols_have_random_training_and_few_pilots():
+    old, new = (Layout(Mode(960, 960, 2, 1, line, 16)) for line in ("none", "scrambled"))
+    assert (old.mode.format, new.mode.format) == (1, 2)
+    assert (old.pilot_columns.size, new.pilot_columns.size) == (15, 5)
+    assert Mode.from_tags(new.mode.tags) == new.mode
+    before, after = (training(layout).astype(float) for layout in (old, new))
+    assert (before[::2] + before[1::2] == 1).all()
+    # Successive bits of a cell are independent: the correlation of 2.2e5 cells is within 5 sigma.
+    some = after[:, :200_000] - 0.5
+    for lag in (1, 2, 24):
+        assert abs(4 * (some[lag:] * some[:-lag]).mean()) < 5 / np.sqrt(some[lag:].size)
+    assert abs(some.mean()) < 2.5 / np.sqrt(some.size)
 
 
 @pytest.mark.parametrize("cell", CELLS)
