@@ -20,10 +20,14 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
     lost = max(sent - received.frames_right, 0)
     low, high = theory.interval or (None, None)
     repair, fill = setup.sent.outbox.frames_beyond(setup.sent.groups)
+    information, least, most = link.information_bps
     delays, eye, full_ns = link.delays, link.eye, link.check.full_ns
     full_s = None if full_ns is None else full_ns * 1e-9 * setup.pixel_cycles
     return {
         "raw_bps": Metric(rates.raw, "bit/s"),
+        "information_bps": Metric(information, "bit/s"),
+        "information_low": Metric(least, "bit/s"),
+        "information_high": Metric(most, "bit/s"),
         "coded_bps": Metric(rates.coded, "bit/s"),
         "goodput_bps": Metric(rates.goodput, "bit/s"),
         "capacity_bps": Metric(link.capacity, "bit/s"),

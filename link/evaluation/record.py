@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from link.receiving import Received
 from link.section import LinkScenario
 from link.setting import LinkSetting
 from link.setup.setup import FileLinkSetup
+from link.theory.soft_information import SoftInformation, soft_information
 from link.trial.check import LinkCheck
 from link.trial.planned import PlannedLink
 from link.verdict import Verdict
@@ -102,6 +104,19 @@ class LinkEvaluation:
     scene: CellScene
     reach: list[Reach]
     capacity: float | None
+
+    @cached_property
+    def information(self) -> SoftInformation | None:
+        """Information of a bit with its soft value; None if no symbol was read."""
+        return None if self.soft is None else soft_information(self.soft.soft, self.soft.on)
+
+    @property
+    def information_bps(self) -> tuple[float | None, float | None, float | None]:
+        """Information of all data cells, bit/s, and the ends of its interval."""
+        found, raw = self.information, self.rates.raw
+        if found is None:
+            return None, None, None
+        return raw * found.bits, raw * found.low, raw * found.high
 
     @property
     def scenario(self) -> LinkScenario:

@@ -73,7 +73,7 @@ def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
     path = figures / "rates.png"
     rows: list[tuple[str, float | None]] = [
         ("capacity of the panel's image", link.capacity), ("raw", link.rates.raw),
-        ("coded", link.rates.coded), ("goodput", link.rates.goodput),
+        ("information", link.information_bps[0]), ("coded", link.rates.coded), ("goodput", link.rates.goodput),
     ]  # fmt: skip
     rates_figure(rows, path)
     mode = link.mode
@@ -89,7 +89,9 @@ def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
     return (
         "<h2>Rates</h2><p>Capacity: of all camera pixels on the panel's image, one bit a tick, or "
         "the capacity of their light if that is less; <code>viform link capacity</code> lists the "
-        "losses. Raw: one bit of every data cell in every symbol. Coded: the rate after line "
+        "losses. Raw: one bit of every data cell in every symbol. Information: what a code that "
+        "decides by the receiver's soft values can carry of it at most (generalised mutual "
+        "information of the bits that were compared). Coded: the rate after line "
         "code and Reed-Solomon code. "
         "Goodput: the file's bits from first light to its last verified "
         "byte, training, framing and repair frames included.</p>"
