@@ -73,7 +73,8 @@ def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
     path = figures / "rates.png"
     rows: list[tuple[str, float | None]] = [
         ("capacity of the panel's image", link.capacity), ("raw", link.rates.raw),
-        ("information", link.information_bps[0]), ("coded", link.rates.coded), ("goodput", link.rates.goodput),
+        ("information", link.information_bps[0]), ("coded", link.rates.coded),
+        ("goodput", link.rates.goodput),
     ]  # fmt: skip
     rates_figure(rows, path)
     mode = link.mode
