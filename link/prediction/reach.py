@@ -184,8 +184,9 @@ def reach(
 ) -> list[Reach]:  # fmt: skip
     """Returns the best rate at other distances, with this panel, lens and camera.
 
-    Only modes that a run would choose itself are considered. The irradiance of a resolved panel
-    does not fall with distance; the images of its pixels shrink.
+    Only modes that a run would choose itself are considered, without symbols of one tick, whose
+    errors depend on the phase. The irradiance of a resolved panel does not fall with distance; the
+    images of its pixels shrink.
 
     Args:
         scene, mode: of the run; cell, ticks, line and parity may change.
