@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.opencl import Device
 from display.chain.panel_stage import PanelStage
 from display.chain.pursuit import Pursuit
 from display.chain.tap import LightTap
@@ -130,6 +131,7 @@ def make_display_chain(
     planned: DisplaySetting,
     pursuit: Pursuit,
     points: list[tuple[int, int, str]],
+    device: Device | None = None,
 ) -> DisplayChain:
     """The display of a run.
 
@@ -143,6 +145,7 @@ def make_display_chain(
         planned: the simulated display.
         pursuit: motion that the pursuing eye follows, in pixels of the scene.
         points: pixels of interest, (row, column, label).
+        device: OpenCL device of the renderer, None for the default one.
 
     Raises:
         InputError: the display cannot be rendered (no OpenGL, or too little memory).
@@ -159,7 +162,9 @@ def make_display_chain(
     setting = planned.with_spans(pursuit.velocity * ratio, exposure_cycles(cycles))
     panel_stage = PanelStage(
         setting, on_panel, panel_motion, cycles,
-        lambda images: make_renderer(section.renderer, setting.panel, setting.batch, images),
+        lambda images: make_renderer(
+            section.renderer, setting.panel, setting.batch, images, device=device
+        ),
         None if panel == scene else fit_words(section.fit, scene, panel),
     )  # fmt: skip
     references, tap = None, None

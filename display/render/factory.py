@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 
 from cosim import InputError
-from cosim.compute.opencl import open_device
+from cosim.compute.opencl import Device, open_device
 from display.panels.panel import SpikePanel
 from display.render.context import open_context, software
 from display.render.golden import GoldenRenderer
@@ -26,6 +26,7 @@ def make_renderer(
     batch: int,
     images: int,
     context: moderngl.Context | None = None,
+    device: Device | None = None,
 ) -> AnyRenderer:
     """Creates a renderer; the caller closes it.
 
@@ -37,6 +38,7 @@ def make_renderer(
         batch: number of planes in a span of light.
         images: number of images of the observers.
         context: GL context of the shaders, None for a new context.
+        device: OpenCL device of the kernels, None for the default one.
 
     Raises:
         InputError: GL 3.3 is not available ("gl"), or OpenCL is not ("opencl"), or neither is
@@ -45,10 +47,10 @@ def make_renderer(
     if kind == "numpy":
         return GoldenRenderer(panel, batch, images)
     if kind == "opencl":
-        return OpenCLRenderer(panel, batch, images)
+        return OpenCLRenderer(panel, batch, images, device)
     if kind == "auto" and not _fast_gl(context):
         try:
-            device = open_device()
+            device = device or open_device()
         except InputError:  # software GL is slow, but it works
             return Renderer(panel, batch, images, context)
         if not device.gpu:  # the kernels are written for processors

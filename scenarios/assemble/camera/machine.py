@@ -356,7 +356,7 @@ def assemble_latched(
         if plan.display is not None and setup.scenario.display is not None:
             display = make_display_chain(
                 setup.scenario.display, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
-                setup.instants, plan.display, setup.pursuit, source.points(),
+                setup.instants, plan.display, setup.pursuit, source.points(), setup.device,
             )  # fmt: skip
             stack.callback(display.close)
             notes += display.notes

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from typing import Any, Final
 
 from cosim import Clock
+from cosim.compute.opencl import choose_device
 from cosim.run.machine import Machine
 from cosim.run.progress import Progress
 from display.probes.camera import ProbeCamera
@@ -129,6 +130,7 @@ def _played(
                 scenario.display, scenario.camera, feed, instants, scenario.seed, source,
                 None if scene is None else scene.source(grid),
                 None if scene is None else scene.illuminance, probe,
+                None if device is None else choose_device(device),
             )  # fmt: skip
             stack.callback(screen.chain.close)
         if scenario.link is not None:

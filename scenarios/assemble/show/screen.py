@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import Clock, SpikeStream
+from cosim.compute.opencl import Device
 from cosim.light.source import Source
 from cosim.report.parts import cards
 from cosim.run.machine import Outcome, Page, Run
@@ -151,6 +152,7 @@ def make_screen(
     pursued: Source | None,
     white: float | None,
     probe: ProbeCamera | None,
+    device: Device | None,
 ) -> Screen:
     """The display of a scenario, with every effect.
 
@@ -164,6 +166,7 @@ def make_screen(
         pursued: the same scene once more, on which the motion of the pursuing eye is measured.
         white: illuminance of the scene's white, lux; None without a scene.
         probe: a camera for the probes of the display; None for none.
+        device: OpenCL device of the display, None for the default one.
 
     Raises:
         InputError: the panel cannot show the stream, the display cannot be rendered, or no frame
@@ -180,7 +183,7 @@ def make_screen(
     setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
     chain = make_display_chain(
         section, feed.shape, white, feed.cycles, instants, setting, pursuit,
-        [] if scene is None else scene.points(),
+        [] if scene is None else scene.points(), device,
     )  # fmt: skip
     try:
         filming = make_camera(camera, chain, feed.shape, feed.cycles, seed)
