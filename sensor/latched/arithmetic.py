@@ -207,7 +207,8 @@ def moved_spikes(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
     (tiles,).
 
     A pixel whose phase is off by x spikes has latched a spike early or late in the share x of all
-    cycles.
+    cycles. The errors of the fast tier count with their limits, and all with the same sign: images
+    of a display consist of whole spikes, which the other bounds neglect.
     """
     cycles, dead = scene.cycles, _dead_shift(setting, scene, scene.cycles)
     if setting.model.reset == "hard":
@@ -215,7 +216,14 @@ def moved_spikes(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
         low, high = (np.asarray(x, np.float64) / mean for x in (scene.darkest, scene.brightest))
         charge = 4 * TABLE_RMS * spread + _rounding(mean, cycles) + _dead_shift(setting, scene, 1)
         return _moved_spikes(spread, low, high, charge, cycles) / cycles
-    return np.minimum(_walk(setting, scene, tier, cycles) + dead, 1.0)
+    walk = _table_walk(setting, scene, cycles)
+    if tier == "fast":
+        units = units_of(setting.model)
+        unit = 2.0**-units.bits
+        light = np.asarray(scene.brightest, np.float64) / setting.model.mean
+        roundings = 2.0**-23 * (1 + 4 * len(setting.model.transfers))
+        walk = walk + cycles * (unit / 2 + (roundings + units.error * unit) * light)
+    return np.minimum(walk + dead, 1.0)
 
 
 def exact_error(setting: CameraSetting, scene: Summary) -> Values:

@@ -283,21 +283,17 @@ def _arithmetic(
     """The arithmetic of a tier, with a better one in the tiles in which it could use more than its
     part of the tolerance: in the exact tier as much as all left-out effects together may use, in
     the fast tier less, as the exact tier can take its place. The exact tier is the better one where
-    it is good enough, and the reference elsewhere."""
+    it is good enough, and the reference elsewhere. In front of a display it is the reference: the
+    exact tier simulates such a chip as a whole."""
 
-    def error_of(tier: Tier) -> npt.NDArray[np.float64]:
-        estimate = fast_error if tier == "fast" else exact_error
-        error = error_over_levels(setting, scene, spans, estimate)
-        if display is not None:
-            error = error + _moved_light(setting, scene, tier, display, end=False)
-        return error
-
-    error, most = error_of(tier), SHARE * accepted_error(tolerance)
-    part = FAST_PART if tier == "fast" else 1.0
+    error = error_over_levels(setting, scene, spans, fast_error if tier == "fast" else exact_error)
+    if display is not None:
+        error = error + _moved_light(setting, scene, tier, display, end=False)
+    part, most = FAST_PART if tier == "fast" else 1.0, SHARE * accepted_error(tolerance)
     fine = error > part * most if mixed else np.zeros(error.shape, bool)
     exact = np.zeros(error.shape, bool)
-    if tier == "fast" and fine.any():
-        better = error_of("exact")
+    if tier == "fast" and display is None and fine.any():
+        better = error_over_levels(setting, scene, spans, exact_error)
         exact = fine & (better <= most)
         error = np.where(exact, better, error)
     return _Arithmetic(
@@ -361,14 +357,11 @@ def plan_run(
     flags = _flags(plan, survey.grid, fine) if tier == "fast" else None
     absent = [name for name, tiles in plan.kept.items() if not tiles.any()]
     coarse = [name for name in exempt if not plan.kept[name][~fine].any()]
-    ends: npt.NDArray[np.float64] | float = 0.0
-    if display is not None:
-        ends = np.where(fine, 0.0, _moved_light(setting, scene, tier, display, end=True))
-        if arithmetic.exact.any():
-            exact = _moved_light(setting, scene, "exact", display, end=True)
-            ends = np.where(arithmetic.exact, exact, ends)
     return RunPlan(
         plan, survey, tier, setting.without(coarse), flags, arithmetic.error, fine,
         arithmetic.exact, setting, spans, None if display is None else display.without(absent),
-        display, ends,
+        display,
+        0.0 if display is None else np.where(
+            fine, 0.0, _moved_light(setting, scene, tier, display, end=True)
+        ),
     )  # fmt: skip
