@@ -163,8 +163,8 @@ class LinkMachine:
     def shortfall(self, recording: Recording) -> list[Finding]:
         assert self._checked is not None
         self._link, findings = self._checked.result()
-        spent = "plan and check"
-        recording.seconds[spent] = self._setup.seconds[spent]
+        spent = self._setup.seconds.pop("plan and check")
+        recording.seconds["plan and check, beside the recording"] = spent
         return findings
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:

@@ -13,7 +13,7 @@ from typing import Final
 from link.line_codes import CATALOGUE
 from link.line_codes.code import LineCode
 
-__all__ = ["CELLS", "LINE_CODES", "PARITIES", "STEP", "TICKS", "Mode"]
+__all__ = ["CELLS", "LINE_CODES", "PARITIES", "STEP", "TICKS", "Mode", "ticks_chosen"]
 
 LINE_CODES: Final = tuple(CATALOGUE)
 """Names of the line codes."""
@@ -27,6 +27,12 @@ STEP: Final = 32
 """Factor of a panel's sides, pixels."""
 _DIGITS: Final = 146
 """Values of a digit: 587 ids for four corners."""
+
+
+def ticks_chosen(line: str) -> tuple[int, ...]:
+    """Returns the lengths of a symbol that a run chooses itself in a line code. Symbols of one tick
+    need a training like their data, which scrambled symbols have."""
+    return TICKS[0:4] if line == "scrambled" else TICKS[1:4]
 
 
 def _index(name: str, value: object, known: tuple[object, ...]) -> int:

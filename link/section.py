@@ -145,7 +145,7 @@ class ModemSection(Section):
         default="auto", description="panel planes to a symbol"
     )
     line: Literal[("auto", *LINE_CODES)] = Field(  # type: ignore[valid-type]
-        default="auto", description="code along time that limits runs"
+        default="auto", description="code along time; scrambled symbols have none"
     )
     parity: Literal[("auto", *PARITIES)] = Field(  # type: ignore[valid-type]
         default="auto", description="bytes of a Reed-Solomon codeword of 255 that are parity"

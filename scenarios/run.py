@@ -161,7 +161,7 @@ def _record(
                 announced = True
             try:
                 recording = Recording(chain, folder, chain.run(Foresight(progress, folder)), resume)
-                new = machine.shortfall(recording)
+                new = _shortfall(machine, recording)
             except BrokenPromise as exc:
                 new = exc.findings
             if not new:
@@ -173,6 +173,22 @@ def _record(
         with whole(record) as part:
             part.write_text(dumps([asdict(f) for f in findings]), encoding="utf-8")
         machine, resume = machine.keep([finding.effect for finding in findings]), False
+
+
+def _shortfall(machine: Machine, recording: Recording) -> list[Finding]:
+    """What the check of a complete recording found. If it is interrupted or fails, the run can be
+    resumed from its recording."""
+    try:
+        return machine.shortfall(recording)
+    except BrokenPromise:
+        raise
+    except BaseException as exc:
+        with suppress(OSError):  # a full disk
+            recording.chain.save()
+        if isinstance(exc, KeyboardInterrupt):
+            remedy = how_to_resume(recording.folder)
+            raise Interrupted(machine.length, machine.length, remedy, machine.unit) from None
+        raise
 
 
 def _reinstated_before(path: Path) -> list[Finding]:

@@ -72,7 +72,12 @@ class Checkpoint:
             )
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
-                stage.restore(section(arrays, name))
+                try:
+                    stage.restore(section(arrays, name))
+                except KeyError as exc:  # another version of the program kept other values
+                    raise InputError(
+                        "the checkpoint", f"one with {exc} of {name}", "one without", remedy
+                    ) from exc
         return cycle
 
 

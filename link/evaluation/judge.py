@@ -107,7 +107,9 @@ def _theory(
     cells = closed() if errors.bits else None
     if cells is None:
         return Theory(soft, predict_errors(scene, mode) or None, interval)
-    return Theory(soft, cells.rate, interval, (cells.low, cells.high))
+    # With symbols of one tick the neighbouring bits, which the theory takes as known, matter.
+    limits = None if mode.ticks == 1 else (cells.low, cells.high)
+    return Theory(soft, cells.rate, interval, limits)
 
 
 def _reach(setup: FileLinkSetup, scene: CellScene) -> list[Reach]:

@@ -14,7 +14,7 @@ from sensor import CameraSetting
 
 __all__ = ["DEFAULT_MODE", "capacity_input", "scenario_input"]
 
-DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 2, "line": "8b10b", "parity": 32}
+DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 1, "line": "scrambled", "parity": 32}
 """Parts of a mode that are assumed if the scenario leaves them to the pilots of a run."""
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from link.layout import Layout
-from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
+from link.mode import CELLS, LINE_CODES, PARITIES, Mode, ticks_chosen
 from link.receiving.tags import least_module
 from link.theory import Reset, byte_error, rs_word_error
 
@@ -184,9 +184,8 @@ def reach(
 ) -> list[Reach]:  # fmt: skip
     """Returns the best rate at other distances, with this panel, lens and camera.
 
-    Only modes that a run would choose itself are considered, without symbols of one tick, whose
-    errors depend on the phase. The irradiance of a resolved panel does not fall with distance; the
-    images of its pixels shrink.
+    Only modes that a run would choose itself are considered, at the run's phase. The irradiance of
+    a resolved panel does not fall with distance; the images of its pixels shrink.
 
     Args:
         scene, mode: of the run; cell, ticks, line and parity may change.
@@ -199,7 +198,8 @@ def reach(
     """
     modes = [
         replace(mode, cell=cell, ticks=ticks, line=line, parity=parity)
-        for cell in CELLS for ticks in TICKS[1:4] for line in LINE_CODES[1:] for parity in PARITIES
+        for cell in CELLS for line in LINE_CODES[1:] for ticks in ticks_chosen(line)
+        for parity in PARITIES
     ]  # fmt: skip
     worth = sorted(modes, key=lambda m: -_coded(m, hz))
     out = []

@@ -59,7 +59,7 @@ _CUT: Final = 0.1
 group ends exactly with the recording."""
 _STORED: Final = 2048
 """Number of symbols whose decisions are stored."""
-_SAMPLED: Final = 2048
+_SAMPLED: Final = 16_384
 """Soft values of a chunk that are kept, and of them all at most."""
 _SAMPLES: Final = 200_000
 """Largest number of stored soft values: _SAMPLED of a chunk, _SAMPLES of all."""

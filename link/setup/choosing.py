@@ -33,8 +33,8 @@ _SURE: Final = 1e-6
 _BEYOND: Final = 2
 """Frames beyond the file's own, as in the sender."""
 _RARE: Final = 24
-"""Length of a run of random bits that is taken as the longest: one codeword in 2^12 then holds a
-false spike, which its parity corrects."""
+"""Length of a run of random bits that is taken as the longest: a longer one begins at one symbol in
+2^24. In one codeword of 255 bytes in 2^13 it causes a false spike, which the parity corrects."""
 _LEVEL: Final = 0.999
 """Confidence of the upper limit of the share of wrong bytes."""
 _MARGIN: Final = 1.5
@@ -115,8 +115,7 @@ class Choice:
 
 
 def longest_run(mode: Mode) -> float:
-    """Returns the longest run of OFF ticks of a mode's line code; of scrambled symbols, the one
-    that one symbol in 2^_RARE begins."""
+    """Returns the longest run of OFF ticks of a mode's line code, or _RARE scrambled symbols."""
     if mode.line == "scrambled":
         return _RARE * mode.ticks
     most = mode.code.run_limit

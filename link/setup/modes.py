@@ -10,7 +10,7 @@ import numpy as np
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from link.layout import Layout
-from link.mode import CELLS, LINE_CODES, PARITIES, TICKS, Mode
+from link.mode import CELLS, LINE_CODES, PARITIES, Mode, ticks_chosen
 from link.prediction.light import cell_scene
 from link.prediction.reach import LEAST_CELL
 from link.receiving.tags import LEAST_MODULE
@@ -22,8 +22,8 @@ from link.setup.truth import panel_in_view
 
 __all__ = ["choose_mode", "tag_warning"]
 
-_PILOTS = 8
-"""Largest number of pilots."""
+_TRIED = 8
+"""Largest number of modes that are tried."""
 _DRIFT = 0.1
 """Drift of the phase while a file is sent, ticks, from which a mode is tried at its end as well."""
 _STEP = 0.25
@@ -59,20 +59,19 @@ def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting
     """Returns the modes that the scenario leaves open, with cells somewhat larger than a camera
     pixel.
 
-    Two choices are only made on request: the line code `none`, which is that of earlier recordings,
-    and symbols of one tick in a line code: its training is not that of its data.
+    The line code `none`, which is that of earlier recordings, is only chosen on request.
     """
     cells = [c for c in CELLS if c * setting.scale >= LEAST_CELL] or [CELLS[-1]]
     return [
         Mode(*size, cell, ticks, line, parity)
         for cell in (cells if modem.cell == "auto" else [modem.cell])
         for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
-        for ticks in (TICKS[line != "scrambled" : 4] if modem.ticks == "auto" else [modem.ticks])
+        for ticks in (ticks_chosen(line) if modem.ticks == "auto" else [modem.ticks])
         for parity in (PARITIES if modem.parity == "auto" else [modem.parity])
     ]
 
 
-def _drifts(setting: LinkSetting, mode: Mode, size: int) -> list[int]:
+def _delays(setting: LinkSetting, mode: Mode, size: int) -> list[int]:
     """Returns how much later the planes come at the phases at which a mode is tried, ps: 0, and
     those that the clocks drift through while a file of `size` bytes is sent, at most a tick."""
     period = setting.camera.clock.edge(1)
@@ -108,14 +107,14 @@ def choose_mode(
     if _tag_share(setting, modes[0]) < _NEVER or not panel_in_view(setting):
         return modes[0], None
     strip = strip_of(setting)
-    progress.start("pilots", _PILOTS)
+    progress.start("pilots", _TRIED)
     tried = 0
 
     def trial(mode: Mode) -> Trial:
         nonlocal tried
         narrow = replace(mode, width=strip.optics.width)
         found = []
-        for late in _drifts(setting, mode, max(size, 1)):
+        for late in _delays(setting, mode, max(size, 1)):
             at = replace(strip, first_light=strip.first_light + late)
             pilot = film_pilot(at, narrow, modem.detector, scenario.seed, device)
             found.append(Trial.of(narrow, pilot.sent, pilot.soft))
@@ -125,10 +124,10 @@ def choose_mode(
 
     camera = setting.camera
     choice = choose(
-        trial, modes, size=max(size, 1), hz=setting.panel.clock.hz, most_trials=_PILOTS,
+        trial, modes, size=max(size, 1), hz=setting.panel.clock.hz, most_trials=_TRIED,
         threshold=camera.threshold if camera.reset == "hard" else None,
         background=cell_scene(setting).background,
         most_overhead=modem.overhead,
     )  # fmt: skip
-    progress.advance(_PILOTS)
+    progress.advance(_TRIED)
     return choice.mode, choice

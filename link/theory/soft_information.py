@@ -18,6 +18,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from link.theory.intervals import clopper_pearson
+
 __all__ = ["SoftInformation", "soft_information"]
 
 _FACTORS: Final = (1 / 64, 64.0)
@@ -26,6 +28,8 @@ _STEPS: Final = 20
 """Steps of the golden section: the factor is then exact to a thousandth."""
 _QUANTILE: Final = 3.29
 """Standard deviations of a 99.9 % interval."""
+_FEW: Final = 10
+"""Wrong values from which the normal approximation of the interval holds."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,9 @@ class SoftInformation:
 
     Attributes:
         bits: information of a bit.
-        low, high: 99.9 % interval, for independent bits.
+        low, high: 99.9 % interval, for independent bits. With few wrong values, the lower end is
+            at most the information of hard decisions with as many errors as the interval of
+            Clopper and Pearson allows.
         factor: of the soft values, at which it is reached.
     """
 
@@ -78,4 +84,8 @@ def soft_information(
     each = lost(best)
     bits, half = 1 - float(each.mean()), _QUANTILE * float(each.std()) / np.sqrt(each.size)
     low_bits, high_bits = (float(np.clip(bits + part, 0, 1)) for part in (-half, half))
+    wrong = int((right < 0).sum())
+    if wrong < _FEW:
+        most = float(clopper_pearson(wrong, right.size, 0.999)[1])
+        low_bits = min(low_bits, 1 + most * np.log2(most) + (1 - most) * np.log2(1 - most))
     return SoftInformation(max(bits, 0.0), low_bits, high_bits, float(np.exp(best)))

@@ -29,9 +29,9 @@ __all__ = [
 SAMPLE = 128
 """Rows, and pixels of each, whose size is measured in a run's stream."""
 _BITS = 1 << 26
-"""Bits of a sample, at most: a longer stream has fewer rows of it."""
-_ROWS = 16
-"""Fewest rows of a sample."""
+"""Bits of a sample: a longer stream has fewer rows and then columns of it, down to _LEAST."""
+_LEAST = (16, 8)
+"""Fewest rows of a sample, and pixels of each."""
 _GOLDEN = (5**0.5 - 1) / 2
 K = 3.0
 """Standard deviations of the statistical code in a report."""
@@ -64,10 +64,11 @@ def sample_places(
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Rows (n, 1) and columns (n, m) of the sample of a stream: SAMPLE rows, evenly spaced, of each
     SAMPLE neighbouring pixels, spread by the golden ratio; all of a stream that is no larger. A
-    long stream has fewer rows."""
+    long stream has fewer of both."""
     height, width = shape
-    wide = min(SAMPLE, width)
-    high = min(SAMPLE, height, max(_BITS // (wide * cycles), _ROWS))
+    wide, pixels = min(SAMPLE, width), _BITS // cycles
+    high = min(SAMPLE, height, max(pixels // wide, _LEAST[0]))
+    wide = min(wide, max(pixels // high, _LEAST[1]))
     n = np.arange(high)
     rows = (2 * n + 1) * height // (2 * high)
     first = (n * _GOLDEN % 1 * (width - wide + 1)).astype(int)

@@ -159,10 +159,10 @@ def _walk(setting: CameraSetting, scene: Summary, tier: Tier, cycles: int) -> Va
     if tier == "exact":
         return walk
     walk = walk + _fast_walk(setting, scene, cycles)
-    return np.where(_meaned(setting, scene), np.maximum(walk, 1.0), walk)
+    return np.where(_subtracts_means(setting, scene), np.maximum(walk, 1.0), walk)
 
 
-def _meaned(setting: CameraSetting, scene: Summary) -> npt.NDArray[np.bool_]:
+def _subtracts_means(setting: CameraSetting, scene: Summary) -> npt.NDArray[np.bool_]:
     """Tiles with changing light that reaches the longest threshold, (tiles,). There the fast tier
     subtracts thresholds at their mean. When the light falls below it again, the phase is off by up
     to a spike."""

@@ -29,8 +29,7 @@ class SpikeCamera:
             rows as at their edge.
         tier: arithmetic of the pixels.
         flags: effects that each group of pixels keeps in the fast tier; see `PixelArray`.
-        fine: full physics on some tiles of the whole chip, None for no tile. It takes the place of
-            the tier there.
+        fine: every effect on some tiles of the whole chip, in a better tier; None for no tile.
         row_delay: (height of the chip,) int64 ps, time by which the light reaches each row later
             than `step` is given it, such as that of a source with a rolling shutter; at most a few
             cycles. It moves the sampling instant of each row. None for 0.

@@ -188,6 +188,8 @@ def spike_cycles(
     read once. span: first cycle, and the one after the last."""
     rows, columns = (np.array(x) for x in zip(*pixels, strict=True))
     first, stop = max(span[0], 0), min(span[1], stream.cycles)
+    if first >= stop:
+        return [np.zeros(0, np.int64) for _ in pixels]
     begin = first // WORD
     words = np.concatenate(
         [stream.read_words(w, w + 1)[:, rows, columns] for w in range(begin, words_for(stop))]

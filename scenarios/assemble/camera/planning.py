@@ -294,7 +294,7 @@ def _arithmetic(
     exact = np.zeros(error.shape, bool)
     if tier == "fast" and display is None and fine.any():
         better = error_over_levels(setting, scene, spans, exact_error)
-        exact = fine & (better <= most)
+        exact = fine & (better + setting.lumped_error <= most)
         error = np.where(exact, better, error)
     return _Arithmetic(
         tier, np.where(fine & ~exact, 0.0, error) + setting.lumped_error, fine, exact

@@ -27,8 +27,8 @@ def link_capacity(
     """Tell how far a link's design is from capacity, and what costs what.
 
     No light is simulated: levels are the air's closed forms. Parts of the mode that a run would
-    choose from a pilot are 2 x 2 cells, 2 ticks, 8b10b and 32 parity bytes; name others with --set
-    link.modem.cell=1 and the like.
+    choose from a pilot are 2 x 2 cells, 1 tick, scrambled and 32 parity bytes; name others with
+    --set link.modem.cell=1 and the like.
     """
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input

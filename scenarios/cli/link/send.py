@@ -24,9 +24,9 @@ class SendOptions:
     size: Annotated[str, typer.Option(help="of the panel, WxH, multiples of 32")] = "960x960"
     cell: Annotated[int, typer.Option(help="panel pixels to a cell's side")] = 2
     ticks: Annotated[int, typer.Option(help="planes to a symbol")] = 2
-    line: Annotated[str, typer.Option(help="code along time: none, manchester, 4b6b or 8b10b")] = (
-        "8b10b"
-    )
+    line: Annotated[
+        str, typer.Option(help="code along time: scrambled, none, manchester, 4b6b or 8b10b")
+    ] = "8b10b"
     parity: Annotated[int, typer.Option(help="bytes of 255 that are parity: 16 to 128")] = 32
     interleave: Annotated[
         bool,

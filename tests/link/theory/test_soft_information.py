@@ -41,6 +41,17 @@ def test_a_gaussian_channel_has_its_mutual_information(sigma: float) -> None:
     assert found.factor == pytest.approx(1, abs=0.05)
 
 
+@pytest.mark.parametrize("wrong", [0, 1, 5])
+def test_few_wrong_values_leave_room_for_those_that_were_not_seen(wrong: int) -> None:
+    on = sent()
+    right = np.full(BITS, 9.0)
+    right[:wrong] = -9.0
+    found = soft_information(np.where(on, right, -right), on)
+    rate = (wrong + 4) / BITS  # well inside the interval of the error rate
+    assert found is not None and found.bits > 0.999
+    assert found.low < 1 + rate * np.log2(rate) + (1 - rate) * np.log2(1 - rate)
+
+
 def test_no_bit_and_no_knowledge() -> None:
     assert soft_information(np.zeros(0), np.zeros(0, bool)) is None
     found = soft_information(np.zeros(100), sent()[:100])

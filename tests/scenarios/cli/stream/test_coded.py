@@ -153,6 +153,8 @@ def test_the_three_orders_hold_the_same_bits(stream):
 def test_a_sample_is_spread_over_the_plane_and_whole_where_it_fits(stream):
     assert sampled(stream) == stream
     assert sample_places((1000, 1000), 20_000)[1].shape == (26, 128)
+    assert sample_places((1000, 1000), 400_000)[1].shape == (16, 10)
+    assert sample_places((1000, 1000), 10**7)[1].shape == (16, 8)
     height, width = 300, 700
     number = np.arange(height * width, dtype=np.uint32).reshape(1, height, width)
     words = np.concatenate([number, number + 1, number + 2])
