@@ -16,10 +16,12 @@ from skimage.metrics import structural_similarity
 
 from cosim import InputError
 from cosim.compute.opencl import Device
+from cosim.errors import Interrupted
 from cosim.files import Recorder, ZarrStream, open_stream
 from cosim.run.folder import output_folder
 from cosim.run.result import Result, _clean, dumps
 from cosim.spikes.viform import unpack_planes
+from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.report import write_report
 from sensor import EFFECTS
@@ -367,6 +369,22 @@ def test_a_full_disk_is_said_and_leaves_nothing_that_looks_whole(film, tmp_path,
     assert not (tmp_path / "run" / "result.json").exists()
     with pytest.raises(InputError, match="interrupted"):
         ZarrStream(tmp_path / "run" / "stream.zarr")
+
+
+def test_an_interrupted_check_keeps_the_recording(film, tmp_path, monkeypatch):
+    shortfall = LatchedMachine.shortfall
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(LatchedMachine, "shortfall", interrupted)
+    folder = tmp_path / "run"
+    with pytest.raises(Interrupted, match="--resume"):
+        film("step", folder, "scene.at=1.26 ms")
+    monkeypatch.setattr(LatchedMachine, "shortfall", shortfall)
+    monkeypatch.setattr(Recorder, "step", interrupted)  # all of it is there
+    result, _ = film("step", folder, "scene.at=1.26 ms", resume=True)
+    assert result.outcome == "ok"
 
 
 def test_a_disk_that_is_full_by_the_report_is_said(film, tmp_path, monkeypatch):
