@@ -25,6 +25,7 @@ from link.line_codes import decode_line
 from link.mode import Mode
 from link.sending import FileTransmission
 from link.timing import Registration, Timing
+from scenarios.studies.bench.ldpc import ldpc_rows
 
 __all__ = ["link_rows"]
 
@@ -104,10 +105,10 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
 
 
 def link_rows(device: Device | None, ceiling: float | None) -> list[Row]:
-    """The rows `link.modem`, by the number of cells.
+    """The rows `link.modem`, by the number of cells, and `link.ldpc`.
 
     Args:
-        device: OpenCL device; not used.
+        device: OpenCL device of the code; the modem does not use it.
         ceiling: measured ceiling, pixel-cycles/s, None if unknown.
     """
     rows = []
@@ -120,4 +121,4 @@ def link_rows(device: Device | None, ceiling: float | None) -> list[Row]:
                 pixels / ours / ceiling if ceiling else None, plain / ours,
             )
         )  # fmt: skip
-    return rows
+    return rows + ldpc_rows(device)

@@ -1,0 +1,70 @@
+"""Decoding of low-density parity-check words on an OpenCL device.
+
+A work-group has one word in local memory. On a processor it is one work-item with vectors of 64
+bytes; on a GPU it has a work-item for every four checks of a row.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.opencl import Device, wide_cl
+from cosim.errors import InputError
+from link.coding.ldpc_numpy import MESSAGE, OFFSET, SOFT, SUM
+
+if TYPE_CHECKING:
+    from link.coding.ldpc import Ldpc
+
+__all__ = ["decode_on_device"]
+
+_ON_PROCESSOR = (64, 16)
+"""Lanes of a vector on a processor, best first; they must divide the lifting size."""
+_ON_GPU = 4
+
+
+def decode_on_device(
+    device: Device, code: Ldpc, soft: npt.NDArray[np.int8], rounds: int,
+    data: npt.NDArray[np.uint8], ok: npt.NDArray[np.bool_], spent: npt.NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Decodes words as `link.coding.ldpc_compiled.decode_words` does.
+
+    Raises:
+        ValueError: if the lifting size is no multiple of 16.
+        InputError: if the device has too little local memory.
+    """
+    lifting = code.lifting
+    if lifting % _ON_PROCESSOR[-1]:
+        raise ValueError(f"lifting must be a multiple of 16 on a device, not {lifting}")
+    if not len(soft):
+        return
+    lanes = _ON_GPU if device.gpu else next(n for n in _ON_PROCESSOR if lifting % n == 0)
+    items = lifting // lanes if device.gpu else 1
+    starts, columns, shifts = code.schedule
+    needed = code.columns * (lifting + 3 * lanes) + len(columns) * lifting + 4
+    if device.handle.local_mem_size < needed:
+        raise InputError(
+            "the OpenCL device", f"one with {needed} bytes of local memory", device.name,
+            "choose another or pass --device numba",
+        )  # fmt: skip
+    sizes = {
+        "ITEMS": items, "LANES": lanes, "Z": lifting, "ROWS": len(starts) - 1,
+        "COLUMNS": code.columns, "FIRST": code.data_columns, "EDGES": len(columns),
+        "DEGREE": int(np.diff(starts).max()), "DATA_BITS": code.data_bits,
+        "WORD_BITS": code.word_bits, "MESSAGE": MESSAGE, "OFFSET": OFFSET, "SOFT": SOFT,
+        "SUM": SUM,
+    }  # fmt: skip
+    source = wide_cl() + (files("link.coding") / "ldpc.cl").read_text()
+    kernel = device.kernel(source, "decode", tuple(f"-D{k}={v}" for k, v in sizes.items()))
+    edges = np.stack([columns, shifts], axis=1)
+    answers: tuple[npt.NDArray[Any], ...] = data, ok, spent
+    buffers = [device.share(array, write=True) for array in answers]
+    kernel(
+        device.queue, (len(soft) * items,), (items,), device.share(soft), device.upload(starts),
+        device.upload(edges), np.int32(rounds), *buffers,
+    )  # fmt: skip
+    for array, buffer in zip(answers, buffers, strict=True):
+        device.settle(buffer, array)
