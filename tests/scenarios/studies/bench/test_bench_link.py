@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import scenarios.studies.bench.detector
 import scenarios.studies.bench.link
 import scenarios.studies.bench.sensor
 
@@ -17,15 +18,25 @@ def test_bench_link_prints_the_documented_rows(
 ) -> None:
     monkeypatch.setattr(scenarios.studies.bench.link, "SIZES", (128, 160))
     monkeypatch.setattr(scenarios.studies.bench.link, "TURNS", 1)
+    monkeypatch.setattr(scenarios.studies.bench.detector, "HEIGHT", 128)
+    monkeypatch.setattr(scenarios.studies.bench.detector, "PHASES", (0.25,))
     monkeypatch.setattr(scenarios.studies.bench.sensor, "CYCLES", 64)
     answer = viform("bench", "link", "--json")
     assert answer.code == 0, answer.err
     rows = json.loads(answer.out)["rows"]
-    assert [row["name"] for row in rows] == ["link.modem"] * 2
-    for row in rows:
+    assert [row["name"] for row in rows] == ["link.modem"] * 2 + ["link.detector"] * 6
+    for row in rows[:2]:
         assert row["tier"].startswith("joint, ") and row["tier"].endswith(" cells")
         assert row["unit"] == "bit/s"
         assert min(row["value"], row["plain_ratio"], row["realtime"]) > 0
+    joint, packed = rows[2:4]
+    assert (joint["tier"], joint["plain_ratio"], packed["tier"]) == ("joint", 1, "packed")
+    assert joint["unit"] == packed["unit"] == "ns/cell-symbol"
+    assert packed["plain_ratio"] > 2
+    for joint, packed in (rows[4:6], rows[6:]):
+        assert joint["unit"] == packed["unit"] == "bit"
+        assert joint["tier"].removeprefix("joint") == packed["tier"].removeprefix("packed")
+        assert packed["value"] > joint["value"] - 0.005
 
 
 def test_what_is_timed_is_received() -> None:
