@@ -64,7 +64,12 @@ class Registration:
 
     def shift(self, tick: float) -> tuple[float, float]:
         """Returns the displacement (dx, dy) of the image at a tick."""
+        dx, dy = self.shifts(np.array([tick]))[0]
+        return float(dx), float(dy)
+
+    def shifts(self, ticks: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Returns the displacements (dx, dy) of the image at ticks, (n, 2)."""
         if not len(self.drift):
-            return 0.0, 0.0
+            return np.zeros((len(ticks), 2))
         at, dx, dy = self.drift.T
-        return float(np.interp(tick, at, dx)), float(np.interp(tick, at, dy))
+        return np.column_stack([np.interp(ticks, at, dx), np.interp(ticks, at, dy)])

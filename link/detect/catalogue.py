@@ -20,6 +20,7 @@ __all__ = ["DETECTORS", "make_detector"]
 
 DETECTORS: Final = {
     "joint": "link.detect.joint:Joint",
+    "packed": "link.detect.packed:Packed",
     "threshold": "link.detect.threshold:Threshold",
     "forward-backward": "link.detect.forward_backward:ForwardBackward",
 }
@@ -39,8 +40,8 @@ def make_detector(
     Args:
         name: key of DETECTORS.
         layout, registration, timing: cells, their place in the image and their time.
-        pixel: known properties of the sensor's pixels. The joint and the threshold detector learn
-            everything and ignore it.
+        pixel: known properties of the sensor's pixels. The joint, the packed and the threshold
+            detector learn everything and ignore it.
     """
     if name not in DETECTORS:
         raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {name}")

@@ -18,7 +18,10 @@ from numba import njit, prange
 from cosim.compute.cores import all_cores
 from link.detect.geometry import PLACES, SHARES
 
-__all__ = ["CONTEXT", "PAIRS", "PART", "PHASES", "add_evidence", "count_patterns"]
+__all__ = [
+    "CONTEXT", "PAIRS", "PART", "PHASES", "STEEP", "WIDE", "add_evidence", "count_patterns",
+    "pattern_of", "place_of",
+]  # fmt: skip
 
 PART: Final = 4
 """Ticks of a part."""
@@ -33,7 +36,7 @@ _PATTERNS: Final = 1 << _WIDTH
 _MASK: Final = _PATTERNS - 1
 _RUN: Final = 256
 """Cells that a thread takes at once."""
-_STEEP, _WIDE = np.float32(0.24904), np.float32(2.5068)
+STEEP, WIDE = np.float32(0.24904), np.float32(2.5068)
 """Linear approximation of ln(1 + e^-x): Cheng and Ottosson, IEEE VTC 2000."""
 
 
@@ -46,7 +49,7 @@ def _begin(time, symbol, row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _place(u, v):  # type: ignore[no-untyped-def]
+def place_of(u, v):  # type: ignore[no-untyped-def]
     """Returns the pixel of a cell's centre, and the position within it: x, y, in x, in y."""
     x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
     in_x = min(int((u - x + 0.5) * PLACES), PLACES - 1)
@@ -55,7 +58,7 @@ def _place(u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _pattern(words, y, x, bit):  # type: ignore[no-untyped-def]
+def pattern_of(words, y, x, bit):  # type: ignore[no-untyped-def]
     """Returns _WIDTH spikes of a pixel from tick `bit` on, the first one lowest; 0 outside the
     words."""
     if bit < 0:
@@ -109,7 +112,7 @@ def count_patterns(  # type: ignore[no-untyped-def]
         for o in range(begin, ends[region]):
             cell = order[o]
             for n in range(known.shape[0] - 1):
-                x, y, qx, qy = _place(x0[cell] + shift[n, 0], y0[cell] + shift[n, 1])
+                x, y, qx, qy = place_of(x0[cell] + shift[n, 0], y0[cell] + shift[n, 1])
                 tick, phase = _begin(time, first_symbol + n, y)
                 bit = tick - start - CONTEXT
                 if bit < 0 or bit + CONTEXT + ticks > stop:
@@ -121,7 +124,7 @@ def count_patterns(  # type: ignore[no-untyped-def]
                         continue
                     s = np.int64(share[region, qy, qx, k])
                     for part in range(counts.shape[2]):
-                        spikes = _pattern(words, py, px, bit + part * PART)
+                        spikes = pattern_of(words, py, px, bit + part * PART)
                         counts[region, phase, part, s, pair, spikes] += 1
 
 
@@ -129,7 +132,7 @@ def count_patterns(  # type: ignore[no-untyped-def]
 def _either(a, b):  # type: ignore[no-untyped-def]
     """Returns ln(e^a + e^b), linearly approximated."""
     apart = abs(a - b)
-    return max(a, b) + (_STEEP * (_WIDE - apart) if apart < _WIDE else np.float32(0.0))
+    return max(a, b) + (STEEP * (WIDE - apart) if apart < WIDE else np.float32(0.0))
 
 
 @njit(cache=True)
@@ -202,7 +205,7 @@ def add_evidence(  # type: ignore[no-untyped-def]
         for cell in range(run * _RUN, min((run + 1) * _RUN, cells)):
             region = region_of[cell]
             for n in range(symbols):
-                x, y, qx, qy = _place(x0[cell] + shift[n, 0], y0[cell] + shift[n, 1])
+                x, y, qx, qy = place_of(x0[cell] + shift[n, 0], y0[cell] + shift[n, 1])
                 tick, phase = _begin(time, first_symbol + n, y)
                 bit = tick - start - CONTEXT
                 inside = bit >= 0 and bit + CONTEXT + ticks <= stop
@@ -228,7 +231,7 @@ def add_evidence(  # type: ignore[no-untyped-def]
                     for j in range(ticks):
                         if bit + j + CONTEXT < 0 or bit + j + CONTEXT >= stop:
                             continue
-                        spikes = _pattern(words, py, px, bit + j)
+                        spikes = pattern_of(words, py, px, bit + j)
                         before = spikes & ((1 << CONTEXT) - 1)
                         spike = (spikes >> CONTEXT) & 1
                         on += single[region, phase, j, s, before, spike, 1]

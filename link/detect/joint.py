@@ -42,6 +42,7 @@ class Joint:
 
     Attributes:
         timing: time of the symbols.
+        ticks: ticks of a symbol.
         cells: images of the data cells.
         delay: ticks by which all begins are delayed. Symbols that begin with a tick would otherwise
             fall into the previous tick after a tiny drift, a class without training data.
@@ -52,13 +53,13 @@ class Joint:
     ) -> None:
         self._layout, self._registration, self.timing = layout, registration, timing
         self.cells = cell_images(layout, registration)
-        self._ticks = layout.mode.ticks
+        self.ticks = layout.mode.ticks
         phase = float(timing.start(0, timing.rows / 2)) % 1
         self.delay = _EDGE if min(phase, 1 - phase) < _EDGE else 0.0
         first = timing.first + self.delay
         self._time = first, timing.period, timing.slope, float(timing.rows)
         shape = (
-            self.cells.regions, PHASES, parts_for(self._ticks), SHARES, PAIRS,
+            self.cells.regions, PHASES, parts_for(self.ticks), SHARES, PAIRS,
             1 << (PART + CONTEXT),
         )  # fmt: skip
         self._counts = np.zeros(shape, np.int32)
@@ -67,7 +68,7 @@ class Joint:
     def shifts(self, first_symbol: int, count: int) -> Values:
         """Returns the shift (dx, dy) of the image in the middle of each symbol, (count, 2)."""
         middle = self.timing.start(first_symbol + np.arange(count) + 0.5, self.timing.rows / 2)
-        return np.array([self._registration.shift(float(t)) for t in middle]).reshape(count, 2)
+        return self._registration.shifts(middle)
 
     def _learn(
         self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int
@@ -78,7 +79,7 @@ class Joint:
         place = cells.places
         count_patterns(
             words, start_tick, known, first_symbol, self.shifts(first_symbol, len(known) - 1),
-            self._time, self._ticks, order, ends, cells.x, cells.y, place.count, place.dx, place.dy,
+            self._time, self.ticks, order, ends, cells.x, cells.y, place.count, place.dx, place.dy,
             place.share, self._counts,
         )  # fmt: skip
         self._tables = None
@@ -88,7 +89,7 @@ class Joint:
         if not self._counts.any():
             raise ValueError("the detector must have learned from known symbols before")
         if self._tables is None:
-            self._tables = learned.tables(self._counts, self._ticks)
+            self._tables = learned.tables(self._counts, self.ticks)
         return self._tables
 
     def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
@@ -118,7 +119,7 @@ class Joint:
         add_evidence(
             np.ascontiguousarray(words), start_tick, bits_held(words, start_tick, stop_tick),
             first, symbols, AROUND,
-            self.shifts(first, symbols), self._time, self._ticks, cells.region, cells.x, cells.y,
+            self.shifts(first, symbols), self._time, self.ticks, cells.region, cells.x, cells.y,
             place.count, place.dx, place.dy, place.share, *laws, np.float32(LIMIT), out,
         )  # fmt: skip
         return out

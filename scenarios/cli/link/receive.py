@@ -28,7 +28,9 @@ def link_receive(
         typer.Argument(help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl, or a run's folder"),
     ],
     out: Annotated[Path, typer.Option(help="folder to write to; the file goes to received/")],
-    detector: Annotated[str, typer.Option(help="joint, threshold or forward-backward")] = "joint",
+    detector: Annotated[
+        str, typer.Option(help="joint, packed, threshold or forward-backward")
+    ] = "joint",
     interleave: Annotated[
         bool, typer.Option("--interleave/--no-interleave", help="as the sender had it")
     ] = True,

@@ -3,7 +3,7 @@
 The spikes are those of a noiseless panel in front of the camera; the timing does not depend on
 them. A call sends one group and receives one: codewords, line code and panel words at the sender;
 detection, line code, codewords and frame checks at the receiver. The plain implementation has the
-same coding and detects in numpy.
+same coding and detects in numpy. The detectors alone are in `detector`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,15 @@ from cosim.compute.opencl import Device
 from cosim.run.timing import REAL_TIME, Row, least_of
 from cosim.spikes.viform import WORD, words_for
 from link.coding import Blocks, Inbox
+from link.detect.catalogue import make_detector
 from link.detect.joint import Joint
 from link.detect.joint_numpy import soft_by_numpy
-from link.layout import TRAINING
+from link.layout import TRAINING, Layout
 from link.line_codes import decode_line
 from link.mode import Mode
 from link.sending import FileTransmission
 from link.timing import Registration, Timing
+from scenarios.studies.bench.detector import DETECTORS, information_rows, time_rows
 from scenarios.studies.bench.ldpc import ldpc_rows
 
 __all__ = ["link_rows"]
@@ -62,6 +64,32 @@ def _spikes(
     return words
 
 
+def _place(place: npt.NDArray[np.float64], side: int) -> tuple[Registration, Timing]:
+    """Returns registration and timing of the panel at `place` before a camera of `side` rows."""
+    timing = Timing(float(_FIRST), float(_TICKS), 0.0, side)
+    return Registration(place, np.zeros((0, 3)), 0.3), timing
+
+
+def _detectors(size: int) -> list[Row]:
+    """The rows of the detectors' processor time, on random data of a panel of `size` pixels."""
+    mode = Mode(size, size, _CELL, _TICKS, "none", 32)
+    data = np.random.Generator(np.random.Philox(key=1))
+    symbols = TRAINING + 5 * mode.code.symbols
+    one = Layout(mode).group_bytes(symbols // mode.code.symbols)
+    sent = FileTransmission(mode, data.bytes(one), "bench", most_symbols=symbols)
+    side = round(size * _SCALE) + _MARGIN
+    off = (side - size * _SCALE) / 2
+    place = np.array([[_SCALE, 0, off], [0, _SCALE, off], [0, 0, 1.0]])
+    words = _spikes(sent.pixels, symbols, place, (side, side))
+    detectors = {
+        name: make_detector(name, sent.layout, *_place(place, side)) for name in DETECTORS
+    }
+    for detector in detectors.values():
+        detector.learn(words, 0, sent.bits(0, TRAINING), 0)
+    count = symbols - TRAINING
+    return time_rows(detectors, (words, 0, TRAINING, count), count * sent.layout.cells)
+
+
 def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
     """A modem for the benchmark.
 
@@ -81,10 +109,7 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
     place = np.array([[_SCALE, 0, off], [0, _SCALE, off], [0, 0, 1.0]])
     symbols = TRAINING + form.groups * group
     words = _spikes(sent.pixels, symbols + 2, place, (side, side))
-    detector = Joint(
-        sent.layout, Registration(place, np.zeros((0, 3)), 0.3),
-        Timing(float(_FIRST), float(_TICKS), 0.0, side),
-    )  # fmt: skip
+    detector = Joint(sent.layout, *_place(place, side))
     detector.learn(words, 0, sent.bits(0, TRAINING), 0)
     turn = 0
 
@@ -105,7 +130,7 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
 
 
 def link_rows(device: Device | None, ceiling: float | None) -> list[Row]:
-    """The rows `link.modem`, by the number of cells, and `link.ldpc`.
+    """The rows `link.modem`, by the number of cells, `link.detector` and `link.ldpc`.
 
     Args:
         device: OpenCL device of the code; the modem does not use it.
@@ -121,4 +146,4 @@ def link_rows(device: Device | None, ceiling: float | None) -> list[Row]:
                 pixels / ours / ceiling if ceiling else None, plain / ours,
             )
         )  # fmt: skip
-    return rows + ldpc_rows(device)
+    return [*rows, *_detectors(SIZES[-1]), *information_rows(), *ldpc_rows(device)]

@@ -98,8 +98,9 @@ def test_soft_values_are_the_sum_over_all_sequences() -> None:
         assert got[:, cell] == pytest.approx(np.clip(plain, -60, 60), abs=0.3)
 
 
-def test_how_the_words_are_cut_does_not_matter(scene: Scene) -> None:
-    detector = _learned(scene)
+@pytest.mark.parametrize("name", ["joint", "packed"])
+def test_how_the_words_are_cut_does_not_matter(scene: Scene, name: str) -> None:
+    detector = _learned(scene, name)
     whole = detector.soft(scene.words, 0, TRAINING, 8)
     w = int(scene.timing.start(TRAINING + 1, 0)) // 32 - 1
     part = detector.soft(scene.words[w:], 32 * w, TRAINING + 3, 5)
@@ -108,8 +109,9 @@ def test_how_the_words_are_cut_does_not_matter(scene: Scene) -> None:
     assert ((part > 0) == (whole[3:] > 0)).mean() > 0.9995
 
 
-def test_a_symbol_held_in_part_is_decided_by_that_part(scene: Scene) -> None:
-    detector = _learned(scene)
+@pytest.mark.parametrize("name", ["joint", "packed"])
+def test_a_symbol_held_in_part_is_decided_by_that_part(scene: Scene, name: str) -> None:
+    detector = _learned(scene, name)
     whole = detector.soft(scene.words, 0, 40, 8)
     assert int(scene.timing.start(45, 0)) == 95  # the first of its three ticks alone is left
     cut = detector.soft(scene.words[:3], 0, 40, 8)
@@ -120,14 +122,16 @@ def test_a_symbol_held_in_part_is_decided_by_that_part(scene: Scene) -> None:
     assert not np.array_equal(cut[5], whole[5]) and same.mean() > 0.8
 
 
-def test_words_without_the_symbol_say_nothing(scene: Scene) -> None:
-    detector = _learned(scene)
+@pytest.mark.parametrize("name", ["joint", "packed"])
+def test_words_without_the_symbol_say_nothing(scene: Scene, name: str) -> None:
+    detector = _learned(scene, name)
     assert (detector.soft(scene.words, 0, 10_000, 3) == 0).all()
     assert (detector.soft(scene.words, 100_000, TRAINING, 3) == 0).all()
 
 
 @pytest.mark.parametrize(
-    "name", ["joint", "threshold", pytest.param("forward-backward", marks=pytest.mark.slow)]
+    "name",
+    ["joint", "packed", "threshold", pytest.param("forward-backward", marks=pytest.mark.slow)],
 )
 def test_nothing_beyond_the_stream_s_last_tick_is_read(scene: Scene, name: str) -> None:
     # The stream ends 11 ticks into its third word; what the word holds beyond is of no one.
