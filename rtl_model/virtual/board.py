@@ -149,9 +149,13 @@ class VirtualBoard:
         except BaseException:
             simulator.close()
             raise
-        self._waker, self._wake = os.pipe()
-        self._thread = threading.Thread(target=self._run, args=(simulator,), daemon=True)
-        self._thread.start()
+        try:
+            self._waker, self._wake = os.pipe()
+            self._thread = threading.Thread(target=self._run, args=(simulator,), daemon=True)
+            self._thread.start()
+        except BaseException:  # such as a request to end
+            self._terminal.close()
+            raise
         return self
 
     def wait(self) -> None:
@@ -173,7 +177,12 @@ class VirtualBoard:
             raise ViformError("the virtual board ended early") from self._failure
 
     def __enter__(self) -> VirtualBoard:
-        return self.start()
+        try:
+            return self.start()
+        except BaseException:
+            if self.alive:
+                self.stop()
+            raise
 
     def __exit__(
         self,

@@ -56,12 +56,12 @@ class Terminal:
             _set_baud(self._slave, baud)
         self._nominal = baud
         if link is not None:
+            self._link = link  # before it is made: `close` removes no link to another board
             try:
                 _make_link(link, self.slave)
-            except InputError:
+            except BaseException:
                 self.close()
                 raise
-            self._link = link
 
     @property
     def port(self) -> str:

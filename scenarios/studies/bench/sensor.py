@@ -136,7 +136,7 @@ def _tiers(device: Device, noise: bool) -> dict[str, Call]:
     }
 
 
-def _rate(call: Call, light: Light, n: int, cycles: int, repeats: int = REPEATS) -> float:
+def _rate(call: Call, light: Light, n: int, cycles: int, repeats: int | None = None) -> float:
     """Throughput of consecutive calls, each with new light, pixel-cycles/s."""
     start = -cycles
 
@@ -145,7 +145,7 @@ def _rate(call: Call, light: Light, n: int, cycles: int, repeats: int = REPEATS)
         start += cycles
         call(light, start, cycles)
 
-    return n * cycles / least(next_call, repeats)
+    return n * cycles / least(next_call, repeats or REPEATS)
 
 
 def _smooth(shape: tuple[int, int], mean: float) -> npt.NDArray[np.float32]:
@@ -220,7 +220,7 @@ def _planned(
 ) -> float:
     """Throughput of the fast tier with this flag in all groups, pixel-cycles/s."""
     pixels = planned_pixels(device, light.shape, flag, pattern)
-    repeats = SHORT if cycles == BLOCK else REPEATS
+    repeats = REPEATS if pattern is None else SHORT
     return _rate(pixels.expose, light, light.shape[0] * light.shape[1], cycles, repeats)
 
 

@@ -18,6 +18,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "CYCLES", 64)
     monkeypatch.setattr(bench, "PLAIN_CYCLES", 1)
     monkeypatch.setattr(bench, "REPEATS", 1)
+    monkeypatch.setattr(bench, "SHORT", 1)
     monkeypatch.setattr(bench, "BLOCK", 8)
 
 

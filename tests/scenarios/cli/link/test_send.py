@@ -70,7 +70,10 @@ def test_the_room_of_the_groups_is_filled_without_another_one(size, overhead):
         (("--size", "961x960"), "--size must be a multiple of 32 from 128 to 4640 pixels, not 961"),
         (("--size", "big"), "--size must be WIDTHxHEIGHT such as 960x960, not 'big'"),
         (("--cell", "5"), "--cell must be one of 1, 2, 3, 4, 6, 8, 12, 16, not 5"),
-        (("--line", "nrz"), "--line must be one of none, manchester, 4b6b, 8b10b, not nrz"),
+        (
+            ("--line", "nrz"),
+            "--line must be one of none, manchester, 4b6b, 8b10b, scrambled, not nrz",
+        ),
         (("--parity", "33"), "--parity must be one of 16, 32, 64, 128, not 33"),
         (("--overhead", "nan"), "--overhead must be 0 or more, not nan"),
         (("--clock", "40 lux"), "--clock must be a frequency such as '40 kHz', not '40 lux'"),
