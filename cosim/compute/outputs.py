@@ -19,7 +19,8 @@ __all__ = ["Outputs"]
 _KEPT = 3
 """Memories that are kept: one that is written, one that is read, and one between them."""
 _LARGEST = 1 << 27
-"""Bytes of a memory that is kept, at most: a run states what it needs before it begins."""
+"""Bytes of a memory up to which several are kept. Of larger ones one is kept: a run states what it
+needs before it begins."""
 _FREE = 2
 """References to a memory that only the list and the question for its references hold."""
 
@@ -43,6 +44,6 @@ class Outputs:
                 if sys.getrefcount(self._memories[n]) == _FREE and self._memories[n].size >= size:
                     return self._memories[n][:size].reshape(shape)
             memory = np.empty(size, self._dtype)
-            if memory.nbytes <= _LARGEST:
-                self._memories = [*self._memories[-_KEPT + 1 :], memory]
+            others = self._memories[-_KEPT + 1 :] if memory.nbytes <= _LARGEST else []
+            self._memories = [*others, memory]
         return memory[:size].reshape(shape)
