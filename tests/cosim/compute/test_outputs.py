@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from cosim.compute.outputs import Outputs
 
@@ -52,3 +53,12 @@ def test_a_larger_array_has_new_memory() -> None:
     del small
     assert outputs.take((1000, 3)).shape == (1000, 3)
     assert outputs.take((0, 7)).size == 0
+
+
+def test_of_large_memories_one_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cosim.compute.outputs._LARGEST", 1000)
+    outputs = Outputs(np.uint32)
+    held = [outputs.take((1000,)) for _ in range(3)]
+    last = address(held[-1])
+    del held
+    assert len(outputs._memories) == 1 and address(outputs.take((1000,))) == last
