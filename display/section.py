@@ -135,8 +135,15 @@ class DisplaySection(Section):
             white_rate: spike rate of white, spikes a cycle.
 
         Raises:
-            InputError: the panel does not fit the stream, or shows rows before they are sampled.
+            InputError: the panel does not fit the stream, or shows rows before they are sampled, or
+                white is brighter than a spike a cycle.
         """
+        if white_rate > 1:
+            raise InputError(
+                "white in front of a display", "at most a spike a cycle",
+                f"{white_rate:.3g} spikes a cycle",
+                "close the lens (sensor.lens.f_number), dim the scene or raise sensor.threshold",
+            )  # fmt: skip
         shape = self.height or stream[0], self.width or stream[1]
         if self.fit == "exact" and shape != stream:
             raise InputError(

@@ -140,6 +140,13 @@ def test_output_that_has_no_place_to_go_to_ends_without_a_traceback():
     assert (process.returncode, err) == (141, "")
 
 
+def test_more_light_than_a_display_shows_is_one_line(refused):
+    line = refused("plan", "glass", "--set", "scene.illuminance=20 klx", "--set",
+                   "sensor.lens.f_number=1.4")  # fmt: skip
+    assert line.startswith("white in front of a display must be at most a spike a cycle, not 16.4")
+    assert "sensor.lens.f_number" in line
+
+
 def test_a_clip_in_the_place_of_a_scenario_or_stream_is_pointed_to_film(refused, clip, tmp_path):
     line = refused("run", clip)
     assert line == (
