@@ -6,7 +6,7 @@ more than the tolerance allows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -38,6 +38,22 @@ def _equal_boxes(grid: TileGrid, tiles: npt.NDArray[np.intp]) -> list[list[int]]
     return [
         some[n : n + _TOGETHER] for some in sizes.values() for n in range(0, len(some), _TOGETHER)
     ]
+
+
+def _states(cameras: Sequence[PatchCamera]) -> dict[str, npt.NDArray[Any]]:
+    """The states of cameras as one."""
+    return {
+        f"fine{n}:{key}": value
+        for n, camera in enumerate(cameras)
+        for key, value in camera.state().items()
+    }
+
+
+def _restore(cameras: Sequence[PatchCamera], state: dict[str, npt.NDArray[Any]]) -> None:
+    """Continues cameras from `_states`, among which there may be other keys."""
+    for n, camera in enumerate(cameras):
+        own = f"fine{n}:"
+        camera.restore({k.removeprefix(own): v for k, v in state.items() if k.startswith(own)})
 
 
 class FineTiles:
@@ -89,17 +105,11 @@ class FineTiles:
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next step depends on."""
-        return {
-            f"fine{n}:{key}": value
-            for n, (*_, camera) in enumerate(self._parts)
-            for key, value in camera.state().items()
-        }
+        return _states([camera for *_, camera in self._parts])
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`, which may hold other keys."""
-        for n, (*_, camera) in enumerate(self._parts):
-            own = f"fine{n}:"
-            camera.restore({k.removeprefix(own): v for k, v in state.items() if k.startswith(own)})
+        _restore([camera for *_, camera in self._parts], state)
 
 
 class MixedPatches:
@@ -162,19 +172,13 @@ class MixedPatches:
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next step depends on."""
-        fine = {
-            f"fine{n}:{key}": value
-            for n, (*_, part) in enumerate(self._parts)
-            for key, value in part.state().items()
-        }
+        fine = _states([part for *_, part in self._parts])
         return {"mixed": self.bits.copy(), **self._camera.state(), **fine}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
         self.bits = state["mixed"].astype(np.int64)
-        for n, (*_, part) in enumerate(self._parts):
-            own = f"fine{n}:"
-            part.restore({k.removeprefix(own): v for k, v in state.items() if k.startswith(own)})
+        _restore([part for *_, part in self._parts], state)
         self._camera.restore(
             {k: v for k, v in state.items() if k != "mixed" and not k.startswith("fine")}
         )
