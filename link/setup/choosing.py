@@ -116,7 +116,7 @@ class Choice:
 
 def longest_run(mode: Mode) -> float:
     """Returns the longest run of OFF ticks of a mode's line code, or _RARE scrambled symbols."""
-    if mode.line == "scrambled":
+    if mode.format == 2:
         return _RARE * mode.ticks
     most = mode.code.run_limit
     return math.inf if most is None else most * mode.ticks

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from cosim.run.timing import Row
+from cosim.run.timing import Row, least_of
 from link.detect.detector import Detector
 from link.mode import Mode
 from link.setting import link_setting
@@ -35,20 +35,6 @@ _TURNS: Final = 5
 _SEED: Final = 1
 
 
-def _processor_seconds(calls: list[Callable[[], Any]]) -> list[float]:
-    """Returns the least processor time of each call, s. The calls take turns, after one each that
-    is discarded."""
-    for call in calls:
-        call()
-    spent: list[list[float]] = [[] for _ in calls]
-    for _ in range(_TURNS):
-        for call, seconds in zip(calls, spent, strict=True):
-            begin = time.process_time()
-            call()
-            seconds.append(time.process_time() - begin)
-    return [min(seconds) for seconds in spent]
-
-
 def time_rows(
     detectors: dict[str, Detector], given: tuple[Any, ...], cell_symbols: int
 ) -> list[Row]:
@@ -60,7 +46,7 @@ def time_rows(
         cell_symbols: soft values of a call.
     """
     calls: list[Callable[[], Any]] = [partial(each.soft, *given) for each in detectors.values()]
-    seconds = _processor_seconds(calls)
+    seconds = least_of(calls, _TURNS, time.process_time)
     return [
         Row(
             "link.detector", name, 1e9 * each / cell_symbols, "ns/cell-symbol", None, None,
