@@ -8,6 +8,7 @@ fast as memory takes it, that is half of the time (measured: 64 MB of words of a
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from threading import Lock
 from typing import Any
 
@@ -15,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = ["Outputs"]
+
+New = Callable[[int, "np.dtype[Any]"], npt.NDArray[Any]]
 
 _KEPT = 3
 """Memories that are kept: one that is written, one that is read, and one between them."""
@@ -29,10 +32,14 @@ class Outputs:
     """Hands out arrays of one dtype; memory that nobody refers to any more is handed out again.
 
     An array keeps its memory as long as it, or any view of it, exists.
+
+    Args:
+        dtype: of the arrays.
+        new: (size, dtype) -> memory.
     """
 
-    def __init__(self, dtype: npt.DTypeLike) -> None:
-        self._dtype = np.dtype(dtype)
+    def __init__(self, dtype: npt.DTypeLike, new: New = np.empty) -> None:
+        self._dtype, self._new = np.dtype(dtype), new
         self._memories: list[npt.NDArray[Any]] = []
         self._lock = Lock()
 
@@ -43,7 +50,7 @@ class Outputs:
             for n in range(len(self._memories)):
                 if sys.getrefcount(self._memories[n]) == _FREE and self._memories[n].size >= size:
                     return self._memories[n][:size].reshape(shape)
-            memory = np.empty(size, self._dtype)
+            memory = self._new(size, self._dtype)
             others = self._memories[-_KEPT + 1 :] if memory.nbytes <= _LARGEST else []
             self._memories = [*others, memory]
         return memory[:size].reshape(shape)

@@ -53,6 +53,11 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
     return (a & ~bits) | (b & bits);
 }
 
+// mix() of 1 / run, compiled by NVIDIA's driver (580.159), takes the wrong one.
+vec4 pick(vec4 a, vec4 b, bvec4 choose) {
+    return uintBitsToFloat(pick(floatBitsToUint(a), floatBitsToUint(b), choose));
+}
+
 // Adds the light of a plane with the drive x.
 #if EMITS
 #define RELAX(drive, up, down) { \
@@ -87,7 +92,7 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
     uvec4 fired = (w >> uint(n)) & 1u; \
     bvec4 spike = notEqual(fired, uvec4(0u)); \
     UPDATE \
-    held = mix(held, inverse, spike); \
+    held = pick(held, inverse, spike); \
     vec4 x = LEVEL; \
     ADD_EMITTED \
     run = mix(run + 1.0, vec4(1.0), spike); \

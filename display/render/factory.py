@@ -32,8 +32,9 @@ def make_renderer(
 
     Args:
         kind: "gl" for shaders, which need GL 3.3; "opencl" for kernels, which are faster on a
-            processor; "auto" for kernels if GL is software or missing and there is an OpenCL device
-            that is no GPU, else for shaders; "numpy" for the golden model, which is slow.
+            processor; "auto" for shaders if GL is on a GPU, else for kernels if there is an OpenCL
+            device, unless it is a GPU beside a software GL; "numpy" for the golden model, which is
+            slow.
         panel: the panel.
         batch: number of planes in a span of light.
         images: number of images of the observers.
@@ -48,25 +49,26 @@ def make_renderer(
         return GoldenRenderer(panel, batch, images)
     if kind == "opencl":
         return OpenCLRenderer(panel, batch, images, device)
-    if kind == "auto" and not _fast_gl(context):
+    slow = _slow_gl(context)
+    if kind == "auto" and slow is not False:
         try:
             device = device or open_device()
         except InputError:  # software GL is slow, but it works
             return Renderer(panel, batch, images, context)
-        if not device.gpu:  # the kernels are written for processors
+        if slow is None or not device.gpu:  # the kernels are written for processors
             return OpenCLRenderer(panel, batch, images, device)
     return Renderer(panel, batch, images, context)
 
 
-def _fast_gl(context: moderngl.Context | None) -> bool:
-    """Whether this context, or a new one, is GL on a GPU."""
+def _slow_gl(context: moderngl.Context | None) -> bool | None:
+    """Whether this context, or a new one, is software; None if there is no GL."""
     if context is not None:
-        return not software(context)
+        return software(context)
     try:
         own = open_context()
     except InputError:
-        return False
+        return None
     try:
-        return not software(own)
+        return software(own)
     finally:
         own.release()

@@ -2,7 +2,8 @@
 // decodes a word; each of its ITEMS work-items takes every ITEMS-th stretch of LANES of the Z checks
 // of a row. Defined outside: ITEMS, LANES, Z, ROWS, COLUMNS, FIRST (the first parity column), EDGES,
 // DEGREE (the largest of a row), DATA_BITS, WORD_BITS, and MESSAGE,
-// OFFSET, SOFT and SUM of ldpc_numpy.py.
+// OFFSET, SOFT and SUM of ldpc_numpy.py. FAR: messages are in global memory, because the local one
+// is too small for them; a work-item reads only its own.
 
 #define SENT (DATA_BITS - 2 * Z)
 
@@ -36,6 +37,11 @@ typedef NAME(char, LANES) lanes;
 #define ANY_NEGATIVE(value) any(value)
 #endif
 
+#ifdef FAR
+#define ROOM __global
+#else
+#define ROOM __local
+#endif
 #if ITEMS == 1
 #define WAIT
 #else
@@ -84,7 +90,7 @@ static inline void load(__local char *posterior, __global const char *soft, int 
 
 // Answers to the edges of a row, for one stretch of its checks.
 static inline void answer(
-    __local char *posterior, __local char *messages, __global const int2 *edges, int first, int last,
+    __local char *posterior, ROOM char *messages, __global const int2 *edges, int first, int last,
     int stretch) {
     lanes values[DEGREE], least = MESSAGE + OFFSET, second = MESSAGE + OFFSET, sign = 0;
     for (int e = first; e < last; e++) {
@@ -137,14 +143,19 @@ static inline uchar pack(__local const char *values) {
 }
 
 // soft: (words, WORD_BITS). starts: (ROWS + 1). edges: (EDGES) column and shift, in the order of
-// decoding. data: (words, DATA_BITS / 8). ok, spent: (words).
+// decoding. data: (words, DATA_BITS / 8). ok, spent: (words). far: (words, EDGES, Z), only if FAR.
 __kernel __attribute__((reqd_work_group_size(ITEMS, 1, 1))) WIDE void decode(
     __global const char *soft, __global const int *starts, __global const int2 *edges, int rounds,
-    __global uchar *data, __global uchar *ok, __global int *spent) {
-    __local char posterior[COLUMNS * STRIDE], messages[EDGES * Z];
+    __global uchar *data, __global uchar *ok, __global int *spent, __global char *far) {
+    __local char posterior[COLUMNS * STRIDE];
     __local int failed;
     const int item = get_local_id(0);
     const size_t word = get_group_id(0);
+#ifdef FAR
+    __global char *messages = far + word * EDGES * Z;
+#else
+    __local char messages[EDGES * Z];
+#endif
     for (int column = 0; column < COLUMNS; column++)
         for (int stretch = item; stretch < Z / LANES; stretch += ITEMS)
             load(posterior, soft + word * WORD_BITS, column, stretch);

@@ -24,6 +24,8 @@ __all__ = ["decode_on_device"]
 _ON_PROCESSOR = (64, 16)
 """Lanes of a vector on a processor, best first; they must divide the lifting size."""
 _ON_GPU = 4
+_WORDS = 512
+"""Words decoded at a time if their messages are in global memory: about 100 kB each."""
 
 
 def decode_on_device(
@@ -44,7 +46,9 @@ def decode_on_device(
     lanes = _ON_GPU if device.gpu else next(n for n in _ON_PROCESSOR if lifting % n == 0)
     items = lifting // lanes if device.gpu else 1
     starts, columns, shifts = code.schedule
-    needed = code.columns * (lifting + 3 * lanes) + len(columns) * lifting + 4
+    needed, messages = code.columns * (lifting + 3 * lanes) + 4, len(columns) * lifting
+    far = device.gpu and device.handle.local_mem_size < needed + messages
+    needed += 0 if far else messages
     if device.handle.local_mem_size < needed:
         raise InputError(
             "the OpenCL device", f"one with {needed} bytes of local memory", device.name,
@@ -58,13 +62,18 @@ def decode_on_device(
         "SUM": SUM,
     }  # fmt: skip
     source = wide_cl() + (files("link.coding") / "ldpc.cl").read_text()
-    kernel = device.kernel(source, "decode", tuple(f"-D{k}={v}" for k, v in sizes.items()))
-    edges = np.stack([columns, shifts], axis=1)
-    answers: tuple[npt.NDArray[Any], ...] = data, ok, spent
-    buffers = [device.share(array, write=True) for array in answers]
-    kernel(
-        device.queue, (len(soft) * items,), (items,), device.share(soft), device.upload(starts),
-        device.upload(edges), np.int32(rounds), *buffers,
-    )  # fmt: skip
-    for array, buffer in zip(answers, buffers, strict=True):
-        device.settle(buffer, array)
+    options = [f"-D{k}={v}" for k, v in sizes.items()]
+    kernel = device.kernel(source, "decode", (*options, *(["-DFAR"] if far else [])))
+    order = device.upload(starts), device.upload(np.stack([columns, shifts], axis=1))
+    most = _WORDS if far else len(soft)
+    room = device.room(min(most, len(soft)) * messages if far else 1)
+    for some in (slice(n, n + most) for n in range(0, len(soft), most)):
+        given = soft[some]
+        answers: tuple[npt.NDArray[Any], ...] = data[some], ok[some], spent[some]
+        buffers = [device.target(array) for array in answers]
+        kernel(
+            device.queue, (len(given) * items,), (items,), device.share(given), *order,
+            np.int32(rounds), *buffers, room,
+        )  # fmt: skip
+        for array, buffer in zip(answers, buffers, strict=True):
+            device.settle(buffer, array)

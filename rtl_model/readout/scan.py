@@ -65,7 +65,7 @@ class Readout:
             raise ValueError(f"bytes must be {size} uint8, not {raw.shape} {raw.dtype}")
         device, contiguous = self._device, np.ascontiguousarray(words)
         source = device.share(contiguous)
-        result = device.share(raw, write=True)
+        result = device.target(raw)
         across = -(-self.blocks // _LOCAL) * _LOCAL
         self._kernel(
             device.queue, (across, len(words)), (_LOCAL, 1), source, *self._tables, result,

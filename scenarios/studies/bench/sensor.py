@@ -288,8 +288,9 @@ def bench(device: Device | None, parts: list[str]) -> dict[str, Any]:
     chip = CHIPS["spiketwo"]
     ceiling = _ceiling(device, chip.width * chip.height) if device is not None else None
     rows = [row for part in parts for row in PARTS[part](device, ceiling)]
+    name = f"{device.name}, driver {device.driver}" if device else "numba on this processor"
     return {
-        "device": device.name if device is not None else "numba on this processor",
+        "device": name,
         "ceiling": {
             "value": ceiling,
             "unit": "pixel-cycles/s",

@@ -188,9 +188,9 @@ inline void store_part(const uint16 word, const uint begun, const uint c, __glob
         word[i] = again[i] = 0;                                                                   \
     }
 
-// Memory that the work-item after the next reads.
+// Memory that the work-item after the next reads, where one work-item follows another.
 #define AWAY 2
-#if __has_builtin(__builtin_prefetch)
+#if defined(IN_TURN) && __has_builtin(__builtin_prefetch)
 #define AHEAD(at) __builtin_prefetch((const void *)(size_t)(at));
 #else
 #define AHEAD(at)

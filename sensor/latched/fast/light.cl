@@ -175,7 +175,6 @@ inline int16 rounded(const float16 x)
         __global const float *weights, const uint rows, __global uint *words, const uint stride,  \
         const uint width, const uint groups, const float brightest, const uint y0,                \
         const uint g0, const uint g1, const uint n_planes, __global int *fault GAIN_PARAMETERS
-#define GROUPS 4
 #define EACH _Pragma("unroll") for (uint i = 0; i < GROUPS; i++)
 // Neighbouring groups of a work-item in the changed box, which it steps together to hide the latency
 // of each. Those that are not `mine` lie beyond the box or have other flags, and are not stored.

@@ -43,7 +43,8 @@ _LOCAL: Final = 8
 once: those of a few fit in the cache, those of thousands overflow the stack."""
 _LOCAL_GPU: Final = 64
 _TOGETHER: Final = 4
-"""Groups that a work-item steps together if it does so cycle by cycle; GROUPS in light.cl."""
+"""Groups that a work-item steps together if it does so cycle by cycle, to hide the latency of each.
+On a GPU it is one: there, other work-items hide it, and the state of four fills the registers."""
 _ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 
@@ -58,12 +59,13 @@ class FastPixels:
     def __init__(self, array: PixelArray, device: Device) -> None:
         self._array = array
         self._device = device
-        self._outputs = Outputs(np.uint32)
+        self._outputs = Outputs(np.uint32, device.memory)
         self._numbers = device.upload(array.padded(array.numbers))
         self._table = device.upload(array.units.table)
         self._flags = device.upload(array.group_flags)
         flat = array.group_flags.ravel()
         self._gpu = device.gpu
+        self._together = 1 if device.gpu else _TOGETHER
         lists = {int(f): self._filled(np.flatnonzero(flat == f), int(f)) for f in np.unique(flat)}
         self._lists = {f: (device.upload(groups), groups.size) for f, groups in lists.items()}
         self._gains: tuple[Any, ...] = (np.float32(array.scale),)
@@ -91,7 +93,10 @@ class FastPixels:
             f"-DCAP={CAP}",
             f"-DEMPTY=({EMPTY})",
             f"-DNOTHING=({NOTHING}f)",
+            f"-DGROUPS={self._together}",
         ]
+        if not self._gpu:
+            defines.append("-DIN_TURN")
         if self._array.gains is not None:
             defines.append("-DPATTERN")
         if model.transfers:
@@ -121,13 +126,13 @@ class FastPixels:
         """Work-items that a number of groups need, whole work-groups of them, and the size of a
         work-group. together: whether an item has several groups."""
         local = _LOCAL_GPU if self._gpu else 1 if together else _LOCAL
-        items = -(-groups // (_TOGETHER if together else 1))
+        items = -(-groups // (self._together if together else 1))
         return -(-items // local) * local, local
 
     def _filled(self, groups: npt.NDArray[np.intp], flags: int) -> npt.NDArray[np.uint32]:
         """Numbers of groups, padded to whole work-groups with a number that no group has."""
         together = bool(flags & BANK)
-        size = self._items(groups.size, together)[0] * (_TOGETHER if together else 1)
+        size = self._items(groups.size, together)[0] * (self._together if together else 1)
         rest = np.full(size - groups.size, 0xFFFFFFFF, np.uint32)
         return np.append(groups.astype(np.uint32), rest)
 
@@ -272,7 +277,7 @@ class FastPixels:
         timed = array.timed_course(light, start, cycles)
         self._share(course, *([] if timed is None else [timed]))
         out = self._outputs.take((words_for(cycles), array.shape[0] * array.shape[1]))
-        words = self._device.share(out, write=True)
+        words = self._device.target(out)
         self._steady(course, start, cycles, words)
         for each, flag in ((course, 0), (timed, TIMING)):
             if each is not None and each.box is not None:

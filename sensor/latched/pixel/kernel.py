@@ -29,8 +29,9 @@ _SHORT: Final = 8
 _PLANES: Final = 8
 """Arrays of charges and slopes that such a launch reads."""
 _LOCAL: Final = 8
-"""Work-items that share a core. PoCL allocates the private arrays of all of them at once, and
-compiles a kernel again for every other number of them."""
+"""Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at
+once, and compiles a kernel again for every other number of them."""
+_LOCAL_GPU: Final = 64
 
 
 class KernelPixels:
@@ -41,7 +42,7 @@ class KernelPixels:
 
     def __init__(self, model: ExactModel, pixels: npt.NDArray[np.uint32], device: Device) -> None:
         self._model, self._device = model, device
-        self._outputs = Outputs(np.uint32)
+        self._outputs = Outputs(np.uint32, device.memory)
         self._n = pixels.size
         self._padded = -(-self._n // LANES) * LANES
         self._pixels = self._upload(pixels)
@@ -60,6 +61,11 @@ class KernelPixels:
         if values.size != self._padded:
             values = np.pad(values, (0, self._padded - self._n))
         return self._device.upload(values)
+
+    def _sizes(self, groups: int) -> tuple[tuple[int], tuple[int]]:
+        """Work-items, in whole work-groups, and the size of a work-group."""
+        local = _LOCAL_GPU if self._device.gpu else _LOCAL
+        return (-(-groups // local) * local,), (local,)
 
     def _kernel(self, name: str, ramp: bool = False) -> Any:
         """The kernel `expose`, with or without a ramp, or `walk`; built on first use."""
@@ -111,7 +117,7 @@ class KernelPixels:
         slope = span.slope if span.slope is not None else span.charge
         groups = self._padded // LANES
         self._kernel("expose", ramp)(
-            self._device.queue, (-(-groups // _LOCAL) * _LOCAL,), (_LOCAL,),
+            self._device.queue, *self._sizes(groups),
             self._deficit, self._low, self._high, self._pixels,
             self._buffer(span.charge), self._buffer(slope), self._table, words,
             np.int64(model.q), np.int64(model.room), np.uint32(model.seed),
@@ -131,7 +137,7 @@ class KernelPixels:
         planes = [self._buffer(array) for array in arrays]
         planes += planes[:1] * (_PLANES - len(planes))
         self._kernel("walk")(
-            self._device.queue, (-(-groups // _LOCAL) * _LOCAL,), (_LOCAL,),
+            self._device.queue, *self._sizes(groups),
             self._deficit, self._low, self._high, self._pixels, self._table, words,
             np.int64(model.q), np.int64(model.room), np.uint32(model.seed), np.int64(model.dead),
             np.uint32(groups), self._device.upload(np.array(entries, np.int64)),

@@ -12,6 +12,7 @@ import pytest
 
 import display.render.factory as factory
 from cosim import Clock, InputError
+from cosim.compute.opencl import Device, open_device
 from display import SpikePanel, make_renderer
 from display.drives import DRIVES
 from display.observe.views import Views
@@ -84,8 +85,16 @@ def test_shifts_of_any_size_are_dark_beyond_the_panel(words: Words) -> None:
         np.testing.assert_allclose(kernels.take(image), golden.take(image), rtol=1e-6, atol=1e-6)
 
 
+def opened(gpu: bool) -> Device:
+    """The device, taken for a GPU or for a processor."""
+    device = open_device()
+    device.__dict__["gpu"] = gpu
+    return device
+
+
 def test_the_renderer_of_software_gl_is_opencl(gl: str, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = SpikePanel((4, 4), CLOCK, 0.6)
+    monkeypatch.setattr(factory, "open_device", lambda: opened(gpu=False))
 
     def made(kind: Any) -> type:
         renderer = make_renderer(kind, shown, 8, 0)
@@ -114,18 +123,18 @@ def test_without_gl_or_with_an_opencl_gpu_auto_does_what_works(
     def no_gl() -> None:
         raise InputError("GL", "3.3", "none", "install it")
 
-    monkeypatch.setattr(factory, "open_context", no_gl)
-    made = make_renderer("auto", shown, 8, 0)
-    assert isinstance(made, OpenCLRenderer)
-    made.close()
-    monkeypatch.undo()
-    gpu = factory.open_device()
-    gpu.gpu = True
+    def made() -> type:
+        renderer = make_renderer("auto", shown, 8, 0)
+        renderer.close()
+        return type(renderer)
+
     monkeypatch.setattr(factory, "software", lambda context: True)
-    monkeypatch.setattr(factory, "open_device", lambda: gpu)
-    made = make_renderer("auto", shown, 8, 0)
-    assert isinstance(made, Renderer)
-    made.close()
+    for gpu, beside in ((False, OpenCLRenderer), (True, Renderer)):
+        monkeypatch.setattr(factory, "open_device", lambda gpu=gpu: opened(gpu))
+        assert made() is beside
+        with monkeypatch.context() as without:
+            without.setattr(factory, "open_context", no_gl)
+            assert made() is OpenCLRenderer
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,15 @@ def test_a_gpu_shares_a_word_among_work_items(device):
     same(code, quantise(soft), 10, gpu)
 
 
+def test_messages_beyond_the_local_memory_of_a_gpu(device, monkeypatch):
+    monkeypatch.setattr("link.coding.ldpc_opencl._WORDS", 3)
+    code = Ldpc(8000, 9600)
+    _, soft = sent(code, 8, noise_at(0.95, code.rate), 3)
+    gpu = replace(device, handle=SimpleNamespace(local_mem_size=24_000))
+    gpu.__dict__.update(gpu=True, context=device.context, queue=device.queue)
+    same(code, quantise(soft), 10, gpu)
+
+
 @pytest.mark.parametrize("graph", [1, 2])
 def test_all_forms_agree_at_low_rates(device, graph):
     code = Ldpc(640, 1600, graph=graph, lifting=64)
