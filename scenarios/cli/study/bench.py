@@ -98,6 +98,11 @@ def bench(
     if json:
         print_document(document)
         return
+    _print_rows(document)
+
+
+def _print_rows(document: dict[str, Any]) -> None:
+    """Prints the document of `bench`."""
     ceiling = document["ceiling"]
     print(document["device"])
     if ceiling["value"] is not None:
@@ -106,9 +111,11 @@ def bench(
     wide = max(len(row["tier"]) for row in document["rows"])
     print(f"{'':<20} {'tier':<{wide}} {'':>9} {'':<15} {names}")
     for row in document["rows"]:
-        share = "" if row["ceiling_ratio"] is None else f"{row['ceiling_ratio']:.3f}"
-        plain = "" if row["plain_ratio"] is None else f"{row['plain_ratio']:.1f}"
+        real, share, plain = (
+            "" if row[key] is None else f"{row[key]:{form}}"
+            for key, form in (("realtime", ".3g"), ("ceiling_ratio", ".3f"), ("plain_ratio", ".1f"))
+        )
         print(
             f"{row['name']:<20} {row['tier']:<{wide}} {row['value']:9.3g} {row['unit']:<15} "
-            f"{row['realtime']:11.3g} {share:>10} {plain:>8}"
+            f"{real:>11} {share:>10} {plain:>8}"
         )

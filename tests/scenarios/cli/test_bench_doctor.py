@@ -9,6 +9,7 @@ import pytest
 import scenarios.studies.bench.growth as growth
 import scenarios.studies.bench.sensor as bench
 from cosim.compute.opencl import open_device
+from cosim.run.timing import Row
 from scenarios.cli.entry import _main
 from scenarios.cli.maintenance import checks
 
@@ -78,6 +79,15 @@ def test_the_benchmarked_pixels_spike_as_their_picture_says(
     bench._exact(open_device(), 100_000, noise=True, ramp=False)
     rate = np.bitwise_count(words[0]).sum() / (100_000 * 64)
     assert rate == pytest.approx((bench.DARK + bench.BRIGHT) / 2, rel=0.02)
+
+
+def test_bench_prints_rows_that_lack_a_ratio(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = Row("link.detector", "packed", 0.998, "bit", None, None, 2.0)
+    monkeypatch.setitem(bench.PARTS, "link", lambda device, ceiling: [row])
+    assert _main(["bench", "link", "--device", "numba"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].split()[-4:] == ["packed", "0.998", "bit", "2.0"]
 
 
 def test_bench_refuses_a_part_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
