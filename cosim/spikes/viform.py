@@ -8,20 +8,23 @@ shaders of a display read them. Plane-major bytes exist only in files that requi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import Clock
+from cosim.errors import InputError
 
 __all__ = [
     "WORD",
+    "Sliceable",
     "SpikeStream",
     "Viform",
     "Words",
     "count_spikes",
     "pack_planes",
+    "part_of",
     "spikes_beyond",
     "unpack_planes",
     "words_for",
@@ -29,6 +32,10 @@ __all__ = [
 
 WORD = 32
 """Latch cycles in a word."""
+_SHOWN: Final = 1000
+"""Longer side of the picture of a stream, pixels."""
+_COUNTED: Final = 4096
+"""Cycles whose spikes such a picture counts."""
 Words = npt.NDArray[np.uint32]
 """(words, height, width) uint32."""
 
@@ -92,8 +99,91 @@ class SpikeStream(Protocol):
     def read_words(self, first: int, stop: int) -> Words: ...
 
 
-@dataclass(frozen=True, eq=False)
-class Viform:
+class Sliceable:
+    """Adds to a stream: parts of itself, text, and its picture in a notebook.
+
+    stream[first:stop] are cycles, counted from the first of the stream; stream[cycles, rows,
+    columns] are pixels as well. Parts are in memory.
+    """
+
+    def __getitem__(self: SpikeStream, part: Any) -> Viform:
+        return part_of(self, *(part if isinstance(part, tuple) else (part,)))
+
+    def between(self: SpikeStream, start_s: float, stop_s: float) -> Viform:
+        """The cycles that begin from `start_s` until `stop_s`, s after the first latch."""
+        first, stop = (round(at * self.clock.hz) for at in (start_s, stop_s))
+        return part_of(self, slice(first, stop))
+
+    def rate(self: SpikeStream) -> npt.NDArray[np.float32]:
+        """Mean spikes a cycle, (H, W) float32."""
+        return (count_spikes(self, 0, self.cycles) / np.float32(self.cycles)).astype(np.float32)
+
+    def __repr__(self: SpikeStream) -> str:
+        height, width = self.shape
+        return (
+            f"{type(self).__name__}: {self.cycles} cycles at {self.clock.hz / 1e3:g} kHz "
+            f"({1e3 * self.cycles / self.clock.hz:g} ms), {width} x {height} pixels"
+        )
+
+    def _repr_png_(self: SpikeStream) -> bytes:
+        """The mean rate of the cycles in the middle, its square root for the eye."""
+        import cv2
+
+        some = min(self.cycles, _COUNTED)
+        first = (self.cycles - some) // 2
+        rate = count_spikes(self, first, first + some) / np.float32(some)
+        step = -(-max(self.shape) // _SHOWN)
+        white = float(np.quantile(rate, 0.999)) or 1.0
+        grey = np.sqrt(np.clip(rate[::step, ::step] / white, 0, 1))
+        return bytes(cv2.imencode(".png", np.rint(255 * grey).astype(np.uint8))[1])
+
+
+def part_of(
+    stream: SpikeStream, cycles: Any = slice(None), rows: Any = slice(None),
+    columns: Any = slice(None),
+) -> Viform:  # fmt: skip
+    """A part of a stream, in memory.
+
+    Args:
+        stream: the stream.
+        cycles, rows, columns: slices without a step, or an index; negative ones count from the end.
+
+    Returns:
+        The part; its `start` is the number of its first cycle on the stream's clock.
+
+    Raises:
+        InputError: a slice with a step, or a part without an element.
+    """
+    first, stop = _bounds("cycles", cycles, stream.cycles)
+    top, bottom = _bounds("rows", rows, stream.shape[0])
+    left, right = _bounds("columns", columns, stream.shape[1])
+    word, shift = divmod(first, WORD)
+    read = stream.read_words(word, words_for(stop))[:, top:bottom, left:right]
+    words = np.ascontiguousarray(read[: words_for(stop - first)] >> np.uint32(shift))
+    if shift:
+        later = read[1 : len(words) + 1]
+        words[: len(later)] |= later << np.uint32(WORD - shift)
+    if (stop - first) % WORD:
+        words[-1] &= np.uint32((1 << (stop - first) % WORD) - 1)
+    return Viform(words, stop - first, stream.clock, getattr(stream, "start", 0) + first)
+
+
+def _bounds(name: str, given: Any, size: int) -> tuple[int, int]:
+    """First and stop of a slice or an index in `size` elements."""
+    part = given
+    if isinstance(given, (int, np.integer)):
+        at = int(given) + (size if given < 0 else 0)
+        part = slice(max(at, 0), max(at + 1, 0))
+    if not isinstance(part, slice) or part.step not in (None, 1):
+        raise InputError(name, "a slice without a step, or an index", repr(given), "change it")
+    first, stop, _ = part.indices(size)
+    if stop <= first:
+        raise InputError(name, f"a part of 0:{size}", repr(given), "change it")
+    return first, stop
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Viform(Sliceable):
     """Spike planes in memory.
 
     Attributes:

@@ -1,0 +1,16 @@
+"""The Python interface: functions that do what the commands do, with arrays in and out.
+
+The module `viform` exports them.
+"""
+
+from scenarios.python.filming import film
+from scenarios.python.finished import Run
+from scenarios.python.images import reconstruct
+from scenarios.python.running import run
+from scenarios.python.sending import send
+from scenarios.python.showing import show
+from scenarios.python.streams import Stream, open_stream, save_stream
+
+__all__ = [
+    "Run", "Stream", "film", "open_stream", "reconstruct", "run", "save_stream", "send", "show",
+]  # fmt: skip

@@ -1,0 +1,83 @@
+"""Runs of scenarios, for Python."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import InputError
+from cosim.run.machine import Options
+from scenarios.assemble.machine import check_options
+from scenarios.assemble.resuming import done_before
+from scenarios.assemble.schema.loading import load
+from scenarios.python.finished import Run
+from scenarios.run import run_scenario
+
+__all__ = ["assignments", "run"]
+
+
+class _Notes:
+    """A progress that keeps notes."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+
+def assignments(settings: dict[str, Any]) -> list[str]:
+    """Settings as the command line has them. Raises InputError for a value of another kind."""
+    return [f"{key}={_text(key, value)}" for key, value in settings.items()]
+
+
+def _text(key: str, value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return json.dumps(np.asarray(value).tolist())
+    if isinstance(value, (str, int, float, np.integer, np.floating, os.PathLike)):
+        return str(value)
+    raise InputError(key, "a text, number, path or list", type(value).__name__, "convert it")
+
+
+def run(
+    scenario: str | os.PathLike[str] = "glass", *, out: str | os.PathLike[str] | None = None,
+    tolerance: float | None = None, seed: int | None = None, device: str | None = None,
+    store: str = "fast", resume: bool = False, **settings: Any,
+) -> Run:  # fmt: skip
+    """Runs a scenario as `viform run` does: the same bits, files and report.
+
+    Args:
+        scenario: a name of `viform list`, a TOML file, or the folder of a run.
+        out: folder to create; runs/SCENARIO-N if None.
+        tolerance: allowed relative error; that of the scenario if None.
+        seed: of all temporal noise; that of the scenario if None.
+        device: part of an OpenCL device's name, or "numba"; the default device if None.
+        store: how streams are compressed: raw, fast, small, or none for not at all.
+        resume: whether the interrupted run in `out` goes on; a complete one is returned.
+        **settings: keys of the scenario, such as **{"scene.path": "clip.mp4", "duration": "64 ms"}.
+
+    Raises:
+        InputError: the input cannot be used.
+    """
+    began, progress = time.perf_counter(), _Notes()
+    name, loaded = load(str(scenario), assignments(settings), tolerance=tolerance, seed=seed)
+    options = Options(device, resume, None, store)
+    check_options(loaded, options)
+    if resume and out is not None and done_before(name, loaded, Path(out)) is not None:
+        return Run(Path(out))
+    done = run_scenario(
+        name, loaded, None if out is None else Path(out), options=options, progress=progress,
+        began=began,
+    )  # fmt: skip
+    return Run(done.folder, tuple(progress.notes))

@@ -1,0 +1,43 @@
+"""Spikes become light on a display, for Python."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from cosim.files import write_stream
+from cosim.spikes.viform import SpikeStream
+from scenarios.python.finished import Run
+from scenarios.python.running import run
+
+__all__ = ["show"]
+
+
+def show(
+    stream: SpikeStream | str | os.PathLike[str], *,
+    out: str | os.PathLike[str] | None = None, device: str | None = None, **settings: Any,
+) -> Run:  # fmt: skip
+    """Shows a stream on a spike-continuous display, as `viform run playback` does.
+
+    Args:
+        stream: spikes in memory, an open stream, or a file of any format.
+        out: folder to create; runs/playback-N if None.
+        device: part of an OpenCL device's name, or "numba".
+        **settings: keys of the scenario, such as **{"display.drive": "hold"}.
+
+    Returns:
+        The run; its `images` are what a still and a pursuing eye see.
+
+    Raises:
+        InputError: the input cannot be used.
+    """
+    with TemporaryDirectory(prefix="viform-") as folder:
+        if isinstance(stream, (str, os.PathLike)):
+            path = Path(stream)
+        else:
+            path = Path(folder) / "stream.zarr"
+            write_stream(stream, path)
+        own = {"sensor.source": f"file:{path}"}
+        return run("playback", out=out, device=device, **(own | settings))

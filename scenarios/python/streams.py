@@ -1,0 +1,60 @@
+"""Streams in files, for Python."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from cosim import Clock
+from cosim.files import write_stream
+from cosim.spikes.viform import Sliceable, SpikeStream, Words
+from sensor.codec.files import open_any
+
+__all__ = ["Stream", "open_stream", "save_stream"]
+
+
+class Stream(Sliceable):
+    """A stream in a file, which is read where it is used. Its parts are in memory.
+
+    Attributes:
+        shape: (height, width) in pixels.
+        cycles: number of latch cycles.
+        clock: of the latches.
+        notes: on the interpretation of the file.
+    """
+
+    def __init__(self, stream: SpikeStream, notes: tuple[str, ...] = ()) -> None:
+        self._stream, self.notes = stream, notes
+        self.shape: tuple[int, int] = stream.shape
+        self.cycles: int = stream.cycles
+        self.clock: Clock = stream.clock
+
+    def read_words(self, first: int, stop: int) -> Words:
+        """Words `first` to `stop` (excluded), (n, H, W) uint32; see `SpikeStream`."""
+        return self._stream.read_words(first, stop)
+
+
+def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = None) -> Stream:
+    """Opens a stream of any format that `viform convert` reads, or the one of a run's folder.
+
+    Args:
+        path: the file or folder.
+        size: (width, height) for formats without a header.
+
+    Raises:
+        InputError: there is no such stream, or it cannot be read.
+    """
+    stream, notes = open_any(Path(path), size)
+    return Stream(stream, tuple(notes))
+
+
+def save_stream(stream: SpikeStream, path: str | os.PathLike[str]) -> list[str]:
+    """Writes a stream in the format of the name's ending: .npz, .zarr, .dat, .raw, .events.npz.
+
+    Returns:
+        A line for each property of the stream that the format cannot hold.
+
+    Raises:
+        InputError: another ending, or the file cannot be written.
+    """
+    return write_stream(stream, Path(path))

@@ -1,0 +1,157 @@
+"""The Python interface: the bits of the command line, and the examples of docs/python.md."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import viform
+from cosim.files import open_stream
+from scenarios.cli.entry import _main
+from scenarios.python.clips import write_clip
+from scenarios.scenes.clips.clip import Clip
+
+ROOT = Path(viform.__file__).parent
+SMALL = {"sensor.width": 64, "sensor.height": 48}
+EXAMPLES = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)
+
+
+def frames(count: int = 5) -> np.ndarray:
+    return np.random.default_rng(3).integers(0, 256, (count, 48, 64, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda text: text.split("viform.")[1][:12])
+def test_an_example_of_the_documentation_runs(
+    example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(example, "docs/python.md", "exec"), {})
+
+
+def test_the_documentation_names_every_name() -> None:
+    text = (ROOT / "docs/python.md").read_text()
+    assert all(f"`{name}" in text or f"{name}(" in text for name in viform.__all__)
+    assert len(EXAMPLES) == 3
+
+
+def test_importing_loads_nothing_else() -> None:
+    code = "import sys, viform; print(sorted({'numpy', 'cosim', 'scenarios'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
+    assert all(getattr(viform, name) is not None for name in viform.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'films'"):
+        viform.films  # noqa: B018
+
+
+def test_film_gives_the_bits_of_the_command_line(tmp_path: Path) -> None:
+    clip = tmp_path / "clip.mkv"
+    assert write_clip(frames(), clip, 1000) == 5
+    spikes = viform.film((f for f in frames()), frame_rate=1000, tolerance=1e-2, **SMALL)
+    given = [f"--set={key}={value}" for key, value in SMALL.items()]
+    out = tmp_path / "run"
+    assert not _main([
+        "run", "film", "--set", f"scene.path={clip}", "--set", "duration=5 ms",
+        "--tolerance", "1e-2", "--out", str(out), *given,
+    ])  # fmt: skip
+    stream = open_stream(out)
+    assert spikes.cycles == stream.cycles == 200 and spikes.clock == stream.clock
+    assert (spikes.words == stream.read_words(0, 7)).all() and spikes.words.any()
+    again = viform.film(clip, duration="5 ms", tolerance=1e-2, **SMALL)
+    assert again == spikes
+
+
+@pytest.mark.parametrize("kind", ["colour", "grey", "float"])
+def test_frames_keep_their_codes(tmp_path: Path, kind: str) -> None:
+    given = frames(3)
+    if kind != "colour":
+        given = given[..., 1]
+    if kind == "float":
+        given = np.random.default_rng(4).random((3, 48, 64))
+    write_clip(given, tmp_path / "clip.mkv", 25)
+    clip = Clip(tmp_path / "clip.mkv", (48, 64))
+    for n, frame in enumerate(given):
+        code = frame / 255
+        linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+        expected = {
+            "colour": lambda linear=linear: linear @ [0.2126, 0.7152, 0.0722],
+            "grey": lambda linear=linear: linear, "float": lambda frame=frame: frame,
+        }[kind]()  # fmt: skip
+        assert np.abs(clip.frame(n) - expected).max() < 1e-5
+    assert clip.rate == 25 and clip.frame(3) is None
+
+
+def test_a_stream_is_sliced_by_time_and_place(tmp_path: Path) -> None:
+    planes = np.random.default_rng(5).integers(0, 2, (150, 6, 9), dtype=np.uint8)
+    whole = viform.Viform.from_planes(planes, viform.Clock(40_000))
+    viform.save(whole, tmp_path / "s.npz")
+    for stream in (whole, viform.open(tmp_path / "s.npz")):
+        for first, stop in ((0, 150), (1, 150), (31, 33), (64, 96), (5, 140), (149, 150)):
+            part = stream[first:stop]
+            assert part.start == first and (part.planes() == planes[first:stop]).all()
+        corner = stream[40:-7, 2:5, -3:]
+        assert (corner.planes() == planes[40:-7, 2:5, -3:]).all()
+        assert (stream[-1].planes() == planes[-1:]).all()
+        assert stream.between(1e-3, 2e-3) == stream[40:80]
+        assert np.allclose(stream.rate(), planes.mean(axis=0))
+        assert "150 cycles at 40 kHz (3.75 ms), 9 x 6 pixels" in repr(stream)
+        assert stream._repr_png_().startswith(b"\x89PNG")
+    assert part[0:1].start == 149
+
+
+@pytest.mark.parametrize(
+    ("part", "says"),
+    [
+        (slice(0, 10, 2), "cycles must be a slice without a step"),
+        (150, "cycles must be a part of 0:150"),
+        ((slice(None), slice(4, 4)), "rows must be a part of 0:6"),
+        ((0, 0, "a"), "columns must be a slice without a step, or an index"),
+    ],
+)
+def test_a_part_that_is_none_is_one_line(part: object, says: str) -> None:
+    stream = viform.Viform.from_planes(np.zeros((150, 6, 9), np.uint8), viform.Clock(40_000))
+    with pytest.raises(viform.InputError, match=says):
+        stream[part]
+
+
+def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    stream = viform.Viform.from_planes(np.zeros((50, 6, 9), np.uint8), viform.Clock(40_000))
+    calls = {
+        "frame_rate must be given with frames": lambda: viform.film(frames()),
+        "frame_rate must be frames/s above 0": lambda: viform.film(frames(), frame_rate=-1),
+        "the clip must be one frame or more": lambda: viform.film([], frame_rate=25),
+        "a frame must be": lambda: viform.film(np.zeros((2, 4, 4), np.int64), frame_rate=25),
+        "from 0 to 1, a share of white, not 0 to 2": lambda: viform.film(
+            np.full((2, 4, 4), 2.0), frame_rate=25
+        ),
+        "frame 1 must be": lambda: viform.film(
+            [np.zeros((4, 4), np.uint8), np.zeros((4, 5), np.uint8)], frame_rate=25
+        ),
+        "scene.path must be": lambda: viform.film("no-such-clip.mp4"),
+        "sensor.widht": lambda: viform.film("step", **{"sensor.widht": 5}),
+        "duration must be a text, number, path or list": lambda: viform.film("step", duration={}),
+        "method must be one of": lambda: viform.reconstruct(stream, 5, "tpf"),
+        "the stream must be a file that exists": lambda: viform.open("nothing.npz"),
+    }
+    for says, call in calls.items():
+        with pytest.raises(viform.InputError, match=says):
+            call()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    done = viform.run("film", out=out, tolerance=1e-2, duration="2 ms", **SMALL)
+    assert done.outcome == "ok" and done.error is not None and done.error < 1e-2
+    assert done.stream.shape == (48, 64) and done.report.is_file()
+    assert done.images and all(image.shape[:2] == (48, 64) for image in done.images.values())
+    assert done.metrics["spike_rate"] == pytest.approx(float(done.stream.rate().mean()), rel=0.01)
+    assert "Run of film: ok" in repr(done)
+    before = (out / "result.json").stat().st_mtime_ns
+    again = viform.run("film", out=out, tolerance=1e-2, duration="2 ms", resume=True, **SMALL)
+    assert again == done and (out / "result.json").stat().st_mtime_ns == before
