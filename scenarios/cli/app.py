@@ -20,6 +20,7 @@ from scenarios.cli.study.compare import compare as _compare
 from scenarios.cli.study.laboratory import laboratory as _laboratory
 from scenarios.cli.study.paper import paper as _paper
 from scenarios.cli.study.stability import stability as _stability
+from scenarios.cli.study.sweep import sweep as _sweep
 
 __all__ = ["app"]
 
@@ -46,6 +47,7 @@ app.command("compare")(_compare)
 app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)
+app.command("sweep")(_sweep)
 app.command("doctor")(_doctor)
 # All arguments after `test` are passed to pytest.
 _PASS_ON = {"ignore_unknown_options": True, "allow_extra_args": True}

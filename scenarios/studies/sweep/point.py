@@ -1,0 +1,47 @@
+"""One point of a sweep: a run without report, of which the result remains."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from cosim.files import NOT_KEPT
+from cosim.run.machine import Options
+from cosim.run.result import dumps
+from scenarios.assemble.schema.scenario import AnyScenario
+from scenarios.run import run_scenario
+
+__all__ = ["run_point"]
+
+
+class _Silent:
+    """A progress that says nothing."""
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None: ...
+
+
+def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any]:
+    """Returns the document of the result, as `viform run --json` prints it.
+
+    Args:
+        name: short name of the scenario.
+        scenario: checked scenario.
+        device: part of an OpenCL device's name, "numba", or None for the default device.
+
+    Raises:
+        InputError: the machine of the worker cannot run it.
+    """
+    with TemporaryDirectory(prefix="viform-point-") as folder:
+        done = run_scenario(
+            name, scenario, Path(folder) / "run", options=Options(device, False, None, NOT_KEPT),
+            progress=_Silent(), began=time.perf_counter(), report=lambda machine, run: [],
+        )  # fmt: skip
+        document: dict[str, Any] = json.loads(dumps(done.result.document()))
+    return document

@@ -1,0 +1,180 @@
+"""Sweeps: their axes, what resuming repeats, workers that are lost, and the labelled store."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+import zarr
+
+import scenarios.studies.sweep.sweep as sweeping
+from cosim import InputError, Interrupted
+from scenarios.cli.entry import _main
+from scenarios.studies.sweep import Sweep, read_axis, run_sweep
+from scenarios.studies.sweep.axes import Axis, grid, latin_hypercube
+
+SMALL = ("sensor.width=32", "sensor.height=16", "duration=2 ms")
+THRESHOLDS = "sensor.threshold=500 e:2000 e:3log"
+
+
+class Silent:
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+
+def small(*axes: str, **options: Any) -> Sweep:
+    return Sweep("film", tuple(map(read_axis, axes)), SMALL, tolerance=1e-2, **options)
+
+
+def swept(sweep: Sweep, folder: Path, workers: int = 1, resume: bool = False) -> dict[str, Any]:
+    return run_sweep(
+        sweep, folder, device=None, workers=workers, scheduler=None, resume=resume,
+        progress=Silent(),
+    )  # fmt: skip
+
+
+def lasting(row: dict[str, Any]) -> dict[str, Any]:
+    """A result without what depends on the machine's speed."""
+    metrics = {k: v for k, v in row["metrics"].items() if k not in ("camera", "full_physics")}
+    return row | {"metrics": metrics, "run_time_s": None, "throughput": None}
+
+
+def results(document: dict[str, Any]) -> list[dict[str, Any]]:
+    return [lasting(row["result"]) for row in document["rows"]]
+
+
+def test_values_and_ranges() -> None:
+    assert read_axis("a.b=1 e, 2 e").texts == ("1 e", "2 e")
+    assert read_axis("a.b=hard,residual").numbers is None
+    assert read_axis("a.b=0:10:3").texts == ("0", "5", "10")
+    assert read_axis("a.b=1:100 lux:3log").texts == ("1 lux", "10 lux", "100 lux")
+    assert read_axis("a.b=2:4 ms").span == (2.0, 4.0)
+    assert read_axis("a.b=1:100:log").log and read_axis("a=-1.5e3:2:2").numbers == [-1500.0, 2.0]
+    assert read_axis("sensor.source=file:a.dat,file:b.dat").texts == ("file:a.dat", "file:b.dat")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("sensor.width", "--vary must be KEY=a,b,c"), ("=5", "--vary must be KEY"),
+        ("a=1,,2", "different values"), ("a=1,1", "different values"),
+        ("a=3:1:5", "from a lower to a higher"), ("a=0:1:5log", "above 0, and from a lower"),
+        ("a=1:2:1", "2 to 100000 values"), ("a=1:2:x", "end it with a number of values"),
+        ("a=1 e:2 lux:3", "a range in one unit"),
+    ],
+)  # fmt: skip
+def test_other_texts_are_one_line(text: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        read_axis(text)
+
+
+def test_a_hypercube_has_one_point_in_each_part_of_each_range() -> None:
+    axes = [read_axis("a=0:8"), read_axis("b=1:256 e:log"), read_axis("c=x,y")]
+    points = latin_hypercube(axes, 8, 5)
+    assert sorted(int(float(a)) for a, _, _ in points) == list(range(8))
+    assert sorted(int(np.log2(float(b.split()[0]))) for _, b, _ in points) == list(range(8))
+    assert [c for _, _, c in points].count("x") == 4
+    assert points == latin_hypercube(axes, 8, 5) != latin_hypercube(axes, 8, 6)
+    with pytest.raises(InputError, match="given with a number of values, or --samples"):
+        grid(axes)
+    with pytest.raises(InputError, match="--samples must be 1 to"):
+        latin_hypercube(axes, 0, 1)
+    with pytest.raises(InputError, match="at most 100000 combinations"):
+        grid([Axis(str(n), tuple(map(str, range(400)))) for n in range(2)])
+
+
+def test_the_store_is_labelled_and_has_the_results(tmp_path: Path) -> None:
+    document = swept(small(THRESHOLDS, "sensor.reset=hard,residual"), tmp_path / "s")
+    store = zarr.open_group(tmp_path / "s" / "sweep.zarr", mode="r")
+    assert store["sensor.threshold"][:].tolist() == [500, 1000, 2000]
+    assert store["sensor.threshold"].attrs["units"] == "e"
+    assert store["sensor.reset"][:].tolist() == ["hard", "residual"]
+    rate = store["spike_rate"]
+    assert rate.metadata.dimension_names == ("sensor.threshold", "sensor.reset")
+    for n, row in enumerate(document["rows"]):
+        assert rate[:].ravel()[n] == row["result"]["metrics"]["spike_rate"]["value"]
+    assert document["rows"][1]["values"] == ["500 e", "residual"]
+    assert (tmp_path / "s" / "sweep.png").stat().st_size > 5000
+
+
+def test_only_what_is_missing_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sweep, folder = small(THRESHOLDS), tmp_path / "s"
+    whole = swept(sweep, tmp_path / "whole")
+    real, ran = sweeping.run_points, []
+
+    def stops(*arguments: Any) -> Any:
+        for n, result in enumerate(real(*arguments)):
+            if n == 2:
+                raise KeyboardInterrupt
+            ran.append(result[0])
+            yield result
+
+    monkeypatch.setattr(sweeping, "run_points", stops)
+    with pytest.raises(Interrupted, match="after 2 of 3 points; go on with the same command"):
+        swept(sweep, folder)
+    with pytest.raises(InputError, match=r"--resume must be the sweep that .* holds, not another"):
+        swept(small("sensor.threshold=500 e,600 e"), folder, resume=True)
+    assert results(swept(sweep, folder, resume=True)) == results(whole)
+    assert ran == [0, 1, 2]
+
+
+@pytest.mark.slow
+def test_points_of_a_lost_worker_are_done_again(tmp_path: Path) -> None:
+    sweep = small("sensor.threshold=500 e:2000 e:6")
+    serial, killed = swept(sweep, tmp_path / "serial"), []
+
+    def kill() -> None:
+        points = tmp_path / "dask" / "points"
+        while not (points.is_dir() and any(points.iterdir())):
+            time.sleep(0.05)
+        for child in psutil.Process().children(recursive=True):
+            if "spawn_main" in " ".join(child.cmdline()) and not killed:
+                child.kill()
+                killed.append(child.pid)
+
+    threading.Thread(target=kill, daemon=True).start()
+    parallel = swept(sweep, tmp_path / "dask", workers=2)
+    assert killed and results(parallel) == results(serial)
+
+
+def test_bad_input_is_one_line_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "s")
+    for arguments, says in {
+        ("--vary", "sensor.widht=1,2"): "sensor.widht",
+        (): "--vary must be given once or more",
+        ("--vary", "sensor.width=32,64", "--vary", "sensor.width=1,2"): "a key once",
+        ("--vary", "sensor.width=32,64", "--workers", "0"): "--workers must be 1 to 1024",
+        ("--vary", "sensor.width=32,64", "--resume"): "--resume must be given with --out",
+    }.items():
+        place = [] if "--resume" in arguments else ["--out", out]
+        assert _main(["sweep", "film", *arguments, *place]) == 2
+        assert says in capsys.readouterr().err
+    assert not Path(out).exists()
+
+
+def test_an_unreachable_scheduler_is_one_line_and_the_sweep_can_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenarios.studies.sweep.workers._SECONDS", 1)
+    given = ["sweep", "film", "--vary", "sensor.threshold=500 e,600 e", "--tolerance", "1e-2"]
+    given += [f"--set={text}" for text in SMALL] + ["--out", str(tmp_path / "s")]
+    assert _main([*given, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert "--scheduler must be the address of a Dask scheduler that answers" in said[-1]
+    assert _main([*given, "--resume", "--workers", "1", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["rows"]) == 2
