@@ -93,7 +93,9 @@ class Shutter:
         delay = self._delay().astype(np.int64)
         period = min(round(PS / self.rate.hz), self.light[1] - self.light[0])
         middle = self.rows(frame) + self.exposure // 2
-        begin = np.clip(middle - period // 2, self.light[0] + delay, self.light[1] + delay - period)
+        begin = np.clip(
+            middle - period // 2, self.light[0] + delay, self.light[1] + delay - period
+        )
         end = begin + period
         return self._overlap(begin, end, first, planes) / (end - begin)[:, None]
 

@@ -68,7 +68,9 @@ class BlockReader(ABC):
         """Whether a block is read although groups of it are missing."""
         return True
 
-    def put(self, group: int, values: Bytes, quality: npt.NDArray[np.float32]) -> int:
+    def put(
+        self, group: int, values: Bytes, quality: npt.NDArray[np.float32]
+    ) -> int:
         """Adds one group and returns the number of correct frames it completed (0 while its block
         lacks groups).
 

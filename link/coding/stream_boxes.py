@@ -48,7 +48,9 @@ class StreamOutbox(BlockWriter):
         ready: returns the next packet that is ready for a block, None if there is none.
     """
 
-    def __init__(self, form: Blocks, blocks: int, ready: Callable[[int], bytes | None]) -> None:
+    def __init__(
+        self, form: Blocks, blocks: int, ready: Callable[[int], bytes | None]
+    ) -> None:
         super().__init__(form, blocks)
         self._ready = ready
         self._rest = b""

@@ -182,4 +182,6 @@ def set_up_link(
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL
-    return FileLinkSetup(scenario, setting, mode, choice, sent, cycles, opened, seconds, payload)
+    return FileLinkSetup(
+        scenario, setting, mode, choice, sent, cycles, opened, seconds, payload
+    )

@@ -135,7 +135,9 @@ def _response(model: AdaptiveModel, path: Path) -> None:
                 points.append((frame.state["multiplier"], float(frame.values.mean())))
                 break
     multiple, value = np.array(points).T
-    figure, (top, low, last) = subplots(3, 1, figsize=(9.5, 7), sharex=True, layout="constrained")
+    figure, (top, low, last) = subplots(
+        3, 1, figsize=(9.5, 7), sharex=True, layout="constrained"
+    )
     top.plot(lux, value, "o-", color=GREEN, markersize=3.5, linewidth=0.9, label="signal, DN")
     combined = value / multiple
     top.set_xscale("log")

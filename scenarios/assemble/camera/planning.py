@@ -190,7 +190,9 @@ class RunPlan:
         return self.flags[rows, columns[:, None]].reshape(-1, 1)
 
 
-def _flags(plan: Plan, grid: TileGrid, fine: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
+def _flags(
+    plan: Plan, grid: TileGrid, fine: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.uint8]:
     """Flags of the fast tier, (height, groups) uint8; see `PixelArray`. Its spikes in fine tiles
     are replaced, so they have no effects there."""
     none = np.zeros(len(grid), bool)

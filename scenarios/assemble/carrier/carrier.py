@@ -85,7 +85,9 @@ class Carrier:
     def probe(self, camera: ProbeCamera) -> CodedProbeCamera:
         """A camera of probes behind the code."""
         height, width = self.stream.shape
-        return CodedProbeCamera(camera, self.section, self.code, self.setup.rate / (height * width))
+        return CodedProbeCamera(
+            camera, self.section, self.code, self.setup.rate / (height * width)
+        )
 
     @property
     def device(self) -> str:
@@ -170,10 +172,7 @@ class Carrier:
         recorder = Recorder(folder / LINK_STREAM, sensor.shape, setup.cycles, clock)
         modem = setup.scenario.link.modem
         receiver = PacketReceiver(
-            sensor.shape,
-            setup.cycles,
-            detector=modem.detector,
-            interleave=modem.interleave,
+            sensor.shape, setup.cycles, detector=modem.detector, interleave=modem.interleave,
             begin=self.joins,
         )
         schedule = Schedule(setup.lead, self.hold, self.section.cycles, cycles, clock)

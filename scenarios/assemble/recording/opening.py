@@ -140,7 +140,9 @@ def _cycles(duration: float | None, clock: Clock, whole: int) -> int:
     return cycles
 
 
-def _white(given: float | None, folder: Path, rate: Callable[[], Any]) -> tuple[float, str]:
+def _white(
+    given: float | None, folder: Path, rate: Callable[[], Any]
+) -> tuple[float, str]:
     """The spike rate of white and a note on its origin. rate: counts the spikes a cycle of every
     pixel, (H, W)."""
     if given is not None:

@@ -61,11 +61,15 @@ class ImageSection(Section):
 _DISPLAY: Any = Field(
     default=None, description="the display that shows the stream; none by default"
 )
-_CAMERA: Any = Field(default=None, description="the camera that films the display; none by default")
+_CAMERA: Any = Field(
+    default=None, description="the camera that films the display; none by default"
+)
 
 
 _CODE: Any = Field(default=None, description="code of the stream on a link; layered when absent")
-_LINK: Any = Field(default=None, description="link that carries the coded stream; none by default")
+_LINK: Any = Field(
+    default=None, description="link that carries the coded stream; none by default"
+)
 
 
 class _Linked(Section):

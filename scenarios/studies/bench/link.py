@@ -81,7 +81,9 @@ def _detectors(size: int) -> list[Row]:
     off = (side - size * _SCALE) / 2
     place = np.array([[_SCALE, 0, off], [0, _SCALE, off], [0, 0, 1.0]])
     words = _spikes(sent.pixels, symbols, place, (side, side))
-    detectors = {name: make_detector(name, sent.layout, *_place(place, side)) for name in DETECTORS}
+    detectors = {
+        name: make_detector(name, sent.layout, *_place(place, side)) for name in DETECTORS
+    }
     for detector in detectors.values():
         detector.learn(words, 0, sent.bits(0, TRAINING), 0)
     count = symbols - TRAINING
