@@ -10,7 +10,7 @@ Arrays are passed one by one: numba vectorises these loops only for plain array 
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, log
 from typing import Final
 
 import numpy as np
@@ -225,7 +225,7 @@ def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-
                 up += joint[c] * light[c + half]
                 down += joint[c] * light[c]
                 light[c] += chance[k] * (light[c + half] - light[c])
-            new = np.float32(np.log(max(up, 1e-30) / max(down, 1e-30)))
+            new = np.float32(log(max(float(up), 1e-30)) - log(max(float(down), 1e-30)))
             back[p, k] = new if share[p, k] > 0 else np.float32(0.0)
 
 
