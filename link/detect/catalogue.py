@@ -21,6 +21,7 @@ __all__ = ["DETECTORS", "make_detector"]
 DETECTORS: Final = {
     "joint": "link.detect.joint:Joint",
     "packed": "link.detect.packed:Packed",
+    "belief-propagation": "link.detect.belief:BeliefPropagation",
     "threshold": "link.detect.threshold:Threshold",
     "forward-backward": "link.detect.forward_backward:ForwardBackward",
 }

@@ -16,7 +16,9 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_images"]
+__all__ = ["FINE", "LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_images",
+    "coverage",
+]  # fmt: skip
 
 PLACES: Final = 8
 """Sub-pixel positions along each axis."""
@@ -27,7 +29,7 @@ LEAST: Final = 0.35
 by trials of 0.1 to 0.45 on 2 x 2 cells; the optimum depends on cell, blur and light."""
 _MOST: Final = 24
 """Largest number of pixels used for a cell."""
-_FINE: Final = 16
+FINE: Final = 16
 """Samples to a pixel in the integration of shares; an even multiple of PLACES, so that samples lie
 on the positions."""
 _ACROSS: Final = 8
@@ -82,7 +84,7 @@ def _across(cells: int) -> int:
     return max(min(_ACROSS, cells // _FEWEST), 1)
 
 
-def _coverage(
+def coverage(
     a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], blur: float, reach: int
 ) -> npt.NDArray[np.float64]:
     """Returns the share of a pixel's light from a parallelogram about 0, by the pixel's position.
@@ -93,11 +95,11 @@ def _coverage(
         reach: largest position, camera pixels.
 
     Returns:
-        (2 reach _FINE + 1)^2 samples, y then x.
+        (2 reach FINE + 1)^2 samples, y then x.
     """
     from scipy.ndimage import gaussian_filter, uniform_filter
 
-    at = np.arange(-reach * _FINE, reach * _FINE + 1) / _FINE
+    at = np.arange(-reach * FINE, reach * FINE + 1) / FINE
     x, y = np.meshgrid(at, at)
     turned = a[0] * b[1] - a[1] * b[0]
     along_a = np.abs(x * b[1] - y * b[0]) / abs(turned)
@@ -106,12 +108,12 @@ def _coverage(
     inside = np.where(along_a < 0.5, 1.0, 0.5 * np.isclose(along_a, 0.5))
     inside *= np.where(along_b < 0.5, 1.0, 0.5 * np.isclose(along_b, 0.5))
     if blur > 0:
-        inside = gaussian_filter(inside, blur * _FINE, mode="constant", truncate=5)
-    # A centred box of _FINE samples with halved ends: the aperture of a pixel.
-    left = uniform_filter(inside, _FINE, mode="constant", origin=0)
-    right = uniform_filter(inside, _FINE, mode="constant", origin=-1)
-    both = uniform_filter(inside, _FINE, mode="constant", origin=(0, -1))
-    other = uniform_filter(inside, _FINE, mode="constant", origin=(-1, 0))
+        inside = gaussian_filter(inside, blur * FINE, mode="constant", truncate=5)
+    # A centred box of FINE samples with halved ends: the aperture of a pixel.
+    left = uniform_filter(inside, FINE, mode="constant", origin=0)
+    right = uniform_filter(inside, FINE, mode="constant", origin=-1)
+    both = uniform_filter(inside, FINE, mode="constant", origin=(0, -1))
+    other = uniform_filter(inside, FINE, mode="constant", origin=(-1, 0))
     return np.asarray((left + right + both + other) / 4)
 
 
@@ -128,16 +130,16 @@ def _region_places(
     """
     extent = 0.5 * np.max(np.abs(a) + np.abs(b)) + 3 * blur + 1
     reach = int(np.ceil(extent)) + 1
-    coverage = _coverage(a, b, blur, reach)
-    share = _coverage(a, _TALL * b, blur, reach) if tall else coverage
+    own = coverage(a, b, blur, reach)
+    share = coverage(a, _TALL * b, blur, reach) if tall else own
     out = []
-    step, d = _FINE // PLACES, np.arange(-reach + 1, reach)
+    step, d = FINE // PLACES, np.arange(-reach + 1, reach)
     for qy in range(PLACES):
         for qx in range(PLACES):
             # The pixel at d lies at d - f from the centre, f the middle of the sub-pixel position.
-            fy, fx = ((q * step + step // 2) - _FINE // 2 for q in (qy, qx))
-            at = np.ix_((reach + d) * _FINE - fy, (reach + d) * _FINE - fx)
-            mine, known = coverage[at].ravel(), share[at].ravel()
+            fy, fx = ((q * step + step // 2) - FINE // 2 for q in (qy, qx))
+            at = np.ix_((reach + d) * FINE - fy, (reach + d) * FINE - fx)
+            mine, known = own[at].ravel(), share[at].ravel()
             near = (d[:, None] ** 2 + d[None, :] ** 2).ravel()
             best = np.lexsort((near, -np.round(mine, 6)))
             many = max(np.count_nonzero(mine >= LEAST), 1)  # at least one, however small the cell

@@ -100,11 +100,13 @@ def _film(
 
 
 def film_pilot(
-    strip: LinkSetting, mode: Mode, detector: str, seed: int, device: Device | None
-) -> Pilot:
-    """Films random data in a mode of the strip's size."""
+    strip: LinkSetting, mode: Mode, detector: str, seed: int, device: Device | None,
+    symbols: int = SYMBOLS,
+) -> Pilot:  # fmt: skip
+    """Films random data in a mode of the strip's size: at least `symbols`, in whole groups, after
+    the training."""
     size = FileTransmission(mode, b"0", "pilot")
-    groups = -(-SYMBOLS // size.layout.group)
+    groups = -(-symbols // size.layout.group)
     data = np.random.Generator(np.random.Philox(key=seed)).bytes(size.layout.group_bytes(groups))
     count = groups * size.layout.group
     sent = FileTransmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)

@@ -38,9 +38,9 @@ class SoftInformation:
 
     Attributes:
         bits: information of a bit.
-        low, high: 99.9 % interval, for independent bits. With few wrong values, the lower end is
-            at most the information of hard decisions with as many errors as the interval of
-            Clopper and Pearson allows.
+        low, high: 99.9 % interval, for independent bits or independent batches. With few wrong
+            values, the lower end is at most the information of hard decisions with as many errors
+            as the interval of Clopper and Pearson allows.
         factor: of the soft values, at which it is reached.
     """
 
@@ -50,14 +50,38 @@ class SoftInformation:
     factor: float
 
 
+def _half_width(lost: npt.NDArray[np.float64], batch: npt.NDArray[np.intp] | None) -> float:
+    """Returns half of the 99.9 % interval of the mean loss: normal for independent bits, Student's
+    t over the batches' means otherwise (their sizes weigh as in a ratio estimate)."""
+    if batch is None:
+        return _QUANTILE * float(lost.std()) / float(np.sqrt(lost.size))
+    from scipy.special import stdtrit
+
+    sizes = np.bincount(batch)
+    sums = np.bincount(batch, lost)[sizes > 0]
+    sizes = sizes[sizes > 0]
+    if sizes.size < 2:
+        raise ValueError(f"batch must hold at least 2 batches, not {sizes.size}")
+    apart = sums - float(lost.mean()) * sizes
+    spread = np.sqrt(sizes.size / (sizes.size - 1) * (apart**2).sum()) / lost.size
+    return float(stdtrit(sizes.size - 1, 0.9995) * spread)
+
+
 def soft_information(
-    soft: npt.NDArray[np.floating], on: npt.NDArray[np.bool_]
+    soft: npt.NDArray[np.floating],
+    on: npt.NDArray[np.bool_],
+    batch: npt.NDArray[np.intp] | None = None,
 ) -> SoftInformation | None:
     """Information of bits with these soft values; None without any.
 
     Args:
         soft: (n,) soft values, positive for on.
         on: (n,) bits that were sent.
+        batch: (n,) number from 0 on of the batch of a bit, where bits of one batch may depend on
+            each other (a region shares its pixels and their place); None if all are independent.
+
+    Raises:
+        ValueError: if there is one batch alone.
     """
     if soft.size == 0:
         return None
@@ -82,7 +106,7 @@ def soft_information(
             at_outer = lost(outer).mean()
     best = (low + high) / 2
     each = lost(best)
-    bits, half = 1 - float(each.mean()), _QUANTILE * float(each.std()) / np.sqrt(each.size)
+    bits, half = 1 - float(each.mean()), _half_width(each, batch)
     low_bits, high_bits = (float(np.clip(bits + part, 0, 1)) for part in (-half, half))
     wrong = int((right < 0).sum())
     if wrong < _FEW:

@@ -5,11 +5,12 @@ The functions import what they need: the start of other commands must not wait f
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["link_capacity"]
 
@@ -22,28 +23,81 @@ def link_capacity(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of the scenario, and of Monte Carlo")] = None,
+    symbols: Annotated[
+        int, typer.Option(min=8, max=4096, help="of random data in each pilot")
+    ] = 24,
+    points: Annotated[int, typer.Option(min=2, max=32, help="of each curve")] = 5,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="a folder for capacity.png, capacity.svg and capacity.json, with curves over "
+            "distance, light and cell (some minutes); made new"
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Tell how far a link's design is from capacity, and what costs what.
 
-    No light is simulated: levels are the air's closed forms. Parts of the mode that a run would
-    choose from a pilot are 2 x 2 cells, 1 tick, scrambled and 32 parity bytes; name others with
-    --set link.modem.cell=1 and the like.
+    The bound and the budget are closed forms. The achievable information is simulated: pilots on a
+    strip of the panel, half a minute. Parts of the mode that a run would choose from a pilot are
+    2 x 2 cells, 1 tick, scrambled and 32 parity bytes; name others with --set link.modem.cell=1 and
+    the like.
     """
+    from cosim import InputError
+    from link.evaluation.capacity_curves import CURVES, CapacityStudy
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input
     from scenarios.assemble.link import link_camera
     from scenarios.assemble.schema.loading import linked, load
 
+    if out is not None and (out.exists() or not out.absolute().parent.is_dir()):
+        raise InputError(
+            "--out", "a new folder in one that exists", str(out), "choose another name"
+        )
     name, loaded = load(scenario, assignments, seed=seed)
     link = linked(loaded, "link capacity")
-    given, mode, assumed = scenario_input(link, link_camera(link))
+    camera = link_camera(link)
+    given, mode, assumed = scenario_input(link, camera)
     document = capacity_document(given, mode, link.seed)
+    progress = make_progress()
+    try:
+        study, done = CapacityStudy(link, camera, mode, symbols), 0
+        curves = () if out is None else CURVES
+        progress.start("points", 1 + len(curves) * points)
+
+        def count() -> None:
+            nonlocal done
+            done += 1
+            progress.advance(min(done, 1 + len(curves) * points))
+
+        document |= study.document()
+        count()
+        document["curves"] = [study.curve(curve, points, count) for curve in curves]
+        progress.advance(1 + len(curves) * points)
+    finally:
+        progress.close()
     document["assumed"] = assumed
+    if out is not None:
+        _write(document, out)
     if json:
         print_document(document)
     else:
         print(_text(name, document))
+        if out is not None:
+            print(f"figure: {out / 'capacity.png'}, {out / 'capacity.svg'}")
+
+
+def _write(document: dict[str, Any], out: Path) -> None:
+    """The folder, whole or not at all."""
+    from cosim.files.whole import whole
+    from cosim.run.result import dumps
+    from link.report.capacity import draw_capacity
+
+    with whole(out) as part:
+        part.mkdir()
+        for kind in ("png", "svg"):
+            draw_capacity(document["curves"], part / f"capacity.{kind}")
+        (part / "capacity.json").write_text(dumps(document) + "\n", encoding="utf-8")
 
 
 def _rate(bps: float) -> str:
@@ -60,7 +114,7 @@ def _text(name: str, document: dict[str, Any]) -> str:
     lines = [
         f"{name}: ON {given['on']:.4g} e, OFF {given['off']:.4g} e a tick, threshold "
         f"{given['threshold']:g} e, {given['reset']} reset, {given['hz']:g} ticks/s",
-        f"cells of {mode['cell']} x {mode['cell']}, {mode['ticks']} ticks, {mode['line']}, "
+        f"{_cells(mode)}, {mode['line']}, "
         f"RS(255,{255 - mode['parity']})"
         + (f"; not given, so assumed: {assumed}" if assumed else ""),
         "",
@@ -81,5 +135,32 @@ def _text(name: str, document: dict[str, Any]) -> str:
         f"mode's cells {_rate(document['cells_bps'])}, raw {_rate(document['raw_bps'])}, coded "
         f"{_rate(document['coded_bps'])}: "
         + (f"{share:.1%} of capacity" if share is not None else "no light, no capacity"),
+        *_achievable(document),
     ]
     return "\n".join(lines)
+
+
+def _achievable(document: dict[str, Any]) -> list[str]:
+    """Lines of the simulated information."""
+    best = document["information_best"]
+    if best is None:
+        return ["achievable information: none, for a receiver cannot find the panel: it is not "
+                "wholly in view, or its tags are too small"]  # fmt: skip
+    mine = {**document, **document["mode"]}
+    return [
+        f"achievable information, simulated at a phase of {document['phase']:.2f} ticks: "
+        f"{_cells(mine)} {_span(mine)}; the best, {_cells(best)}, {_span(best)}"
+    ]
+
+
+def _cells(row: dict[str, Any]) -> str:
+    length = "1 tick" if row["ticks"] == 1 else f"{row['ticks']} ticks"
+    return f"cells of {row['cell']} x {row['cell']}, {length}"
+
+
+def _span(row: dict[str, Any]) -> str:
+    low, high = _rate(row["information_low"]), _rate(row["information_high"])
+    return (
+        f"{_rate(row['information_bps'])} [{low}, {high}], {row['information_bit']:.4f} bit of a "
+        "cell's symbol"
+    )

@@ -52,6 +52,20 @@ def test_few_wrong_values_leave_room_for_those_that_were_not_seen(wrong: int) ->
     assert found.low < 1 + rate * np.log2(rate) + (1 - rate) * np.log2(1 - rate)
 
 
+def test_bits_that_depend_on_each_other_widen_the_interval_by_the_root_of_their_number() -> None:
+    """Each value stands in `alike` bits: the mean has the spread of BITS / alike values."""
+    alike, on = 100, sent()
+    got = np.repeat(np.random.default_rng(5).random(BITS // alike) < 0.05, alike) ^ on
+    soft = np.where(got, 3.0, -3.0)
+    plain = soft_information(soft, on)
+    found = soft_information(soft, on, np.arange(BITS) // alike)
+    assert plain is not None and found is not None and found.bits == plain.bits
+    wider = (found.high - found.low) / (plain.high - plain.low)
+    assert wider == pytest.approx(np.sqrt(alike), rel=0.01)
+    with pytest.raises(ValueError, match="at least 2 batches, not 1"):
+        soft_information(soft, on, np.zeros(BITS, np.intp))
+
+
 def test_no_bit_and_no_knowledge() -> None:
     assert soft_information(np.zeros(0), np.zeros(0, bool)) is None
     found = soft_information(np.zeros(100), sent()[:100])

@@ -106,6 +106,12 @@ class TestBer:
         assert refused("link", "ber", "--out", tmp_path).startswith("--out must be a new folder")
 
 
+SMALL = [
+    "--set", "link.panel.width=128", "--set", "link.panel.height=128", "--symbols", "8",
+]  # fmt: skip
+"""A panel that is simulated in a moment."""
+
+
 class TestCapacity:
     GIVEN = CapacityInput(140.0, 10.0, 100.0, "residual", 40_000.0, 10**6, 900_000.0, 1)
     MODE = Mode(960, 960, 2, 2, "8b10b", 32)
@@ -129,14 +135,54 @@ class TestCapacity:
         assert d["pixel"]["memory"]["value"] == pytest.approx(0, abs=1e-9)
 
     def test_of_the_scenario(self, viform: Callable[..., Any]) -> None:
-        given = ["--set", "sensor.threshold=100 e", "--set", "link.modem.cell=4"]
+        given = ["--set", "sensor.threshold=100 e", "--set", "link.modem.cell=4", *SMALL]
         code, text, _ = viform("link", "capacity", "--json", *given)
         d = json.loads(text)
         assert code == 0 and d["mode"]["cell"] == 4 and d["assumed"] == ["ticks", "line", "parity"]
         assert 1.3 < d["given"]["on"] / 100 < 1.6 and d["given"]["looks"] == 9
         assert 0 < d["share"] < 1 and d["capacity_bps"] <= 40e9
+        mine, best = d["information_bps"], d["information_best"]
+        assert d["information_low"] <= mine <= d["information_high"] <= d["raw_bps"]
+        assert mine <= best["information_bps"] <= d["capacity_bps"] and d["curves"] == []
+        assert best in d["tried"] and all(
+            one["information_bps"] <= best["information_bps"] for one in d["tried"]
+        )
         code, text, _ = viform("link", "capacity", *given)
         assert code == 0 and "of capacity" in text and "not given, so assumed: ticks" in text
+        assert "achievable information, simulated" in text
+
+    def test_promises_nothing_where_the_tags_cannot_be_found(
+        self, viform: Callable[..., Any]
+    ) -> None:
+        far = ["--set", "link.distance=20 m", *SMALL]
+        d = json.loads(viform("link", "capacity", "--json", *far)[1])
+        assert d["information_bps"] is d["information_best"] is None and d["tried"] == []
+        assert d["capacity_bps"] > 0
+        assert "cannot find the panel" in viform("link", "capacity", *far)[1]
+
+    def test_draws_curves(
+        self, viform: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        for name, few in (("CELLS", (2, 8)), ("_CELLS", (1, 8)), ("ticks_chosen", lambda _: (1,))):
+            monkeypatch.setattr(f"link.evaluation.capacity_curves.{name}", few)
+        out = tmp_path / "new"
+        code, text, _ = viform(
+            "link", "capacity", "--points", 2, "--out", out, "--json", *SMALL,
+            *("--set", "link.modem.cell=8", "--set", "link.modem.ticks=1"),
+        )  # fmt: skip
+        d = json.loads(text)
+        assert code == 0 and json.loads((out / "capacity.json").read_text()) == d
+        distance, luminance, ambient, cell = d["curves"]
+        assert distance["x"] == sorted(distance["x"]) and distance["marks"][0] <= 2
+        assert all(best is not None for best in distance["best_bps"])  # found over all the range
+        assert distance["best_bps"][0] > distance["best_bps"][-1]
+        assert luminance["x"] == [1000, 4000]
+        assert luminance["information_bps"][0] == d["information_bps"]
+        assert ambient["best_bps"][0] > ambient["best_bps"][1]  # daylight drowns the panel
+        assert cell["x"] == [1, 8] and cell["best_mode"][0] == {"cell": 1, "ticks": 1}
+        assert cell["information_bps"][-1] == d["information_bps"]
+        assert (out / "capacity.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (out / "capacity.svg").read_text()[:2000]
 
     def test_refuses_what_is_no_link(self, refused: Callable[..., str]) -> None:
         said = refused("link", "capacity", "film")
