@@ -42,8 +42,8 @@ SMOOTH: Final = 0.8
 WHITE: Final = 99.5
 """Percentile of the coarse image that becomes white for the flow, which takes 8 bits."""
 SAME: Final = 0.1
-"""Change of brightness, over that white, from which on a flow is refused. 0.05 and 0.2 give the same
-within 0.1 dB."""
+"""Change of brightness, over that white, from which on a flow is refused. 0.05 and 0.2 give the
+same within 0.1 dB."""
 LEAST: Final = 12
 """Pixels of the shorter side that the flow takes."""
 Grey = npt.NDArray[np.uint8]
