@@ -5,12 +5,18 @@ from sensor.latched.camera import SpikeCamera
 from sensor.latched.effects import EFFECTS
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import make_pixels
-from sensor.reconstruct import METHODS, interval_rate, isi, tau_image, tau_levels, tfi, tfp
+from sensor.reconstruct import (
+    interval_rate,
+    isi,
+    tau_image,
+    tau_levels,
+    tfi,
+    tfp,
+)
 
 __all__ = [
     "CHIPS",
     "EFFECTS",
-    "METHODS",
     "CameraSetting",
     "SpikeCamera",
     "interval_rate",

@@ -18,6 +18,7 @@ from scenarios.cli.stream.image import image as _image
 from scenarios.cli.study.bench import bench as _bench
 from scenarios.cli.study.compare import compare as _compare
 from scenarios.cli.study.laboratory import laboratory as _laboratory
+from scenarios.cli.study.methods import compare_methods as _compare_methods
 from scenarios.cli.study.paper import paper as _paper
 from scenarios.cli.study.stability import stability as _stability
 from scenarios.cli.study.sweep import sweep as _sweep
@@ -38,12 +39,14 @@ app.command("plan")(_plan)
 app.command("accuracy")(_accuracy)
 app.command("live")(_live)
 app.command("image")(_image)
+app.command("reconstruct")(_image)
 app.command("convert")(_convert)
 app.add_typer(_link, name="link")
 app.add_typer(_board, name="board")
 app.add_typer(_design, name="design")
 app.command("bench")(_bench)
 app.command("compare")(_compare)
+app.command("compare-methods")(_compare_methods)
 app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)

@@ -1,5 +1,6 @@
 """Images from a spike stream at any instant."""
 
+from sensor.reconstruct.catalogue import METHODS, reconstruct
 from sensor.reconstruct.intervals import (
     interval_rate,
     isi,
@@ -7,18 +8,15 @@ from sensor.reconstruct.intervals import (
     tau_levels,
     tfi,
 )
-from sensor.reconstruct.playback import tfp, tfp_span
-
-METHODS = ("tfp", "tfi", "tau")
-"""Names of the methods on the command line."""
+from sensor.reconstruct.playback import tfp
 
 __all__ = [
     "METHODS",
     "interval_rate",
     "isi",
+    "reconstruct",
     "tau_image",
     "tau_levels",
     "tfi",
     "tfp",
-    "tfp_span",
 ]

@@ -15,11 +15,12 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.spikes.viform import WORD, SpikeStream, words_for
-from sensor.reconstruct.playback import check_cycle
+from sensor.reconstruct.playback import check_cycle, tfp_span
 
 __all__ = [
     "interval_image",
     "interval_rate",
+    "interval_span",
     "isi",
     "least_width",
     "spike_cycles",
@@ -34,63 +35,42 @@ Cycles = npt.NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def _first_from(word, begin, cycles, found):  # type: ignore[no-untyped-def]
-    """Enters the first spike at or after each pixel's cycle that a word from `begin` on has; the
-    number of pixels that still lack one. found: (n,), _NONE at first."""
+def _nearest(word, begin, cycles, after, found):  # type: ignore[no-untyped-def]
+    """Enters the spike nearest to each pixel's cycle that a word from `begin` on has: the first at
+    or after it, or the last before it. Returns the number of pixels that still lack one. found:
+    (n,), _NONE at first."""
     lacking = 0
     for p in range(word.size):
         if found[p] != _NONE:
             continue
-        skip = min(max(cycles[p] - begin, 0), WORD)
-        rest = np.uint64(word[p]) >> np.uint64(skip) << np.uint64(skip)
+        n = min(max(cycles[p] - begin, 0), WORD)
+        before = (np.uint64(1) << np.uint64(n)) - np.uint64(1)
+        rest = np.uint64(word[p]) & (~before if after else before)
         if rest:
-            n = 0
+            n, step = (n, 1) if after else (n - 1, -1)
             while not (rest >> np.uint64(n)) & np.uint64(1):
-                n += 1
+                n += step
             found[p] = begin + n
         else:
             lacking += 1
     return lacking
 
 
-@njit(cache=True, nogil=True)
-def _last_before(word, begin, cycles, found):  # type: ignore[no-untyped-def]
-    """The same of the last spike before each pixel's cycle."""
-    lacking = 0
-    for p in range(word.size):
-        if found[p] != _NONE:
-            continue
-        kept = min(max(cycles[p] - begin, 0), WORD)
-        rest = np.uint64(word[p]) & ((np.uint64(1) << np.uint64(kept)) - np.uint64(1))
-        if rest:
-            n = kept - 1
-            while not (rest >> np.uint64(n)) & np.uint64(1):
-                n -= 1
-            found[p] = begin + n
-        else:
-            lacking += 1
-    return lacking
-
-
-def _at_or_after(stream: SpikeStream, cycles: Cycles) -> Cycles:
-    """First spike at or after each pixel's cycle, -1 where there is none. cycles: (n,) all
-    pixels."""
+def _search(stream: SpikeStream, cycles: Cycles, within: tuple[int, int], *, after: bool) -> Cycles:
+    """First spike at or after each pixel's cycle, or last one before it; -1 where there is none in
+    the cycles (first, stop) of `within`. cycles: (n,) all pixels."""
+    first, stop = within
     found = np.full(cycles.shape, _NONE, np.int64)
-    for w in range(int(cycles.min()) // WORD, words_for(stream.cycles)):
+    words = (
+        range(max(int(cycles.min()), first) // WORD, words_for(stop))
+        if after
+        else range((min(int(cycles.max()), stop) - 1) // WORD, first // WORD - 1, -1)
+    )
+    for w in words:
         word = stream.read_words(w, w + 1).reshape(-1)
-        if not _first_from(word, w * WORD, cycles, found):
+        if not _nearest(word, w * WORD, cycles, after, found):
             break
-    return found
-
-
-def _before(stream: SpikeStream, cycles: Cycles) -> Cycles:
-    """Last spike before each pixel's cycle, -1 where there is none. cycles: (n,) all pixels."""
-    found = np.full(cycles.shape, _NONE, np.int64)
-    for w in range((int(cycles.max()) - 1) // WORD, -1, -1):
-        word = stream.read_words(w, w + 1).reshape(-1)
-        if not _last_before(word, w * WORD, cycles, found):
-            break
-    return found
+    return np.where((found < first) | (found >= stop), _NONE, found)
 
 
 def interval_image(
@@ -103,33 +83,16 @@ def interval_image(
     within: (first, stop) cycles whose spikes count; None for all.
     """
     check_cycle(stream, at)
-    n = stream.shape[0] * stream.shape[1]
-    first, stop = (0, stream.cycles) if within is None else within
-
-    def before(cycles: Cycles) -> Cycles:
-        found = _before(stream, cycles)
-        return np.where(found < first, _NONE, found)
-
-    def from_on(cycles: Cycles) -> Cycles:
-        found = _at_or_after(stream, cycles)
-        return np.where(found >= stop, _NONE, found)
-
-    instant = np.full(n, max(at, first), np.int64)
-    begin, end = before(instant), from_on(instant)
-    open_begin, open_end = begin == _NONE, end == _NONE
-    if (open_begin & ~open_end).any():
-        # The nearest whole interval starts with the first spike.
-        following = from_on(np.where(open_begin & ~open_end, end + 1, stream.cycles))
-        begin, end = (
-            np.where(open_begin & ~open_end, end, begin),
-            np.where(open_begin & ~open_end, following, end),
-        )
-    if (open_end & ~open_begin).any():
-        preceding = before(np.where(open_end & ~open_begin, begin, 0))
-        end, begin = (
-            np.where(open_end & ~open_begin, begin, end),
-            np.where(open_end & ~open_begin, preceding, begin),
-        )
+    span = (0, stream.cycles) if within is None else within
+    instant = np.full(stream.shape[0] * stream.shape[1], max(at, span[0]), np.int64)
+    begin, end = (_search(stream, instant, span, after=after) for after in (False, True))
+    early, late = (begin == _NONE) & (end != _NONE), (end == _NONE) & (begin != _NONE)
+    if early.any():  # the nearest whole interval begins with the first spike
+        following = _search(stream, np.where(early, end + 1, stream.cycles), span, after=True)
+        begin, end = np.where(early, end, begin), np.where(early, following, end)
+    if late.any():
+        preceding = _search(stream, np.where(late, begin, 0), span, after=False)
+        begin, end = np.where(late, preceding, begin), np.where(late, begin, end)
     whole = (begin != _NONE) & (end != _NONE)
     begin, end = np.where(whole, begin, _NONE), np.where(whole, end, _NONE)
     return begin.reshape(stream.shape), end.reshape(stream.shape)
@@ -140,7 +103,8 @@ def least_width(stream: SpikeStream, at: int) -> Cycles:
     of it that the stream holds."""
     check_cycle(stream, at)
     instant = np.full(stream.shape[0] * stream.shape[1], at, np.int64)
-    begin, end = _before(stream, instant), _at_or_after(stream, instant)
+    span = (0, stream.cycles)
+    begin, end = (_search(stream, instant, span, after=after) for after in (False, True))
     return (np.where(end == _NONE, stream.cycles, end) - begin).reshape(stream.shape)
 
 
@@ -151,9 +115,27 @@ def isi(stream: SpikeStream, at: int, within: tuple[int, int] | None = None) -> 
     return end - begin
 
 
-def tfi(stream: SpikeStream, at: int) -> npt.NDArray[np.float32]:
-    """1/ISI at cycle `at`: (H, W) float32, spikes a cycle; 0 where a pixel has no interval."""
-    return interval_rate(isi(stream, at))
+def tfi(
+    stream: SpikeStream, at: int, window: int | None = None, *, preceding: bool = False
+) -> npt.NDArray[np.float32]:
+    """1/ISI at cycle `at`: (H, W) float32, spikes a cycle; 0 where a pixel has no interval.
+
+    Args:
+        window: cycles, as of `tfp`, between whose spikes intervals are taken; None for all of the
+            stream.
+        preceding: no spike after cycle `at` is used: the last whole interval by then.
+    """
+    return interval_rate(isi(stream, at, interval_span(stream, at, window, preceding=preceding)))
+
+
+def interval_span(
+    stream: SpikeStream, at: int, window: int | None, *, preceding: bool
+) -> tuple[int, int] | None:
+    """First cycle, and the one after the last, of those between whose spikes `tfi` takes intervals;
+    None for all."""
+    if window is not None:
+        return tfp_span(stream, at, window, preceding=preceding)
+    return (0, at + 1) if preceding else None
 
 
 def interval_rate(tau: Cycles) -> npt.NDArray[np.float32]:

@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream, count_spikes
 
-__all__ = ["check_cycle", "tfp", "tfp_span"]
+__all__ = ["PLAYED", "check_cycle", "tfp", "tfp_span"]
+
+PLAYED: Final = 41
+"""Cycles of a window by default."""
 
 
 def check_cycle(stream: SpikeStream, at: int) -> None:
@@ -22,7 +27,7 @@ def check_cycle(stream: SpikeStream, at: int) -> None:
 
 
 def tfp(
-    stream: SpikeStream, at: int, window: int = 41, *, preceding: bool = False
+    stream: SpikeStream, at: int, window: int = PLAYED, *, preceding: bool = False
 ) -> npt.NDArray[np.float32]:
     """Spikes a cycle over `window` cycles around cycle `at`: (H, W) float32 in [0, 1].
 

@@ -26,7 +26,7 @@ from scenarios.assemble.recording.page import recording_page
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import RecordingScenario
 from sensor.reconstruct.fidelity import Estimate, to_white
-from sensor.reconstruct.intervals import interval_rate, isi
+from sensor.reconstruct.intervals import tfi
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import spike_rate
 
@@ -145,7 +145,7 @@ class RecordingMachine:
         return {
             cycle: (
                 to_white(tfp(stream, cycle, image.window, preceding=image.preceding), white),
-                to_white(interval_rate(isi(stream, cycle)), white),
+                to_white(tfi(stream, cycle), white),
             )
             for cycle in self.instants
         }

@@ -20,7 +20,7 @@ from cosim.spikes.viform import count_spikes
 from scenarios.assemble.schema.scenario import RecordingScenario
 from sensor.codec.files import open_any
 
-__all__ = ["Recording", "open_recording"]
+__all__ = ["Recording", "known_white", "open_recording"]
 
 FASTEST: Final = 1e6
 """Fastest clock of planes, Hz; events of a faster one must be latched by another clock."""
@@ -147,7 +147,7 @@ def _white(
     pixel, (H, W)."""
     if given is not None:
         return given, f"white is {given:.3g} spikes a cycle"
-    known = _known_white(folder)
+    known = known_white(folder)
     if known is not None:
         return known, f"white is {known:.3g} spikes a cycle, as in the run of {folder}"
     white = min(float(np.quantile(rate(), BRIGHT, method="higher")), 1.0)
@@ -159,7 +159,7 @@ def _white(
     )
 
 
-def _known_white(path: Path) -> float | None:
+def known_white(path: Path) -> float | None:
     """Spike rate of white in the result of a run, whose folder or stream this is; None if there is
     none."""
     name = _WHITES.get(path.name)

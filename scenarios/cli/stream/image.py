@@ -1,9 +1,9 @@
-"""`viform image`: an image from a stream at one instant."""
+"""`viform image`, also as `viform reconstruct`: an image from a stream at one instant."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,46 +19,60 @@ def image(
             help=".dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl, or the folder of a run"
         ),
     ],
-    out: Annotated[Path, typer.Option(help="PNG to write")],
+    out: Annotated[Path, typer.Option(help="PNG, or .npy of spikes a cycle, to write")],
     at: Annotated[int, typer.Option(help="zero-based cycle of the instant")],
     method: Annotated[
-        str, typer.Option(help="tfp, tfi, or tau (255 - tau, see --longest)")
+        str,
+        typer.Option(help="tfp, tfi, tfstp, motion-tfp, or tau (255 - tau, see --longest)"),
     ] = "tfp",
-    window: Annotated[int, typer.Option(help="window of tfp, an odd number of cycles")] = 41,
+    window: Annotated[
+        int | None,
+        typer.Option(help="cycles; odd if centred [41, tfstp 161, motion-tfp 201, else all]"),
+    ] = None,
     preceding: Annotated[
-        bool, typer.Option("--preceding", help="end the window of tfp with the instant")
+        bool, typer.Option("--preceding", help="use no spike after the instant")
     ] = False,
     longest: Annotated[
         str | None,
         typer.Option(help="cycles of tau that become black, or 'auto' for the longest [255]"),
     ] = None,
+    dark_limit: Annotated[
+        float | None,
+        typer.Option(help="cycles from which on an interval is noise, threshold / dark current"),
+    ] = None,
     scale: Annotated[float, typer.Option(help="rate that becomes white")] = 1.0,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     json: Json = False,
 ) -> None:
-    """Write the image at an instant: round(255 clip(x / scale, 0, 1)), 8-bit grey. A run that reads
-    below threshold, or rejects the dark, has its dim pixels by that in tfp and tfi."""
+    """Write the image at an instant: round(255 clip(x / scale, 0, 1)), 8-bit grey, or x as .npy. A
+    run that reads below threshold, or rejects the dark, has its dim pixels by that."""
     import math
+    from dataclasses import replace
+
+    import numpy as np
 
     from cosim import InputError
     from cosim.files import notes_of
+    from cosim.files.whole import whole
     from cosim.report.png import to_linear_bytes, write_png
     from scenarios.assemble.dim_of_run import dim_of_run
-    from sensor import METHODS, isi, tau_levels, tfi, tfp
+    from sensor import isi, tau_levels
     from sensor.codec.files import open_any
-    from sensor.reconstruct import tfp_span
+    from sensor.reconstruct import METHODS, reconstruct
+    from sensor.reconstruct.intervals import interval_span
+    from sensor.reconstruct.readings import DimLight
 
-    if method not in METHODS:
-        raise InputError("--method", f"one of {', '.join(METHODS)}", repr(method), "choose one")
-    if not (math.isfinite(scale) and scale > 0):
-        raise InputError(
-            "--scale", "a number above 0", f"{scale:g}", "write the white_rate of the run"
-        )
-    for option, own, given in (
-        ("--preceding", "tfp", preceding), ("--longest", "tau", longest is not None),
-    ):  # fmt: skip
-        if given and method != own:
-            raise InputError(option, f"given with --method {own}", f"with {method}", "leave it out")
+    known = (*METHODS, "tau")
+    if method not in known:
+        raise InputError("--method", f"one of {', '.join(known)}", repr(method), "choose one")
+    for option, value, remedy in (
+        ("--scale", scale, "write the white_rate of the run"),
+        ("--dark-limit", dark_limit, "leave it out for that of the run"),
+    ):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(option, "a number above 0", f"{value:g}", remedy)
+    if longest is not None and method != "tau":
+        raise InputError("--longest", "given with --method tau", f"with {method}", "leave it out")
     if longest not in (None, "auto") and not (longest.isdecimal() and int(longest) > 0):
         raise InputError(
             "--longest",
@@ -67,34 +81,45 @@ def image(
             "leave it out for 255",
         )
     opened, notes = open_any(stream, size_option(size))
-    dim, black, span = None, None, None
+    light = dim_of_run(stream)
+    if dark_limit is not None:
+        light = replace(light or DimLight(), dark=dark_limit)
+    black, used, plain, one_sided = None, None, None, None
+    values: Any
     if method == "tau":
-        tau = isi(opened, at)
-        black = max(int(tau.max(initial=0)), 1) if longest == "auto" else int(longest or 255)
-        grey = tau_levels(tau, black)
+        span = interval_span(opened, at, window, preceding=preceding)
+        used = None if window is None or span is None else span[1] - span[0]
+        values = isi(opened, at, span)
+        # Readings are no intervals.
+        dim = None if light is None else DimLight(dark=light.dark).at(opened, at)
+        if dim is not None:
+            values = np.where(dim.dark, 0, values)
+        black = max(int(values.max(initial=0)), 1) if longest == "auto" else int(longest or 255)
+        grey = tau_levels(values, black)
     else:
-        if method == "tfp":
-            span = tfp_span(opened, at, window, preceding=preceding)
-            rate = tfp(opened, at, window, preceding=preceding)
-        else:
-            rate = tfi(opened, at)
-        light = dim_of_run(stream)
-        if light is not None:
-            dim = light.at(opened, at)
-            rate = dim.put(rate)
-        grey = to_linear_bytes(rate, scale)
-    write_png(out, grey)
+        if window is None:
+            window = METHODS[method].window
+        made = reconstruct(opened, method, at, window, preceding=preceding, dim_light=light)
+        values, dim, used, plain, one_sided = (
+            made.rate, made.dim, made.cycles, made.plain, made.one_sided
+        )  # fmt: skip
+        grey = to_linear_bytes(values, scale)
+    if out.suffix.lower() == ".npy":
+        with whole(out) as part, part.open("wb") as file:
+            np.save(file, values)
+    else:
+        write_png(out, grey)
     for note in (*notes, *notes_of(opened)):
         SilentProgress().note(note)
     if json:
         print_document(
             {
                 "stream": str(stream), "out": str(out), "method": method, "at": at,
-                "window": window if method == "tfp" else None,
-                "window_cycles": None if span is None else span[1] - span[0],
-                "preceding": preceding if method == "tfp" else None, "longest": black,
+                "window": window, "window_cycles": used,
+                "preceding": None if method == "motion-tfp" else preceding, "longest": black,
                 "sub_threshold_pixels": None if dim is None else int(dim.read.sum()),
                 "dark_pixels": None if dim is None else int(dim.dark.sum()),
+                "plain_pixels": plain, "one_sided_pixels": one_sided,
                 "scale": None if method == "tau" else scale,
                 "cycles": opened.cycles, "height": opened.shape[0], "width": opened.shape[1],
             }

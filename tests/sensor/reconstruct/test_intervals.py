@@ -46,6 +46,25 @@ def test_intervals_follow_their_definition(planes: np.ndarray, pick: int) -> Non
 
 
 @settings(max_examples=100, deadline=None)
+@given(streams, st.integers(0, 10**6), st.integers(1, 60), st.booleans())
+def test_tfi_of_a_window_takes_intervals_between_its_spikes(
+    planes: np.ndarray, pick: int, window: int, preceding: bool
+) -> None:
+    stream, at = Viform.from_planes(planes, CLOCK), pick % len(planes)
+    window = window if preceding else window | 1
+    first = max(at + 1 - window if preceding else at - window // 2, 0)
+    stop = at + 1 if preceding else at + window // 2 + 1
+    found = tfi(stream, at, window, preceding=preceding)
+    causal = tfi(stream, at, preceding=True)
+    for place in np.ndindex(planes.shape[1:]):
+        column = planes[(slice(None), *place)]
+        begin, end = interval_of(column[first:stop], at - first)
+        assert found[place] == (np.float32(1 / (end - begin)) if begin >= 0 else 0)
+        begin, end = interval_of(column[: at + 1], at)
+        assert causal[place] == (np.float32(1 / (end - begin)) if begin >= 0 else 0)
+
+
+@settings(max_examples=100, deadline=None)
 @given(streams, st.integers(0, 10**6), st.integers(0, 60))
 def test_tfp_is_the_mean_of_the_cycles_there_are(planes: np.ndarray, pick: int, half: int) -> None:
     stream, at = Viform.from_planes(planes, CLOCK), pick % len(planes)

@@ -128,8 +128,9 @@ def test_image_says_with_json_what_it_did(viform, recording, tmp_path):
     answer = viform("image", recording, "--at", 30, "--method", "tau", "--out", out, "--json")
     assert json.loads(answer.out) == {
         "stream": str(recording), "out": str(out), "method": "tau", "at": 30, "window": None,
-        "window_cycles": None, "preceding": None, "longest": 255, "sub_threshold_pixels": None,
-        "dark_pixels": None, "scale": None, "cycles": 61, "height": 8, "width": 16,
+        "window_cycles": None, "preceding": False, "longest": 255, "sub_threshold_pixels": None,
+        "dark_pixels": None, "plain_pixels": None, "one_sided_pixels": None, "scale": None,
+        "cycles": 61, "height": 8, "width": 16,
     }  # fmt: skip
 
 
@@ -147,6 +148,42 @@ def test_a_window_is_cut_at_the_ends_and_json_says_to_how_many_cycles(
     stop = at + 1 if told["preceding"] else min(at + 21, 61)
     rate = spikes[stop - used : stop].mean(axis=0)
     assert np.abs(picture(out) - 255 * rate).max() <= 0.5 + 1e-4
+
+
+@pytest.mark.parametrize("window", [None, 9])
+@pytest.mark.parametrize("preceding", [False, True])
+def test_tau_of_a_window_is_black_where_it_is_noise(
+    viform, recording, spikes, tmp_path, window, preceding
+):
+    first, stop = 0, 31 if preceding else 61
+    if window is not None:
+        first, stop = (22, 31) if preceding else (26, 35)
+    words = ["--method", "tau", "--dark-limit", 3, *(["--preceding"] if preceding else [])]
+    words += [] if window is None else ["--window", window]
+    out = tmp_path / "a.npy"
+    told = json.loads(
+        viform("reconstruct", recording, "--at", 30, *words, "--out", out, "--json").out
+    )
+    found = np.load(out)
+    assert told["window_cycles"] == window
+    for place in np.ndindex(found.shape):
+        column = spikes[(slice(None), *place)]
+        fired = np.flatnonzero(column)
+        last = fired[fired < 30].max(initial=-1)
+        end = fired[fired >= 30].min(initial=61)
+        expected = interval(column[first:stop], 30 - first)
+        assert found[place] == (0 if end - last >= 3 else expected)
+    assert 0 < told["dark_pixels"] < found.size
+
+
+@pytest.mark.parametrize("method", ["tfp", "tfi", "tfstp"])
+def test_a_npy_has_the_rate_that_the_picture_shows(viform, recording, tmp_path, method):
+    words = ["reconstruct", recording, "--at", 30, "--method", method, "--scale", 0.6, "--out"]
+    for ending in ("png", "npy"):
+        assert viform(*words, tmp_path / f"a.{ending}") == (0, "", "")
+    rate = np.load(tmp_path / "a.npy")
+    assert rate.dtype == np.float32
+    np.testing.assert_array_equal(picture(tmp_path / "a.png"), to_linear_bytes(rate, 0.6))
 
 
 def test_json_has_the_longest_interval_that_became_black(viform, recording, spikes, tmp_path):
@@ -184,9 +221,18 @@ def test_a_dat_is_read_with_the_size_that_is_given(viform, recording, spikes, tm
         (["--at", 5, "--scale", "-0.6"],
          "--scale must be a number above 0, not -0.6; write the white_rate of the run"),
         (["--at", 5, "--method", "mean"],
-         "--method must be one of tfp, tfi, tau, not 'mean'; choose one"),
-        (["--at", 5, "--method", "tfi", "--preceding"],
-         "--preceding must be given with --method tfp, not with tfi; leave it out"),
+         "--method must be one of tfp, tfi, tfstp, motion-tfp, tau, not 'mean'; choose one"),
+        (["--at", 5, "--method", "motion-tfp", "--preceding"],
+         "--preceding must be given with --method tfp, tfi, tfstp, not with motion-tfp; leave it "
+         "out"),
+        (["--at", 5, "--method", "motion-tfp"],
+         "the stream must be at least 12 pixels high and wide for motion-tfp, not 16x8; use tfp"),
+        (["--at", 5, "--method", "tfi", "--window", 40],
+         "--window must be odd and at least 1, not 40; try 41"),
+        (["--at", 5, "--method", "tfstp", "--window", 0],
+         "--window must be at least 1, not 0; try 161"),
+        (["--at", 5, "--dark-limit", 0],
+         "--dark-limit must be a number above 0, not 0; leave it out for that of the run"),
         (["--at", 5, "--longest", "9"],
          "--longest must be given with --method tau, not with tfp; leave it out"),
         (["--at", 5, "--size", "16"],

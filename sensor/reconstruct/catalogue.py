@@ -1,0 +1,136 @@
+"""The methods of images from spikes, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.errors import InputError
+from cosim.spikes.viform import SpikeStream
+from sensor.reconstruct.intervals import tfi
+from sensor.reconstruct.motion import ALIGNED, motion_tfp
+from sensor.reconstruct.plasticity import MEMORY, tfstp
+from sensor.reconstruct.playback import PLAYED, tfp, tfp_span
+from sensor.reconstruct.readings import Dim, DimLight
+
+__all__ = ["METHODS", "Image", "Method", "reconstruct"]
+
+Make = Callable[[SpikeStream, int, Any, bool], "Image"]
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """An image at one instant.
+
+    Attributes:
+        rate: (H, W) float32, spikes a cycle.
+        cycles: number of cycles of the window that the stream has; None without a window.
+        plain: number of pixels without motion alignment; None for methods that have none.
+        one_sided: number of pixels that are aligned with one half of the window; None likewise.
+        dim: pixels that are read below threshold or rejected as dark; None without either.
+    """
+
+    rate: npt.NDArray[np.float32]
+    cycles: int | None = None
+    plain: int | None = None
+    one_sided: int | None = None
+    dim: Dim | None = None
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method.
+
+    Attributes:
+        title: what it is.
+        window: cycles by default; None for no window.
+        make: the image of (stream, cycle, window, preceding); the window is None only if that of
+            the method is.
+        precedes: whether it has a form that uses no spike after the instant.
+        best: windows among which `viform compare-methods` searches; empty for the default alone.
+    """
+
+    title: str
+    window: int | None
+    make: Make
+    precedes: bool = True
+    best: tuple[int, ...] = ()
+
+
+def _cycles(stream: SpikeStream, at: int, window: int, preceding: bool) -> int:
+    first, stop = tfp_span(stream, at, window, preceding=preceding)
+    return stop - first
+
+
+def _tfp(stream: SpikeStream, at: int, window: int, preceding: bool) -> Image:
+    cycles = _cycles(stream, at, window, preceding)
+    return Image(tfp(stream, at, window, preceding=preceding), cycles)
+
+
+def _tfi(stream: SpikeStream, at: int, window: int | None, preceding: bool) -> Image:
+    cycles = None if window is None else _cycles(stream, at, window, preceding)
+    return Image(tfi(stream, at, window, preceding=preceding), cycles)
+
+
+def _tfstp(stream: SpikeStream, at: int, window: int, preceding: bool) -> Image:
+    return Image(tfstp(stream, at, window, preceding=preceding), _cycles(stream, at, window, True))
+
+
+def _motion(stream: SpikeStream, at: int, window: int, preceding: bool) -> Image:
+    found, cycles = motion_tfp(stream, at, window), _cycles(stream, at, window, False)
+    return Image(found.rate, cycles, int(found.plain.sum()), int(found.one_sided.sum()))
+
+
+METHODS: Final = {
+    "tfp": Method(
+        "mean of a window", PLAYED, _tfp,
+        best=(3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 31, 35, 41, 51, 61, 81, 101, 121, 141,
+              161, 201, 241, 281, 321, 401, 501),
+    ),
+    "tfi": Method("1/ISI of the interval that holds the instant", None, _tfi),
+    "tfstp": Method("short-term plasticity", MEMORY, _tfstp),
+    "motion-tfp": Method(
+        "mean of a window that follows the motion", ALIGNED, _motion, precedes=False,
+        best=(61, 81, 121, 161, 201, 241, 321, 401, 501),
+    ),
+}  # fmt: skip
+
+
+def reconstruct(
+    stream: SpikeStream,
+    method: str,
+    at: int,
+    window: int | None = None,
+    *,
+    preceding: bool = False,
+    dim_light: DimLight | None = None,
+) -> Image:
+    """The image of a stream at cycle `at`.
+
+    Args:
+        method: a name of `METHODS`.
+        window: cycles; None for the default of the method.
+        preceding: no spike after the instant is used.
+        dim_light: how dim pixels are imaged; None for from spikes alone.
+
+    Raises:
+        InputError: an unknown method, a cycle beyond the stream, or a window that the method does
+            not take.
+    """
+    if method not in METHODS:
+        raise InputError("--method", f"one of {', '.join(METHODS)}", repr(method), "choose one")
+    chosen = METHODS[method]
+    if preceding and not chosen.precedes:
+        names = ", ".join(name for name, each in METHODS.items() if each.precedes)
+        raise InputError(
+            "--preceding", f"given with --method {names}", f"with {method}", "leave it out"
+        )
+    image = chosen.make(stream, at, chosen.window if window is None else window, preceding)
+    if dim_light is None:
+        return image
+    dim = dim_light.at(stream, at)
+    return replace(image, rate=dim.put(image.rate), dim=dim)
