@@ -17,14 +17,16 @@ class Stream(Sliceable):
     """A stream in a file, which is read where it is used. Its parts are in memory.
 
     Attributes:
+        path: the file or folder.
         shape: (height, width) in pixels.
         cycles: number of latch cycles.
         clock: of the latches.
         notes: on the interpretation of the file.
     """
 
-    def __init__(self, stream: SpikeStream, notes: tuple[str, ...] = ()) -> None:
-        self._stream, self.notes = stream, notes
+    def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
+        stream, notes = open_any(path, size)
+        self._stream, self.path, self.notes = stream, path, tuple(notes)
         self.shape: tuple[int, int] = stream.shape
         self.cycles: int = stream.cycles
         self.clock: Clock = stream.clock
@@ -44,8 +46,7 @@ def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = Non
     Raises:
         InputError: there is no such stream, or it cannot be read.
     """
-    stream, notes = open_any(Path(path), size)
-    return Stream(stream, tuple(notes))
+    return Stream(Path(path), size)
 
 
 def save_stream(stream: SpikeStream, path: str | os.PathLike[str]) -> list[str]:
