@@ -201,7 +201,9 @@ def set_up_link(
     seconds["sender"] = time.perf_counter() - begin
     lock = None
     if locking is not None:
-        setting, lock = locking.hold(setting, sent.planes)
+        begin = time.perf_counter()
+        setting, lock = locking.hold(setting, sent.planes, progress)
+        seconds["phase lock"] += time.perf_counter() - begin
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL

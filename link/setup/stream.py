@@ -172,7 +172,7 @@ def set_up_stream(
     whole = TRAINING + blocks * form.groups * layout.group + layout.closing
     lock = None
     if locking is not None:
-        setting, lock = locking.hold(setting, whole * mode.ticks)
+        setting, lock = locking.hold(setting, whole * mode.ticks, progress)
     dark = setting.first_light + panel.edge(whole * mode.ticks)
     ticks = clock.cycle_at(dark) + 1 + TAIL
     return StreamSetup(

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
-from link.layout import TRAINING, Layout, training
+from link.layout import Layout, training
 from link.receiving.pacing import Delay
 from link.receiving.phasing import fit_phase, fit_timing, measure_delay
 from link.receiving.pilots.clocking import clock_by_pilots
@@ -93,35 +93,32 @@ class PhaseDetector:
         self._decides = made
 
     def trained(
-        self, recording: Recording, timing: Timing, levels: Levels
+        self, recording: Recording, timing: Timing, levels: Levels, count: int
     ) -> tuple[Delay, Levels] | None:
-        """Returns the delay of the first symbols of the training against an expected timing, and
+        """Returns the delay of the training's first `count` symbols against an expected timing, and
         the levels that they show; None if they are not visible."""
-        count = min(self._symbols(recording, timing), TRAINING)
         w = self._witnesses(recording, timing, self.training[:count])
         if w is None:
             return None
         tried = [fit_phase(w, timing, replace(levels, noise=noise)) for noise in _NOISES]
         return max(tried, key=lambda one: one[1].likelihood)
 
-    def decided(self, recording: Recording, timing: Timing, levels: Levels) -> Delay | None:
-        """Returns the delay of symbols of data against an expected timing, by their decisions; None
-        if too many of these are doubtful. Wrong decisions favour the expected phase.
+    def decided(
+        self, recording: Recording, timing: Timing, levels: Levels, count: int
+    ) -> Delay | None:
+        """Returns the delay of `count` symbols of data against an expected timing, by their
+        decisions; None if too many of these are doubtful. Wrong decisions favour the expected
+        phase.
 
         Raises ValueError before `learn`.
         """
         if self._decides is None:
             raise ValueError("data cannot be decided before the training was learned")
-        count = self._symbols(recording, timing)
         soft = self._decides.soft(recording.words, recording.first, 0, count, recording.stop)
         if float(np.mean(1 / (1 + np.exp(np.abs(soft.astype(np.float64)))))) > _DOUBT:
             return None
         w = self._witnesses(recording, timing, soft > 0)
         return None if w is None else measure_delay(w, timing, levels)
-
-    def _symbols(self, recording: Recording, timing: Timing) -> int:
-        """Returns the number of symbols that end within a recording."""
-        return int((recording.stop - timing.start(0, timing.rows / 2)) / timing.period)
 
     def _witnesses(
         self, recording: Recording, timing: Timing, data: npt.NDArray[np.bool_]

@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from cosim import PS
 from cosim.compute.opencl import Device
+from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.layout import TRAINING
 from link.mode import Mode
@@ -179,7 +180,7 @@ class Locking:
         assert self._levels is not None
         shown = self._sees.training[: -(-IDLE // self._model.mode.ticks)]
         recording = self._model.film(shown, phase, growth, self._number, _IDLING)
-        found = self._sees.trained(recording, self._expected(), self._levels)
+        found = self._sees.trained(recording, self._expected(), self._levels, len(shown))
         if found is None:
             return None
         delay, self._levels = found
@@ -192,7 +193,7 @@ class Locking:
         shown = self._model.data(number, -(-WINDOW // self._model.mode.ticks))
         since = self._edges[-1] - self._origin
         recording = self._model.film(shown, phase, growth, number, since)
-        delay = self._sees.decided(recording, self._expected(), self._levels)
+        delay = self._sees.decided(recording, self._expected(), self._levels, len(shown))
         return None if delay is None else (self._loop.phase + delay.ticks, delay.error)
 
     def _expected(self) -> Timing:
@@ -226,20 +227,26 @@ class Locking:
         self.setting = replace(self._free, camera=camera, first_light=first, phase=phase % 1)
         return True
 
-    def hold(self, setting: LinkSetting, planes: int) -> tuple[LinkSetting, ClockLock | None]:
+    def hold(
+        self, setting: LinkSetting, planes: int, progress: Progress
+    ) -> tuple[LinkSetting, ClockLock | None]:
         """Returns a link with the ticks of the loop over its run, and how they were held; the link
         with the clocks that it had at first, and None, if the lock is lost.
 
         Args:
             setting: that of `setting`; its hidden spans may be changed.
             planes: of the transmission.
+            progress: of the ticks.
         """
         aim = replace(self._model.strip.aim, blocked=setting.aim.blocked)
         self._model.strip = replace(self._model.strip, aim=aim)
         begin = len(self._edges) - 1
         cycles = self._panel.cycle_at(setting.first_light) + planes + 1 + TAIL
-        while len(self._edges) - 1 < begin + cycles + WORD:
+        ticks = cycles + WORD
+        progress.start("ticks of the locked clock", ticks)
+        while len(self._edges) - 1 < begin + ticks:
             self._interval(self._tracked)
+            progress.advance(min(len(self._edges) - 1 - begin, ticks))
         edges = np.array(self._edges[begin:], np.int64)
         mean = np.array([self._panel.edge(k) for k in range(len(edges))], np.int64)
         moves = ClockMoves(edges - edges[0] - mean)

@@ -51,7 +51,7 @@ def locked(
     )
     locking = Locking(setting, MODE, BOARD, "joint", device)
     assert locking.acquire()
-    held, lock = locking.hold(locking.setting, ticks)
+    held, lock = locking.hold(locking.setting, ticks, SilentProgress())
     assert lock is not None
     return held, lock
 
@@ -160,12 +160,12 @@ def test_the_phase_is_measured_to_a_fiftieth_of_a_tick(
     expected = model.timing(0.0, 0.0, model.slope)
     begun = model.film(sees.training, 0.03, 0.0, 0, 0)
     sees.learn(model.film(sees.training, 0.0, 0.0, 1, 0), expected)
-    found = sees.trained(begun, expected, Levels(1.4, 0.02, "hard", 0.0))
+    found = sees.trained(begun, expected, Levels(1.4, 0.02, "hard", 0.0), TRAINING)
     assert found is not None and len(sees.training) == TRAINING
     off, errors = [found[0].ticks - 0.03], [found[0].error]
     for n, phase in enumerate((-0.08, -0.04, -0.01, 0.0, 0.02, 0.05, 0.09)):
         recording = model.film(model.data(n, WINDOW), phase, 0.0, 2 + n, 0)
-        delay = sees.decided(recording, expected, found[1])
+        delay = sees.decided(recording, expected, found[1], WINDOW)
         assert isinstance(delay, Delay)
         off.append(delay.ticks - phase)
         errors.append(delay.error)
@@ -179,4 +179,4 @@ def test_data_are_not_decided_before_the_training_is_learned(shipped: LinkSettin
     sees = PhaseDetector(model.layout, "joint", model.registration)
     recording = model.film(sees.training[:6], 0.0, 0.0, 0, 0)
     with pytest.raises(ValueError, match="before the training"):
-        sees.decided(recording, model.timing(0.0, 0.0, 0.0), Levels(1.4, 0.02, "hard", 0.0))
+        sees.decided(recording, model.timing(0.0, 0.0, 0.0), Levels(1.4, 0.02, "hard", 0.0), 6)

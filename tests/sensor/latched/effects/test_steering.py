@@ -80,6 +80,19 @@ def test_tiers_agree_but_for_their_arithmetic(device: Device, tier: str) -> None
     assert (plain != words[0]).any()
 
 
+@pytest.mark.parametrize("tier", ["exact", "fast", "reference"])
+def test_bits_do_not_depend_on_the_blocks_of_a_run(device: Device, tier: str) -> None:
+    light = light_between(SHAPE, [-PERIOD, 7 * PERIOD + 3, 61 * PERIOD, 150 * PERIOD], True)
+    made = camera(row_skew=0.9, clock_moves=moves(3))
+
+    def words(block: int) -> np.ndarray:
+        chip = SpikeCamera(made, device if tier == "fast" else None, tier=tier)
+        parts = [chip.step(light, Block(n, block)).words for n in range(0, 128, block)]
+        return np.concatenate(parts)
+
+    assert (words(128) == words(32)).all()
+
+
 def test_timing_noise_adds_to_the_moves() -> None:
     noise = RowTiming(0.05, 0.0, 0.5, 6.0).on(np.arange(12), 12, CLOCK, 5)
     assert noise is not None
