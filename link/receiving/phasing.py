@@ -253,25 +253,41 @@ def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
     return _levels(w, top, levels.reset, levels.noise)
 
 
-def measure_delay(w: Witnesses, timing: Timing, levels: Levels) -> Delay:
-    """Returns the delay of symbols against a nearly correct timing, at the nearest maximum.
+def measure_delay(w: Witnesses, timing: Timing, levels: Levels, reach: float = 0.0) -> Delay:
+    """Returns the delay of symbols against a nearly correct timing, at the nearest maximum, or at
+    the one that begins from the likeliest of some phases within `reach` ticks.
 
     The error is large if light fills a threshold exactly, so that many phases explain the same
     spikes.
     """
     free = np.array([True, False, False, False, False])
-    start = np.array([0.0, levels.on, levels.background, 0.0, 0.0])
+    delay = _likeliest(w, timing, levels, reach)
+    start = np.array([delay, levels.on, levels.background, 0.0, 0.0])
     top = _climb(w, timing, start, levels.reset, free, noise=levels.noise)
     return Delay(float(top.at[0]), _error(top, free, 0))
 
 
-def fit_phase(w: Witnesses, timing: Timing, levels: Levels) -> tuple[Delay, Levels]:
-    """Returns the delay against a nearly correct timing and the light levels, fitted together."""
+def fit_phase(
+    w: Witnesses, timing: Timing, levels: Levels, reach: float = 0.0
+) -> tuple[Delay, Levels]:
+    """Returns the delay as `measure_delay` and the light levels, fitted together."""
     free = np.array([True, True, True, False, False])
-    start = np.array([0.0, levels.on, max(levels.background, 1e-3), 0.0, 0.0])
+    delay = _likeliest(w, timing, levels, reach)
+    start = np.array([delay, levels.on, max(levels.background, 1e-3), 0.0, 0.0])
     top = _climb(w, timing, start, levels.reset, free, noise=levels.noise)
-    delay = Delay(float(top.at[0]), _error(top, free, 0))
-    return delay, _levels(w, top, levels.reset, levels.noise)
+    return Delay(float(top.at[0]), _error(top, free, 0)), _levels(
+        w, top, levels.reset, levels.noise
+    )
+
+
+def _likeliest(w: Witnesses, timing: Timing, levels: Levels, reach: float) -> float:
+    """Returns the likeliest of _TRIED delays within `reach`: the slope of the likelihood jumps
+    where symbols begin with ticks, and each side may have a maximum of its own."""
+    if not reach:
+        return 0.0
+    delays = np.linspace(-reach, reach, _TRIED)
+    moved = (replace(timing, first=timing.first + float(a)) for a in delays)
+    return float(delays[np.argmax([likelihoods(w, one, levels).sum() for one in moved])])
 
 
 def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:

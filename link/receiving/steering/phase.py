@@ -33,6 +33,8 @@ _MATCH: Final = 0.15
 """Smallest correlation of the spikes with the light of the known cells."""
 _NOISES: Final = (0.035, 0.05, 0.07, 0.09)
 """Noise of a spike's charge that is tried, thresholds. Too large a noise gives a biased phase."""
+_REACH: Final = 0.3
+"""Distance from the expected phase within which the likeliest one is taken, ticks."""
 _DOUBT: Final = 0.05
 """Largest share of decisions that their soft values expect to be wrong."""
 
@@ -100,7 +102,7 @@ class PhaseDetector:
         w = self._witnesses(recording, timing, self.training[:count])
         if w is None:
             return None
-        tried = [fit_phase(w, timing, replace(levels, noise=noise)) for noise in _NOISES]
+        tried = [fit_phase(w, timing, replace(levels, noise=noise), _REACH) for noise in _NOISES]
         return max(tried, key=lambda one: one[1].likelihood)
 
     def decided(
@@ -118,7 +120,7 @@ class PhaseDetector:
         if float(np.mean(1 / (1 + np.exp(np.abs(soft.astype(np.float64)))))) > _DOUBT:
             return None
         w = self._witnesses(recording, timing, soft > 0)
-        return None if w is None else measure_delay(w, timing, levels)
+        return None if w is None else measure_delay(w, timing, levels, _REACH)
 
     def _witnesses(
         self, recording: Recording, timing: Timing, data: npt.NDArray[np.bool_]

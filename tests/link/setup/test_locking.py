@@ -44,12 +44,12 @@ def setting_of(scenario: LinkScenario) -> LinkSetting:
 
 
 def locked(
-    phase: float, ppm: float, ticks: int, device: Device | None, *more: str
+    phase: float, ppm: float, ticks: int, device: Device | None, *more: str, mode: Mode = MODE
 ) -> tuple[LinkSetting, ClockLock]:
     setting = setting_of(
         scenario_of(f"link.panel.phase={phase}", f"link.panel.clock_offset={ppm}", *more)
     )
-    locking = Locking(setting, MODE, BOARD, "joint", device)
+    locking = Locking(setting, mode, BOARD, "joint", device)
     assert locking.acquire()
     held, lock = locking.hold(locking.setting, ticks, SilentProgress())
     assert lock is not None
@@ -74,6 +74,13 @@ def test_a_clock_is_locked_from_any_phase_and_held(
     expected = skewed % 1 - moves / panel
     expected -= np.round(expected)
     assert np.abs(expected - lock.phase).max() < 0.01
+
+
+def test_symbols_of_two_ticks_are_locked_on_either_side(device: Device) -> None:
+    """Their likelihood has a maximum on each side of the lock; the nearest one may be false."""
+    mode = replace(MODE, ticks=2, line="8b10b")
+    _, lock = locked(0.6, 20, 2500, device, mode=mode)
+    assert lock.most < 0.1
 
 
 def rows_delay(setting: LinkSetting) -> np.ndarray:
