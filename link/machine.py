@@ -11,6 +11,7 @@ from pathlib import Path
 from threading import Event
 from typing import Protocol
 
+from cosim import Clock
 from cosim.config.toml import to_toml
 from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
@@ -19,7 +20,7 @@ from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput, viform_version
 from link.evaluation.delivery import write_delivery
 from link.evaluation.judge import closed_form, evaluate_link
-from link.evaluation.metrics import link_metrics
+from link.evaluation.metrics import link_metrics, lock_metrics
 from link.evaluation.reception import receive_stream
 from link.report.page import link_page
 from link.sending import Transmission
@@ -139,7 +140,7 @@ class LinkMachine:
         setup, chip = self._setup, self._setup.setting.camera.chip
         air = self._link.make_air()
         sensor = self._link.make_camera(air.row_delay)
-        clock = setup.setting.camera.clock
+        clock = Clock.from_hz(setup.scenario.sensor.clock)  # nominal: no reader knows the loop
         recorder = Recorder(folder / STREAM, sensor.shape, setup.cycles, clock, keep=True)
         return LinkChain(
             f"{self._name}: {setup.cycles} cycles of {chip.width} x {chip.height}",
@@ -157,6 +158,8 @@ class LinkMachine:
         setup, plan = self._setup, self._link.plan
         text = to_toml(setup.scenario.model_copy(update={"title": ""})) + viform_version()
         text += f"{setup.mode} {plan.tier} {sorted(plan.left_out)}"
+        moves = setup.setting.camera.clock_moves
+        text += "" if moves is None else hashlib.sha256(moves.ps.tobytes()).hexdigest()
         text += hashlib.sha256(setup.payload.data).hexdigest()
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -191,6 +194,7 @@ class LinkMachine:
             left_out=link.left_out,
             metrics={
                 **link_metrics(link, seconds["air"] + seconds["sensor"]),
+                **lock_metrics(setup.lock),
                 **({} if self._loop is None else self._loop.metrics()),
             },
             latency=link.latency,

@@ -18,11 +18,12 @@ from link.air.projection import Places
 from link.coding import safe_name
 from link.section import LinkScenario
 from sensor import CameraSetting
+from sensor.device.steering import ClockSteering
 from sensor.sections.sensor import LensSection, SensorSection
 
 __all__ = [
     "LARGEST", "LEAD", "SLOWEST_F_NUMBER", "TAIL", "LinkSetting", "Payload", "check_receiver",
-    "link_setting", "payload_of",
+    "link_setting", "payload_of", "steering_of",
 ]  # fmt: skip
 
 LEAD, TAIL = 8, 4
@@ -187,9 +188,24 @@ def check_receiver(sensor: SensorSection, name: str = "sensor") -> None:
     ):
         if getattr(sensor, key) is not None:
             raise InputError(f"{name}.{key}", "absent in a link", "given", "leave it out")
+    if sensor.clock_steering and sensor.reset != "hard":
+        raise InputError(
+            f"{name}.clock_steering", "true only with a hard reset, whose charge the loop knows "
+            "after each spike", f"true with reset = {sensor.reset}", "leave it out",
+        )  # fmt: skip
     if sensor.writes:
         raise InputError(f"{name}.writes", "empty in a link", "given", "leave them out")
     _refuse_lens(sensor.lens, name)
+
+
+def steering_of(sensor: SensorSection) -> ClockSteering | None:
+    """Returns the steering of a link's camera; None if its ticks keep their length.
+
+    By default it is used where the chip's board has it and the reset is hard.
+    """
+    if sensor.clock_steering is False or sensor.reset != "hard":
+        return None
+    return sensor.own_chip.steering
 
 
 def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:

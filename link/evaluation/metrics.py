@@ -7,10 +7,11 @@ import numpy as np
 from cosim.run.result import Metric
 from link.evaluation.record import LinkEvaluation
 from link.receiving import Received
+from link.setup.locking.loop import ClockLock
 from link.setup.setup import FileLinkSetup
 from link.trial.check import LinkCheck
 
-__all__ = ["link_metrics"]
+__all__ = ["link_metrics", "lock_metrics"]
 
 
 def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
@@ -58,6 +59,16 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
         "full_physics": Metric(full_s, "s"),
         **_check_metrics(link.check),
         "camera": Metric(camera_s, "s"),
+    }
+
+
+def lock_metrics(lock: ClockLock | None) -> dict[str, Metric]:
+    """Returns the metrics of a locked clock, unknown without one: rms and largest true phase of the
+    planes over the run, and the ticks that the loop took to lock before it."""
+    return {
+        "phase_error": Metric(None if lock is None else lock.rms, "ticks"),
+        "phase_error_most": Metric(None if lock is None else lock.most, "ticks"),
+        "lock_ticks": Metric(None if lock is None else lock.acquired, "ticks"),
     }
 
 

@@ -29,7 +29,7 @@ from link.receiving.synthesis import (
 )
 from link.timing import Timing
 
-__all__ = ["Fit", "fit_levels", "fit_timing", "measure_delay", "nudge"]
+__all__ = ["Fit", "fit_levels", "fit_phase", "fit_timing", "measure_delay", "nudge"]
 
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = (-1.0, 1.0, 0.125)
@@ -114,13 +114,13 @@ def _moved(timing: Timing, w: Witnesses, delay: float, slope: float, stretch: fl
 
 
 def _derivatives(
-    w: Witnesses, timing: Timing, at: Floats, rule: str
+    w: Witnesses, timing: Timing, at: Floats, rule: str, noise: float = NOISE
 ) -> tuple[float, Floats, Floats]:
     """Returns ln P, its derivatives (5,) and its information (5, 5)."""
     moved = _moved(timing, w, at[0], at[3], at[4])
     total, first, second = slopes(
         w.bits, w.light, moved.start(w.begin, w.rows), w.tick, moved.period, at[1], at[2],
-        RULES.index(rule), NOISE, FLOOR, SKIP,
+        RULES.index(rule), noise, FLOOR, SKIP,
     )  # fmt: skip
     ticks = w.bits.shape[1]
     middle = (w.tick + ticks / 2 - timing.first) / timing.period
@@ -138,7 +138,7 @@ def _derivatives(
 
 def _climb(
     w: Witnesses, timing: Timing, start: Floats, rule: str, free: npt.NDArray[np.bool_],
-    prior_errors: Floats | None = None, unit: float = 1.0,
+    prior_errors: Floats | None = None, unit: float = 1.0, noise: float = NOISE,
 ) -> _Top:  # fmt: skip
     """Maximises the likelihood over the free parameters, from `start` on.
 
@@ -150,6 +150,7 @@ def _climb(
         free: (5,) bool.
         prior_errors: (5,) standard errors of a prior about 0, infinite without a prior.
         unit: of the stretch, ticks.
+        noise: standard deviation of the charge at a spike, thresholds.
     """
     prior_errors = np.full(5, np.inf) if prior_errors is None else prior_errors
     units = np.array([1, 1, 1, 1, unit])
@@ -157,7 +158,7 @@ def _climb(
     prior = 1 / prior_errors**2
 
     def derivatives(at: Floats) -> tuple[float, Floats, Floats]:
-        nats, slope, bend = _derivatives(w, timing, at, rule)
+        nats, slope, bend = _derivatives(w, timing, at, rule, noise)
         share = w.independent
         nats = nats * share - float(at**2 @ prior) / 2
         return nats, slope * share - prior * at, bend * share + np.diag(prior)
@@ -231,9 +232,9 @@ def fit_timing(w: Witnesses, timing: Timing, span: float) -> Fit:
     )  # fmt: skip
 
 
-def _levels(w: Witnesses, top: _Top, rule: str) -> Levels:
+def _levels(w: Witnesses, top: _Top, rule: str, noise: float = NOISE) -> Levels:
     count = len(w.rows) * max(w.bits.shape[1] - SKIP, 1) * w.independent
-    return Levels(float(top.at[1]), float(top.at[2]), rule, top.nats / count)
+    return Levels(float(top.at[1]), float(top.at[2]), rule, top.nats / count, noise)
 
 
 def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
@@ -248,20 +249,45 @@ def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
     )
     free = np.array([False, True, True, False, False])
     start = np.array([0.0, on, max(levels.background, 1e-3), 0.0, 0.0])
-    top = _climb(w, timing, start, levels.reset, free)
-    return _levels(w, top, levels.reset)
+    top = _climb(w, timing, start, levels.reset, free, noise=levels.noise)
+    return _levels(w, top, levels.reset, levels.noise)
 
 
-def measure_delay(w: Witnesses, timing: Timing, levels: Levels) -> Delay:
-    """Returns the delay of symbols against a nearly correct timing, at the nearest maximum.
+def measure_delay(w: Witnesses, timing: Timing, levels: Levels, reach: float = 0.0) -> Delay:
+    """Returns the delay of symbols against a nearly correct timing, at the nearest maximum, or at
+    the one that begins from the likeliest of some phases within `reach` ticks.
 
     The error is large if light fills a threshold exactly, so that many phases explain the same
     spikes.
     """
     free = np.array([True, False, False, False, False])
-    start = np.array([0.0, levels.on, levels.background, 0.0, 0.0])
-    top = _climb(w, timing, start, levels.reset, free)
+    delay = _likeliest(w, timing, levels, reach)
+    start = np.array([delay, levels.on, levels.background, 0.0, 0.0])
+    top = _climb(w, timing, start, levels.reset, free, noise=levels.noise)
     return Delay(float(top.at[0]), _error(top, free, 0))
+
+
+def fit_phase(
+    w: Witnesses, timing: Timing, levels: Levels, reach: float = 0.0
+) -> tuple[Delay, Levels]:
+    """Returns the delay as `measure_delay` and the light levels, fitted together."""
+    free = np.array([True, True, True, False, False])
+    delay = _likeliest(w, timing, levels, reach)
+    start = np.array([delay, levels.on, max(levels.background, 1e-3), 0.0, 0.0])
+    top = _climb(w, timing, start, levels.reset, free, noise=levels.noise)
+    return Delay(float(top.at[0]), _error(top, free, 0)), _levels(
+        w, top, levels.reset, levels.noise
+    )
+
+
+def _likeliest(w: Witnesses, timing: Timing, levels: Levels, reach: float) -> float:
+    """Returns the likeliest of _TRIED delays within `reach`: the slope of the likelihood jumps
+    where symbols begin with ticks, and each side may have a maximum of its own."""
+    if not reach:
+        return 0.0
+    delays = np.linspace(-reach, reach, _TRIED)
+    moved = (replace(timing, first=timing.first + float(a)) for a in delays)
+    return float(delays[np.argmax([likelihoods(w, one, levels).sum() for one in moved])])
 
 
 def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:

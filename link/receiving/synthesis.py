@@ -61,12 +61,14 @@ class Levels:
         background: charge of a tick without light, thresholds.
         reset: estimated reset rule.
         likelihood: mean ln P of an observed bit.
+        noise: standard deviation of the charge at a spike, thresholds.
     """
 
     on: float
     background: float
     reset: str
     likelihood: float
+    noise: float = NOISE
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +263,7 @@ def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
     return np.asarray(
         compiled(
             w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, levels.on,
-            levels.background, RULES.index(levels.reset), NOISE, FLOOR, SKIP,
+            levels.background, RULES.index(levels.reset), levels.noise, FLOOR, SKIP,
         )
     )  # fmt: skip
 

@@ -17,6 +17,7 @@ from link.receiving.tags import least_module
 from link.report.cells import cells_section
 from link.report.errors import errors_section
 from link.report.figures import bits, delay_figure, rates_figure, reach_figure
+from link.report.phase import phase_section
 from link.report.signal_figures import view_figure
 from link.report.tables import NOT_KNOWN, effects_section, machine_section
 from link.verdict import Cause
@@ -200,12 +201,13 @@ def link_page(link: LinkEvaluation, run: Run) -> Page:
     sections = [
         _verdict(link), _rates(link, run.result, figures), _delay(link, figures),
         errors_section(link, figures), cells_section(link, figures), _view(link, figures),
-        _reach(link, figures), effects_section(link, run.result), machine_section(link),
+        phase_section(link.setup.lock, figures), _reach(link, figures),
+        effects_section(link, run.result), machine_section(link),
     ]  # fmt: skip
     stream = shlex.quote(str(run.folder / "stream.zarr"))
     return Page(
         title=link.scenario.title,
-        subtitle=f"{camera.chip.title}, {camera.clock.hz / 1e3:g} kHz, a panel of "
+        subtitle=f"{camera.chip.title}, {link.scenario.sensor.clock / 1e3:g} kHz, a panel of "
         f"{link.mode.width} x {link.mode.height} pixels at {link.setting.air.distance:g} m",
         cards=_cards(link, run),
         sections=sections,

@@ -88,11 +88,20 @@ def effects_section(link: LinkEvaluation, result: Result) -> str:
     )
 
 
+def _phase_row(link: LinkEvaluation) -> list[str]:
+    lock = link.setup.lock
+    if lock is not None:
+        return ["delay of its planes", f"locked to {lock.rms:.2g} ticks rms", "the camera's loop"]
+    chance = link.scenario.link.panel.phase is None
+    late = f"{link.setting.phase:.4g} ticks"
+    return ["delay of its planes", late, "random" if chance else "scenario"]
+
+
 def machine_section(link: LinkEvaluation) -> str:
     """Returns a table of the parameters of panel, lens and camera."""
     setting, section = link.setting, link.scenario.link
     camera, chip, panel = setting.camera, setting.camera.chip, setting.panel
-    provenance = chip.provenance()
+    provenance, latched = chip.provenance(), link.scenario.sensor.clock
     numbers = [
         ["panel", f"{panel.shape[1]} x {panel.shape[0]} pixels of {section.panel.pitch:g} um, "
          f"{panel.luminance:g} cd/m2", "scenario"],
@@ -100,8 +109,7 @@ def machine_section(link: LinkEvaluation) -> str:
          "scenario"],
         ["rows of the panel", f"driven over {panel.row_scan:.4g} of a tick",
          "in step with the camera" if section.panel.row_scan is None else "scenario"],
-        ["delay of its planes", f"{setting.phase:.4g} ticks",
-         "random" if section.panel.phase is None else "scenario"],
+        _phase_row(link),
         ["lens", f"{setting.optics.focal_length * 1e3:g} mm, f/{setting.optics.f_number:.3g}, "
          f"T {setting.optics.transmission:g}",
          f"f-number chosen for {section.aim.on_level:g} thresholds a tick"
@@ -110,8 +118,8 @@ def machine_section(link: LinkEvaluation) -> str:
         ["background light", f"{link.scene.background:.3g} thresholds a tick", "computed"],
         ["blur", f"{link.scene.blur:.3g} camera pixels, standard deviation", "computed"],
         ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
-        ["latch clock", f"{camera.clock.hz / 1e3:g} kHz",
-         provenance["clocks"] if camera.clock.hz in chip.clocks else "not one of this chip's"],
+        ["latch clock", f"{latched / 1e3:g} kHz",
+         provenance["clocks"] if latched in chip.clocks else "not one of this chip's"],
         ["charge threshold Q", f"{camera.threshold:g} e", "scenario"],
         ["reset rule", camera.reset, "scenario"],
         *optics_rows(camera),

@@ -39,22 +39,22 @@ _MARGIN = 12
 """Camera pixels around the strip's image."""
 
 
-def strip_of(setting: LinkSetting) -> LinkSetting:
+def strip_of(setting: LinkSetting, width: int = WIDTH) -> LinkSetting:
     """Returns the link of a narrow panel from the panel's middle, with a camera as small as its
-    image."""
-    height, width = setting.camera.chip.height, setting.camera.chip.width
-    optics = replace(setting.optics, width=min(WIDTH, setting.optics.width))
-    corners = panel_corners(optics) @ image_of(optics, setting.aim, setting.air, (height, width)).T
+    image. width: of the panel, at most, panel pixels."""
+    height, across = setting.camera.chip.height, setting.camera.chip.width
+    optics = replace(setting.optics, width=min(width, setting.optics.width))
+    corners = panel_corners(optics) @ image_of(optics, setting.aim, setting.air, (height, across)).T
     xy = corners[:, :2] / corners[:, 2:]
     low = np.maximum(np.floor(xy.min(axis=0)).astype(int) - _MARGIN, 0)
-    high = np.minimum(np.ceil(xy.max(axis=0)).astype(int) + _MARGIN + 1, (width, height))
+    high = np.minimum(np.ceil(xy.max(axis=0)).astype(int) + _MARGIN + 1, (across, height))
     high = np.maximum(high, low + 2 * _MARGIN)  # out of view: any part of the sensor
     wide, high_rows = (int(n) for n in high - low)
     chip = replace(setting.camera.chip, width=wide, height=high_rows)
     camera = replace(setting.camera, chip=chip)
     camera = camera.changed(row_skew=setting.camera.row_skew * high_rows / height)
     # Offset between the centres of the small and the whole sensor.
-    x = setting.aim.offset[0] + (width - 1) / 2 - (float(low[0]) + (wide - 1) / 2)
+    x = setting.aim.offset[0] + (across - 1) / 2 - (float(low[0]) + (wide - 1) / 2)
     y = setting.aim.offset[1] + (height - 1) / 2 - (float(low[1]) + (high_rows - 1) / 2)
     period = camera.clock.edge(1)
     # The small sensor samples its first row without delay, the whole sensor so much later.

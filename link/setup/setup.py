@@ -12,9 +12,20 @@ from link.layout import TRAINING, Layout
 from link.mode import Mode
 from link.section import LinkScenario
 from link.sending import FileTransmission, Transmission
-from link.setting import LEAD, TAIL, LinkSetting, Payload, link_setting, payload_of
+from link.setting import (
+    LEAD,
+    TAIL,
+    LinkSetting,
+    Payload,
+    link_setting,
+    payload_of,
+    steering_of,
+)
 from link.setup.choosing import Choice
-from link.setup.modes import choose_mode, tag_warning
+from link.setup.locking.choice import choose_and_lock
+from link.setup.locking.loop import ClockLock
+from link.setup.modes import tag_warning
+from link.setup.truth import panel_in_view
 from sensor import CameraSetting
 
 __all__ = ["FileLinkSetup", "LinkSetup", "set_up_link"]
@@ -36,6 +47,7 @@ class LinkSetup:
         cycles: of the camera.
         device: OpenCL device, None for the compiled form on the processor.
         seconds: wall time of each stage so far, s.
+        lock: of the camera's clock; None if its ticks are of one length.
     """
 
     scenario: LinkScenario
@@ -46,6 +58,7 @@ class LinkSetup:
     cycles: int
     device: Device | None
     seconds: dict[str, float]
+    lock: ClockLock | None
 
     @property
     def device_name(self) -> str:
@@ -78,6 +91,12 @@ class LinkSetup:
                 f"{text}: chosen from pilots" if choice.holds
                 else f"no mode is foreseen to work; taken, as the surest: {text}"
             )  # fmt: skip
+        if self.lock is not None:
+            notes.append(
+                f"camera's clock locked to the panel in {self.lock.acquired} ticks before the run"
+            )
+        elif steering_of(self.scenario.sensor) is not None and panel_in_view(self.setting):
+            notes.append("no lock of the camera's clock to the panel was found: it runs freely")
         return notes + self.warnings()
 
     def warnings(self) -> list[str]:
@@ -157,11 +176,12 @@ def set_up_link(
         InputError: if the scenario cannot be simulated.
     """
     payload, setting = payload_of(scenario), link_setting(scenario, camera)
-    opened, seconds = choose_device(device), {}
-    begin = time.perf_counter()
-    mode, choice = choose_mode(scenario, setting, len(payload.data), opened, progress)
-    if choice is not None:
-        seconds["pilots"] = time.perf_counter() - begin
+    opened = choose_device(device)
+    seconds: dict[str, float] = {}
+    mode, choice, locking = choose_and_lock(
+        scenario, setting, len(payload.data), opened, progress, seconds
+    )
+    setting = setting if locking is None else locking.setting
     modem = scenario.link.modem
     most = _symbols_in(scenario, setting, mode)
     if most is None and choice is not None and not choice.holds:
@@ -179,9 +199,14 @@ def set_up_link(
             "take smaller cells or a larger panel",
         ) from exc  # fmt: skip
     seconds["sender"] = time.perf_counter() - begin
+    lock = None
+    if locking is not None:
+        begin = time.perf_counter()
+        setting, lock = locking.hold(setting, sent.planes, progress)
+        seconds["phase lock"] += time.perf_counter() - begin
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL
     return FileLinkSetup(
-        scenario, setting, mode, choice, sent, cycles, opened, seconds, payload
+        scenario, setting, mode, choice, sent, cycles, opened, seconds, lock, payload
     )

@@ -8,7 +8,6 @@ ticks before the block is shown.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
@@ -26,7 +25,7 @@ from link.layout import TRAINING, Layout
 from link.section import LinkScenario
 from link.sending import FileTransmission, Transmission
 from link.setting import LEAD, TAIL, link_setting
-from link.setup.modes import choose_mode
+from link.setup.locking.choice import choose_and_lock
 from link.setup.setup import LinkSetup
 from sensor import CameraSetting
 
@@ -140,13 +139,12 @@ def set_up_stream(
     Raises:
         InputError: if the link cannot be simulated.
     """
-    setting, opened, seconds = link_setting(scenario, camera), choose_device(device), {}
-    begin = time.perf_counter()
+    setting, opened = link_setting(scenario, camera), choose_device(device)
+    seconds: dict[str, float] = {}
     # The mode is chosen for a long transmission: one second of the panel's raw bits at the most.
     size = round(setting.panel.clock.hz * math.prod(setting.panel.shape) / 64)
-    mode, choice = choose_mode(scenario, setting, size, opened, progress)
-    if choice is not None:
-        seconds["pilots"] = time.perf_counter() - begin
+    mode, choice, locking = choose_and_lock(scenario, setting, size, opened, progress, seconds)
+    setting = setting if locking is None else locking.setting
     layout = Layout(mode)
     try:
         form = stream_blocks(layout, scenario.link.modem.interleave)
@@ -156,7 +154,7 @@ def set_up_stream(
             "link.modem", "a mode that the panel has room for", str(exc),
             "take smaller cells or a larger panel",
         ) from exc  # fmt: skip
-    clock, panel = camera.clock, setting.panel.clock
+    clock, panel = setting.camera.clock, setting.panel.clock
     trained = clock.cycle_at(setting.first_light + panel.edge(TRAINING * mode.ticks))
     lead = -(-(max(trained, LEAD) + ASSEMBLY) // BLOCK) * BLOCK
     planes = form.groups * layout.group * mode.ticks
@@ -172,8 +170,11 @@ def set_up_stream(
     blocked = tuple((low + late, high + late) for low, high in setting.aim.blocked)
     setting = replace(setting, aim=replace(setting.aim, blocked=blocked))
     whole = TRAINING + blocks * form.groups * layout.group + layout.closing
+    lock = None
+    if locking is not None:
+        setting, lock = locking.hold(setting, whole * mode.ticks, progress)
     dark = setting.first_light + panel.edge(whole * mode.ticks)
     ticks = clock.cycle_at(dark) + 1 + TAIL
     return StreamSetup(
-        scenario, setting, mode, choice, stand_in, ticks, opened, seconds, form, blocks, lead
+        scenario, setting, mode, choice, stand_in, ticks, opened, seconds, lock, form, blocks, lead
     )

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
+from sensor.device.steering import BOARD, ClockSteering
+
 __all__ = ["CHIPS", "GIVEN", "MOST_PIXELS", "Chip"]
 
 
@@ -25,6 +27,7 @@ class Chip:
         threshold_levels: settings from outside.
         assumed: names of the numbers that are assumed.
         given: names of the numbers that the user gives in place of the preset's.
+        steering: of the board that makes its ticks; None if their length cannot be changed.
     """
 
     name: str
@@ -38,6 +41,7 @@ class Chip:
     quantum_efficiency: float
     assumed: frozenset[str]
     given: frozenset[str] = frozenset()
+    steering: ClockSteering | None = None
 
     @property
     def pixel_area(self) -> float:
@@ -71,14 +75,26 @@ GIVEN: Final = "given by the user"
 """Origin of a number that stands in the scenario."""
 MOST_PIXELS: Final = 64_000_000
 """Largest array, 8000 x 8000: the size up to which runs are tested."""
-_NO_NUMBERS: Final = ("name", "title", "assumed", "given")
+_NO_NUMBERS: Final = ("name", "title", "assumed", "given", "steering")
 
 _ASSUMED = frozenset({"pitch", "fill_factor", "quantum_efficiency"})
 
 CHIPS = {
     c.name: c
     for c in (
-        Chip("spiketwo", "SpikeTwo (2021)", 1000, 1000, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED),
+        Chip(
+            "spiketwo",
+            "SpikeTwo (2021)",
+            1000,
+            1000,
+            (40e3, 20e3),
+            16,
+            10.0,
+            1.0,
+            0.7,
+            _ASSUMED,
+            steering=BOARD,
+        ),
         # The paper prints 450 x 200 "= 100 000"; every public recording of the chip is 400 x 250.
         Chip("spikeone", "SpikeOne (2017)", 400, 250, (40e3, 20e3), 16, 10.0, 1.0, 0.7, _ASSUMED),
         Chip(

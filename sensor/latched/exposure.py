@@ -21,7 +21,7 @@ from cosim.light.light import Box, Light, Piece, Plane
 from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge, to_fixed
 from sensor.latched.pixel.span import Span
-from sensor.latched.row_timing import PlaneTiming
+from sensor.latched.row_timing import RowMoves
 
 __all__ = ["Exposure"]
 
@@ -74,7 +74,7 @@ class Exposure:
         gain: float,
         pattern: FixedPattern | None = None,
         offsets: npt.NDArray[np.int64] | None = None,
-        timing: PlaneTiming | None = None,
+        timing: RowMoves | None = None,
     ) -> None:
         self._clock = clock
         self._per_cycle = gain * float(clock.period)

@@ -14,7 +14,7 @@ raised cosine over the rows.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from cosim.clock import PS, Clock
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
-__all__ = ["LIMIT", "PlaneTiming", "RowTiming"]
+__all__ = ["LIMIT", "PlaneTiming", "RowMoves", "RowTiming"]
 
 LIMIT: Final = 0.45
 """Largest move of a sampling instant, cycles; so the instants of a row keep their order."""
@@ -33,6 +33,31 @@ KNOT: Final = 16
 _BLOCK: Final = 64
 """Instants that are drawn at once; a multiple of KNOT."""
 Values = npt.NDArray[np.float64]
+
+
+class RowMoves(Protocol):
+    """Sampling instants of a plane's rows that move from cycle to cycle.
+
+    Attributes:
+        height: rows of the plane.
+        first, stop: rows of the plane between which all that move lie.
+        most: largest move of an instant, ps.
+    """
+
+    height: int
+    first: int
+    stop: int
+    most: int
+
+    @property
+    def noisy(self) -> npt.NDArray[np.bool_]:
+        """Which rows from `first` to `stop` move."""
+        ...
+
+    def moves(self, edge: int, count: int) -> npt.NDArray[np.int64]:
+        """Moves of the sampling instants that begin cycles `edge` to `edge + count`, (count,
+        stop - first) ps. That of instant 0, the begin of a run, and of all before, is 0."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -77,13 +102,7 @@ class RowTiming:
 
 
 class PlaneTiming:
-    """Timing noise on the rows of a plane.
-
-    Attributes:
-        height: rows of the plane.
-        first, stop: rows of the plane between which all noisy ones lie.
-        most: largest move of an instant, ps.
-    """
+    """Timing noise on the rows of a plane; see `RowMoves`."""
 
     def __init__(
         self,
@@ -105,12 +124,9 @@ class PlaneTiming:
 
     @property
     def noisy(self) -> npt.NDArray[np.bool_]:
-        """Which rows from `first` to `stop` are in the band."""
         return self._profile > 0
 
     def moves(self, edge: int, count: int) -> npt.NDArray[np.int64]:
-        """Moves of the sampling instants that begin cycles `edge` to `edge + count`, (count,
-        stop - first) ps. That of instant 0, the begin of a run, and of all before, is 0."""
         first, last = edge // _BLOCK, (edge + count - 1) // _BLOCK
         blocks = np.concatenate([self._block(n) for n in range(first, last + 1)])
         begin = edge - first * _BLOCK

@@ -49,6 +49,7 @@ class CameraSetting:
             row_skew: share of a cycle over which the rows are sampled one after another.
             comparator_delay: seconds, at most a cycle.
             row_timing: `RowTiming`, None for sampling instants without noise.
+            clock_moves: `ClockMoves` of a steered clock, None for ticks of one length.
             crosstalk: share of its light that a pixel loses to its neighbours.
             drift: RMS of the gain that all pixels have in common.
             circuit: circuit of the pixel, for the reference tier, None for none. The other tiers

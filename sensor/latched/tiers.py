@@ -20,7 +20,7 @@ from sensor.latched.pixel.fixed_point import ONE, Charge
 from sensor.latched.pixel.model import ExactModel, ExactPixels, PixelState
 from sensor.latched.pixel.settling import settle
 from sensor.latched.pixel.thresholds import thresholds
-from sensor.latched.row_timing import PlaneTiming
+from sensor.latched.row_timing import RowMoves
 from sensor.latched.setting import CameraSetting
 from sensor.latched.written import RewrittenPixels, WrittenPixels
 
@@ -62,7 +62,7 @@ class _Exact:
         numbers: npt.NDArray[np.uint32],
         pattern: FixedPattern | None,
         offsets: npt.NDArray[np.int64] | None,
-        timing: PlaneTiming | None,
+        timing: RowMoves | None,
         device: Device | None,
     ) -> None:
         self._model, self._numbers = setting.model, numbers
@@ -174,9 +174,11 @@ def _level_pixels(
         if row_delay.shape != (setting.chip.height,):
             raise ValueError(f"row_delay must be ({setting.chip.height},), not {row_delay.shape}")
         offsets = (0 if offsets is None else offsets) - row_delay[rows].astype(np.int64)
-    timing = None
+    timing: RowMoves | None = None
     if setting.row_timing is not None:
         timing = setting.row_timing.on(rows, setting.chip.height, setting.clock, setting.seed)
+    if setting.clock_moves is not None:
+        timing = setting.clock_moves.on(rows.size, timing)
     lumped = tier != "reference" or setting.circuit is None
     pattern = setting.fixed_pattern(numbers, lumped=lumped)
     gain, model = setting.electrons_per_lux, setting.model

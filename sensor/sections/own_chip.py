@@ -50,6 +50,12 @@ def check_chip(section: Any) -> None:
         )  # fmt: skip
     if section.row_time is not None:
         _check_rows(section, chip)
+    if section.clock_steering and chip.steering is None:
+        able = ", ".join(name for name, each in CHIPS.items() if each.steering is not None)
+        raise InputError(
+            "sensor.clock_steering", f"true only for a chip whose board can steer it ({able})",
+            f"true for {section.chip}", "leave it out",
+        )  # fmt: skip
 
 
 def _check_rows(section: Any, chip: Chip) -> None:

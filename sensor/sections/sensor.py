@@ -17,6 +17,7 @@ from cosim.config.quantity import (
     Wavelength,
 )
 from sensor.device.chips import CHIPS, Chip
+from sensor.device.steering import BOARD
 from sensor.latched.effects.catalogue import CATALOGUE, all_keys
 from sensor.latched.effects.effect import Key
 from sensor.sections.asynchronous import AsynchronousSection, ChannelSection, Side
@@ -106,6 +107,12 @@ class _ChipSection(Section):
         "intensities as they change",
     )
     clock: Frequency = 40e3
+    clock_steering: bool | None = Field(
+        default=None,
+        description="whether a loop may lock the ticks to the panel of a link, as its camera: by "
+        f"counts of {BOARD.step / 1e3:g} ns, up to {100 * BOARD.longest:g} % longer, and shorter "
+        "by the readout's blank rest; by default as the chip's board can (spiketwo)",
+    )
     threshold: Charge
     threshold_level: Annotated[int, Field(ge=1, le=LEVELS)] = Field(
         default=LEVELS, description=f"the chip's setting: level n fires at n/{LEVELS} of threshold"

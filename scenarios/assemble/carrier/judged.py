@@ -22,6 +22,7 @@ from display.probes.latency import PARTS, spike_latency
 from display.probes.latency import Latency as StepLatency
 from display.probes.metrics import DIM, GREY, NAMES, WHITE
 from link.evaluation.delay import LIGHT
+from link.evaluation.metrics import lock_metrics
 from link.receiving import Received
 from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED, Carrier
 from scenarios.assemble.carrier.far import FarEnd
@@ -250,6 +251,7 @@ def judge_carrier(
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),
         "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
+        **lock_metrics(carrier.setup.lock),
     }
     begin = time.perf_counter()
     rated = _typical(direct)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, create_model, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Duration, Section
 from display.section import DisplaySection
 from link.section import LinkScenario, LinkSection
@@ -61,15 +62,11 @@ class ImageSection(Section):
 _DISPLAY: Any = Field(
     default=None, description="the display that shows the stream; none by default"
 )
-_CAMERA: Any = Field(
-    default=None, description="the camera that films the display; none by default"
-)
+_CAMERA: Any = Field(default=None, description="the camera that films the display; none by default")
 
 
 _CODE: Any = Field(default=None, description="code of the stream on a link; layered when absent")
-_LINK: Any = Field(
-    default=None, description="link that carries the coded stream; none by default"
-)
+_LINK: Any = Field(default=None, description="link that carries the coded stream; none by default")
 
 
 class _Linked(Section):
@@ -98,6 +95,16 @@ class Scenario(_Linked):
     image: ImageSection = ImageSection()
     code: CodeSection | None = _CODE
     link: LinkSection | None = _LINK
+
+    @model_validator(mode="after")
+    def _films_no_panel(self) -> Scenario:
+        if self.sensor.clock_steering is not None:
+            raise InputError(
+                "sensor.clock_steering", "absent with a [scene], which has no planes to lock to",
+                str(self.sensor.clock_steering).lower(),
+                "leave it out; that of a link's camera is link.sensor.clock_steering",
+            )  # fmt: skip
+        return self
 
 
 class RecordingScenario(_Linked):

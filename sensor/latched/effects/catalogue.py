@@ -16,6 +16,7 @@ from sensor.latched.effects.residual import RESIDUAL
 from sensor.latched.effects.row_timing import ROW_TIMING
 from sensor.latched.effects.sampling import COMPARATOR_DELAY, ROW_SAMPLING
 from sensor.latched.effects.shot_noise import SHOT_NOISE
+from sensor.latched.effects.steering import CLOCK_STEERING
 from sensor.latched.effects.threshold_noise import THRESHOLD_NOISE
 
 __all__ = [
@@ -38,6 +39,7 @@ CATALOGUE: Final[list[PixelEffect]] = [
     ROW_SAMPLING,
     COMPARATOR_DELAY,
     ROW_TIMING,
+    CLOCK_STEERING,
     CROSSTALK,
     COMMON_DRIFT,
     OVERSHOOT,

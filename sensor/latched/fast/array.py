@@ -32,7 +32,7 @@ from sensor.latched.fast.units import (
 from sensor.latched.pixel.bank import LANES, Bank, bank_of, groups_of, has_bank
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.row_timing import PlaneTiming
+from sensor.latched.row_timing import RowMoves
 
 __all__ = ["LANES", "PixelArray"]
 
@@ -67,7 +67,7 @@ class PixelArray:
     pattern: FixedPattern | None = None
     offsets: npt.NDArray[np.int64] | None = None
     flags: npt.NDArray[np.uint8] | None = None
-    timing: PlaneTiming | None = None
+    timing: RowMoves | None = None
 
     def __post_init__(self) -> None:
         height, width = self.shape

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import WORD
-from sensor.latched.row_timing import PlaneTiming
+from sensor.latched.row_timing import RowMoves
 
 __all__ = ["MOST_PLANES", "Course", "Segment", "course_of"]
 
@@ -300,7 +300,7 @@ def course_of(
     start: int,
     cycles: int,
     most: Any = np.inf,
-    timing: PlaneTiming | None = None,
+    timing: RowMoves | None = None,
     dark: Plane | None = None,
     anchored: bool = False,
 ) -> Course:

@@ -21,7 +21,7 @@ from sensor.latched.reference.bank_draws import BankDraws, bank_draws
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
-from sensor.latched.row_timing import PlaneTiming
+from sensor.latched.row_timing import RowMoves
 
 __all__ = ["ReferencePixels"]
 
@@ -76,7 +76,7 @@ class ReferencePixels:
         offsets: npt.NDArray[np.int64] | None = None,
         circuit: Circuit | None = None,
         overshoot: float = 0.0,
-        timing: PlaneTiming | None = None,
+        timing: RowMoves | None = None,
         bank: BankDraws | None = None,
     ) -> None:
         n = numbers.size

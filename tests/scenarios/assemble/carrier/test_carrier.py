@@ -13,7 +13,7 @@ from cosim import InputError, Interrupted
 from cosim.files import ZarrStream
 from cosim.run.chain import STREAM
 from cosim.run.machine import Options
-from scenarios.assemble.carrier.carrier import RECEIVED
+from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED
 from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
@@ -179,6 +179,11 @@ def test_half_a_panel_hidden_is_named(tmp_path: Path) -> None:
         (("link.size=5",), "link.size must be absent in a link that carries a stream, not 5"),
         (("link.sensor.clock=20 kHz",), "link.sensor.clock must be the stream's, 40000 Hz"),
         (("link.sensor.readout=continuous",), "link.sensor.readout must be synchronous"),
+        (
+            ("link.sensor.chip=spiketwo", "link.sensor.reset=residual",
+             "link.sensor.clock_steering=true"),
+            "link.sensor.clock_steering must be true only with a hard reset",
+        ),
         (("code.cycles=40",), "code.cycles must be a multiple of 32"),
     ],
 )
@@ -187,6 +192,28 @@ def test_what_cannot_be_sent_is_refused_in_one_line(sets: tuple[str, ...], text:
         machine_of(*sets)
     assert text in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+STEERED = (
+    "link.sensor.chip=spiketwo", "link.sensor.width=220", "link.sensor.height=220",
+    "link.panel.phase=0.6", "duration=4 ms", "image.at=[80]",
+)  # fmt: skip
+"""A second chip whose ticks follow the panel's."""
+
+
+def test_the_order_of_work_does_not_change_the_bits_behind_a_locked_clock(tmp_path: Path) -> None:
+    made = machine_of(*STEERED)
+    setup = made.carrier.setup
+    made.close()
+    assert setup.lock is not None and setup.lock.most < 0.1
+    assert setup.setting.camera.clock_moves.ps.any()
+    run(tmp_path / "beside", *STEERED)
+    run(tmp_path / "after", *STEERED, parallel=False)
+    for name in (LINK_STREAM, RECEIVED):
+        assert np.array_equal(words(tmp_path / "beside", name), words(tmp_path / "after", name))
+    run(tmp_path / "free", *STEERED, "link.sensor.clock_steering=false")
+    free, locked = (words(tmp_path / part, LINK_STREAM) for part in ("free", "after"))
+    assert free.shape != locked.shape or (free != locked).any()
 
 
 def test_a_code_without_a_link_is_refused() -> None:

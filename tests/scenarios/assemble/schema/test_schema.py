@@ -353,6 +353,24 @@ def test_a_key_of_the_device_that_would_do_nothing_is_refused(sets, said):
     assert str(caught.value) == said
 
 
+@pytest.mark.parametrize(
+    ("name", "sets", "said"),
+    [
+        ("film", ["sensor.clock_steering=true"],
+         "sensor.clock_steering must be absent with a [scene], which has no planes to lock to, not "
+         "true; leave it out; that of a link's camera is link.sensor.clock_steering"),
+        ("light-link", ["sensor.clock_steering=true", "sensor.chip=spikeone"],
+         "sensor.clock_steering must be true only for a chip whose board can steer it (spiketwo), "
+         "not true for spikeone; leave it out"),
+    ],
+)  # fmt: skip
+def test_a_clock_that_cannot_be_steered_is_refused(name, sets, said):
+    with pytest.raises(InputError) as caught:
+        load(name, sets)
+    assert str(caught.value) == said
+    assert load("light-link", ["sensor.clock_steering=false"])[1].sensor.clock_steering is False
+
+
 def test_the_preset_has_no_share_of_a_current_that_is_taken_out_of_it():
     none = ["sensor.pattern.dark_current=0 e/s", "sensor.pattern.warm_current=0 A"]
     _, loaded = load("film", ["sensor.preset=silicon", *none])
