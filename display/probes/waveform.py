@@ -75,6 +75,16 @@ def _emit(state, emitter):  # type: ignore[no-untyped-def]
         state[_GLOW + p] = glow
 
 
+@njit(cache=True, nogil=True)
+def _gather(state):  # type: ignore[no-untyped-def]
+    """Adds the light of all planes of a step to that of its first."""
+    for p in range(_LIGHT, _LIGHT + _LANES):
+        total = state[p]
+        for k in range(1, _PLANES):
+            total += state[p + k * _LANES]
+        state[p] = total
+
+
 def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[no-untyped-def]
     """Adds the light of each plane of each pixel to light[plane // span, group[pixel]]. `compiled`
     compiles this kernel for a drive.
@@ -119,7 +129,11 @@ def _show(words, cycles, spikes, emitter, span, group, light):  # type: ignore[n
                 state[_MEMORY + p], state[_EMITTED + p] = memory, emitted
             if slow:
                 _emit(state, emitter)
-            for k in range(min(_PLANES, cycles - n)):
+            planes = min(_PLANES, cycles - n)
+            if span % _PLANES == 0:  # a step is within a span
+                planes = 1
+                _gather(state)
+            for k in range(planes):
                 row, at = light[(n + k) // span], _LIGHT + k * _LANES
                 if step == 0:
                     row[group[first]] += _total(state, at, count)

@@ -3,6 +3,7 @@ settings of the interpreter and of the C library that suit short runs with large
 
 import ctypes
 import gc
+import os
 import time
 from contextlib import suppress
 
@@ -26,3 +27,7 @@ with suppress(AttributeError, OSError):  # not the GNU C library
     _mallopt(_M_TRIM_THRESHOLD, 1 << 28)
     # By default, threads have pools of 64 MB, between which freed memory does not pass.
     _mallopt(_M_ARENA_MAX, 1)
+
+# OpenBLAS reads this when numpy is imported. Its products here are small, and its threads wait for
+# the next one in a busy loop, on the cores that kernels and compiled loops use.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

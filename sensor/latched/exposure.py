@@ -32,7 +32,7 @@ _BAND: Final = 1 << 14
 """Pixels in a band of rows that is computed at once, so that temporary arrays fit in the cache."""
 _HELD: Final = 4
 """Planes whose charges are cached."""
-_LARGE: Final = 1 << 16
+_LARGE: Final = 1 << 10
 """Smallest number of pixels for which the compiled sums are used."""
 
 

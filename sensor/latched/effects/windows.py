@@ -9,6 +9,7 @@ in one cycle as one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,8 @@ GAINS = 5.0
 """Standard deviations within which the gains of pixels lie."""
 _SCORES = 81
 """Gains of pixels within that range over which the lost spikes are averaged."""
+_TABLED = 4096
+"""Mean numbers of events up to which the exceeded number is read from a table."""
 _CLEAR = 8.0
 """Standard deviations by which light exceeds the threshold of a pixel that fires in every cycle."""
 
@@ -84,6 +87,26 @@ def _lost_at(mu: Values, spread: float) -> Values:
     return np.asarray(mu * gammainc(shape, x) - gammainc(shape + 1, x))
 
 
+@lru_cache(maxsize=4)
+def _means(chance: float) -> Values:
+    """Mean of the Poisson distribution that exceeds 0, 1, 2, ... with this chance, for numbers up
+    to that of a mean of _TABLED: P(N <= n) = gammaincc(n + 1, mean)."""
+    from scipy.special import gammainccinv
+
+    most = _TABLED + 12 * int(np.sqrt(_TABLED))
+    return np.asarray(gammainccinv(np.arange(1, most + 1), 1 - chance))
+
+
+def _exceeded(mean: Values, chance: float) -> Values:
+    """Least number that a Poisson variate of this mean exceeds with at most this chance, (n,)."""
+    from scipy.special import pdtrik
+
+    number = np.searchsorted(_means(chance), mean).astype(np.float64)
+    large = mean > _TABLED
+    number[large] = np.ceil(pdtrik(1 - chance, mean[large]))
+    return number
+
+
 def rare_error(
     scene: Summary, events: Any, size: Any = 1.0, shares: Sequence[float] = _SHARES
 ) -> Values:
@@ -101,20 +124,15 @@ def rare_error(
         size: change of a pixel by one event, spikes; a number, or one a tile.
         shares: the shares of the pixels that are tried.
     """
-    from scipy.special import pdtrik
-
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
         scene.darkest, scene.brightest
     ))  # fmt: skip
     chance = _CHANCE / np.broadcast(low, high).size
-    enough = -np.log1p(-chance)  # below this mean, no event is exceeded by chance
     worst = np.zeros(np.broadcast(low, high).shape)
     for share in shares:
         mean = np.asarray(events, np.float64) * share * TILE**2
-        each, at = np.unique(np.maximum(mean, 1e-300), return_inverse=True)
-        with np.errstate(all="ignore"):  # pdtrik has no value where 0 is already enough
-            most = np.maximum(np.ceil(pdtrik(1 - chance, each)), 1)[at].reshape(mean.shape)
-        changed = size * np.sqrt(np.where(mean <= enough, 0.0, most)) / TILE
+        most = _exceeded(mean.ravel(), chance).reshape(mean.shape)
+        changed = size * np.sqrt(most) / TILE
         light = low + share * (np.minimum(high, 1) - np.minimum(low, 1))
         worst = np.maximum(worst, share_of_window(changed, scene, light * scene.window))
     return worst
@@ -196,14 +214,24 @@ def latch_error(scene: Summary, spikes: Any) -> Values:
         return rare_error(scene, np.where(reached, 2 * np.minimum(spikes, 1), 0.0))
     cycles = np.minimum(2 * np.asarray(spikes, np.float64) / np.maximum(high, 1e-300), 1)
     likely = np.minimum(np.maximum(low, 1.0), high)
-    score = np.linspace(-GAINS, GAINS, _SCORES) if scene.uneven else np.zeros(1)
-    weight = np.exp(-score * score / 2)
-    lost = np.zeros(likely.shape)
-    for gain, share in zip(1 + scene.uneven * score, weight / weight.sum(), strict=True):
-        mu = np.maximum(likely * gain, 0.0)
-        shared = _lost_at(mu, scene.spread)
-        lost = lost + share * np.minimum(shared, np.maximum(1 - mu + shared, 0))
+    lost = _lost_or_won(likely.tobytes(), scene.spread, scene.uneven).reshape(likely.shape)
     return rare_error(scene, 2 * lost * scene.window * cycles)
+
+
+@lru_cache(maxsize=4)  # several effects of a scene ask for the same
+def _lost_or_won(light: bytes, spread: float, uneven: float) -> Values:
+    """Cycles with a lost spike, or those without a spike if they are rarer, a cycle: mean over
+    pixels whose gains have the relative standard deviation `uneven`. light: thresholds a cycle,
+    (n,) float64."""
+    score = np.linspace(-GAINS, GAINS, _SCORES) if uneven else np.zeros(1)
+    weight = np.exp(-score * score / 2)
+    mean = np.frombuffer(light)
+    lost = np.zeros(mean.shape)
+    for gain, share in zip(1 + uneven * score, weight / weight.sum(), strict=True):
+        mu = np.maximum(mean * gain, 0.0)
+        shared = _lost_at(mu, spread)
+        lost = lost + share * np.minimum(shared, np.maximum(1 - mu + shared, 0))
+    return lost
 
 
 def noise_error(scene: Summary, spread: float) -> Values:

@@ -9,6 +9,7 @@ if the distribution of intervals has a long tail (24 at one electron).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import ceil, floor, log2
 from typing import Any, Final
 
@@ -116,7 +117,9 @@ def _fitted(knots: npt.NDArray[np.int64], scale: float) -> tuple[npt.NDArray[np.
         power = chebyshev.cheb2poly(fit) * 2.0 ** np.arange(fit.size)
         table[: power.size, side, octave] = power
     whole = np.rint(table[0]).astype(np.int32)
-    return np.concatenate([whole[None], table[1:].astype(np.float32).view(np.int32)]), worst
+    fitted = np.concatenate([whole[None], table[1:].astype(np.float32).view(np.int32)])
+    fitted.setflags(write=False)
+    return fitted, worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +150,7 @@ def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
     return model.first_table() if model.random_start else model.table()
 
 
+@lru_cache(maxsize=8)
 def units_of(model: ExactModel) -> Units:
     """Units and table for the thresholds of a model."""
     most = _PILED_BITS if model.reset == "subtract" else BITS
