@@ -16,7 +16,6 @@ import numpy.typing as npt
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.layout import TRAINING, closing, training
-from link.line_codes import decode_line
 from link.receiving.acquiring import Acquired, lit_span
 from link.receiving.pacing import Delay
 from link.receiving.phasing import measure_delay, nudge
@@ -290,10 +289,9 @@ class Session:
 
     def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
         group = self.layout.group
-        values, quality = decode_line(self.layout.mode.line, soft)
-        for n in range(len(values)):
+        for n in range(len(soft) // group):
             number = (first - TRAINING) // group + n
-            right = self.inbox.put(number, values[n], quality[n])
+            right = self.inbox.put(number, soft[n * group : (n + 1) * group])
             if self.inbox.over:
                 soft = soft[: n * group]
                 break
