@@ -35,7 +35,9 @@ class LdpcReader:
         soft = self._form.collect(self._soft)
         data, ok, rounds = self._code.decode(soft, device=self._device)
         sent = self._code.encode(data)
+        # Bits without a soft value were not decided, so none of them was decided wrongly.
         changed = np.packbits(soft > 0, axis=1, bitorder="little") ^ sent
+        changed &= np.packbits(soft != 0, axis=1, bitorder="little")
         changed[~ok] = 0
         bits = np.unpackbits(changed, axis=1, bitorder="little").view(np.bool_)
         count = int(np.count_nonzero(changed))

@@ -146,7 +146,7 @@ def _choice(link: LinkEvaluation) -> str:
         "<h3>How the mode was chosen</h3><p>A strip of such a panel was filmed through the same "
         "air with pilots. Reed-Solomon was rated by the wrong bytes, 1.5 times their upper limit; "
         "codes with soft decisions by the information of a bit, its lower limit taken to lack "
-        "1.5 times what it lacks; the fountain code by the words lost. "
+        "1.1 times what it lacks; the fountain code by the words lost. "
         f"{rest} modes were not tried, because they are slower than one that "
         "works or require more than one that fails. The best:</p>" + table(head, rows)
     )  # fmt: skip

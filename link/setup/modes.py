@@ -135,11 +135,11 @@ def choose_mode(
         progress.advance(tried)
         return max(found, key=lambda one: one.values_wrong)
 
-    camera = setting.camera
+    camera, scene = setting.camera, cell_scene(setting)
     choice = choose(
         trial, modes, size=max(size, 1), hz=setting.panel.clock.hz, most_trials=_TRIED,
         threshold=camera.threshold if camera.reset == "hard" else None,
-        background=cell_scene(setting).background,
+        background=scene.background, on=scene.on,
         most_overhead=modem.overhead,
     )  # fmt: skip
     progress.advance(_TRIED)
