@@ -45,8 +45,6 @@ _MISSING: Final = 1.1
 """Factor on what the lower limit of the information lacks of a bit, for the same reason. In runs at
 2, 4 and 10 m, phases 0 and .5 and a residual reset, the information was .0004 below to .0045 above
 that of the pilot."""
-_SAMPLES: Final = 200_000
-"""Soft values of a pilot from which its information is computed, at most."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,7 @@ class Trial:
         got, _ = decode_line(mode.line, np.asarray(soft[:whole], np.float32))
         information = None
         if mode.format == 2:
-            some = slice(None, None, max(sent.size // _SAMPLES, 1) | 1)  # odd: from all symbols
-            known = soft_information(soft.ravel()[some], sent.ravel()[some])
+            known = soft_information(soft.ravel(), sent.ravel())
             information = None if known is None else known.low
         return cls(
             sent.size, int(((soft > 0) != sent).sum()), right.size, int((right != got).sum()),
