@@ -299,12 +299,14 @@ class Session:
             self.instants.append(Instant(number, tick, right))
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick
-        size = np.abs(soft)
-        self.quality += size.sum(0, dtype=np.float64)
-        self.promised += float((1 / (1 + np.exp(size))).sum(dtype=np.float64))
+        for n, row in enumerate(soft):  # a symbol's arrays stay in the cache
+            size = np.abs(row)
+            self.quality += size
+            np.exp(size, out=size)
+            size += 1
+            self.promised += float(np.reciprocal(size, out=size).sum(dtype=np.float64))
+            self.packed[first + n] = np.packbits(row > 0)
         self.symbols += len(soft)
-        for n, row in enumerate(np.packbits(soft > 0, axis=1)):
-            self.packed[first + n] = row
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]
         if sum(len(part) for part in self.soft) < _SAMPLES:
