@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
+from link.detect.counting import PHASES
 from link.layout import TRAINING, closing, training
 from link.receiving.acquiring import Acquired, lit_span
 from link.receiving.pacing import Delay
@@ -41,8 +42,11 @@ _CHECK: Final = 128.0
 """Ticks after which the timing is measured again."""
 _MEASURED: Final = 24
 """Symbols of a measurement of the timing."""
-_SHIFTED: Final = 0.03
-"""Change of the timing after which the detector learns again, ticks."""
+_SHIFTED: Final = 0.01
+"""Change of the timing after which the detector learns again, ticks. With .03, a timing .023 off
+brought the symbols to a class of phase that the detector had not learned: ten times the errors."""
+_ROWS: Final = 5
+"""Rows, from the first to the last, whose classes of phase are followed."""
 _SHARP, _FAR = 0.05, 0.45
 """_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
 ticks."""
@@ -114,6 +118,10 @@ class Session:
         self._next: int | None = None
         self._checked = self.pace.at
         self._learned = 0.0
+        self._timed = self.timing
+        """Timing of the detector."""
+        self._classes: set[tuple[int, int]] = set()
+        """Rows, of _ROWS, and their classes of phase that the detector has learned."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
         self.lost = False
 
@@ -228,9 +236,8 @@ class Session:
         return first + len(decided) - len(part), part
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
-        detector = make_detector(
-            self.detector_name, self.layout, registration, self.timing,
-        )  # fmt: skip
+        detector = make_detector(self.detector_name, self.layout, registration, self.timing)
+        self._timed = self.timing
         if self._known is not None:
             begin, known = self._known
             detector.learn(recording.words, recording.first, known, begin)
@@ -243,7 +250,15 @@ class Session:
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
             detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
         self._learned = 0.0
+        self._classes = self._classes_of(begin, _KNOWN)
         return detector
+
+    def _classes_of(self, first: int, count: int) -> set[tuple[int, int]]:
+        """Returns the rows, of _ROWS, and their classes of phase in `count` symbols."""
+        row = np.linspace(0, self.rows, _ROWS)[:, None]
+        start = self._timed.start(first + np.arange(count), row)
+        phase = np.floor((start - np.floor(start)) * PHASES).astype(int)
+        return {(n, int(each)) for n, some in enumerate(phase) for each in np.unique(some)}
 
     def _follow(
         self, recording: Recording, registration: Registration, detector: Any, first: int
@@ -267,15 +282,17 @@ class Session:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
                 if (
-                    abs(float(self.timing.start(*middle) - detector.timing.start(*middle)))
+                    abs(float(self.timing.start(*middle) - self._timed.start(*middle)))
                     > _SHIFTED
                 ):
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
-        if abs(phase - self._learned) > _MOVED:
+        classes = self._classes_of(begin, len(decided))
+        if abs(phase - self._learned) > _MOVED or not classes <= self._classes:
             detector.learn(recording.words, recording.first, decided, begin)
             self._learned = phase
+            self._classes |= classes
         return detector
 
     def _delay(self, w: Witnesses) -> Delay | None:
