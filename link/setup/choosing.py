@@ -43,8 +43,8 @@ _MARGIN: Final = 1.5
 """Factor on that limit, because a pilot does not cover the whole panel."""
 _MISSING: Final = 1.1
 """Factor on what the lower limit of the information lacks of a bit, for the same reason. In runs at
-2, 4 and 10 m, phases 0 and .5 and a residual reset, the information was .0004 below to .0045 above
-that of the pilot."""
+2, 4 and 10 m, other phases, 5 klux and a residual reset, the information was .0010 below to .0045
+above that of the pilot (docs/link-theory.md, words with soft decisions)."""
 
 
 @dataclass(frozen=True)
