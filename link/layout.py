@@ -14,7 +14,7 @@ need them, and a recording without them can be read.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -61,6 +61,7 @@ def pilots() -> npt.NDArray[np.bool_]:
     return out
 
 
+@lru_cache(maxsize=4)
 def training(layout: Layout) -> npt.NDArray[np.bool_]:
     """Returns the bits of the data cells before the first group, (TRAINING, cells).
 
@@ -73,6 +74,7 @@ def training(layout: Layout) -> npt.NDArray[np.bool_]:
     bits = rng.integers(0, 2, (drawn, layout.cells), dtype=np.uint8).astype(np.bool_)
     if layout.mode.format == 1:
         bits = np.stack([bits, ~bits], axis=1).reshape(TRAINING, layout.cells)
+    bits.flags.writeable = False  # the cached array is shared
     return bits
 
 

@@ -176,7 +176,7 @@ class LinkMachine:
         begin = time.perf_counter()
         with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
             closed = beside.submit(closed_form, setup, self._link)
-            received = receive_stream(stream, setup.scenario.link.modem, progress)
+            received = receive_stream(stream, setup.scenario.link.modem, setup.device, progress)
             seconds["receiver"] = time.perf_counter() - begin
         link = evaluate_link(setup, self._link, stream, received, closed.result)
         outcome = "degraded" if self._link.beyond else "ok"

@@ -1,8 +1,8 @@
 """Modes: chosen by a sender, and read by a receiver from the panel itself.
 
 The ids of the four AprilTags (36h11, 587 of them) carry the mode: corner k shows id 4 d_k + k, with
-digits d: width of the panel in 32 pixels, its height, cell and ticks, line code and redundancy. So
-any part of a stream identifies the mode and the corners.
+digits d: width of the panel in 32 pixels, its height, cell and ticks, codes and redundancy. So any
+part of a stream identifies the mode and the corners.
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ from typing import Final
 from link.line_codes import CATALOGUE
 from link.line_codes.code import LineCode
 
-__all__ = ["CELLS", "LINE_CODES", "PARITIES", "STEP", "TICKS", "Mode", "ticks_chosen"]
+__all__ = [
+    "CELLS", "CODES", "LINE_CODES", "PARITIES", "RATES", "STEP", "TICKS", "Mode", "codes_of",
+    "ticks_chosen", "word_code",
+]  # fmt: skip
 
 LINE_CODES: Final = tuple(CATALOGUE)
 """Names of the line codes."""
@@ -23,16 +26,39 @@ TICKS: Final = (1, 2, 3, 4, 6, 8, 12, 16)
 """Lengths of a symbol, panel planes."""
 PARITIES: Final = (16, 32, 64, 128)
 """Parity bytes of a Reed-Solomon codeword of 255."""
+CODES: Final = ("reed-solomon", "ldpc")
+"""Codes of the words, by their names in scenarios."""
+RATES: Final = (0.75, 0.8, 0.84, 0.88, 0.91, 0.935, 0.955, 0.97)
+"""Rates of the low-density parity-check codes. From one to the next, the information that a code
+needs of a bit grows by .02 to .05 (`link.theory.ldpc_words`)."""
+_WORD: Final = 255
+"""Bytes of a Reed-Solomon codeword."""
 STEP: Final = 32
 """Factor of a panel's sides, pixels."""
 _DIGITS: Final = 146
 """Values of a digit: 587 ids for four corners."""
+_LDPC: Final = 64
+"""Value of the fourth digit for the first of RATES. Line codes and parities are below it."""
 
 
 def ticks_chosen(line: str) -> tuple[int, ...]:
     """Returns the lengths of a symbol that a run chooses itself in a line code. Symbols of one tick
     need a training like their data, which scrambled symbols have."""
     return TICKS[0:4] if line == "scrambled" else TICKS[1:4]
+
+
+def codes_of(line: str) -> list[tuple[int | None, float | None]]:
+    """Returns the parities and rates of a mode with a line code: of Reed-Solomon codes, and of
+    low-density parity-check codes for scrambled symbols, whose soft values are those of bits."""
+    codes: list[tuple[int | None, float | None]] = [(parity, None) for parity in PARITIES]
+    return codes + [(None, rate) for rate in RATES] if line == "scrambled" else codes
+
+
+def word_code(parity: int | None, rate: float | None) -> str:
+    """Returns the name of a code of words, for people."""
+    if parity is not None:
+        return f"Reed-Solomon ({_WORD}, {_WORD - parity})"
+    return f"LDPC of rate {rate:g}"
 
 
 def _index(name: str, value: object, known: tuple[object, ...]) -> int:
@@ -50,7 +76,9 @@ class Mode:
         cell: side of a cell, panel pixels.
         ticks: length of a symbol, panel planes.
         line: name of the line code, applied to each cell independently.
-        parity: parity bytes of 255.
+        parity: parity bytes of 255 of a Reed-Solomon code; None for the other code.
+        rate: of a low-density parity-check code, which needs scrambled symbols; None for the other
+            code.
     """
 
     width: int
@@ -58,7 +86,8 @@ class Mode:
     cell: int
     ticks: int
     line: str
-    parity: int
+    parity: int | None
+    rate: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("width", "height"):
@@ -71,7 +100,14 @@ class Mode:
         _index("cell", self.cell, CELLS)
         _index("ticks", self.ticks, TICKS)
         _index("line", self.line, LINE_CODES)
-        _index("parity", self.parity, PARITIES)
+        if (self.parity is None) == (self.rate is None):
+            raise ValueError(f"a mode must have parity or rate, not {self.parity} and {self.rate}")
+        if self.rate is None:
+            _index("parity", self.parity, PARITIES)
+        else:
+            _index("rate", self.rate, RATES)
+            if self.line != "scrambled":
+                raise ValueError(f"line must be scrambled with a rate, not {self.line}")
 
     @property
     def format(self) -> int:
@@ -84,16 +120,42 @@ class Mode:
         return CATALOGUE[self.line]
 
     @property
+    def symbols(self) -> tuple[int, int, str]:
+        """What decides how symbols are received: cell, ticks and line code."""
+        return self.cell, self.ticks, self.line
+
+    @property
+    def word_code(self) -> str:
+        """Name of the words' code, with its redundancy, for people."""
+        return word_code(self.parity, self.rate)
+
+    @property
+    def word_rate(self) -> float:
+        """Share of data in the words."""
+        if self.parity is not None:
+            return (_WORD - self.parity) / _WORD
+        assert self.rate is not None
+        return self.rate
+
+    @property
     def tags(self) -> tuple[int, int, int, int]:
         """Ids of the tags at top left, top right, bottom right, bottom left."""
         digits = (
             self.width // STEP,
             self.height // STEP,
             CELLS.index(self.cell) * len(TICKS) + TICKS.index(self.ticks),
-            LINE_CODES.index(self.line) * len(PARITIES) + PARITIES.index(self.parity),
+            self._codes,
         )
         a, b, c, d = (4 * digit + corner for corner, digit in enumerate(digits))
         return a, b, c, d
+
+    @property
+    def _codes(self) -> int:
+        """The fourth digit."""
+        if self.rate is not None:
+            return _LDPC + RATES.index(self.rate)
+        assert self.parity is not None
+        return LINE_CODES.index(self.line) * len(PARITIES) + PARITIES.index(self.parity)
 
     @classmethod
     def from_tags(cls, tags: tuple[int, int, int, int]) -> Mode:
@@ -101,9 +163,11 @@ class Mode:
         if [tag % 4 for tag in tags] != [0, 1, 2, 3]:
             raise ValueError(f"tags must be of corners 0, 1, 2 and 3, not {tags}")
         wide, high, size, code = (tag // 4 for tag in tags)
-        if size >= len(CELLS) * len(TICKS) or code >= len(LINE_CODES) * len(PARITIES):
+        of_ldpc = _LDPC <= code < _LDPC + len(RATES)
+        known = of_ldpc or code < len(LINE_CODES) * len(PARITIES)
+        if size >= len(CELLS) * len(TICKS) or not known:
             raise ValueError(f"tags must be those of a mode, not {tags}")
-        return cls(
-            wide * STEP, high * STEP, CELLS[size // len(TICKS)], TICKS[size % len(TICKS)],
-            LINE_CODES[code // len(PARITIES)], PARITIES[code % len(PARITIES)],
-        )  # fmt: skip
+        shape = wide * STEP, high * STEP, CELLS[size // len(TICKS)], TICKS[size % len(TICKS)]
+        if of_ldpc:
+            return cls(*shape, "scrambled", None, RATES[code - _LDPC])
+        return cls(*shape, LINE_CODES[code // len(PARITIES)], PARITIES[code % len(PARITIES)])

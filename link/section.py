@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from cosim import InputError
 from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share, Time
 from link.detect.catalogue import DETECTORS
-from link.mode import CELLS, LINE_CODES, PARITIES, TICKS
+from link.mode import CELLS, CODES, LINE_CODES, PARITIES, RATES, TICKS
 from sensor.sections.sensor import SensorSection
 
 __all__ = [
@@ -147,20 +147,51 @@ class ModemSection(Section):
     line: Literal[("auto", *LINE_CODES)] = Field(  # type: ignore[valid-type]
         default="auto", description="code along time; scrambled symbols have none"
     )
+    code: Literal[("auto", *CODES)] = Field(  # type: ignore[valid-type]
+        default="auto", description="of the words; ldpc decides softly and needs scrambled symbols"
+    )
     parity: Literal[("auto", *PARITIES)] = Field(  # type: ignore[valid-type]
         default="auto", description="bytes of a Reed-Solomon codeword of 255 that are parity"
+    )
+    rate: Literal[("auto", *RATES)] = Field(  # type: ignore[valid-type]
+        default="auto", description="of the ldpc code, data bits to a bit sent"
     )
     interleave: bool = Field(default=True, description="spread each codeword over the panel")
     overhead: Annotated[float, Field(ge=0, le=10)] = Field(
         default=0.05, description="frames sent beyond the file's own, as a share of them"
     )
-    detector: Literal[tuple(DETECTORS)] = "joint"  # type: ignore[valid-type]
+    detector: Literal[tuple(DETECTORS)] = "packed"  # type: ignore[valid-type]
 
     @field_validator("cell", "ticks", "parity", mode="before")
     @classmethod
     def _number(cls, value: Any) -> Any:
         """`--set` gives text, which stands for a number here as it does in a plain one."""
         return int(value) if isinstance(value, str) and value.isdecimal() else value
+
+    @field_validator("rate", mode="before")
+    @classmethod
+    def _share(cls, value: Any) -> Any:
+        """The same for a number with a point."""
+        try:
+            return float(value) if isinstance(value, str) else value
+        except ValueError:
+            return value
+
+    @model_validator(mode="after")
+    def _has_one_code(self) -> ModemSection:
+        soft = self.code == "ldpc" or self.rate != "auto"
+        if soft and (self.code == "reed-solomon" or self.parity != "auto"):
+            raise InputError(
+                "link.modem", "one code of the words",
+                f"code = {self.code}, parity = {self.parity}, rate = {self.rate}",
+                "give parity for reed-solomon or rate for ldpc, not both",
+            )  # fmt: skip
+        if soft and self.line not in ("auto", "scrambled"):
+            raise InputError(
+                "link.modem.line", "scrambled with ldpc, which reads bits", self.line,
+                "leave it out, or take reed-solomon",
+            )  # fmt: skip
+        return self
 
 
 class LinkSection(Section):

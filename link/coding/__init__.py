@@ -1,4 +1,4 @@
-"""Bytes to bits and back: CRC, Reed-Solomon, interleaver, fountain, frames."""
+"""Bytes to bits and back: CRC, codes of words, interleaver, fountain, frames."""
 
 from link.coding.blocks import Blocks
 from link.coding.fountain import MOST_BYTES
@@ -7,9 +7,10 @@ from link.coding.names import safe_name
 from link.coding.outbox import Outbox
 from link.coding.reader import BlockReader
 from link.coding.reed_solomon import WORD_BYTES
+from link.coding.soft_blocks import blocks_of
 from link.coding.writer import BlockWriter
 
 __all__ = [
     "MOST_BYTES", "WORD_BYTES", "BlockReader", "BlockWriter", "Blocks", "Inbox", "Outbox",
-    "safe_name",
+    "blocks_of", "safe_name",
 ]  # fmt: skip

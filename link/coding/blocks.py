@@ -1,7 +1,8 @@
 """Blocks: codewords that are on the panel at the same time, and the cells that carry their bytes.
 
-A block is one group of all data cells; on a small panel, whose group holds no codeword, as many
-groups as hold one. With interleaving, byte b of codeword w is at place w + b words of the block, so
+Those here are of Reed-Solomon; blocks of soft decisions are `link.coding.soft_blocks`. A block is
+one group of all data cells; on a small panel, whose group holds no codeword, as many groups as hold
+one. With interleaving, byte b of codeword w is at place w + b words of the block, so
 that an obstacle before the panel takes a few bytes of every codeword; without it, codewords follow
 one another. All data are scrambled with a known keystream, so that cells switch on and off whatever
 the bytes are, and a dark panel is not a codeword.
@@ -11,18 +12,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import ClassVar, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from link.coding.reed_solomon import WORD_BYTES
+from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.layout import Layout
 
-__all__ = ["FRAME_SPENT", "MOST_WORDS", "Blocks"]
+__all__ = ["FRAME_SPENT", "Blocks", "WordCode"]
 
-MOST_WORDS: Final = 8
-"""Largest number of codewords of a frame: one lost codeword loses the frame."""
 FRAME_SPENT: Final = 19
 """Bytes of a frame that are not the file's: head, packet number, CRC (`link.coding.frames`)."""
 _ALIGNMENT: Final = 8
@@ -30,6 +29,14 @@ _ALIGNMENT: Final = 8
 _KEY: Final = 0x53435241
 _Bytes = npt.NDArray[np.uint8]
 _Qualities = npt.NDArray[np.float32]
+
+
+class WordCode(Protocol):
+    """A code of words."""
+
+    def encode(self, data: npt.ArrayLike) -> _Bytes:
+        """Returns words (words, word bytes) uint8 of data (words, data bytes) uint8."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,9 @@ class Blocks:
     interleave: bool = True
     period: int | None = None
 
+    most_words: ClassVar[int] = 8
+    """Largest number of codewords of a frame: one lost codeword loses the frame."""
+
     def __post_init__(self) -> None:
         if self.group_bytes < 1:
             raise ValueError(f"data cells must be 8 or more, not {self.layout.cells}")
@@ -65,13 +75,25 @@ class Blocks:
         return max(1, -(-WORD_BYTES // self.group_bytes))
 
     @cached_property
+    def code(self) -> WordCode:
+        """The code of the words."""
+        assert self.layout.mode.parity is not None
+        return ReedSolomon(self.layout.mode.parity)
+
+    @property
+    def word_bytes(self) -> int:
+        """Bytes of a codeword."""
+        return WORD_BYTES
+
+    @cached_property
     def words(self) -> int:
         """Codewords in a block."""
-        return self.groups * self.group_bytes // WORD_BYTES
+        return self.groups * self.group_bytes // self.word_bytes
 
     @property
     def data_bytes(self) -> int:
         """Data bytes of a codeword."""
+        assert self.layout.mode.parity is not None
         return WORD_BYTES - self.layout.mode.parity
 
     def _symbol(self, words: int) -> int:
@@ -80,7 +102,7 @@ class Blocks:
     @cached_property
     def frame_words(self) -> int:
         """Codewords in a frame: the number that leaves most of a block to the file."""
-        counts = range(1, min(MOST_WORDS, self.words) + 1)
+        counts = range(1, min(self.most_words, self.words) + 1)
         return max(counts, key=lambda n: self.words // n * self._symbol(n))
 
     @cached_property
@@ -90,7 +112,7 @@ class Blocks:
 
     @cached_property
     def frame_bytes(self) -> int:
-        """Bytes of a frame, before Reed-Solomon."""
+        """Bytes of a frame, before the code of the words."""
         return self.frame_words * self.data_bytes
 
     @cached_property
@@ -113,7 +135,7 @@ class Blocks:
         placed[self.places] = words
         out = np.empty((self.groups, self.layout.cells), np.uint8)
         for n, row in enumerate(placed.reshape(self.groups, -1)):
-            stream = self._keystream(block * self.groups + n)
+            stream = self.keystream(block * self.groups + n)
             stream[: self.group_bytes] ^= row
             out[n] = _values(stream, self.layout.mode.code.bits)[: self.layout.cells]
         return out
@@ -129,7 +151,7 @@ class Blocks:
         used = self.group_bytes * 8 // bits
         for n in range(self.groups):
             part = slice(n * self.group_bytes, (n + 1) * self.group_bytes)
-            stream = self._keystream(block * self.groups + n)
+            stream = self.keystream(block * self.groups + n)
             placed[part] = _bytes(values[n, :used], bits) ^ stream[: self.group_bytes]
             sure[part] = quality[n, :used].reshape(-1, 8 // bits).min(axis=1)
         return placed[self.places], sure[self.places]
@@ -144,7 +166,7 @@ class Blocks:
         out[: len(counts)] = counts
         return out
 
-    def _keystream(self, group: int) -> _Bytes:
+    def keystream(self, group: int) -> _Bytes:
         """Returns the bytes of all cells of a group, from Philox 4x64."""
         if self.period is not None:
             group %= self.period

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from link.coding.blocks import Blocks
+from cosim.compute.opencl import Device
 from link.coding.fountain import Gathering
 from link.coding.frames import Frame, read_frame
 from link.coding.reader import BlockReader, Bytes
+from link.coding.soft_blocks import blocks_of
 from link.layout import Layout
 
 __all__ = ["Inbox"]
@@ -25,8 +26,10 @@ class Inbox(BlockReader):
     transmission is over if a block without a correct frame of the file has followed the whole file.
     """
 
-    def __init__(self, layout: Layout, *, interleave: bool = True) -> None:
-        super().__init__(Blocks(layout, interleave))
+    def __init__(
+        self, layout: Layout, *, interleave: bool = True, device: Device | None = None
+    ) -> None:
+        super().__init__(blocks_of(layout, interleave), device)
         self._sessions: dict[tuple[int, int], Gathering] = {}
         self._needed: int | None = None
         self._whole: tuple[int, int] | None = None

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from link.coding.blocks import Blocks
 from link.coding.fountain import pack_file, packets, source_symbols
 from link.coding.frames import Frame, write_frame
+from link.coding.soft_blocks import blocks_of
 from link.coding.writer import BlockWriter
 from link.layout import Layout
 
@@ -48,7 +48,7 @@ class Outbox(BlockWriter):
     ) -> None:  # fmt: skip
         if not (math.isfinite(overhead) and overhead >= 0):
             raise ValueError(f"overhead must be 0 or more, not {overhead}")
-        form = Blocks(layout, interleave)
+        form = blocks_of(layout, interleave)
         self._session, packed = pack_file(data, name)
         self._length = len(packed)
         symbol = form.symbol_bytes

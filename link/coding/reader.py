@@ -1,31 +1,36 @@
-"""The common half of all receivers: values of groups, with errors, become frames."""
+"""The common half of all receivers: soft values of groups become frames."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.opencl import Device
 from link.coding.blocks import Blocks
 from link.coding.fountain import Delivered
-from link.coding.reed_solomon import ReedSolomon
+from link.coding.ldpc_reader import LdpcReader
+from link.coding.reed_solomon_reader import ReedSolomonReader
+from link.coding.soft_blocks import SoftBlocks
+from link.coding.word_reader import WordReader
 
 __all__ = ["BlockReader"]
 
 Bytes = npt.NDArray[np.uint8]
-_ERASED: Final = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the parity for which the least certain bytes are erased, in turn, until a word is a
-codeword: generalised minimum distance decoding (Forney 1966), with the frame's CRC as check."""
-_SAFE: Final = 0.5
-"""Largest share of erasures up to which a codeword is accepted alone; beyond it only in a correct
-frame."""
+
+
+def _word_reader(form: Blocks, device: Device | None) -> WordReader:
+    return LdpcReader(form, device) if isinstance(form, SoftBlocks) else ReedSolomonReader(form)
 
 
 class BlockReader(ABC):
     """Decodes groups to frames. They may come in any order, and more than once.
+
+    Args:
+        form: of the blocks.
+        device: OpenCL device of a decoder that can use one; None for the compiled form.
 
     Attributes:
         layout: of the cells.
@@ -38,21 +43,20 @@ class BlockReader(ABC):
         codewords_wrong: codewords that could not be corrected, or whose frame was wrong all the
             same.
         bytes_corrected: bytes corrected in the others.
-        cell_errors: (cells,) int64, bytes corrected by data cell.
+        rounds: rounds of decoding in all codewords; 0 for a code without rounds.
+        cell_errors: (cells,) int64, bytes corrected by data cell, or bits of a code of bits.
     """
 
-    def __init__(self, form: Blocks) -> None:
+    def __init__(self, form: Blocks, device: Device | None = None) -> None:
         self.layout = form.layout
         self._blocks = form
-        self._code = ReedSolomon(form.layout.mode.parity)
+        self._words = _word_reader(form, device)
         self._open: int | None = None
-        self._values = np.zeros((form.groups, form.layout.cells), np.uint8)
-        self._quality = np.zeros(self._values.shape, np.float32)
         self._here: set[int] = set()
         self.file: Delivered | None = None
         self.over = False
         self.frames_read = self.frames_right = 0
-        self.codewords = self.codewords_wrong = self.bytes_corrected = 0
+        self.codewords = self.codewords_wrong = self.bytes_corrected = self.rounds = 0
         self.cell_errors: npt.NDArray[np.int64] = np.zeros(form.layout.cells, np.int64)
 
     @property
@@ -68,27 +72,25 @@ class BlockReader(ABC):
         """Whether a block is read although groups of it are missing."""
         return True
 
-    def put(
-        self, group: int, values: Bytes, quality: npt.NDArray[np.float32]
-    ) -> int:
+    def put(self, group: int, soft: npt.NDArray[np.float32]) -> int:
         """Adds one group and returns the number of correct frames it completed (0 while its block
         lacks groups).
 
         Args:
             group: number of the group.
-            values, quality: (cells,) of `decode_line`; quality 0 for cells that were not received.
+            soft: (symbols, cells), ln P(1) - ln P(0); 0 where nothing was received.
         """
         if group < 0:
             raise ValueError(f"group must be 0 or more, not {group}")
-        for name, array in (("values", values), ("quality", quality)):
-            if array.shape != (self.layout.cells,):
-                raise ValueError(f"{name} must be ({self.layout.cells},), not {array.shape}")
+        shape = self.layout.group, self.layout.cells
+        if soft.shape != shape:
+            raise ValueError(f"soft must be {shape}, not {soft.shape}")
         if self.over:
             return 0
         block, within = divmod(group, self._blocks.groups)
         right = self.flush() if self._open not in (None, block) else 0
         self._open = block
-        self._values[within], self._quality[within] = values, np.nan_to_num(quality, nan=0.0)
+        self._words.store(group, within, soft)
         self._here.add(within)
         return right + (self.flush() if len(self._here) == self._blocks.groups else 0)
 
@@ -98,52 +100,31 @@ class BlockReader(ABC):
         if self._open is None:
             return 0
         missing = [n for n in range(self._blocks.groups) if n not in self._here]
-        self._quality[missing] = 0
         block, self._open = self._open, None
         self._here.clear()
         if missing and not self._reads_parts():
             return 0
-        words, quality = self._blocks.gather(self._values, self._quality, block)
-        return self._read(block, words, quality)
+        return self._read(block, missing)
 
-    def _read(self, block: int, words: Bytes, quality: npt.NDArray[np.float32]) -> int:
+    def _read(self, block: int, missing: Sequence[int]) -> int:
         form, each = self._blocks, self._blocks.frame_words
-        corrected, ok, sound = self._correct(words, quality)
+        words = self._words.read(block, missing)
         used = form.frames * each
-        data = corrected[:used, : form.data_bytes].reshape(form.frames, form.frame_bytes)
-        whole = np.all(ok[:used].reshape(form.frames, each), axis=1)
+        data = words.data[:used].reshape(form.frames, form.frame_bytes)
+        whole = np.all(words.ok[:used].reshape(form.frames, each), axis=1)
         right = self._take(
             block, [row if good else None for row, good in zip(data, whole.tolist(), strict=True)]
         )
         if self.over:
             return 0
-        judged = sound[:used].reshape(form.frames, each)
+        judged = words.sound[:used].reshape(form.frames, each)
         judged[whole] = np.array(right)[whole, None]
-        wrong = (corrected != words) & sound[:, None]
         self.frames_read += form.frames
         self.frames_right += sum(right)
         self.codewords += form.words
-        self.codewords_wrong += int((~sound).sum())
-        self.bytes_corrected += int(wrong.sum())
-        if wrong.any():
-            self.cell_errors += form.cells_of(wrong)
+        self.codewords_wrong += int((~words.sound).sum())
+        self.bytes_corrected += words.bytes_changed
+        self.rounds += words.rounds
+        if words.bytes_changed:
+            self.cell_errors += form.cells_of(words.changed)
         return sum(right)
-
-    def _correct(
-        self, words: Bytes, quality: npt.NDArray[np.float32]
-    ) -> tuple[Bytes, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Returns corrected codewords, where there is one, and where it is accepted on its own."""
-        corrected, ok, _ = self._code.repair(words)
-        sound = ok.copy()
-        for share in _ERASED:
-            left = np.flatnonzero(~ok)
-            if not len(left):
-                break
-            count = int(share * self._code.parity)
-            least = np.argpartition(quality[left], count, axis=1)[:, :count]
-            erased = np.zeros((len(left), words.shape[1]), np.bool_)
-            np.put_along_axis(erased, least, True, axis=1)
-            corrected[left], ok[left], _ = self._code.repair(words[left], erased)
-            if share <= _SAFE:
-                sound[left] = ok[left]
-        return corrected, ok, sound

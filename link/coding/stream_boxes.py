@@ -8,8 +8,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.opencl import Device
 from link.coding.blocks import Blocks
 from link.coding.reader import BlockReader, Bytes
+from link.coding.soft_blocks import blocks_of
 from link.coding.stream_frames import (
     PacketRow,
     StreamFrame,
@@ -30,7 +32,7 @@ State = dict[str, npt.NDArray[Any]]
 
 def stream_blocks(layout: Layout, interleave: bool = True) -> Blocks:
     """Returns the blocks of a stream. Their keystream has the period of the pilots."""
-    return Blocks(layout, interleave, PERIOD // layout.group)
+    return blocks_of(layout, interleave, PERIOD // layout.group)
 
 
 def stream_rate(form: Blocks) -> int:
@@ -48,9 +50,7 @@ class StreamOutbox(BlockWriter):
         ready: returns the next packet that is ready for a block, None if there is none.
     """
 
-    def __init__(
-        self, form: Blocks, blocks: int, ready: Callable[[int], bytes | None]
-    ) -> None:
+    def __init__(self, form: Blocks, blocks: int, ready: Callable[[int], bytes | None]) -> None:
         super().__init__(form, blocks)
         self._ready = ready
         self._rest = b""
@@ -147,8 +147,10 @@ class StreamInbox(BlockReader):
         arrivals: packets in the order of their arrival; the user removes them.
     """
 
-    def __init__(self, layout: Layout, *, interleave: bool = True) -> None:
-        super().__init__(stream_blocks(layout, interleave))
+    def __init__(
+        self, layout: Layout, *, interleave: bool = True, device: Device | None = None
+    ) -> None:
+        super().__init__(stream_blocks(layout, interleave), device)
         self._row = PacketRow()
         self.arrivals: list[Arrival] = []
 

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from link.coding.blocks import Blocks
-from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.layout import Layout
 
 __all__ = ["BlockWriter"]
@@ -35,7 +34,6 @@ class BlockWriter(ABC):
     def __init__(self, form: Blocks, blocks: int) -> None:
         self.layout: Layout = form.layout
         self._blocks = form
-        self._code = ReedSolomon(form.layout.mode.parity)
         self.frames = blocks * form.frames
         self.groups = blocks * form.groups
         self._cache: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
@@ -61,6 +59,4 @@ class BlockWriter(ABC):
         framed = data[: form.frames * form.frame_words].reshape(form.frames, form.frame_bytes)
         for row, frame in zip(framed, self._frames(block), strict=True):
             row[:] = frame
-        words = self._code.encode(data)
-        assert words.shape == (form.words, WORD_BYTES)
-        return form.lay(words, block)
+        return form.lay(form.code.encode(data), block)

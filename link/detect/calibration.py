@@ -22,6 +22,9 @@ _SURE: Final = 30.0
 """Magnitude of a soft value beyond which a correct decision does not constrain the factor."""
 _PRIOR, _AT = 4.0, 2.0
 """Prior: _PRIOR correct soft values of magnitude _AT at factor 1."""
+_ENOUGH: Final = 400_000
+"""Number of soft values, about, that are used: the factor's error is then some thousandths, where
+one value of a hundred is wrong."""
 _HALVINGS: Final = 24
 
 
@@ -32,7 +35,9 @@ def confidence(soft: npt.NDArray[np.float32], known: npt.NDArray[np.bool_]) -> f
         soft: log likelihood ratios ln P(spikes | on) - ln P(spikes | off).
         known: the bits, of the same shape.
     """
-    right = np.where(known, soft, -soft).astype(np.float64).ravel()
+    some = slice(None, None, max(soft.size // _ENOUGH, 1) | 1)  # odd: in all symbols
+    right, known = soft.ravel()[some].astype(np.float64), known.ravel()[some]
+    right[~known] *= -1
     right = right[right < _SURE]
 
     def slope(factor: float) -> float:

@@ -54,6 +54,10 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
         "cell": Metric(setup.mode.cell, "panel pixels"),
         "ticks": Metric(setup.mode.ticks, "panel planes"),
         "parity": Metric(setup.mode.parity, "bytes"),
+        "code_rate": Metric(setup.mode.word_rate, "1"),
+        "words": Metric(received.codewords, "words"),
+        "words_lost": Metric(received.codewords_wrong, "words"),
+        "decoder_rounds": Metric(_rounds(received), "rounds/word"),
         "f_number": Metric(setup.setting.optics.f_number, "1"),
         "goodput_error": Metric(link.check.goodput if link.delivered else None, "1"),
         "full_physics": Metric(full_s, "s"),
@@ -70,6 +74,13 @@ def lock_metrics(lock: ClockLock | None) -> dict[str, Metric]:
         "phase_error_most": Metric(None if lock is None else lock.most, "ticks"),
         "lock_ticks": Metric(None if lock is None else lock.acquired, "ticks"),
     }
+
+
+def _rounds(received: Received) -> float | None:
+    """Returns the mean number of decoding rounds of a word; None for a code without rounds."""
+    if received.mode is None or received.mode.rate is None or not received.codewords:
+        return None
+    return received.rounds / received.codewords
 
 
 def _frames_sent_meanwhile(setup: FileLinkSetup, received: Received) -> int:

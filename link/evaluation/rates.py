@@ -16,7 +16,7 @@ class Rates:
 
     Attributes:
         raw: one bit of every data cell in every symbol.
-        coded: the rate after line code and Reed-Solomon code.
+        coded: the rate after line code and the code of the words.
         goodput: the file's bits from first light to its last verified byte, None if it did not
             arrive.
     """
@@ -37,5 +37,5 @@ def link_rates(layout: Layout, clock: Clock, file_bytes: int, seconds: float | N
     """
     raw = layout.cells * clock.hz / layout.mode.ticks
     line = layout.mode.code.bits / layout.group
-    coded = raw * line * (255 - layout.mode.parity) / 255
+    coded = raw * line * layout.mode.word_rate
     return Rates(raw, coded, 8 * file_bytes / seconds if seconds else None)

@@ -16,7 +16,6 @@ from link.theory.information import fsc_information_rate
 
 __all__ = ["CapacityInput", "capacity_bps", "capacity_document", "pixel_bound"]
 
-WORD: Final = 255
 LARGEST: Final = 1000.0
 """Largest threshold that is modelled electron by electron; a larger one is scaled down together
 with the means."""
@@ -133,7 +132,7 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
         ("tags", "cells under the four tags", free / cells),
         ("pilots", "cells that are pilots", layout.cells / free),
         ("line code", f"{mode.code.bits} bits in {layout.group} symbols", line),
-        ("Reed-Solomon", f"{WORD - mode.parity} of {WORD} bytes", (WORD - mode.parity) / WORD),
+        ("words", mode.word_code, mode.word_rate),
     ]  # fmt: skip
     rate = link.sensor * link.hz
     lost = sum(math.log(f) for _, _, f in factors if 0 < f < 1)
@@ -152,8 +151,8 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
     return {
         "capacity_bps": capacity,
         "cells_bps": layout.cells * link.hz / mode.ticks * pixel["cell"]["value"],
-        "raw_bps": raw, "coded_bps": raw * line * (WORD - mode.parity) / WORD,
-        "share": raw * line * (WORD - mode.parity) / WORD / capacity if capacity else None,
+        "raw_bps": raw, "coded_bps": raw * line * mode.word_rate,
+        "share": raw * line * mode.word_rate / capacity if capacity else None,
         "pixel": pixel, "budget": budget,
         "given": {
             "on": link.on, "off": link.off, "threshold": link.threshold, "reset": link.reset,
@@ -161,6 +160,6 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
         },
         "mode": {
             "width": mode.width, "height": mode.height, "cell": mode.cell, "ticks": mode.ticks,
-            "line": mode.line, "parity": mode.parity,
+            "line": mode.line, "parity": mode.parity, "rate": mode.rate,
         },
     }  # fmt: skip

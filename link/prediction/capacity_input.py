@@ -28,11 +28,17 @@ def scenario_input(
     """
     setting = link_setting(scenario, camera)
     modem, panel = scenario.link.modem, scenario.link.panel
-    assumed = [name for name in DEFAULT_MODE if getattr(modem, name) == "auto"]
+    soft = modem.rate != "auto"
+    assumed = [
+        name for name in DEFAULT_MODE
+        if getattr(modem, name) == "auto" and not (soft and name == "parity")
+    ]  # fmt: skip
     parts = {
         name: default if name in assumed else getattr(modem, name)
         for name, default in DEFAULT_MODE.items()
     }
+    if soft:
+        parts |= {"parity": None, "rate": modem.rate}
     mode = Mode(panel.width, panel.height, **parts)
     return capacity_input(setting, cell_scene(setting), mode), mode, assumed
 

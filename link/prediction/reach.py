@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from link.layout import Layout
-from link.mode import CELLS, LINE_CODES, PARITIES, Mode, ticks_chosen
+from link.mode import CELLS, LINE_CODES, Mode, codes_of, ticks_chosen
 from link.receiving.tags import least_module
-from link.theory import Reset, byte_error, rs_word_error
+from link.theory import Reset, word_loss
 
 __all__ = [
     "LEAST_CELL", "CellScene", "Reach", "edge_share", "longest_run", "predict_errors", "reach",
@@ -172,12 +172,6 @@ class Reach:
     tags: bool = True
 
 
-def _frame_loss(errors: float, mode: Mode) -> float:
-    """Returns the probability that a codeword cannot be corrected, for independent bits."""
-    bits = round(8 * Layout(mode).group / mode.code.bits)
-    return float(rs_word_error(255, 255 - mode.parity, byte_error(min(errors, 0.5), bits)))
-
-
 def reach(
     scene: CellScene, mode: Mode, at: float, focal_length: float, distances: Values, hz: float,
     sensor: tuple[int, int], air: Values,
@@ -188,7 +182,7 @@ def reach(
     a resolved panel does not fall with distance; the images of its pixels shrink.
 
     Args:
-        scene, mode: of the run; cell, ticks, line and parity may change.
+        scene, mode: of the run; the panel stays.
         at: distance of the run, m.
         focal_length: m.
         distances: m.
@@ -197,9 +191,9 @@ def reach(
         air: transmission at each distance, relative to the run's.
     """
     modes = [
-        replace(mode, cell=cell, ticks=ticks, line=line, parity=parity)
+        Mode(mode.width, mode.height, cell, ticks, line, parity, rate)
         for cell in CELLS for line in LINE_CODES[1:] for ticks in ticks_chosen(line)
-        for parity in PARITIES
+        for parity, rate in codes_of(line)
     ]  # fmt: skip
     worth = sorted(modes, key=lambda m: -_coded(m, hz))
     out = []
@@ -218,7 +212,7 @@ def reach(
                     continue
                 if key not in errors:
                     errors[key] = predict_errors(there, each)
-                if _frame_loss(errors[key], each) < _LOST:
+                if word_loss(each, errors[key]) < _LOST:
                     best = Reach(float(distance), _coded(each, hz), each, errors[key])
                     break
         out.append(best)
@@ -228,4 +222,4 @@ def reach(
 def _coded(mode: Mode, hz: float) -> float:
     layout = Layout(mode)
     line = mode.code.bits / layout.group
-    return layout.cells * hz / mode.ticks * line * (255 - mode.parity) / 255
+    return layout.cells * hz / mode.ticks * line * mode.word_rate

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+from cosim.compute.opencl import Device
 from cosim.spikes.viform import Viform
 from link.coding.stream_boxes import StreamInbox, stream_blocks
 from link.layout import Layout
@@ -23,6 +24,7 @@ class PacketReceiver:
         detector: its name.
         interleave: as used by the sender.
         begin: cycle from which on the receiver listens, a multiple of the blocks' length.
+        device: OpenCL device of the words' decoder; None for the compiled form.
 
     Attributes:
         known: tick up to which all packets that arrive at all have been returned; the length of the
@@ -32,12 +34,12 @@ class PacketReceiver:
     """
 
     def __init__(
-        self, shape: tuple[int, int], cycles: int, *, detector: str = "joint",
-        interleave: bool = True, begin: int = 0,
+        self, shape: tuple[int, int], cycles: int, *, detector: str = "packed",
+        interleave: bool = True, begin: int = 0, device: Device | None = None,
     ) -> None:  # fmt: skip
         self._begin = begin
         self._inbox: StreamInbox | None = None
-        self._interleave, self._cycles = interleave, cycles
+        self._interleave, self._cycles, self._device = interleave, cycles, device
         self._receiver = Receiver(shape, detector=detector, inbox=self._open)
         self._seen = 0
         self._ticks: dict[int, int] = {}
@@ -46,7 +48,7 @@ class PacketReceiver:
         self.received: Received | None = None
 
     def _open(self, layout: Layout) -> StreamInbox:
-        self._inbox = StreamInbox(layout, interleave=self._interleave)
+        self._inbox = StreamInbox(layout, interleave=self._interleave, device=self._device)
         return self._inbox
 
     @property

@@ -50,9 +50,10 @@ class Received:
         frames_read, frames_right, frames_needed: numbers of frames.
         codewords, codewords_wrong: codewords read, and those that could not be corrected.
         bytes_corrected: bytes corrected.
+        rounds: rounds of decoding in all codewords; 0 for a code without rounds.
         cell_quality: (rows, columns) float32, mean magnitude of the soft values, nats; 0 without
             data.
-        cell_errors: (rows, columns) int64, bytes corrected at each cell.
+        cell_errors: (rows, columns) int64, bytes corrected at each cell; bits of a code of bits.
         soft: (n,) float32, a sample of the soft values.
         soft_at: (n, 2) int64, their symbol and data cell.
         promise: mean of 1 / (1 + exp |soft|) over all soft values, the error rate that they
@@ -79,6 +80,7 @@ class Received:
     codewords: int = 0
     codewords_wrong: int = 0
     bytes_corrected: int = 0
+    rounds: int = 0
     cell_quality: npt.NDArray[np.float32] | None = None
     cell_errors: npt.NDArray[np.int64] | None = None
     soft: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))

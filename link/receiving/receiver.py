@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from cosim.compute.opencl import Device
 from cosim.spikes.viform import Viform
 from link.coding import BlockReader, Inbox
 from link.detect.catalogue import DETECTORS
@@ -53,6 +54,8 @@ class Receiver:
         detector: its name.
         interleave: as used by the sender.
         inbox: makes the reader of the decoded groups for a layout; by default that of a file.
+        device: OpenCL device of the words' decoder; None for the compiled form, with the same
+            result.
 
     Attributes:
         recording: the stored words.
@@ -67,14 +70,16 @@ class Receiver:
     """
 
     def __init__(
-        self, shape: tuple[int, int], *, detector: str = "joint", interleave: bool = True,
-        inbox: Callable[[Layout], BlockReader] | None = None,
+        self, shape: tuple[int, int], *, detector: str = "packed", interleave: bool = True,
+        inbox: Callable[[Layout], BlockReader] | None = None, device: Device | None = None,
     ) -> None:  # fmt: skip
         if detector not in DETECTORS:
             raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {detector}")
         self.recording = Recording(shape)
         self._detector = detector
-        self._make_inbox = inbox or (lambda layout: Inbox(layout, interleave=interleave))
+        self._make_inbox = inbox or (
+            lambda layout: Inbox(layout, interleave=interleave, device=device)
+        )
         self._evidence: Evidence | None = None
         self._acquired: Acquired | None = None
         self._session: Session | None = None
@@ -135,6 +140,7 @@ class Receiver:
             frames_read=inbox.frames_read, frames_right=inbox.frames_right,
             frames_needed=inbox.frames_needed, codewords=inbox.codewords,
             codewords_wrong=inbox.codewords_wrong, bytes_corrected=inbox.bytes_corrected,
+            rounds=inbox.rounds,
             cell_quality=session.grid(
                 (session.quality / max(session.symbols, 1)).astype(np.float32)
             ),

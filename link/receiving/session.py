@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
+from link.detect.counting import PHASES
 from link.layout import TRAINING, closing, training
-from link.line_codes import decode_line
 from link.receiving.acquiring import Acquired, lit_span
 from link.receiving.pacing import Delay
 from link.receiving.phasing import measure_delay, nudge
@@ -42,8 +42,11 @@ _CHECK: Final = 128.0
 """Ticks after which the timing is measured again."""
 _MEASURED: Final = 24
 """Symbols of a measurement of the timing."""
-_SHIFTED: Final = 0.03
-"""Change of the timing after which the detector learns again, ticks."""
+_SHIFTED: Final = 0.01
+"""Change of the timing after which the detector learns again, ticks. With .03, a timing .023 off
+brought the symbols to a class of phase that the detector had not learned: ten times the errors."""
+_ROWS: Final = 5
+"""Rows, from the first to the last, whose classes of phase are followed."""
 _SHARP, _FAR = 0.05, 0.45
 """_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
 ticks."""
@@ -115,6 +118,10 @@ class Session:
         self._next: int | None = None
         self._checked = self.pace.at
         self._learned = 0.0
+        self._timed = self.timing
+        """Timing of the detector."""
+        self._classes: set[tuple[int, int]] = set()
+        """Rows, of _ROWS, and their classes of phase that the detector has learned."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
         self.lost = False
 
@@ -229,9 +236,8 @@ class Session:
         return first + len(decided) - len(part), part
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
-        detector = make_detector(
-            self.detector_name, self.layout, registration, self.timing,
-        )  # fmt: skip
+        detector = make_detector(self.detector_name, self.layout, registration, self.timing)
+        self._timed = self.timing
         if self._known is not None:
             begin, known = self._known
             detector.learn(recording.words, recording.first, known, begin)
@@ -244,7 +250,15 @@ class Session:
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
             detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
         self._learned = 0.0
+        self._classes = self._classes_of(begin, _KNOWN)
         return detector
+
+    def _classes_of(self, first: int, count: int) -> set[tuple[int, int]]:
+        """Returns the rows, of _ROWS, and their classes of phase in `count` symbols."""
+        row = np.linspace(0, self.rows, _ROWS)[:, None]
+        start = self._timed.start(first + np.arange(count), row)
+        phase = np.floor((start - np.floor(start)) * PHASES).astype(int)
+        return {(n, int(each)) for n, some in enumerate(phase) for each in np.unique(some)}
 
     def _follow(
         self, recording: Recording, registration: Registration, detector: Any, first: int
@@ -268,15 +282,17 @@ class Session:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
                 if (
-                    abs(float(self.timing.start(*middle) - detector.timing.start(*middle)))
+                    abs(float(self.timing.start(*middle) - self._timed.start(*middle)))
                     > _SHIFTED
                 ):
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
-        if abs(phase - self._learned) > _MOVED:
+        classes = self._classes_of(begin, len(decided))
+        if abs(phase - self._learned) > _MOVED or not classes <= self._classes:
             detector.learn(recording.words, recording.first, decided, begin)
             self._learned = phase
+            self._classes |= classes
         return detector
 
     def _delay(self, w: Witnesses) -> Delay | None:
@@ -290,10 +306,9 @@ class Session:
 
     def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
         group = self.layout.group
-        values, quality = decode_line(self.layout.mode.line, soft)
-        for n in range(len(values)):
+        for n in range(len(soft) // group):
             number = (first - TRAINING) // group + n
-            right = self.inbox.put(number, values[n], quality[n])
+            right = self.inbox.put(number, soft[n * group : (n + 1) * group])
             if self.inbox.over:
                 soft = soft[: n * group]
                 break
@@ -301,12 +316,14 @@ class Session:
             self.instants.append(Instant(number, tick, right))
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick
-        size = np.abs(soft)
-        self.quality += size.sum(0, dtype=np.float64)
-        self.promised += float((1 / (1 + np.exp(size))).sum(dtype=np.float64))
+        for n, row in enumerate(soft):  # a symbol's arrays stay in the cache
+            size = np.abs(row)
+            self.quality += size
+            np.exp(size, out=size)
+            size += 1
+            self.promised += float(np.reciprocal(size, out=size).sum(dtype=np.float64))
+            self.packed[first + n] = np.packbits(row > 0)
         self.symbols += len(soft)
-        for n, row in enumerate(np.packbits(soft > 0, axis=1)):
-            self.packed[first + n] = row
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]
         if sum(len(part) for part in self.soft) < _SAMPLES:

@@ -10,7 +10,7 @@ import numpy as np
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from link.layout import Layout
-from link.mode import CELLS, LINE_CODES, PARITIES, Mode, ticks_chosen
+from link.mode import CELLS, LINE_CODES, Mode, codes_of, ticks_chosen
 from link.prediction.light import cell_scene
 from link.prediction.reach import LEAST_CELL
 from link.receiving.tags import LEAST_MODULE
@@ -51,8 +51,21 @@ def tag_warning(setting: LinkSetting, mode: Mode) -> str | None:
 def _fixed_mode(scenario: LinkScenario) -> Mode | None:
     """Returns the mode of the scenario; None if a part of it is to be chosen."""
     modem, panel = scenario.link.modem, scenario.link.panel
-    parts = modem.cell, modem.ticks, modem.line, modem.parity
-    return None if "auto" in parts else Mode(panel.width, panel.height, *parts)
+    parts = modem.cell, modem.ticks, modem.line
+    codes = _codes(modem, modem.line)
+    if "auto" in parts or len(codes) > 1:
+        return None
+    return Mode(panel.width, panel.height, *parts, *codes[0])
+
+
+def _codes(modem: ModemSection, line: str) -> list[tuple[int | None, float | None]]:
+    """Returns the parities and rates that the scenario leaves open with a line code."""
+    return [
+        (parity, rate) for parity, rate in codes_of(line)
+        if modem.code in ("auto", "reed-solomon" if rate is None else "ldpc")
+        and (modem.parity == "auto" or parity == modem.parity)
+        and (modem.rate == "auto" or rate == modem.rate)
+    ]  # fmt: skip
 
 
 def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting) -> list[Mode]:
@@ -63,11 +76,11 @@ def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting
     """
     cells = [c for c in CELLS if c * setting.scale >= LEAST_CELL] or [CELLS[-1]]
     return [
-        Mode(*size, cell, ticks, line, parity)
+        Mode(*size, cell, ticks, line, parity, rate)
         for cell in (cells if modem.cell == "auto" else [modem.cell])
         for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
         for ticks in (ticks_chosen(line) if modem.ticks == "auto" else [modem.ticks])
-        for parity in (PARITIES if modem.parity == "auto" else [modem.parity])
+        for parity, rate in _codes(modem, line)
     ]
 
 
@@ -76,7 +89,7 @@ def _delays(setting: LinkSetting, mode: Mode, size: int) -> list[int]:
     those that the clocks drift through while a file of `size` bytes is sent, at most a tick."""
     period = setting.camera.clock.edge(1)
     ratio = setting.camera.clock.hz / setting.panel.clock.hz
-    goodput = foresee(mode, 0.0, size, setting.panel.clock.hz)[3]
+    goodput = foresee(mode, 0.0, size, setting.panel.clock.hz)[2]
     ticks = 8 * size * setting.panel.clock.hz / goodput if goodput else 0.0
     drift = float(np.clip((ratio - 1) * ticks, -1, 1))
     if abs(drift) < _DRIFT:
@@ -122,11 +135,11 @@ def choose_mode(
         progress.advance(tried)
         return max(found, key=lambda one: one.values_wrong)
 
-    camera = setting.camera
+    camera, scene = setting.camera, cell_scene(setting)
     choice = choose(
         trial, modes, size=max(size, 1), hz=setting.panel.clock.hz, most_trials=_TRIED,
         threshold=camera.threshold if camera.reset == "hard" else None,
-        background=cell_scene(setting).background,
+        background=scene.background, on=scene.on,
         most_overhead=modem.overhead,
     )  # fmt: skip
     progress.advance(_TRIED)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from cosim import InputError, seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
@@ -85,7 +85,7 @@ class LinkSetup:
             mode = choice.mode
             text = (
                 f"cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} ticks, {mode.line} "
-                f"and Reed-Solomon (255, {255 - mode.parity})"
+                f"and {mode.word_code}"
             )
             notes.append(
                 f"{text}: chosen from pilots" if choice.holds
@@ -127,7 +127,7 @@ class FileLinkSetup(LinkSetup):
         assert self.choice is not None
         mine = [
             row.errors for row in self.choice.rows
-            if row.errors is not None and replace(row.mode, parity=self.mode.parity) == self.mode
+            if row.errors is not None and row.mode.symbols == self.mode.symbols
         ]  # fmt: skip
         wrong = f" ({mine[0]:.2g} of a pilot's bits were wrong in the surest)" if mine else ""
         hz = self.setting.panel.clock.hz
@@ -135,7 +135,7 @@ class FileLinkSetup(LinkSetup):
         return (
             f"no mode is foreseen to work{wrong}, so only {self.sent.planes / hz:.3g} s of the "
             f"{whole:.3g} s that the file takes are filmed; to film all, "
-            "give link.modem.cell, ticks, line and parity"
+            "give link.modem.cell, ticks, line and parity or rate"
         )
 
     def warnings(self) -> list[str]:

@@ -19,7 +19,6 @@ from cosim.compute.opencl import choose_device
 from cosim.run.progress import Progress
 from cosim.stage import BLOCK
 from link.coding import Blocks
-from link.coding.reed_solomon import WORD_BYTES
 from link.coding.stream_boxes import StreamOutbox, stream_blocks, stream_rate
 from link.layout import TRAINING, Layout
 from link.section import LinkScenario
@@ -83,14 +82,14 @@ class StreamSetup(LinkSetup):
         symbols = form.groups * layout.group
         pilots, data = int(layout.pilot.sum()), layout.cells
         coded = 8 * form.groups * form.group_bytes
-        words = 8 * WORD_BYTES * form.frames * form.frame_words
+        words = 8 * form.word_bytes * form.frames * form.frame_words
         frames = 8 * form.frames * form.frame_bytes
         spent = {
             "tags and their surroundings": (math.prod(layout.shape) - pilots - data) * symbols,
             "pilots": pilots * symbols,
             f"line code {self.mode.line}": data * symbols - coded,
             "cells that fill no frame": coded - words,
-            "parity of Reed-Solomon": words - frames,
+            f"parity of {self.mode.word_code}": words - frames,
             "heads and checksums of frames": frames - 8 * stream_rate(form),
         }
         return {name: bits / self.block_cycles for name, bits in spent.items()}

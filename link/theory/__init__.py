@@ -19,9 +19,11 @@ from link.theory.fading import (
     log_normal_sigma,
 )
 from link.theory.intervals import JUDGED, clopper_pearson, pointwise_level
+from link.theory.ldpc_words import ldpc_word_error
 from link.theory.patterns import hard_patterns
 from link.theory.scintillation import gamma_gamma, scintillation_index
-from link.theory.words import burst_byte_error, burst_word_error, byte_error, rs_word_error
+from link.theory.word_loss import word_loss
+from link.theory.words import burst_byte_error, burst_word_error, rs_word_error
 
 __all__ = [
     "JUDGED",
@@ -32,7 +34,6 @@ __all__ = [
     "awgn_ook",
     "burst_byte_error",
     "burst_word_error",
-    "byte_error",
     "charge_errors",
     "clopper_pearson",
     "count_capacity",
@@ -40,6 +41,7 @@ __all__ = [
     "gamma_gamma",
     "gamma_gamma_ook",
     "hard_patterns",
+    "ldpc_word_error",
     "log_normal_ook",
     "log_normal_sigma",
     "longest_off_run",
@@ -50,4 +52,5 @@ __all__ = [
     "poisson_threshold",
     "rs_word_error",
     "scintillation_index",
+    "word_loss",
 ]

@@ -30,7 +30,7 @@ from cosim.run.result import Error
 from link.mode import Mode
 from link.sending import Transmission
 from link.setting import LinkSetting
-from link.theory import byte_error, clopper_pearson, rs_word_error
+from link.theory import clopper_pearson, word_loss
 from link.trial.near import Lead, Near, near
 from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LEVEL, LinkPlan, half_width
@@ -152,11 +152,7 @@ def goodput_change(full: float, run: float, mode: Mode) -> float:
     Goodput is the share of codewords that arrive, with independent bits; the result is 0 if none
     arrive with `full`.
     """
-    a_byte = round(8 * mode.code.symbols / mode.code.bits)
-    through = [
-        1 - float(rs_word_error(255, 255 - mode.parity, byte_error(min(rate, 0.5), a_byte)))
-        for rate in (full, run)
-    ]
+    through = [1 - word_loss(mode, rate) for rate in (full, run)]
     return abs(through[1] - through[0]) / through[0] if through[0] > 0 else 0.0
 
 
@@ -236,7 +232,7 @@ def check_link(
     sent: Transmission,
     plan: LinkPlan,
     *,
-    detector: str = "joint",
+    detector: str = "packed",
     seed: int,
     device: Device | None,
     progress: Progress,

@@ -147,7 +147,7 @@ class LinkPatches:
     """
 
     def __init__(
-        self, setting: LinkSetting, sent: Transmission, seed: int, detector: str = "joint"
+        self, setting: LinkSetting, sent: Transmission, seed: int, detector: str = "packed"
     ) -> None:
         self._setting, self._sent, self._detector = setting, sent, detector
         chip, layout = setting.camera.chip, sent.layout

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from link.coding import Blocks
+from link.coding import blocks_of
 from link.receiving.session import Session
 
 __all__ = ["gap_text"]
@@ -19,7 +19,7 @@ def gap_text(session: Session) -> str | None:
 
     A gap is one sequence of blocks that are lost completely, between correct ones.
     """
-    form = Blocks(session.layout)
+    form = blocks_of(session.layout)
     blocks: dict[int, tuple[int, int]] = {}
     for each in session.instants:
         block = each.group // form.groups

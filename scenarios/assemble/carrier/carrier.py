@@ -173,7 +173,7 @@ class Carrier:
         modem = setup.scenario.link.modem
         receiver = PacketReceiver(
             sensor.shape, setup.cycles, detector=modem.detector, interleave=modem.interleave,
-            begin=self.joins,
+            begin=self.joins, device=setup.device,
         )
         schedule = Schedule(setup.lead, self.hold, self.section.cycles, cycles, clock)
         decoder = Decoder(code, shape)

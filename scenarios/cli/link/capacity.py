@@ -109,13 +109,14 @@ def _rate(bps: float) -> str:
 
 def _text(name: str, document: dict[str, Any]) -> str:
     """The document for a reader."""
+    from link.mode import word_code
+
     given, mode = document["given"], document["mode"]
     assumed = ", ".join(document["assumed"])
     lines = [
         f"{name}: ON {given['on']:.4g} e, OFF {given['off']:.4g} e a tick, threshold "
         f"{given['threshold']:g} e, {given['reset']} reset, {given['hz']:g} ticks/s",
-        f"{_cells(mode)}, {mode['line']}, "
-        f"RS(255,{255 - mode['parity']})"
+        f"{_cells(mode)}, {mode['line']}, " + word_code(mode["parity"], mode["rate"])
         + (f"; not given, so assumed: {assumed}" if assumed else ""),
         "",
     ]

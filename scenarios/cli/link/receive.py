@@ -29,8 +29,8 @@ def link_receive(
     ],
     out: Annotated[Path, typer.Option(help="folder to write to; the file goes to received/")],
     detector: Annotated[
-        str, typer.Option(help="joint, packed, threshold or forward-backward")
-    ] = "joint",
+        str, typer.Option(help="packed, joint, threshold or forward-backward")
+    ] = "packed",
     interleave: Annotated[
         bool, typer.Option("--interleave/--no-interleave", help="as the sender had it")
     ] = True,
@@ -91,7 +91,7 @@ def _document(stream: Path, received: Received, clock: Clock) -> dict[str, Any]:
     if mode is not None:
         out["mode"] = {
             "width": mode.width, "height": mode.height, "cell": mode.cell, "ticks": mode.ticks,
-            "line": mode.line, "parity": mode.parity,
+            "line": mode.line, "parity": mode.parity, "rate": mode.rate,
         }  # fmt: skip
     if mode is not None and timing is not None:
         assert r.registration is not None
@@ -138,6 +138,8 @@ def _write(out: Path, received: Received, document: str) -> None:
 
 
 def _tell(document: dict[str, Any]) -> None:
+    from link.mode import word_code
+
     print(f"{document['outcome']}: {document['verdict']}")
     if document["file"] is not None:
         rate = document["goodput_bps"]
@@ -148,7 +150,7 @@ def _tell(document: dict[str, Any]) -> None:
         first, offset = round(timing["first_tick"], 2), round(timing["clock_offset_ppm"])
         print(
             f"mode: {mode['width']}x{mode['height']}, cells {mode['cell']}, ticks {mode['ticks']}, "
-            f"{mode['line']}, parity {mode['parity']}; first light at tick "
+            f"{mode['line']}, {word_code(mode['parity'], mode['rate'])}; first light at tick "
             f"{first + 0.0:.2f}, clock {offset:+d} ppm, "  # + 0.0: never -0.00
             f"known to {timing['clock_error_ppm']:.0f} ppm"
         )

@@ -28,6 +28,12 @@ class SendOptions:
         str, typer.Option(help="code along time: scrambled, none, manchester, 4b6b or 8b10b")
     ] = "8b10b"
     parity: Annotated[int, typer.Option(help="bytes of 255 that are parity: 16 to 128")] = 32
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            help="of an LDPC code, .75 to .97, in place of parity; with scrambled symbols alone"
+        ),
+    ] = None
     interleave: Annotated[
         bool,
         typer.Option(
@@ -74,7 +80,8 @@ def link_send(
     width, height = _sides(panel.size)
     data = _read(source)
     try:
-        mode = Mode(width, height, panel.cell, panel.ticks, panel.line, panel.parity)
+        parity = panel.parity if panel.rate is None else None
+        mode = Mode(width, height, panel.cell, panel.ticks, panel.line, parity, panel.rate)
         sent = FileTransmission(
             mode, data, source.name, interleave=panel.interleave, overhead=panel.overhead
         )
@@ -94,8 +101,8 @@ def link_send(
             {
                 "file": str(source), "out": str(out), "bytes": len(data),
                 "width": width, "height": height, "cell": mode.cell, "ticks": mode.ticks,
-                "line": mode.line,
-                "parity": mode.parity, "interleave": panel.interleave, "tags": list(mode.tags),
+                "line": mode.line, "parity": mode.parity, "rate": mode.rate,
+                "interleave": panel.interleave, "tags": list(mode.tags),
                 "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
                 "training": TRAINING, "groups": sent.outbox.groups,
                 "closing": sent.layout.closing,

@@ -47,9 +47,11 @@ def _quantity(document: dict[str, Any]) -> str:
 
 
 def _mode(mode: dict[str, Any]) -> str:
+    from link.mode import word_code
+
     return (
         f"cells of {mode['cell']} x {mode['cell']} panel pixels, {mode['ticks']} ticks a symbol, "
-        f"{mode['line']}, {mode['parity']} bytes of parity"
+        f"{mode['line']}, {word_code(mode['parity'], mode['rate'])}"
     )
 
 

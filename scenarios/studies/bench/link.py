@@ -22,7 +22,6 @@ from link.detect.catalogue import make_detector
 from link.detect.joint import Joint
 from link.detect.joint_numpy import soft_by_numpy
 from link.layout import TRAINING, Layout
-from link.line_codes import decode_line
 from link.mode import Mode
 from link.sending import FileTransmission
 from link.timing import Registration, Timing
@@ -81,9 +80,7 @@ def _detectors(size: int) -> list[Row]:
     off = (side - size * _SCALE) / 2
     place = np.array([[_SCALE, 0, off], [0, _SCALE, off], [0, 0, 1.0]])
     words = _spikes(sent.pixels, symbols, place, (side, side))
-    detectors = {
-        name: make_detector(name, sent.layout, *_place(place, side)) for name in DETECTORS
-    }
+    detectors = {name: make_detector(name, sent.layout, *_place(place, side)) for name in DETECTORS}
     for detector in detectors.values():
         detector.learn(words, 0, sent.bits(0, TRAINING), 0)
     count = symbols - TRAINING
@@ -120,9 +117,8 @@ def _modem(size: int) -> tuple[int, int, float, list[Callable[[], int]], int]:
         sent.words(first, form.groups * group * _TICKS)
         part = words, 0, TRAINING, form.groups * group
         soft = soft_by_numpy(detector, *part) if plain else detector.soft(*part)
-        values, quality = decode_line(mode.line, soft)
         inbox = Inbox(sent.layout)
-        return sum(inbox.put(n, values[n], quality[n]) for n in range(form.groups))
+        return sum(inbox.put(n, soft[n * group : (n + 1) * group]) for n in range(form.groups))
 
     ticks = form.groups * group * _TICKS
     calls = [lambda: call(False), lambda: call(True)]

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from link.coding import Blocks, Inbox, Outbox
 from link.layout import Layout
-from link.line_codes import CATALOGUE, decode_line, encode_line
+from link.line_codes import CATALOGUE, encode_line
 from link.mode import LINE_CODES, PARITIES, Mode
+from tests.link.coding.soft import soft_of
 
 SMALL = Layout(Mode(256, 224, 2, 1, "8b10b", 32))
 
@@ -29,8 +30,8 @@ def all_values(outbox: Outbox) -> np.ndarray:
 
 def put_all(inbox: Inbox, values: np.ndarray, quality: np.ndarray | None = None) -> None:
     for group, row in enumerate(values):
-        sure = np.full(row.shape, 9.0, np.float32) if quality is None else quality[group]
-        inbox.put(group, row, sure)
+        sure = 9.0 if quality is None else quality[group]
+        inbox.put(group, soft_of(inbox.layout, row, sure))
 
 
 @pytest.mark.parametrize("line", LINE_CODES)
@@ -43,9 +44,10 @@ def test_a_noiseless_round_trip_is_bit_exact(line, parity, interleave, size):
     data = bytes_of(size)
     outbox = Outbox(data, "../a b.bin", layout, interleave=interleave)
     shown = encode_line(line, all_values(outbox))
-    values, quality = decode_line(line, np.where(shown, 3, -3).astype(np.float32))
+    soft = np.where(shown, 3, -3).astype(np.float32)
     inbox = Inbox(layout, interleave=interleave)
-    put_all(inbox, values, quality)
+    for group in range(outbox.groups):
+        inbox.put(group, soft[group * layout.group : (group + 1) * layout.group])
     assert inbox.file is not None
     assert (inbox.file.data, inbox.file.name) == (data, "a b.bin")
     assert inbox.frames_right == inbox.frames_read == outbox.frames
@@ -94,7 +96,7 @@ def test_lost_groups_are_made_good_by_the_fountain():
     inbox = Inbox(SMALL)
     for group in reversed(range(len(values))):  # in any order
         if group not in lost:
-            inbox.put(group, values[group], np.ones(SMALL.cells, np.float32))
+            inbox.put(group, soft_of(SMALL, values[group]))
     assert inbox.file is not None and inbox.file.data == data
     assert inbox.frames_right < outbox.frames
 
@@ -211,8 +213,7 @@ def test_a_block_of_several_groups_is_read_without_one(line, enough):
     outbox = Outbox(b"hello", "x", layout)
     values = all_values(outbox)
     inbox = Inbox(layout)
-    sure = np.ones(layout.cells, np.float32)
-    brought = [inbox.put(group, values[group], sure) for group in range(1, blocks.groups)]
+    brought = [inbox.put(n, soft_of(layout, values[n])) for n in range(1, blocks.groups)]
     assert not any(brought) and inbox.file is None
     inbox.flush()
     assert (inbox.file is not None) == enough
@@ -250,7 +251,7 @@ def test_damage_never_delivers_a_wrong_file(seed, share):
         bad = rng.random(SMALL.cells) < share
         row[bad] = rng.integers(0, 256, int(bad.sum()))
         quality = rng.choice([0, 1, np.nan, np.inf], SMALL.cells).astype(np.float32)
-        inbox.put(int(group), row, quality)
+        inbox.put(int(group), soft_of(SMALL, row, quality))
     assert inbox.file is None or (inbox.file.data, inbox.file.name) == (data, "x")
     assert 0 <= inbox.frames_right <= inbox.frames_read
     assert 0 <= inbox.codewords_wrong <= inbox.codewords
@@ -262,7 +263,7 @@ def test_what_cannot_be():
     with pytest.raises(ValueError, match="group must be from 0 to"):
         Outbox(b"", "x", SMALL).values(10**6)
     inbox = Inbox(SMALL)
-    with pytest.raises(ValueError, match="values must be"):
-        inbox.put(0, np.zeros(3, np.uint8), np.zeros(SMALL.cells, np.float32))
+    with pytest.raises(ValueError, match="soft must be"):
+        inbox.put(0, np.zeros((SMALL.group, 3), np.float32))
     with pytest.raises(ValueError, match="group must be 0 or more"):
-        inbox.put(-1, np.zeros(SMALL.cells, np.uint8), np.zeros(SMALL.cells, np.float32))
+        inbox.put(-1, np.zeros((SMALL.group, SMALL.cells), np.float32))

@@ -23,6 +23,7 @@ from link.coding.frames import Frame, read_frame, write_frame
 from link.coding.reed_solomon import ReedSolomon
 from link.layout import Layout
 from link.mode import Mode
+from tests.link.coding.soft import soft_of
 
 SYMBOL, SIZE = 104, 127
 FRAME = Frame(0x12345678, 1000, bytes([0, 0, 0, 3]) + bytes(range(SYMBOL)))
@@ -72,7 +73,6 @@ def test_forged_frames_deliver_nothing_and_stop_nothing(data):
     """Right in every CRC and code, wrong in what they carry; an honest file comes after them."""
     layout = Layout(Mode(128, 128, 4, 1, "8b10b", 128))
     blocks, inbox = Blocks(layout), Inbox(layout)
-    sure = np.full(layout.cells, 9, np.float32)
     for n in range(data.draw(st.integers(1, 8))):
         length = data.draw(st.sampled_from([1, 9, 50, 500, 5000, MOST_BYTES]))
         session = data.draw(st.integers(0, 5))
@@ -82,11 +82,12 @@ def test_forged_frames_deliver_nothing_and_stop_nothing(data):
         words = np.zeros((blocks.words, blocks.data_bytes), np.uint8)
         words[: blocks.frame_words] = framed.reshape(blocks.frame_words, -1)
         values = blocks.lay(ReedSolomon(128).encode(words), n)
-        assert sum(inbox.put(n * blocks.groups + k, v, sure) for k, v in enumerate(values)) == 1
+        softs = enumerate(soft_of(layout, v) for v in values)
+        assert sum(inbox.put(n * blocks.groups + k, soft) for k, soft in softs) == 1
     assert inbox.file is None
     honest = Outbox(b"honest", "x", layout)
     for group in range(honest.groups):
-        inbox.put(group, honest.values(group), sure)
+        inbox.put(group, soft_of(layout, honest.values(group)))
     assert inbox.file is not None and inbox.file.data == b"honest"
 
 

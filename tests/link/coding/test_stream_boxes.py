@@ -18,9 +18,9 @@ from link.coding.stream_frames import (
 )
 from link.layout import Layout
 from link.mode import Mode
+from tests.link.coding.soft import soft_of
 
 SMALL = Layout(Mode(128, 128, 4, 2, "8b10b", 32))
-SURE = np.ones(SMALL.cells, np.float32)
 
 
 def packets_of(seed: int, count: int, longest: int = 400) -> list[bytes]:
@@ -44,7 +44,7 @@ def test_packets_arrive_in_order_and_whole(longest: int) -> None:
     outbox = outbox_of(packets, enough(packets))
     inbox = StreamInbox(SMALL)
     for group in range(outbox.groups):
-        inbox.put(group, outbox.values(group), SURE)
+        inbox.put(group, soft_of(SMALL, outbox.values(group)))
     assert [a.packet for a in inbox.arrivals] == packets
     assert inbox.frames_right == inbox.frames_read == outbox.frames and inbox.frames_lost == 0
     groups = [a.group for a in inbox.arrivals]
@@ -61,7 +61,7 @@ def test_a_lost_block_loses_only_packets_that_touch_it() -> None:
         if group in lost:
             rng = np.random.default_rng(group)
             values = rng.integers(0, 256, SMALL.cells, dtype=np.uint8)
-        inbox.put(group, values, SURE)
+        inbox.put(group, soft_of(SMALL, values))
     size = stream_rate(stream_blocks(SMALL))
     ends = np.cumsum([len(p) + 4 for p in packets])
     begins = ends - [len(p) + 4 for p in packets]
@@ -81,7 +81,7 @@ def test_a_receiver_that_joins_a_period_late_reads_on() -> None:
     assert outbox.groups > period + 10
     for group in range(outbox.groups):
         if group >= period + 4:
-            inbox.put(group - period, outbox.values(group), SURE)
+            inbox.put(group - period, soft_of(SMALL, outbox.values(group)))
         else:
             outbox.values(group)
     got = [a.packet for a in inbox.arrivals]

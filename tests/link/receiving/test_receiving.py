@@ -9,7 +9,7 @@ import pytest
 
 from cosim import Viform
 from cosim.spikes.viform import unpack_planes
-from link.layout import TAG_MODULES, Layout
+from link.layout import TAG_MODULES, TRAINING, Layout
 from link.mode import Mode
 from link.receiving import Received, Receiver
 from link.receiving.tags import art_of
@@ -248,6 +248,29 @@ def test_a_gap_is_no_noise(dark: bool) -> None:
     assert "what ended by tick 136 is right" in got.verdict.text
     assert ("what began after tick 176 too" in got.verdict.text) == dark
     assert got.delivered is None
+
+
+@pytest.mark.parametrize("rate", [0.84, pytest.param(0.91, marks=pytest.mark.slow)])
+def test_words_with_soft_decisions(rate: float) -> None:
+    """A file arrives, and what was corrected is what was decided wrongly; what does not arrive has
+    a cause."""
+    mode = Mode(256, 256, 2, 2, "scrambled", None, rate)
+    toy = small(DATA, mode=mode)
+    planes = toy.planes()
+    got = receive(toy, planes)
+    assert got.delivered == (DATA, "a.bin"), got.verdict
+    assert got.mode == mode and got.codewords_wrong == 0
+    first, count = TRAINING, toy.sent.data_end - TRAINING
+    wrong = got.decided(first, count) != toy.sent.bits(first, count)
+    by_cell = np.zeros(toy.layout.shape, np.int64)
+    by_cell.ravel()[toy.layout.data] = wrong.sum(axis=0)
+    assert got.cell_errors is not None and (got.cell_errors <= by_cell).all()
+    assert got.cell_errors.sum() > 0.8 * by_cell.sum() > 0
+    assert got.rounds > got.codewords
+    cut = receive(toy, planes[: len(planes) * 3 // 4])
+    assert cut.delivered is None and cut.verdict.cause is Cause.TRUNCATED
+    dim = receive(small(DATA, mode=mode, on=0.5))
+    assert dim.delivered is None and dim.verdict.cause in (Cause.DIM, Cause.NOISY)
 
 
 @pytest.mark.parametrize("line", ["8b10b", pytest.param("manchester", marks=pytest.mark.slow)])

@@ -11,8 +11,10 @@ from scipy.stats import binom
 from link.coding import Blocks
 from link.layout import TRAINING, Layout
 from link.line_codes import encode_line
-from link.mode import Mode
+from link.mode import PARITIES, RATES, Mode
 from link.setup.choosing import Trial, choose, foresee, longest_run
+from link.theory import ldpc_word_error
+from tests.link.coding.ldpc_channel import capacity
 
 SIZE, HZ = 4_000_000, 40e3
 
@@ -34,29 +36,28 @@ def _modes() -> list[Mode]:
 def test_without_errors_goodput_is_the_file_over_its_time() -> None:
     # 2 x 2 cells, two ticks: 4 MB at 10 bits a byte and 255 bytes for 223, less frames' heads.
     mode = _mode()
-    words, frames, overhead, goodput = foresee(mode, 0.0, SIZE, HZ)
+    frames, overhead, goodput = foresee(mode, 0.0, SIZE, HZ)
     form = Blocks(Layout(mode))
     needed = math.ceil(SIZE / form.symbol_bytes) + 2
     symbols = TRAINING + math.ceil(needed / form.frames) * 10
-    assert (words, frames) == (0.0, 0.0)
+    assert frames == 0.0
     assert overhead == pytest.approx(2 / (needed - 2))
     assert goodput == pytest.approx(8 * SIZE / (symbols * 2 / HZ))
     assert goodput > 1e9
 
 
 def test_lost_words_lose_frames_and_frames_cost_time() -> None:
-    mode, byte = _mode(), 0.04
-    words, frames, overhead, goodput = foresee(mode, byte, SIZE, HZ)
+    mode, words = _mode(), float(binom.sf(16, 255, 0.04))
+    frames, overhead, goodput = foresee(mode, words, SIZE, HZ)
     form = Blocks(Layout(mode))
-    assert words == pytest.approx(binom.sf(16, 255, byte), rel=1e-9)
     assert frames == pytest.approx(1 - (1 - words) ** form.frame_words)
     needed = math.ceil(SIZE / form.symbol_bytes)
     sent = round(needed * (1 + overhead))
     # enough of them arrive, but for one file in a million; one fewer would not do
     assert binom.cdf(needed + 1, sent, 1 - frames) <= 1e-6
     assert binom.cdf(needed + 1, sent - 1, 1 - frames) > 1e-6
-    assert goodput < foresee(mode, 0.0, SIZE, HZ)[3]
-    assert foresee(mode, 0.3, SIZE, HZ)[2:] == (math.inf, 0.0)
+    assert goodput < foresee(mode, 0.0, SIZE, HZ)[2]
+    assert foresee(mode, 0.99, SIZE, HZ)[1:] == (math.inf, 0.0)
 
 
 def test_runs_are_those_of_the_table() -> None:
@@ -142,3 +143,51 @@ def test_a_trial_counts_bits_and_the_values_behind_them() -> None:
     assert Trial.of(mode, sent, soft) == Trial(400, 3, 200, 1)
     # a symbol that belongs to no whole group counts as bits alone
     assert Trial.of(mode, sent[:7], soft[:7]) == Trial(350, 3, 150, 1)
+
+
+def _scrambled(rates: tuple[float, ...] = RATES, cell: int = 2, ticks: int = 1) -> list[Mode]:
+    """Modes of both codes with scrambled symbols."""
+    hard = [Mode(960, 960, cell, ticks, "scrambled", parity) for parity in PARITIES]
+    return hard + [Mode(960, 960, cell, ticks, "scrambled", None, rate) for rate in rates]
+
+
+def _noise(sigma: float) -> Trial:
+    """A pilot of signs in white noise."""
+    mode, rng = _scrambled()[-1], np.random.Generator(np.random.Philox(key=4))
+    sent = rng.integers(0, 2, (40, 20_000), np.uint8).astype(np.bool_)
+    seen = np.where(sent, 1.0, -1.0) + sigma * rng.standard_normal(sent.shape)
+    return Trial.of(mode, sent, (2 * seen / sigma**2).astype(np.float32))
+
+
+def test_information_of_the_pilot_chooses_the_rate() -> None:
+    """The highest rate whose words arrive, in noise that would cost Reed-Solomon more."""
+    size = 20 * SIZE  # or some of them would take as many blocks
+    for sigma in (0.3, 0.4, 0.5, 0.55):
+        got = _noise(sigma)
+        assert got.information == pytest.approx(capacity(sigma), abs=4e-3)
+        choice = choose(lambda _, got=got: got, _scrambled(), size=size, hz=HZ)  # type: ignore[misc]
+        assert choice.holds and choice.mode.rate is not None
+        above = [rate for rate in RATES if rate > choice.mode.rate]
+        assert ldpc_word_error(choice.mode.rate, capacity(sigma)) < 1e-4
+        assert all(ldpc_word_error(rate, capacity(sigma)) > 1e-9 for rate in above[1:])
+        (row,) = (row for row in choice.rows if row.mode == choice.mode)
+        assert row.byte is None and row.information is not None
+        assert capacity(sigma) - 0.02 < row.information < capacity(sigma)
+        hard = choose(lambda _, got=got: got, _scrambled(()), size=size, hz=HZ)  # type: ignore[misc]
+        best = max(r.goodput or 0.0 for r in hard.rows)
+        assert (row.goodput or 0.0) > best
+    worst = _noise(1.0)
+    choice = choose(lambda _: worst, _scrambled(), size=SIZE, hz=HZ)
+    assert not choice.holds and choice.mode.parity == 128  # the surest of both codes
+
+
+def test_runs_of_scrambled_symbols_are_what_the_pilot_shows() -> None:
+    """Brighter stray light excludes line codes with long runs, but scrambled symbols only where an
+    ON tick does not fill the threshold."""
+    modes = [*_scrambled(), _mode(4, 1, "8b10b"), _mode(4, 1, "manchester")]
+    for on, left in ((1.4, {"scrambled", "manchester"}), (0.9, {"manchester"})):
+        choice = choose(
+            lambda _: Trial(100_000, 0, 10_000, 0, 0.99), modes, size=10**5, hz=HZ,
+            threshold=100.0, background=0.15, on=on,
+        )  # fmt: skip
+        assert {row.mode.line for row in choice.rows if "too long" not in row.why} == left

@@ -12,12 +12,12 @@ from scipy.stats import binom
 from link.theory import (
     burst_byte_error,
     burst_word_error,
-    byte_error,
     clopper_pearson,
     pointwise_level,
     rs_word_error,
 )
 from link.theory.trials import burst_word_trials, rs_word_trials
+from link.theory.words import byte_error
 
 
 def test_the_binomial_sum() -> None:

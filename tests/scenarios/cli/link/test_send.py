@@ -14,6 +14,7 @@ from link.mode import Mode
 from link.sending import FileTransmission, Transmission
 from link.setting import payload_of
 from scenarios.assemble.schema.loading import load
+from scenarios.cli.link.receive import link_receive
 from scenarios.cli.link.send import link_send
 
 app = typer.Typer()
@@ -36,6 +37,22 @@ def test_the_stream_holds_the_planes(tmp_path, ending):
     assert (stream.read_words(0, len(words)) == words).all()
     assert said["tags"] == list(Layout(sent.mode).mode.tags)
     assert unpack_planes(words, 0, 1).any()
+
+
+def test_words_with_soft_decisions_are_sent(tmp_path):
+    """And what a link sends, it receives."""
+    source, out = tmp_path / "note.txt", tmp_path / "sent.npz"
+    source.write_bytes(b"some bytes")
+    options = ("--size", "192x160", "--line", "scrambled", "--rate", "0.84", "--json")
+    result = CliRunner().invoke(app, [str(source), "--out", str(out), *options])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    mode = Mode(192, 160, 2, 2, "scrambled", None, 0.84)
+    assert (said["parity"], said["rate"], said["tags"]) == (None, 0.84, list(mode.tags))
+    link_receive(out, tmp_path / "got", "packed", True, None, False)
+    assert (tmp_path / "got" / "received" / "note.txt").read_bytes() == b"some bytes"
+    received = json.loads((tmp_path / "got" / "receive.json").read_text())
+    assert (received["mode"]["parity"], received["mode"]["rate"]) == (None, 0.84)
 
 
 def test_an_empty_file_is_sent_and_run_alike(tmp_path):
@@ -75,6 +92,14 @@ def test_the_room_of_the_groups_is_filled_without_another_one(size, overhead):
             "--line must be one of none, manchester, 4b6b, 8b10b, scrambled, not nrz",
         ),
         (("--parity", "33"), "--parity must be one of 16, 32, 64, 128, not 33"),
+        (
+            ("--rate", "0.8"),
+            "--line must be scrambled with a rate, not 8b10b",
+        ),
+        (
+            ("--rate", "0.9", "--line", "scrambled"),
+            "--rate must be one of 0.75, 0.8, 0.84, 0.88, 0.91, 0.935, 0.955, 0.97, not 0.9",
+        ),
         (("--overhead", "nan"), "--overhead must be 0 or more, not nan"),
         (("--clock", "40 lux"), "--clock must be a frequency such as '40 kHz', not '40 lux'"),
         (("--out", "x.mp4"), "--out must be a name ending in .dat, .raw, .npz, .zarr"),

@@ -1,0 +1,53 @@
+"""What decodes the words of a block: from the soft values of its groups to data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Flags", "ReadWords", "WordReader"]
+
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class ReadWords:
+    """The words of a block.
+
+    Attributes:
+        data: (words, data bytes) uint8.
+        ok: (words,) bool, where a word was found.
+        sound: (words,) bool, where it is accepted on its own; otherwise only in a correct frame.
+        changed: (words, places) bool, bytes or bits of a word that were corrected.
+        bytes_changed: number of bytes corrected in sound words.
+        rounds: rounds of decoding in all words, 0 for a code without rounds.
+    """
+
+    data: npt.NDArray[np.uint8]
+    ok: Flags
+    sound: Flags
+    changed: Flags
+    bytes_changed: int
+    rounds: int
+
+
+class WordReader(Protocol):
+    """Takes the groups of one block after another, and reads its words."""
+
+    def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
+        """Takes a group.
+
+        Args:
+            group: its number.
+            within: its number in the block.
+            soft: (symbols, cells) float32, ln P(1) - ln P(0); 0 or NaN where nothing was received.
+        """
+        ...
+
+    def read(self, block: int, missing: Sequence[int]) -> ReadWords:
+        """Reads a block. missing: numbers of the groups that it lacks."""
+        ...

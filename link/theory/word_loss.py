@@ -1,0 +1,24 @@
+"""The share of words that a mode's code cannot correct, for a bit error rate."""
+
+from __future__ import annotations
+
+from link.coding import WORD_BYTES
+from link.mode import Mode
+from link.theory.ldpc_words import ldpc_word_error, sign_information
+from link.theory.words import byte_error, rs_word_error
+
+__all__ = ["word_loss"]
+
+
+def word_loss(mode: Mode, errors: float) -> float:
+    """Returns the share of lost words, for independent bits of this error rate.
+
+    With a low-density parity-check code it is an estimate: the bits are taken for signs in white
+    noise, whose information follows from their errors.
+    """
+    errors = min(errors, 0.5)
+    if mode.parity is None:
+        assert mode.rate is not None
+        return ldpc_word_error(mode.rate, sign_information(errors))
+    of_a_byte = round(8 * mode.code.symbols / mode.code.bits)
+    return float(rs_word_error(WORD_BYTES, WORD_BYTES - mode.parity, byte_error(errors, of_a_byte)))
