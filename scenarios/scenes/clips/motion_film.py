@@ -41,7 +41,7 @@ class _Course:
         share: share of pixels and time for which the flows disagree.
         difference: RMS difference from linear interpolation midway between frames, white = 1.
         longest: largest motion from frame to frame where the flows agree, pixels.
-        cuts: pairs of frames without common motion.
+        cuts: number of pairs of frames without common motion.
         planes: new planes of light in the run.
         least, most: range of the light, (H, W), white = 1.
         example: first frame of the pair with the greatest difference from linear interpolation.
@@ -129,7 +129,7 @@ class MotionFilm(FilmSource):
             "white = 1"
         )
         if course.cuts:
-            note += f"; {course.cuts} pairs of frames have no common motion, as across a cut"
+            note += f"; pairs of frames without common motion, as across a cut: {course.cuts}"
         self.notes.append(note)
 
     # Frames and planes, white = 1.
@@ -167,7 +167,8 @@ class MotionFilm(FilmSource):
             planes += span.planes
             if span.difference > greatest:
                 example, greatest = n, span.difference
-            for k in {*range(_SKETCHED, span.planes, _SKETCHED), span.planes}:
+            half = span.planes // 2
+            for k in {*range(_SKETCHED, span.planes, _SKETCHED), half, span.planes}:
                 drawn = self._mixed(span.at(k))
                 np.minimum(least, drawn, out=least)
                 np.maximum(most, drawn, out=most)
