@@ -28,6 +28,8 @@ class Source(Protocol):
         shape: rows and columns.
         notes: processing of the scene that a user must know (temporal interpolation, cropping).
         degraded: reasons for which the result falls short of the request.
+
+    A source may also have `metrics`, figures of the scene for the result: name -> `Metric`.
     """
 
     shape: tuple[int, int]

@@ -115,6 +115,7 @@ class ImagerMachine:
             "frames": Metric(len(frames), "1"),
             "frame_rate": Metric(_frame_rate(frames), "Hz"),
             **(planned.model.metrics(frames, view, chain.imager) if frames else {}),
+            **view.metrics,
         }
         return Outcome(
             outcome="degraded" if not frames or short or view.degraded or faults else "ok",

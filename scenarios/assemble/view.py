@@ -82,8 +82,9 @@ def make_view(scenario: ImagerScenario, shape: tuple[int, int], clock: Clock = L
     )
     notes = [lens_note, *source.notes, drawing]
     return View(
-        scenery, gain, least, most, bool(limits.certain.all()), still, notes, source.degraded
-    )
+        scenery, gain, least, most, bool(limits.certain.all()), still, notes, source.degraded,
+        metrics=getattr(source, "metrics", {}),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

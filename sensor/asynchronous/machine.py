@@ -159,6 +159,7 @@ class AsynchronousMachine:
             metrics={
                 **fidelity,
                 **output.metrics(len(views.sent)),
+                **getattr(spec.source, "metrics", {}),
                 "loop_turns": Metric(float(output.turns), "1"),
                 "camera": Metric(seconds["sensor"], "s"),
                 "full_physics": Metric(checked.full_physics, "s"),

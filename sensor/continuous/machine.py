@@ -188,6 +188,7 @@ class ContinuousMachine:
             metrics={
                 **metrics,
                 **report_metrics(reports, spec.setting),
+                **getattr(spec.source, "metrics", {}),
                 "white_current": Metric(spec.white, "electrons/s"),
                 "f_number": Metric(spec.lens.f_number, "1"),
             },

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from cosim.run.result import Metric
 from sensor.imagers import Scenery
 
 __all__ = ["View"]
@@ -27,6 +28,7 @@ class View:
         notes: notes about the scene for the user.
         degraded: reasons for which the run does not show the scene as asked.
         chart_name: name of a computed chart; "" for any other scene.
+        metrics: figures of the scene for the result.
     """
 
     scenery: Scenery
@@ -38,3 +40,4 @@ class View:
     notes: list[str] = field(default_factory=list)
     degraded: list[str] = field(default_factory=list)
     chart_name: str = ""
+    metrics: dict[str, Metric] = field(default_factory=dict)

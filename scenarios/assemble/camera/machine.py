@@ -237,6 +237,7 @@ class LatchedMachine:
                 "full_physics": Metric(full, "s"),
                 **({} if images.sizes is None else size_metrics(images.sizes)),
                 **self.boards.metrics(self.camera),
+                **getattr(self.source, "metrics", {}),
             },
             latency=images.latency,
             throughput=throughput,

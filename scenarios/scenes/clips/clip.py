@@ -85,7 +85,8 @@ def _is_still(name: str) -> bool:
 class Clip:
     """Frames of a clip or image on a (height, width) grid, by number, in any order.
 
-    `frame(n)` is (H, W) float32 in [0, 1]. For a frame far ahead, or behind, decoding starts at the
+    `frame(n)` is (H, W) float32 in [0, 1]; behind a mosaic that is not `mixed`, (H, W, 3) in linear
+    red, green and blue. For a frame far ahead, or behind, decoding starts at the
     last key frame before it, or, without a timeline, at the start of the file. The frames in
     between are decoded but not converted.
 
@@ -97,8 +98,10 @@ class Clip:
         timeline: times of the frames; None if the file has none.
     """
 
-    def __init__(self, path: Path, shape: tuple[int, int], mosaic: Mosaic | None = None) -> None:
-        self._path, self._shape, self._mosaic = path, shape, mosaic
+    def __init__(
+        self, path: Path, shape: tuple[int, int], mosaic: Mosaic | None = None, mixed: bool = True
+    ) -> None:
+        self._path, self._shape, self._mosaic, self._mixed = path, shape, mosaic, mixed
         self.notes: list[str] = []
         self._strict = True  # damaged pictures are refused first, so that they can be noted
         self._iterator: Iterator[Any] | None = None
@@ -257,7 +260,7 @@ class Clip:
         top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
         cropped = scaled[top : top + rows, left : left + columns]
         clipped = np.clip(cropped, 0, 1)
-        if self._mosaic is not None:
+        if self._mosaic is not None and self._mixed:
             clipped = self._mosaic.mixed(clipped)
         return np.ascontiguousarray(clipped, dtype=np.float32)
 

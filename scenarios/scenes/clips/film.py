@@ -39,6 +39,10 @@ class FilmSource:
         coloured: whether the light already is that behind the filters.
     """
 
+    _MIXED = True
+    """Whether the frames that the clip gives are mixed to the mosaic."""
+    _BETWEEN = "light interpolated linearly in time between frames"
+
     def __init__(
         self,
         path: Path,
@@ -52,7 +56,7 @@ class FilmSource:
     ) -> None:
         self.shape = shape
         self.coloured = mosaic is not None
-        self._clip = Clip(path, shape, mosaic)
+        self._clip = Clip(path, shape, mosaic, self._MIXED)
         self._lux = np.float32(illuminance * (1.0 if mosaic is None else mosaic.white))
         self._clock = clock
         self._start = seconds_to_ps(start)
@@ -75,7 +79,7 @@ class FilmSource:
                 note = f"{path.name}: frames not evenly spaced: each has its time in the clip"
             if self._rate != clip_rate:
                 note += f" by scene.frame_rate (the clip has {float(clip_rate):g})"
-            self.notes.append(f"{note}, light interpolated linearly in time between frames")
+            self.notes.append(f"{note}, {self._BETWEEN}")
         first = self._frame_number(0)
         if first and self._clip.frame(first) is None:
             length = self._clip.count / float(self._rate)
@@ -107,10 +111,18 @@ class FilmSource:
             return self._timeline.edge(n) - self._start
         return Clock(self._rate.numerator, self._rate.denominator).edge(n) - self._start
 
+    def _frame(self, n: int) -> Plane | None:
+        """Frame n as the pixels see it, white = 1; None if the clip ends before it."""
+        return self._clip.frame(n)
+
+    def _last(self) -> Plane:
+        """The last frame of a clip that has ended, or a still image."""
+        return self._clip.last()
+
     def _lit(self, n: int) -> Plane | None:
         """Exitance of frame n, lux; None if the clip ends before it."""
         if n not in self._planes:
-            frame = self._clip.frame(n)
+            frame = self._frame(n)
             if frame is None:
                 return None
             self._planes = {k: p for k, p in self._planes.items() if k >= n - 1}
@@ -159,12 +171,12 @@ class FilmSource:
 
     def truth(self, ps: int) -> Plane:
         if not self._rate:
-            return self._clip.last()
+            return self._last()
         n = self._frame_number(ps)
-        first = self._clip.frame(n)
+        first = self._frame(n)
         if first is None:
-            return self._clip.last()
-        last = self._clip.frame(n + 1)
+            return self._last()
+        last = self._frame(n + 1)
         if last is None:
             return first
         edge = self._edge(n)

@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from cosim import InputError
 from cosim.config.quantity import Frequency, Illuminance, Section, Time
 from cosim.light.source import Source
 from scenarios.scenes.drawing.sized import sized
@@ -30,6 +31,11 @@ class FilmScene(Section):
     frame_rate: Frequency | None = Field(
         default=None, examples=["240 Hz"], description="replaces the frame rate of the clip"
     )
+    interpolation: Literal["linear", "motion"] = Field(
+        default="linear",
+        description="light between two frames of a clip: linear in time, or moved along the "
+        "optical flow where the flows forward and backward agree",
+    )
     illuminance: Illuminance = Field(
         description="illuminance of the scene; the white of the clip has reflectance 1"
     )
@@ -38,10 +44,17 @@ class FilmScene(Section):
         # Drawn scenes import numba, which takes a second.
         if self.path is not None:
             from scenarios.scenes.clips.film import FilmSource
+            from scenarios.scenes.clips.motion_film import MotionFilm
 
-            return FilmSource(
+            film = MotionFilm if self.interpolation == "motion" else FilmSource
+            return film(
                 Path(self.path), grid.shape, self.illuminance, grid.clock, grid.cycles, self.start,
                 self.frame_rate, grid.mosaic,
+            )  # fmt: skip
+        if self.interpolation != "linear":
+            raise InputError(
+                "scene.interpolation", "linear for a scene that is no clip", "motion",
+                "leave it out, or give a clip as scene.path",
             )  # fmt: skip
         if self.drawn == "colour-chart":
             from scenarios.scenes.charts.colour_chart import ColourChart

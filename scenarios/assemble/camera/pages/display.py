@@ -8,6 +8,7 @@ from cosim.report.parts import cards
 from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
+from scenarios.assemble.camera.pages.motion import motion_section
 from scenarios.assemble.camera.pages.plan import (
     error_card,
     full_physics_card,
@@ -50,7 +51,7 @@ def display_page(run: LatchedRun) -> Page:
     files, clip = files[:-1], files[-1]
     if run.scenario.sensor.source is None:
         files.append("figures/plan.png")
-    sections = [*body, plan_section(run), machine(run)]
+    sections = [*body, motion_section(run.source), plan_section(run), machine(run)]
     return Page(
         run.scenario.title, _subtitle(run, shown), _cards(run, shown), sections,
         files=[overview, *files, clip],

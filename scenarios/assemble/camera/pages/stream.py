@@ -21,6 +21,7 @@ from cosim.report.png import Levels, coloured, for_display, to_linear_bytes, wri
 from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
+from scenarios.assemble.camera.pages.motion import motion_section
 from scenarios.assemble.camera.pages.plan import (
     error_card,
     full_physics_card,
@@ -268,6 +269,7 @@ def stream_page(run: LatchedRun) -> Page:
             _long_and_instant(middle, long),
             _intervals(run, middle, long),
             _size(run),
+            motion_section(run.source),
             plan_section(run),
             machine(run),
         ]
