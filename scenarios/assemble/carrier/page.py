@@ -91,7 +91,7 @@ def _cost(run: Run) -> str:
         "tiles_missing": "tiles shown without a packet",
         "buffer_peak_bytes": "largest content of the send buffer",
         "frames_lost": "frames of the link lost",
-        "bytes_corrected": "bytes mended by Reed-Solomon",
+        "bytes_corrected": "bytes mended by the code of words",
     }  # fmt: skip
     rows = [[text, _value(run, name)] for name, text in names.items()]
     return "<h2>What the link cost</h2>" + table(["quantity", "value"], rows)

@@ -235,4 +235,5 @@ def test_the_parts_of_the_format_take_all_cells_of_the_panel() -> None:
     data = setup.form.layout.cells * symbols
     assert spent["line code 8b10b"] == pytest.approx(data / 5, rel=1e-3)
     words = data * 4 / 5 - spent["cells that fill no frame"]
-    assert spent["parity of Reed-Solomon"] == pytest.approx(words * mode.parity / 255, rel=1e-3)
+    parity = spent[f"parity of {mode.word_code}"]
+    assert parity == pytest.approx(words * mode.parity / 255, rel=1e-3)
