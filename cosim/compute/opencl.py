@@ -283,7 +283,7 @@ class Device:
         have written."""
         import pyopencl as cl
 
-        if self.gpu:
+        if write and self.gpu:
             return self.upload(array)
         access = cl.mem_flags.READ_WRITE if write else cl.mem_flags.READ_ONLY
         return cl.Buffer(self.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
