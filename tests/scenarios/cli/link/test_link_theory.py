@@ -142,7 +142,9 @@ class TestCapacity:
         assert 1.3 < d["given"]["on"] / 100 < 1.6 and d["given"]["looks"] == 9
         assert 0 < d["share"] < 1 and d["capacity_bps"] <= 40e9
         mine, best = d["information_bps"], d["information_best"]
-        assert d["information_low"] <= mine <= d["information_high"] <= d["raw_bps"]
+        assert d["information_low"] <= mine <= d["information_high"]
+        # The raw rate counts the camera's ticks, which are 20 ppm longer than the panel's planes.
+        assert d["information_high"] <= d["raw_bps"] * (1 + 2.1e-5)
         assert mine <= best["information_bps"] <= d["capacity_bps"] and d["curves"] == []
         assert best in d["tried"] and all(
             one["information_bps"] <= best["information_bps"] for one in d["tried"]
