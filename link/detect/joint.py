@@ -107,6 +107,8 @@ class Joint:
         bits = pilots()[number % PERIOD] & (number >= 0)
         known = np.repeat(bits[:, None], len(places), axis=1)
         self._learn(cells, words, start_tick, known, first_symbol)
+        if not self._counts.any():
+            raise ValueError("the pilots of at least one whole symbol must be in the words")
 
     def soft(
         self, words: Words, start_tick: int, first_symbol: int, count: int,

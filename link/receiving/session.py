@@ -180,7 +180,12 @@ class Session:
         slack = min(_SLACK, group * self.layout.mode.ticks / 2)
         last = min(lit[1] + slack, recording.stop + _CUT)
         many = max(1, _CHUNK // group)
-        detector = self._detector(recording, registration, lit)
+        try:
+            detector = self._detector(recording, registration, lit)
+        except ValueError:  # the stored pilots are too few to learn from
+            self.lost = True
+            recording.forget(recording.stop - _LONGEST // 2)
+            return
         while True:
             first = TRAINING + self._next * group
             count = 0

@@ -24,7 +24,7 @@ __all__ = ["choose_mode", "tag_warning"]
 
 _TRIED = 8
 """Largest number of modes that are tried."""
-_DRIFT = 0.1
+_DRIFT = 0.02
 """Drift of the phase while a file is sent, ticks, from which a mode is tried at its end as well."""
 _STEP = 0.25
 """Largest distance of the phases at which a mode is tried, ticks."""

@@ -262,3 +262,9 @@ def test_a_context_that_was_not_met_is_as_those_that_were() -> None:
     single = tables(counts, 1)[1]
     off_to_on = single[0, 7, 0, 15, 0b00, :, 1]
     assert abs(off_to_on[0]) < 0.05  # no spike says next to nothing
+
+
+def test_pilots_outside_the_words_are_refused(scene: Scene) -> None:
+    detector = Joint(scene.layout, scene.registration, scene.timing)
+    with pytest.raises(ValueError, match="at least one whole symbol must be in the words"):
+        detector.learn_pilots(scene.words, 0, 10_000, 4)
