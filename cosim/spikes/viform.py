@@ -106,8 +106,16 @@ class Sliceable:
     columns] are pixels as well. Parts are in memory.
     """
 
+    __iter__ = None  # parts are asked for, not gone through
+
     def __getitem__(self: SpikeStream, part: Any) -> Viform:
-        return part_of(self, *(part if isinstance(part, tuple) else (part,)))
+        parts = part if isinstance(part, tuple) else (part,)
+        if len(parts) > 3:
+            raise InputError("a part", "cycles, rows, columns", f"{len(parts)}", "leave some out")
+        return part_of(self, *parts)
+
+    def __len__(self: SpikeStream) -> int:
+        return self.cycles
 
     def between(self: SpikeStream, start_s: float, stop_s: float) -> Viform:
         """The cycles that begin from `start_s` until `stop_s`, s after the first latch."""

@@ -53,7 +53,7 @@ uvec4 pick(uvec4 a, uvec4 b, bvec4 choose) {
     return (a & ~bits) | (b & bits);
 }
 
-// mix() of 1 / run, compiled by NVIDIA's driver (580.159), takes the wrong one.
+// In place of mix(held, 1 / run, spike), for which NVIDIA's driver 580.159 selects the wrong operand.
 vec4 pick(vec4 a, vec4 b, bvec4 choose) {
     return uintBitsToFloat(pick(floatBitsToUint(a), floatBitsToUint(b), choose));
 }

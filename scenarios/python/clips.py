@@ -60,6 +60,8 @@ def write_clip(frames: Iterable[npt.ArrayLike], path: Path, frame_rate: float) -
     """
     if not (np.isfinite(frame_rate) and frame_rate > 0):
         raise InputError("frame_rate", "frames/s above 0", f"{frame_rate}", "give another")
+    if not isinstance(frames, Iterable):
+        raise InputError("frames", "arrays (H, W)", type(frames).__name__, "give frames or a path")
     rest = iter(frames)
     first = next(rest, None)
     if first is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from numbers import Real
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,7 +15,7 @@ from cosim import InputError, Viform
 from cosim.spikes.viform import part_of
 from scenarios.assemble.schema.loading import shipped
 from scenarios.python.clips import write_clip
-from scenarios.python.running import run
+from scenarios.python.running import run, source_file
 
 __all__ = ["film"]
 
@@ -35,7 +36,8 @@ def film(
         tolerance: allowed relative error of the simulation; that of the scenario if None.
         seed: of the temporal noise; that of the scenario if None.
         device: part of an OpenCL device's name, or "numba".
-        out: folder to keep, with images and report; none is kept if None.
+        out: folder to keep, with images and report, and frames beside it in OUT.mkv; none is kept
+            if None.
         **settings: keys of the scenario, such as duration="64 ms" or **{"sensor.width": 400}.
             Frames are filmed for as long as they last.
 
@@ -46,12 +48,13 @@ def film(
         InputError: the input cannot be used.
     """
     own: dict[str, Any] = {} if chip is None else {"sensor.chip": chip}
+    frame_rate = _number(frame_rate)
     with TemporaryDirectory(prefix="viform-") as folder:
         scenario: str | os.PathLike[str] = "film"
         if not isinstance(source, (str, os.PathLike)):
             if frame_rate is None:
                 raise InputError("frame_rate", "given with frames", "None", "give frames/s")
-            path = Path(folder) / "frames.mkv"
+            path = source_file(out, folder, ".mkv")
             count = write_clip(source, path, frame_rate)
             own["scene.path"], own["duration"] = path, f"{count / frame_rate!r} s"
         else:
@@ -66,3 +69,12 @@ def film(
             seed=seed, device=device, store="raw" if out is None else "fast", **(own | settings),
         )  # fmt: skip
         return part_of(done.stream)
+
+
+def _number(frame_rate: Any) -> float | None:
+    """A frame rate as a float. Raises InputError."""
+    if frame_rate is None:
+        return None
+    if not isinstance(frame_rate, Real):
+        raise InputError("frame_rate", "frames/s as a number", repr(frame_rate), "give a number")
+    return float(frame_rate)

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import os
+from operator import index
+
 import numpy as np
 import numpy.typing as npt
 
 from cosim.spikes.viform import SpikeStream
 from scenarios.assemble.dim_of_run import dim_of_run
-from scenarios.python.streams import Stream
+from scenarios.python.streams import Stream, as_stream
+from sensor.reconstruct import isi, tau_levels
 from sensor.reconstruct import reconstruct as image_of
-from sensor.reconstruct import tau_image
+from sensor.reconstruct.intervals import interval_span
 
 __all__ = ["reconstruct"]
 
 
 def reconstruct(
-    stream: SpikeStream, at: int, method: str = "tfp", *, window: int | None = None,
-    preceding: bool = False,
+    stream: SpikeStream | str | os.PathLike[str], at: int, method: str = "tfp", *,
+    window: int | None = None, preceding: bool = False,
 ) -> npt.NDArray[np.float32]:  # fmt: skip
     """The image at an instant, as `viform image` makes it.
 
     Args:
-        stream: the stream; one of a run's folder has its dim pixels by the run's readings.
+        stream: the stream, or its path; one in a run's folder has its dim pixels by the run's
+            readings.
         at: cycle of the instant, from 0.
         method: "tfp", "tfi", "tfstp", "motion-tfp", or "tau" (255 - tau).
         window: cycles; None for the default of the method.
@@ -33,7 +38,9 @@ def reconstruct(
     Raises:
         InputError: another method, or an instant or window that the stream does not have.
     """
+    opened, cycle = as_stream(stream), index(at)
     if method == "tau":
-        return tau_image(stream, at).astype(np.float32)
-    light = dim_of_run(stream.path) if isinstance(stream, Stream) else None
-    return image_of(stream, method, at, window, preceding=preceding, dim_light=light).rate
+        span = interval_span(opened, cycle, window, preceding=preceding)
+        return tau_levels(isi(opened, cycle, span)).astype(np.float32)
+    light = dim_of_run(opened.path) if isinstance(opened, Stream) else None
+    return image_of(opened, method, cycle, window, preceding=preceding, dim_light=light).rate

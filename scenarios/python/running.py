@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cosim import InputError
+from cosim.run.folder import output_folder
 from cosim.run.machine import Options
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.resuming import done_before
@@ -18,7 +19,7 @@ from scenarios.assemble.schema.loading import load
 from scenarios.python.finished import Run
 from scenarios.run import run_scenario
 
-__all__ = ["assignments", "run"]
+__all__ = ["run", "source_file"]
 
 
 class _Notes:
@@ -35,7 +36,7 @@ class _Notes:
         self.notes.append(text)
 
 
-def assignments(settings: dict[str, Any]) -> list[str]:
+def _assignments(settings: dict[str, Any]) -> list[str]:
     """Settings as the command line has them. Raises InputError for a value of another kind."""
     return [f"{key}={_text(key, value)}" for key, value in settings.items()]
 
@@ -48,6 +49,17 @@ def _text(key: str, value: Any) -> str:
     if isinstance(value, (str, int, float, np.integer, np.floating, os.PathLike)):
         return str(value)
     raise InputError(key, "a text, number, path or list", type(value).__name__, "convert it")
+
+
+def source_file(out: str | os.PathLike[str] | None, folder: str, ending: str) -> Path:
+    """Place of a source that is in memory: OUT with this ending, beside the folder of the run, so
+    that it can be repeated; in the temporary `folder` without `out`. Raises InputError if OUT is
+    in use."""
+    if out is None:
+        return Path(folder) / f"source{ending}"
+    output_folder("run", Path(out), resume=False)
+    Path(out).parent.mkdir(parents=True, exist_ok=True)
+    return Path(f"{os.fspath(out).rstrip('/')}{ending}")
 
 
 def run(
@@ -71,7 +83,7 @@ def run(
         InputError: the input cannot be used.
     """
     began, progress = time.perf_counter(), _Notes()
-    name, loaded = load(str(scenario), assignments(settings), tolerance=tolerance, seed=seed)
+    name, loaded = load(str(scenario), _assignments(settings), tolerance=tolerance, seed=seed)
     options = Options(device, resume, None, store)
     check_options(loaded, options)
     if resume and out is not None and done_before(name, loaded, Path(out)) is not None:

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from scenarios.python.finished import Run
-from scenarios.python.running import run
+from scenarios.python.running import run, source_file
 
 __all__ = ["send"]
 
@@ -22,7 +22,7 @@ def send(
 
     Args:
         data: the bytes, or the path of a file.
-        out: folder to create; runs/light-link-N if None.
+        out: folder to create, with bytes beside it in OUT.bin; runs/light-link-N if None.
         tolerance: allowed error, half-widths of the bit error rate's interval; that of the scenario
             if None.
         seed: of all random effects; that of the scenario if None.
@@ -36,7 +36,7 @@ def send(
         InputError: the input cannot be used.
     """
     with TemporaryDirectory(prefix="viform-") as folder:
-        path = Path(folder) / "data.bin" if isinstance(data, bytes) else Path(data)
+        path = source_file(out, folder, ".bin") if isinstance(data, bytes) else Path(data)
         if isinstance(data, bytes):
             path.write_bytes(data)
         own = {"link.file": path}

@@ -7,10 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from cosim.files import write_stream
 from cosim.spikes.viform import SpikeStream
 from scenarios.python.finished import Run
-from scenarios.python.running import run
+from scenarios.python.running import run, source_file
+from scenarios.python.streams import save_stream
 
 __all__ = ["show"]
 
@@ -23,7 +23,7 @@ def show(
 
     Args:
         stream: spikes in memory, an open stream, or a file of any format.
-        out: folder to create; runs/playback-N if None.
+        out: folder to create, with spikes in memory beside it in OUT.zarr; runs/playback-N if None.
         device: part of an OpenCL device's name, or "numba".
         **settings: keys of the scenario, such as **{"display.drive": "hold"}.
 
@@ -37,7 +37,7 @@ def show(
         if isinstance(stream, (str, os.PathLike)):
             path = Path(stream)
         else:
-            path = Path(folder) / "stream.zarr"
-            write_stream(stream, path)
+            path = source_file(out, folder, ".zarr")
+            save_stream(stream, path)
         own = {"sensor.source": f"file:{path}"}
         return run("playback", out=out, device=device, **(own | settings))

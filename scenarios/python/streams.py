@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
-from cosim import Clock
+import numpy as np
+import numpy.typing as npt
+
+from cosim import Clock, InputError
 from cosim.files import write_stream
-from cosim.spikes.viform import Sliceable, SpikeStream, Words
+from cosim.spikes.viform import Sliceable, SpikeStream, Words, part_of
 from sensor.codec.files import open_any
 
-__all__ = ["Stream", "open_stream", "save_stream"]
+__all__ = ["Stream", "as_stream", "open_stream", "save_stream"]
 
 
 class Stream(Sliceable):
@@ -31,6 +35,10 @@ class Stream(Sliceable):
         self.cycles: int = stream.cycles
         self.clock: Clock = stream.clock
 
+    def planes(self) -> npt.NDArray[np.uint8]:
+        """(T, H, W) uint8 of 0 and 1, all in memory."""
+        return part_of(self).planes()
+
     def read_words(self, first: int, stop: int) -> Words:
         """Words `first` to `stop` (excluded), (n, H, W) uint32; see `SpikeStream`."""
         return self._stream.read_words(first, stop)
@@ -49,6 +57,19 @@ def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = Non
     return Stream(Path(path), size)
 
 
+def as_stream(given: Any) -> SpikeStream:
+    """A stream as it is, or the one of a path. Raises InputError for anything else."""
+    if isinstance(given, (str, os.PathLike)):
+        return open_stream(given)
+    if not (hasattr(given, "read_words") and hasattr(given, "cycles")):
+        raise InputError(
+            "the stream", "a Viform, a Stream or a path", type(given).__name__,
+            "make one of planes (T, H, W): Viform.from_planes(planes, Clock(40_000))",
+        )  # fmt: skip
+    stream: SpikeStream = given
+    return stream
+
+
 def save_stream(stream: SpikeStream, path: str | os.PathLike[str]) -> list[str]:
     """Writes a stream in the format of the name's ending: .npz, .zarr, .dat, .raw, .events.npz.
 
@@ -58,4 +79,4 @@ def save_stream(stream: SpikeStream, path: str | os.PathLike[str]) -> list[str]:
     Raises:
         InputError: another ending, or the file cannot be written.
     """
-    return write_stream(stream, Path(path))
+    return write_stream(as_stream(stream), Path(path))

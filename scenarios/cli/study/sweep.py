@@ -94,4 +94,5 @@ def _print(document: dict[str, Any], folder: Path) -> None:
             "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         )
     print(f"store   {folder / 'sweep.zarr'}")
-    print(f"figure  {folder / 'sweep.png'}")
+    if names:
+        print(f"figure  {folder / 'sweep.png'}")

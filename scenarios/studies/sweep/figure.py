@@ -14,7 +14,7 @@ from cosim.report.figures import INK, MARK, subplots
 from scenarios.studies.sweep.axes import Axis
 from scenarios.studies.sweep.store import Row, metric_values
 
-__all__ = ["sweep_figure"]
+__all__ = ["chosen", "sweep_figure"]
 
 _SHOWN: Final = 4
 """Metrics of a figure that nobody chose."""
@@ -24,12 +24,14 @@ _OF_THE_RUN: Final = ("run_time_s", "camera", "full_physics", "error_high")
 """Figures that are not drawn unasked."""
 
 
-def _chosen(values: dict[str, Any], metrics: Sequence[str]) -> list[str]:
+def chosen(values: dict[str, Any], metrics: Sequence[str]) -> list[str]:
+    """Names of the metrics in the figure: those asked for, or those that vary most. Raises
+    InputError for a name that no result has."""
     for name in metrics:
-        if name not in values:
+        if values and name not in values:
             raise InputError("--metric", f"one of {', '.join(values)}", name, "choose one")
     if metrics:
-        return list(metrics)
+        return [name for name in metrics if name in values]
     spread = {
         name: float(np.nanstd(v) / (abs(np.nanmean(v)) or 1))
         for name, (v, _) in values.items()
@@ -51,7 +53,7 @@ def sweep_figure(
         InputError: no such metric.
     """
     values = metric_values(rows)
-    names = _chosen(values, metrics)
+    names = chosen(values, metrics)
     if not names:
         return []
     shape = [len(axis.texts) for axis in axes]

@@ -11,6 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 from cosim import InputError, Interrupted
@@ -21,8 +22,8 @@ from cosim.run.result import dumps
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.studies.sweep.axes import Axis, grid, latin_hypercube
-from scenarios.studies.sweep.figure import sweep_figure
-from scenarios.studies.sweep.store import write_store
+from scenarios.studies.sweep.figure import chosen, sweep_figure
+from scenarios.studies.sweep.store import metric_values, write_store
 from scenarios.studies.sweep.workers import run_points
 
 __all__ = ["Sweep", "run_sweep"]
@@ -56,12 +57,14 @@ class Sweep:
         for key in keys:
             if keys.count(key) > 1:
                 raise InputError("--vary", "a key once", f"{key} twice", "leave one out")
+            if any(text.partition("=")[0].strip() == key for text in self.assignments):
+                raise InputError("--set", "a key that does not vary", key, "leave it out")
 
     def points(self) -> list[tuple[str, ...]]:
         """Values of the axes at each point."""
         if self.samples is None:
             return grid(self.axes)
-        return latin_hypercube(self.axes, self.samples, self.seed or 1)
+        return latin_hypercube(self.axes, self.samples, 1 if self.seed is None else self.seed)
 
     def scenarios(self) -> tuple[str, list[AnyScenario]]:
         """Short name, and the checked scenario of each point. Raises InputError."""
@@ -125,6 +128,8 @@ def run_sweep(
         with room_for("the results", folder):
             for number, result in run_points(name, left, device, workers, scheduler):
                 done += 1
+                if not isinstance(result, InputError):
+                    chosen(metric_values([result]), metrics)  # refuses unknown names
                 if isinstance(result, InputError):
                     failed[number] = result
                     progress.note(f"point {number} ({', '.join(points[number])}): {result}")
@@ -132,12 +137,13 @@ def run_sweep(
                     with whole(_path(place, number)) as part:
                         part.write_text(dumps(result), encoding="utf-8")
                 progress.advance(done)
+    except InputError:
+        if not any(place.iterdir()):  # no worker, or a wrong name: nothing stays
+            rmtree(folder)
+        raise
     except KeyboardInterrupt:
         raise Interrupted(done, len(points), how_to_resume(folder), "points") from None
-    rows = [
-        json.loads(_path(place, n).read_bytes()) if n not in failed else None
-        for n in range(len(points))
-    ]
+    rows = [_read(_path(place, n)) if n not in failed else None for n in range(len(points))]
     write_store(folder / "sweep.zarr", sweep.axes, sweep.samples, points, rows)
     drawn = sweep_figure(folder / "sweep.png", sweep.axes, points, rows, metrics)
     return {
@@ -150,6 +156,17 @@ def run_sweep(
     }  # fmt: skip
 
 
+def _read(path: Path) -> Any:
+    """A document of the sweep. Raises InputError if it is damaged."""
+    try:
+        return json.loads(path.read_bytes())
+    except (OSError, ValueError) as exc:
+        raise InputError(
+            path.name, "the file that the sweep wrote", f"a damaged file ({path})",
+            "remove it (of a point, to run that again), and resume",
+        ) from exc  # fmt: skip
+
+
 def _path(place: Path, number: int) -> Path:
     return place / f"{number:06}.json"
 
@@ -158,12 +175,16 @@ def _begin(folder: Path, stated: dict[str, Any], resume: bool) -> None:
     """Creates the folder, or checks that it holds this sweep."""
     there = folder / _STATED
     if resume and there.exists():
-        if json.loads(there.read_bytes()) != stated:
+        if _read(there) != stated:
             raise InputError(
                 "--resume", f"the sweep that {folder} holds", "another one",
                 "give the same arguments, or another --out",
             )  # fmt: skip
         return
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError(
+            "--resume", "given with a sweep", f"{folder}, which is none", "change --out"
+        )
     with room_for("the sweep", folder):
         (folder / "points").mkdir(parents=True, exist_ok=True)
         with whole(there) as part:

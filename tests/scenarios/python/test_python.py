@@ -51,7 +51,12 @@ def test_importing_loads_nothing_else() -> None:
 def test_film_gives_the_bits_of_the_command_line(tmp_path: Path) -> None:
     clip = tmp_path / "clip.mkv"
     assert write_clip(frames(), clip, 1000) == 5
-    spikes = viform.film((f for f in frames()), frame_rate=1000, tolerance=1e-2, **SMALL)
+    spikes = viform.film(
+        (f for f in frames()), frame_rate=np.float64(1000), tolerance=1e-2, out=tmp_path / "kept",
+        **SMALL,
+    )  # fmt: skip
+    again = viform.run(tmp_path / "kept", out=tmp_path / "repeated").stream[:]
+    assert again == spikes and (tmp_path / "kept.mkv").is_file()
     given = [f"--set={key}={value}" for key, value in SMALL.items()]
     out = tmp_path / "run"
     assert not _main([
@@ -99,6 +104,7 @@ def test_a_stream_is_sliced_by_time_and_place(tmp_path: Path) -> None:
         assert stream.between(1e-3, 2e-3) == stream[40:80]
         assert np.allclose(stream.rate(), planes.mean(axis=0))
         assert "150 cycles at 40 kHz (3.75 ms), 9 x 6 pixels" in repr(stream)
+        assert len(stream) == 150 and (stream.planes() == planes).all()
         assert stream._repr_png_().startswith(b"\x89PNG")
     assert part[0:1].start == 149
 
@@ -135,7 +141,15 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "scene.path must be": lambda: viform.film("no-such-clip.mp4"),
         "sensor.widht": lambda: viform.film("step", **{"sensor.widht": 5}),
         "duration must be a text, number, path or list": lambda: viform.film("step", duration={}),
-        "method must be one of": lambda: viform.reconstruct(stream, 5, "tpf"),
+        "frame_rate must be frames/s as a number": lambda: viform.film(
+            frames(), frame_rate="25 Hz"
+        ),
+        "frames must be arrays": lambda: viform.film(None, frame_rate=25),
+        "-method must be one of": lambda: viform.reconstruct(stream, 5, "tpf"),
+        "the stream must be a Viform, a Stream or a path": lambda: viform.reconstruct(
+            np.zeros((4, 4)), 5
+        ),
+        "a part must be cycles, rows, columns": lambda: stream[0, 0, 0, 0],
         "the stream must be a file that exists": lambda: viform.open("nothing.npz"),
     }
     for says, call in calls.items():

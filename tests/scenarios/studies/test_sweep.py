@@ -158,6 +158,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
         ("--vary", "sensor.widht=1,2"): "sensor.widht",
         (): "--vary must be given once or more",
         ("--vary", "sensor.width=32,64", "--vary", "sensor.width=1,2"): "a key once",
+        ("--vary", "sensor.width=32,64", "--set", "sensor.width=8"): "a key that does not vary",
         ("--vary", "sensor.width=32,64", "--workers", "0"): "--workers must be 1 to 1024",
         ("--vary", "sensor.width=32,64", "--resume"): "--resume must be given with --out",
     }.items():
@@ -167,7 +168,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
     assert not Path(out).exists()
 
 
-def test_an_unreachable_scheduler_is_one_line_and_the_sweep_can_go_on(
+def test_what_cannot_run_is_one_line_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("scenarios.studies.sweep.workers._SECONDS", 1)
@@ -176,5 +177,11 @@ def test_an_unreachable_scheduler_is_one_line_and_the_sweep_can_go_on(
     assert _main([*given, "--scheduler", "tcp://127.0.0.1:9"]) == 2
     said = capsys.readouterr().err.strip().splitlines()
     assert "--scheduler must be the address of a Dask scheduler that answers" in said[-1]
-    assert _main([*given, "--resume", "--workers", "1", "--json"]) == 0
+    assert not (tmp_path / "s").exists()
+    assert _main([*given, "--metric", "nothing"]) == 2
+    assert "--metric must be one of" in capsys.readouterr().err
+    assert _main([*given, "--workers", "1", "--metric", "error", "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["rows"]) == 2
+    (tmp_path / "s" / "sweep.json").write_text("{")
+    assert _main([*given, "--resume"]) == 2
+    assert "sweep.json must be the file that the sweep wrote" in capsys.readouterr().err
