@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-__all__ = ["Progress", "duration_text"]
+__all__ = ["Progress", "QuietProgress", "duration_text"]
 
 
 class Progress(Protocol):
@@ -21,6 +21,24 @@ class Progress(Protocol):
     def note(self, text: str) -> None:
         """Reports one line that the user must read."""
         ...
+
+
+class QuietProgress:
+    """A progress that shows nothing.
+
+    Attributes:
+        notes: the notes of the run.
+    """
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
 
 
 def duration_text(seconds: float) -> str:

@@ -122,6 +122,10 @@ class Sliceable:
         first, stop = (round(at * self.clock.hz) for at in (start_s, stop_s))
         return part_of(self, slice(first, stop))
 
+    def planes(self: SpikeStream) -> npt.NDArray[np.uint8]:
+        """(T, H, W) uint8 of 0 and 1, in memory."""
+        return unpack_planes(self.read_words(0, words_for(self.cycles)), 0, self.cycles)
+
     def rate(self: SpikeStream) -> npt.NDArray[np.float32]:
         """Mean spikes a cycle, (H, W) float32."""
         return (count_spikes(self, 0, self.cycles) / np.float32(self.cycles)).astype(np.float32)
@@ -171,8 +175,7 @@ def part_of(
     if shift:
         later = read[1 : len(words) + 1]
         words[: len(later)] |= later << np.uint32(WORD - shift)
-    if (stop - first) % WORD:
-        words[-1] &= np.uint32((1 << (stop - first) % WORD) - 1)
+    words[-1] &= _mask(0, stop - first, len(words) - 1)
     return Viform(words, stop - first, stream.clock, getattr(stream, "start", 0) + first)
 
 
@@ -237,10 +240,6 @@ class Viform(Sliceable):
     def read_words(self, first: int, stop: int) -> Words:
         """Words `first` to `stop` (excluded), as a view; see `SpikeStream`."""
         return self.words[first:stop]
-
-    def planes(self) -> npt.NDArray[np.uint8]:
-        """(T, H, W) uint8 of 0 and 1."""
-        return unpack_planes(self.words, 0, self.cycles)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Viform):

@@ -13,6 +13,7 @@ import numpy as np
 from cosim import InputError
 from cosim.run.folder import output_folder
 from cosim.run.machine import Options
+from cosim.run.progress import QuietProgress
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.resuming import done_before
 from scenarios.assemble.schema.loading import load
@@ -20,20 +21,6 @@ from scenarios.python.finished import Run
 from scenarios.run import run_scenario
 
 __all__ = ["run", "source_file"]
-
-
-class _Notes:
-    """A progress that keeps notes."""
-
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-
-    def start(self, what: str, total: int) -> None: ...
-
-    def advance(self, done: int) -> None: ...
-
-    def note(self, text: str) -> None:
-        self.notes.append(text)
 
 
 def _assignments(settings: dict[str, Any]) -> list[str]:
@@ -82,7 +69,7 @@ def run(
     Raises:
         InputError: the input cannot be used.
     """
-    began, progress = time.perf_counter(), _Notes()
+    began, progress = time.perf_counter(), QuietProgress()
     name, loaded = load(str(scenario), _assignments(settings), tolerance=tolerance, seed=seed)
     options = Options(device, resume, None, store)
     check_options(loaded, options)

@@ -6,12 +6,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from cosim import Clock, InputError
 from cosim.files import write_stream
-from cosim.spikes.viform import Sliceable, SpikeStream, Words, part_of
+from cosim.spikes.viform import Sliceable, SpikeStream, Words
 from sensor.codec.files import open_any
 
 __all__ = ["Stream", "as_stream", "open_stream", "save_stream"]
@@ -34,10 +31,6 @@ class Stream(Sliceable):
         self.shape: tuple[int, int] = stream.shape
         self.cycles: int = stream.cycles
         self.clock: Clock = stream.clock
-
-    def planes(self) -> npt.NDArray[np.uint8]:
-        """(T, H, W) uint8 of 0 and 1, all in memory."""
-        return part_of(self).planes()
 
     def read_words(self, first: int, stop: int) -> Words:
         """Words `first` to `stop` (excluded), (n, H, W) uint32; see `SpikeStream`."""

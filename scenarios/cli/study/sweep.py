@@ -43,9 +43,8 @@ def sweep(
     json: Json = False,
 ) -> None:
     """Run a scenario at many values of its keys, and gather the results in one labelled store."""
-    import os
-
     from cosim import InputError
+    from cosim.compute.cores import cores
     from cosim.run.folder import output_folder
     from scenarios.studies.sweep import Sweep, read_axis, run_sweep
 
@@ -56,7 +55,7 @@ def sweep(
         scenario, axes, tuple(options.assignments or ()), samples, tolerance, options.seed
     )
     folder = output_folder(f"sweep-{Path(scenario).stem}", out, resume)
-    usual = max((os.cpu_count() or 1) // 2, 1)  # a run uses two cores
+    usual = max(cores() // 2, 1)  # a run uses two cores
     progress = make_progress()
     try:
         document = run_sweep(

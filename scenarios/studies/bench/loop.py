@@ -9,6 +9,7 @@ from typing import Final
 
 from cosim.compute.opencl import Device
 from cosim.run.machine import Options
+from cosim.run.progress import QuietProgress
 from cosim.run.timing import Row
 from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.machine import assemble
@@ -22,16 +23,6 @@ DURATION: Final = "16 ms"
 """Of light: a part of the shipped scenarios, whose cost grows with the time."""
 WARM: Final = "1 ms"
 """Of light: a run before those that are timed, which builds kernels and shaders for all."""
-
-
-class _Silent:
-    """Shows no progress."""
-
-    def start(self, what: str, total: int) -> None: ...
-
-    def advance(self, done: int) -> None: ...
-
-    def note(self, text: str) -> None: ...
 
 
 def loop_rows(
@@ -79,14 +70,14 @@ def _run(
     """
     name, loaded = load(scenario, [f"duration={duration}", *sets])
     options = Options("numba" if device is None else device.name)
-    machine = assemble(name, loaded, options, _Silent())
+    machine = assemble(name, loaded, options, QuietProgress())
     try:
         with TemporaryDirectory() as folder:
             assert isinstance(machine, LatchedMachine)
             chain = machine.chain(Path(folder))
             chain.parallel = parallel
             begin = time.perf_counter()
-            spent = chain.run(_Silent())
+            spent = chain.run(QuietProgress())
             seconds = time.perf_counter() - begin
         return spent, seconds, (machine.setup.cycles, machine.setup.setting.clock.hz)
     finally:

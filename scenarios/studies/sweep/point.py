@@ -10,21 +10,12 @@ from typing import Any
 
 from cosim.files import NOT_KEPT
 from cosim.run.machine import Options
+from cosim.run.progress import QuietProgress
 from cosim.run.result import dumps
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.run import run_scenario
 
 __all__ = ["run_point"]
-
-
-class _Silent:
-    """A progress that says nothing."""
-
-    def start(self, what: str, total: int) -> None: ...
-
-    def advance(self, done: int) -> None: ...
-
-    def note(self, text: str) -> None: ...
 
 
 def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any]:
@@ -41,7 +32,7 @@ def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str,
     with TemporaryDirectory(prefix="viform-point-") as folder:
         done = run_scenario(
             name, scenario, Path(folder) / "run", options=Options(device, False, None, NOT_KEPT),
-            progress=_Silent(), began=time.perf_counter(), report=lambda machine, run: [],
+            progress=QuietProgress(), began=time.perf_counter(), report=lambda machine, run: [],
         )  # fmt: skip
         document: dict[str, Any] = json.loads(dumps(done.result.document()))
     return document

@@ -66,10 +66,10 @@ class Sweep:
             return grid(self.axes)
         return latin_hypercube(self.axes, self.samples, 1 if self.seed is None else self.seed)
 
-    def scenarios(self) -> tuple[str, list[AnyScenario]]:
+    def scenarios(self, points: Sequence[tuple[str, ...]]) -> tuple[str, list[AnyScenario]]:
         """Short name, and the checked scenario of each point. Raises InputError."""
         name, found = "", []
-        for values in self.points():
+        for values in points:
             varied = [f"{axis.key}={value}" for axis, value in zip(self.axes, values, strict=True)]
             name, scenario = load(
                 self.scenario, [*self.assignments, *varied], tolerance=self.tolerance,
@@ -106,8 +106,9 @@ def run_sweep(
         InputError: a point cannot be loaded, before anything is written; or the folder is in use.
         Interrupted: by the user; `--resume` goes on.
     """
-    name, scenarios = sweep.scenarios()
-    points, digests = sweep.points(), [_identity(each) for each in scenarios]
+    points = sweep.points()
+    name, scenarios = sweep.scenarios(points)
+    digests = [_identity(each) for each in scenarios]
     stated = {
         "scenario": name,
         "axes": [{"key": axis.key, "values": list(axis.texts)} for axis in sweep.axes],

@@ -41,7 +41,6 @@ __all__ = ["FastPixels"]
 _LOCAL: Final = 8
 """Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at
 once: those of a few fit in the cache, those of thousands overflow the stack."""
-_LOCAL_GPU: Final = 64
 _TOGETHER: Final = 4
 """Groups that a work-item steps together if it does so cycle by cycle, to hide the latency of each.
 On a GPU it is one: there, other work-items hide it, and the state of four fills the registers."""
@@ -64,7 +63,6 @@ class FastPixels:
         self._table = device.upload(array.units.table)
         self._flags = device.upload(array.group_flags)
         flat = array.group_flags.ravel()
-        self._gpu = device.gpu
         self._together = 1 if device.gpu else _TOGETHER
         lists = {int(f): self._filled(np.flatnonzero(flat == f), int(f)) for f in np.unique(flat)}
         self._lists = {f: (device.upload(groups), groups.size) for f, groups in lists.items()}
@@ -95,7 +93,7 @@ class FastPixels:
             f"-DNOTHING=({NOTHING}f)",
             f"-DGROUPS={self._together}",
         ]
-        if not self._gpu:
+        if not self._device.gpu:
             defines.append("-DIN_TURN")
         if self._array.gains is not None:
             defines.append("-DPATTERN")
@@ -125,9 +123,8 @@ class FastPixels:
     def _items(self, groups: int, together: bool) -> tuple[int, int]:
         """Work-items that a number of groups need, whole work-groups of them, and the size of a
         work-group. together: whether an item has several groups."""
-        local = _LOCAL_GPU if self._gpu else 1 if together else _LOCAL
         items = -(-groups // (self._together if together else 1))
-        return -(-items // local) * local, local
+        return self._device.groups(items, 1 if together else _LOCAL)
 
     def _filled(self, groups: npt.NDArray[np.intp], flags: int) -> npt.NDArray[np.uint32]:
         """Numbers of groups, padded to whole work-groups with a number that no group has."""

@@ -31,7 +31,6 @@ _PLANES: Final = 8
 _LOCAL: Final = 8
 """Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at
 once, and compiles a kernel again for every other number of them."""
-_LOCAL_GPU: Final = 64
 
 
 class KernelPixels:
@@ -64,8 +63,8 @@ class KernelPixels:
 
     def _sizes(self, groups: int) -> tuple[tuple[int], tuple[int]]:
         """Work-items, in whole work-groups, and the size of a work-group."""
-        local = _LOCAL_GPU if self._device.gpu else _LOCAL
-        return (-(-groups // local) * local,), (local,)
+        items, local = self._device.groups(groups, _LOCAL)
+        return (items,), (local,)
 
     def _kernel(self, name: str, ramp: bool = False) -> Any:
         """The kernel `expose`, with or without a ramp, or `walk`; built on first use."""

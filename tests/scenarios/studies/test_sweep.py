@@ -15,24 +15,13 @@ import zarr
 
 import scenarios.studies.sweep.sweep as sweeping
 from cosim import InputError, Interrupted
+from cosim.run.progress import QuietProgress
 from scenarios.cli.entry import _main
 from scenarios.studies.sweep import Sweep, read_axis, run_sweep
 from scenarios.studies.sweep.axes import Axis, grid, latin_hypercube
 
 SMALL = ("sensor.width=32", "sensor.height=16", "duration=2 ms")
 THRESHOLDS = "sensor.threshold=500 e:2000 e:3log"
-
-
-class Silent:
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-
-    def start(self, what: str, total: int) -> None: ...
-
-    def advance(self, done: int) -> None: ...
-
-    def note(self, text: str) -> None:
-        self.notes.append(text)
 
 
 def small(*axes: str, **options: Any) -> Sweep:
@@ -42,7 +31,7 @@ def small(*axes: str, **options: Any) -> Sweep:
 def swept(sweep: Sweep, folder: Path, workers: int = 1, resume: bool = False) -> dict[str, Any]:
     return run_sweep(
         sweep, folder, device=None, workers=workers, scheduler=None, resume=resume,
-        progress=Silent(),
+        progress=QuietProgress(),
     )  # fmt: skip
 
 
