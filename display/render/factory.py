@@ -49,8 +49,7 @@ def make_renderer(
         return GoldenRenderer(panel, batch, images)
     if kind == "opencl":
         return OpenCLRenderer(panel, batch, images, device)
-    slow = _slow_gl(context)
-    if kind == "auto" and slow is not False:
+    if kind == "auto" and (slow := _slow_gl(context)) is not False:
         try:
             device = device or open_device()
         except InputError:  # software GL is slow, but it works

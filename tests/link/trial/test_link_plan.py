@@ -11,6 +11,7 @@ import pytest
 from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.plan.planner import SHARE
+from cosim.run.progress import QuietProgress
 from link.air import Scene
 from link.air.effects import charge_changes
 from link.layout import TRAINING
@@ -30,14 +31,6 @@ from sensor.device.pattern import DevicePattern
 
 MODE = Mode(128, 128, 2, 2, "8b10b", 32)
 SMALL = ["sensor.chip=spikeone", "link.panel.width=128", "link.panel.height=128"]
-
-
-class Silent:
-    """Progress that nobody looks at."""
-
-    def start(self, what: str, total: int) -> None: ...
-    def advance(self, done: int) -> None: ...
-    def note(self, text: str) -> None: ...
 
 
 def small(*more: str) -> LinkSetting:
@@ -205,7 +198,7 @@ def test_what_scintillation_changes_is_within_its_bound(distance: str, cell: int
         bound = changes["scintillation"].units(replace(scene, bits=patches.bits))
         found = patches.film(
             {"with": Variant("exact", one.camera), "out": Variant("exact", one.camera, kept)},
-            None, Silent(),
+            None, QuietProgress(),
         )  # fmt: skip
         pair = compare(found["with"].wrong, found["out"].wrong, patches.bits)
         chance = math.sqrt(pair.more + pair.fewer) / pair.bits / pair.unit
@@ -231,7 +224,7 @@ def test_all_ways_agree_but_the_one_that_leaves_out_what_matters(
             "fast": Variant("fast", setting.camera),
             "wrong": Variant("exact", skewless),
         },
-        device, Silent(),
+        device, QuietProgress(),
     )  # fmt: skip
     full, bits = found["reference"], seen.scene.bits
     assert full.rate < 0.05 and full.wrong.shape == (patches.symbols, len(patches.cells))
@@ -249,7 +242,7 @@ def test_the_check_measures_what_is_left_out(
     setting: LinkSetting, sent: Transmission, seen: LinkSurvey, device: Device
 ) -> None:
     plan = seen.plan(0.1, device)
-    found = check_link(setting, sent, plan, seed=1, device=device, progress=Silent())
+    found = check_link(setting, sent, plan, seed=1, device=device, progress=QuietProgress())
     assert set(found.measured) == set(plan.left_out)
     assert all(value is not None and value >= 0 for value in found.measured.values())
     error = found.error(plan.promised)
@@ -265,7 +258,7 @@ def test_the_check_measures_what_is_left_out(
 def test_a_panel_out_of_view_has_nothing_to_compare(sent: Transmission, device: Device) -> None:
     away = small("link.aim.offset_x=5000")
     plan = survey_link(away, MODE, sent.symbols, 200).plan(0.1, device)
-    found = check_link(away, sent, plan, seed=1, device=device, progress=Silent())
+    found = check_link(away, sent, plan, seed=1, device=device, progress=QuietProgress())
     assert found.paired is None and not found.beyond(0.1)
     assert found.error(plan.promised).value is None
     assert found.measured == dict.fromkeys(plan.left_out)
@@ -300,7 +293,7 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
                             "link.modem.line=8b10b", "link.modem.parity=32",
                             "sensor.crosstalk=0"])[1], "test",
     )  # fmt: skip
-    document = LinkStudy("small", given, camera_setting(given), None).forecast(Silent())
+    document = LinkStudy("small", given, camera_setting(given), None).forecast(QuietProgress())
     assert document["tier"] == "fast" and document["mode"]["line"] == "8b10b"
     assert "scintillation" in {row["effect"] for row in document["left_out"]}
     assert 0 < document["promised"] <= SHARE * document["tolerance"]
@@ -311,4 +304,4 @@ def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() ->
     aim = given.link.aim.model_copy(update={"offset_x": 5000.0})
     away = given.model_copy(update={"link": given.link.model_copy(update={"aim": aim})})
     with pytest.raises(InputError, match="whose panel is in view"):
-        LinkStudy("away", away, camera_setting(away), None).ladder(Silent())
+        LinkStudy("away", away, camera_setting(away), None).ladder(QuietProgress())

@@ -12,6 +12,7 @@ import pytest
 from cosim import InputError, SpikeStream
 from cosim.files import open_stream
 from cosim.run.machine import Options
+from cosim.run.progress import QuietProgress
 from cosim.run.result import Result
 from cosim.spikes.viform import count_spikes
 from scenarios.assemble.chip import camera_setting
@@ -32,20 +33,12 @@ def step(folder: Path, *assignments: str) -> list[str]:
     return ["run", "step", *SMALL, *words, "--out", str(folder), "--json"]
 
 
-class Silent:
-    """Progress that says nothing."""
-
-    def start(self, what: str, total: int) -> None: ...
-    def advance(self, done: int) -> None: ...
-    def note(self, text: str) -> None: ...
-
-
 def filmed(folder: Path, *assignments: str) -> tuple[Result, SpikeStream]:
     """The same run without its report, which most of these tests have no eyes for."""
     given = [*SMALL[1::2], *assignments]
     name, scenario = load("step", given)
     done = run_scenario(
-        name, scenario, folder, options=Options(), progress=Silent(), began=0.0,
+        name, scenario, folder, options=Options(), progress=QuietProgress(), began=0.0,
         report=lambda machine, run: [],
     )  # fmt: skip
     return done.result, open_stream(done.folder)

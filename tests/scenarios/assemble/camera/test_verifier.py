@@ -12,6 +12,7 @@ from cosim import Block, Bound, Interrupted
 from cosim.compute.opencl import Device
 from cosim.plan.paired import compare, windows, worst
 from cosim.run.machine import BrokenPromise
+from cosim.run.progress import QuietProgress
 from scenarios.assemble.camera.planning import plan_run
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
@@ -35,21 +36,9 @@ def plant(monkeypatch: pytest.MonkeyPatch, name: str) -> str:
     return key
 
 
-class Told:
-    """Notes of a run."""
-
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-
-    def start(self, what: str, total: int) -> None: ...
-    def advance(self, done: int) -> None: ...
-    def note(self, text: str) -> None:
-        self.notes.append(text)
-
-
 @pytest.mark.parametrize("name", ["PRNU", pytest.param("reset dead time", marks=pytest.mark.slow)])
 def test_a_false_bound_is_caught_named_and_put_back(film, tmp_path, monkeypatch, name):
-    key, told = plant(monkeypatch, name), Told()
+    key, told = plant(monkeypatch, name), QuietProgress()
     result, folder = film(
         "step", tmp_path / "run", "scene.at=1.26 ms", key, "scene.before=0.5", progress=told,
         report=write_report,
