@@ -14,8 +14,8 @@ from link.layout import Layout
 
 __all__ = ["BlockWriter"]
 
-_CACHED = 2
-"""Number of blocks whose values are cached."""
+_CACHED = 64 << 20
+"""Bytes of values that are cached, at least two blocks: sender, check and judge read them."""
 
 
 class BlockWriter(ABC):
@@ -49,7 +49,8 @@ class BlockWriter(ABC):
         block, within = divmod(group, self._blocks.groups)
         if block not in self._cache:
             self._cache[block] = self._make(block)
-            while len(self._cache) > _CACHED:
+            most = max(_CACHED // max(self._cache[block].nbytes, 1), 2)
+            while len(self._cache) > most:
                 self._cache.popitem(last=False)
         return self._cache[block][within]
 

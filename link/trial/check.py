@@ -162,7 +162,8 @@ class LinkCheck:
 
     Attributes:
         paired: the run against full physics, None if nothing could be compared.
-        alone: for each effect that the plan leaves out, the change if only that one is left out.
+        alone: for each effect that the plan leaves out, the change if only that one is left out;
+            if there is only one, that of the run, which includes the tier.
         goodput: predicted relative change of the goodput.
         patches: number of patches.
         full_ns: run time of full physics for a pixel-cycle of the patches, light included, ns.
@@ -239,7 +240,7 @@ def check_link(
 ) -> LinkCheck:
     """Compares the planned run with full physics on a few patches.
 
-    Full physics is also compared with itself without each effect that the plan leaves out.
+    If the plan leaves out several effects, full physics is also compared with itself without each.
 
     Args:
         setting: the link.
@@ -258,7 +259,8 @@ def check_link(
         _FULL: Variant("reference", setting.camera),
         _RUN: Variant(plan.tier, plan.camera, plan.air_effects),
     }
-    variants |= {name: _without(setting, plan, name) for name in plan.left_out}
+    several = plan.left_out if len(plan.left_out) > 1 else ()
+    variants |= {name: _without(setting, plan, name) for name in several}
     decided = patches.film(variants, device, progress)
     full = decided[_FULL]
 
@@ -267,9 +269,10 @@ def check_link(
             full.wrong, other.wrong, plan.scene.bits, (full.lead, other.lead)
         )  # fmt: skip
 
+    run = against(decided[_RUN])
     return LinkCheck(
-        against(decided[_RUN]),
-        {name: against(decided[name]) for name in plan.left_out},
+        run,
+        {name: against(decided[name]) if several else run for name in plan.left_out},
         goodput_change(full.rate, decided[_RUN].rate, sent.mode),
         count, full.air_ns + full.camera_ns,
     )  # fmt: skip

@@ -42,8 +42,10 @@ SIDE: Final = 48, 104
 side, and at least four cells."""
 MARGIN: Final = 5
 """Distance of a cell's edge from the patch's edge, camera pixels."""
-RANDOM: Final = 8
-"""Number of random patches."""
+RANDOM: Final = 2, 8
+"""Smallest and largest number of random patches."""
+_SHARE: Final = 0.1
+"""Part of the run's pixel-cycles in patches, beyond which no more random ones are taken."""
 CYCLES: Final = 256
 """Largest number of camera cycles, unless the training takes longer."""
 FEWEST: Final = 24
@@ -154,12 +156,17 @@ class LinkPatches:
         self._homography = image_of(
             setting.optics, setting.aim, setting.air, (chip.height, chip.width)
         )
+        ticks = sent.mode.ticks
+        most = max(CYCLES // ticks - TRAINING, FEWEST)
+        self.symbols = max(min(most, sent.data_end - TRAINING), 0)
         side = sent.mode.cell * setting.scale
         tenth = min(max(min(chip.height, chip.width) // 10, SIDE[0]), SIDE[1])
         size = min(max(tenth, round(4 * side) + 2 * MARGIN), chip.height, chip.width)
         x, y = self._centres(layout)
         in_view = (x > 0) & (x < chip.width - 1) & (y > 0) & (y < chip.height - 1)
-        boxes = self._boxes(x[in_view], y[in_view], size, seed)
+        part = (TRAINING + self.symbols) * ticks / max(sent.planes, 1)
+        patches = int(_SHARE * chip.height * chip.width / (size**2 * part))
+        boxes = self._boxes(x[in_view], y[in_view], size, seed, patches)
         inside = np.zeros(len(x), np.bool_)
         reach = side / 2 + MARGIN
         for y0, y1, x0, x1 in boxes:
@@ -173,9 +180,6 @@ class LinkPatches:
         if boxes:
             grid = _Squares(chip.height, chip.width, tuple(boxes))
             self.plane = PatchPlane(grid, list(range(len(boxes))))
-        ticks = sent.mode.ticks
-        most = max(CYCLES // ticks - TRAINING, FEWEST)
-        self.symbols = max(min(most, sent.data_end - TRAINING), 0)
 
     @property
     def bits(self) -> int:
@@ -190,10 +194,10 @@ class LinkPatches:
         return where.camera((column + 0.5) * side - 0.5, (row + 0.5) * side - 0.5)
 
     def _boxes(
-        self, x: npt.NDArray[Any], y: npt.NDArray[Any], size: int, seed: int
+        self, x: npt.NDArray[Any], y: npt.NDArray[Any], size: int, seed: int, most: int
     ) -> list[tuple[int, int, int, int]]:
-        """Returns the boxes: around the middle, the ends along both axes and diagonals, and random
-        cells."""
+        """Returns the boxes: around the middle, the ends along both axes and diagonals, and around
+        random cells, so that there are about `most` boxes in all."""
         if not len(x):
             return []
         chip, half = self._setting.camera.chip, size // 2
@@ -201,7 +205,8 @@ class LinkPatches:
         chosen = [int(np.argmin(dx**2 + dy**2))]
         for along in (dx, dy, dx + dy, dx - dy):
             chosen += [int(np.argmin(along)), int(np.argmax(along))]
-        chosen += np.random.default_rng(seed).permutation(len(x))[:RANDOM].tolist()
+        random = min(max(most - len(chosen), RANDOM[0]), RANDOM[1])
+        chosen += np.random.default_rng(seed).permutation(len(x))[:random].tolist()
         boxes: list[tuple[int, int, int, int]] = []
         for n in chosen:
             # Shifted towards the middle, so that a cell at the panel's end lies well inside.
