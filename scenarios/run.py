@@ -18,6 +18,7 @@ from pydantic import TypeAdapter
 from cosim import InputError, Interrupted
 from cosim.files import NOT_KEPT, storing
 from cosim.files.whole import whole
+from cosim.report.figures import load_matplotlib
 from cosim.run.folder import (
     REINSTATED,
     begin_folder,
@@ -87,6 +88,8 @@ def run_scenario(
         check_room(place, machine.bits)
         folder = stack.enter_context(claim_folder(name, out, options.resume))
         stack.enter_context(storing(options.store))
+        if report is None:
+            load_matplotlib()
         machine, recording, reinstated = _record(machine, folder, options, progress)
         finished = False
         try:

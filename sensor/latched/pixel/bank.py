@@ -17,11 +17,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.kept import kept
 from cosim.compute.streams import Stream
 from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import KNOTS, knot_places
@@ -236,7 +238,9 @@ def _distance(model: ExactModel) -> float:
 def _bank(model: ExactModel, bits: int) -> Bank:
     shares = _shares(model.table())
     ascending = _rounded((shares.centre + shares.stretched) * (2.0**bits / model.q))
-    values = _order(ascending).astype(np.int32)
+    sources = __file__, str(Path(__file__).with_name("bank_order.py"))
+    key = (ascending.tobytes(),)
+    values = kept("bank", key, sources, lambda: _order(ascending).astype(np.int32))
     values = np.append(values, values[:LANES])
     values.setflags(write=False)
     return Bank(values, int(ascending[0]), int(ascending[-1]))

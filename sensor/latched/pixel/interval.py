@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.cores import cores
+from cosim.compute.kept import kept
 from sensor.latched.pixel.fixed_point import ONE, Charge
 
 __all__ = ["KNOTS", "MANTISSA_BITS", "NO_TABLE", "interval_table", "knot_places", "threshold"]
@@ -96,11 +97,12 @@ def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
     Raises:
         ValueError: steps of the table are too large for 64-bit interpolation.
     """
-    from scipy.special import gammainccinv, gammaincinv
-
     if sigma > 0:
-        electrons = _noisy_quantiles(q, sigma, shot)
+        given = (q, sigma, shot)
+        electrons = kept("interval", given, (__file__,), lambda: _noisy_quantiles(*given))
     else:
+        from scipy.special import gammainccinv, gammaincinv
+
         p = (knot_places() + 0.5) / 2.0**32
         # At Q = 2e6 the relative error of scipy's inverses is up to 5e-4 of a tail's probability
         # beyond 4.5 standard deviations, where its incomplete gamma function changes method;

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from cosim.compute.kept import kept
 from sensor.latched.reference.special import address, call_one, call_two
 
 __all__ = ["Law", "draw", "draw_all", "law_error", "law_of", "mixed_law", "mixed_quantiles"]
@@ -166,6 +167,17 @@ class Law:
     functions: npt.NDArray[np.int64]
 
 
+def _table(q: float, sigma: float) -> Values:
+    """`Law.table` of Gamma(q) + Normal(0, sigma)."""
+    from scipy.interpolate import make_interp_spline
+
+    nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
+    values = mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
+    spline = make_interp_spline(nodes, values, k=7)
+    fine = np.linspace(-_SCORE, _SCORE, _CELLS + 1)
+    return np.stack([spline(fine), spline(fine, 1) * (2 * _SCORE / _CELLS)])
+
+
 @lru_cache(maxsize=8)
 def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) -> Law:
     """Distribution of G + Normal(0, sigma) + shift; G is Gamma(q) with shot noise, else the
@@ -177,13 +189,8 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) 
     else:
         kind = _NORMAL if sigma > 0 else _FIXED
     if kind == _TABLE:
-        from scipy.interpolate import make_interp_spline
-
-        nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
-        values = mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
-        spline = make_interp_spline(nodes, values, k=7)
-        fine = np.linspace(-_SCORE, _SCORE, _CELLS + 1)
-        table = np.stack([spline(fine) + shift, spline(fine, 1) * (2 * _SCORE / _CELLS)])
+        table = kept("law", (q, sigma), (__file__,), lambda: _table(q, sigma))
+        table = table + np.array([[shift], [0.0]])
     return Law(kind, q + shift, sigma, table, functions)
 
 

@@ -1,0 +1,79 @@
+"""Tables that take long to compute are kept between runs, in the cache folder.
+
+A table is kept under the digest of its arguments, of the source files that compute it and of the
+versions of numpy and scipy, so it is computed again whenever any of them has changed. A file that
+was damaged or cannot be read is computed again too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.opencl import cache_folder
+
+__all__ = ["kept"]
+
+_MOST: Final = 256
+"""Number of files that are kept; beyond it the oldest are removed."""
+_DIGEST: Final = 32
+"""Bytes of a SHA-256 digest."""
+
+
+def kept(
+    name: str, arguments: tuple[Any, ...], sources: tuple[str, ...],
+    make: Callable[[], npt.NDArray[Any]],
+) -> npt.NDArray[Any]:  # fmt: skip
+    """The array that `make` computes, from an earlier run if there is one.
+
+    Args:
+        name: of the table, for the name of its file.
+        arguments: on which the array depends; their text tells them apart. Bytes are allowed.
+        sources: paths of the source files that compute it.
+        make: computes it.
+    """
+    digest = hashlib.sha256(repr((arguments, version("numpy"), version("scipy"))).encode())
+    for source in sources:
+        digest.update(Path(source).read_bytes())
+    path = cache_folder() / "tables" / f"{name}-{digest.hexdigest()[:40]}"
+    found = _read(path)
+    if found is None:
+        found = make()
+        with suppress(OSError):  # a full disk, or another user's folder
+            _write(path, found)
+    return found
+
+
+def _read(path: Path) -> npt.NDArray[Any] | None:
+    """The array of a file; None if there is none, or it is damaged."""
+    with suppress(OSError, ValueError, EOFError):
+        data = path.read_bytes()
+        if hashlib.sha256(data[_DIGEST:]).digest() == data[:_DIGEST]:
+            array: npt.NDArray[Any] = np.load(io.BytesIO(data[_DIGEST:]), allow_pickle=False)
+            return array
+    return None
+
+
+def _write(path: Path, array: npt.NDArray[Any]) -> None:
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    data = buffer.getvalue()
+    path.parent.mkdir(exist_ok=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        part.write_bytes(hashlib.sha256(data).digest() + data)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    files = sorted(path.parent.iterdir(), key=lambda file: file.stat().st_mtime)
+    for old in files[:-_MOST]:
+        old.unlink(missing_ok=True)
