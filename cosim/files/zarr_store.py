@@ -10,8 +10,9 @@ are also written, so that a lost chunk is detected. How chunks are compressed is
 from __future__ import annotations
 
 import shutil
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -49,6 +50,8 @@ _KEPT = 1 << 26
 """Bytes of decoded chunks that a reader keeps, beside the last one."""
 _WRITTEN = 1 << 29
 """Bytes of chunks that a recorder keeps, at most: 4096 cycles of 1000 x 1000 pixels."""
+_AHEAD = 2
+"""Blocks that a recorder compresses and writes at the same time."""
 _SHARE = 8
 """They take at most one part in so many of the free memory."""
 
@@ -171,7 +174,8 @@ class Recorder:
     continues it.
 
     Blocks come in order and have any size. The next block completes a word that a block ends
-    within.
+    within. Blocks of whole chunks are written in threads, `_AHEAD` at a time: `state` and the last
+    block wait for them, and what a thread raises is raised by a later step.
 
     Args:
         keep: whether blocks stay in memory for `recorded`, up to `kept_bytes`.
@@ -193,6 +197,8 @@ class Recorder:
         self._start, self._store = start, _STORE.get()
         self._path, self._shape, self._cycles, self._clock = path, shape, cycles, clock
         self._array: Any = None
+        self._pool: ThreadPoolExecutor | None = None
+        self._writing: deque[Future[None]] = deque()
         self._open_word: Words | None = None
         self._written: dict[int, Words] = {}
         self._room = kept_bytes(words_for(cycles) * 4 * shape[0] * shape[1]) if keep else 0
@@ -255,7 +261,7 @@ class Recorder:
                 joined[0] |= self._open_word
             words = joined
         first = block.start // WORD
-        self._array[first : first + len(words)] = words
+        self._write(first, words, block)
         if self._watch is not None and self.watched is not None:
             rows, columns = self._watch
             self.watched[first : first + len(words)] = words[:, rows, columns]
@@ -266,8 +272,27 @@ class Recorder:
         if block.stop == self._cycles:
             import zarr
 
+            self._settle()
             zarr.open_group(self._path, mode="r+").attrs["complete"] = True
         return data
+
+    def _write(self, first: int, words: Words, block: Block) -> None:
+        """Writes words from number `first` on: in a thread if they are whole chunks, which no other
+        block changes."""
+        if block.start % (_CHUNK * WORD) or block.cycles % (_CHUNK * WORD):
+            self._settle()
+            self._array[first : first + len(words)] = words
+            return
+        self._settle(_AHEAD - 1)
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(_AHEAD)
+        where = slice(first, first + len(words))
+        self._writing.append(self._pool.submit(self._array.__setitem__, where, words))
+
+    def _settle(self, most: int = 0) -> None:
+        """Waits until at most so many blocks are being written. Raises what their threads raise."""
+        while len(self._writing) > most:
+            self._writing.popleft().result()
 
     def _keep(self, words: Words, block: Block) -> None:
         """Keeps the complete chunks of a block that begins with a chunk, as long as there is
@@ -289,10 +314,13 @@ class Recorder:
         one resumes."""
         if self._array is None:
             self._array = self._open(resumed=True)
+        self._settle()
         return cast(Words, self._array[first:stop])
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """The number of spikes, the incomplete word, and the words of watched pixels."""
+        """The number of spikes, the incomplete word, and the words of watched pixels; all earlier
+        words are in the store."""
+        self._settle()
         parts = {"open_word": self._open_word, "watched": self.watched}
         state = {key: part.copy() for key, part in parts.items() if part is not None}
         return {"spikes": np.full(1, self.spikes), **state}
