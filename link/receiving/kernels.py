@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
+
+from cosim.compute.cores import all_cores
 
 __all__ = ["likelihood", "slopes"]
 
@@ -48,7 +50,8 @@ def _left(charge, rule):  # type: ignore[no-untyped-def]
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@njit(cache=True)
+@all_cores
+@njit(cache=True, parallel=True)
 def likelihood(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
@@ -70,7 +73,7 @@ def likelihood(  # type: ignore[no-untyped-def]
     symbols = light.shape[1]
     out = np.zeros(count)
     sure, never = math.log(1 - floor), math.log(floor)
-    for i in range(count):
+    for i in prange(count):
         charge = 0.5
         total = 0.0
         for k in range(ticks):
@@ -92,7 +95,8 @@ def likelihood(  # type: ignore[no-untyped-def]
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@njit(cache=True)
+@all_cores
+@njit(cache=True, parallel=True)
 def slopes(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
@@ -107,10 +111,9 @@ def slopes(  # type: ignore[no-untyped-def]
     out, first = np.zeros(count), np.zeros((count, 4))
     second = np.zeros((count, 4, 4))
     sure, never = math.log(1 - floor), math.log(floor)
-    by = np.zeros(4)
-    for i in range(count):
+    for i in prange(count):
         charge = 0.5
-        by[:] = 0.0
+        by = np.zeros(4)
         for k in range(ticks):
             whole, share = _share(tick + k, start[i], period)
             n = min(max(whole, 0), symbols - 1)
