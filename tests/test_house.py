@@ -56,7 +56,7 @@ ROOMS = {
         "section", "air stability", "setting", "prediction", "setup", "trial", "evaluation",
         "report", "machine",
     ),
-    "scenarios": ("scenes report", "assemble", "run", "studies python", "cli"),
+    "scenarios": ("scenes report", "assemble", "run", "studies python view", "cli"),
 }  # fmt: skip
 
 LOOSE = {"scenarios": {"__init__.py", "run.py"}}

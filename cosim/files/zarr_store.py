@@ -87,9 +87,12 @@ class ZarrStream:
     Raises InputError for others.
 
     written: chunks by number that are in memory already, and are not read from the store.
+    kept: bytes of decoded chunks that are kept, beside the last one.
     """
 
-    def __init__(self, path: Path, written: Mapping[int, Words] | None = None) -> None:
+    def __init__(
+        self, path: Path, written: Mapping[int, Words] | None = None, kept: int = _KEPT
+    ) -> None:
         import zarr  # takes a quarter of a second, so only if a store is opened
 
         try:
@@ -120,6 +123,7 @@ class ZarrStream:
             raise _bad(path, f"chunks of shape {words.chunks}")
         self._path, self._words, self._written = path, words, written or {}
         self._kept: OrderedDict[int, Words] = OrderedDict()
+        self._most = kept
         self._lock = Lock()
 
     @property
@@ -139,7 +143,7 @@ class ZarrStream:
         words = self._decoded(n)
         with self._lock:
             self._kept[n] = words
-            while len(self._kept) > 1 + _KEPT // words.nbytes:
+            while len(self._kept) > 1 + self._most // words.nbytes:
                 self._kept.popitem(last=False)
         return words
 

@@ -13,6 +13,7 @@ from scenarios.cli.scenario.listing import list_scenarios as _list
 from scenarios.cli.scenario.live import live as _live
 from scenarios.cli.scenario.plan import plan as _plan
 from scenarios.cli.scenario.run import run as _run
+from scenarios.cli.scenario.view import view as _view
 from scenarios.cli.stream.convert import convert as _convert
 from scenarios.cli.stream.image import image as _image
 from scenarios.cli.study.bench import bench as _bench
@@ -38,6 +39,7 @@ app.command("list")(_list)
 app.command("plan")(_plan)
 app.command("accuracy")(_accuracy)
 app.command("live")(_live)
+app.command("view")(_view)
 app.command("image")(_image)
 app.command("reconstruct")(_image)
 app.command("convert")(_convert)

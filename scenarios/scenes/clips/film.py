@@ -14,6 +14,7 @@ import numpy as np
 
 from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
 from cosim.light.mosaic import Mosaic
+from cosim.light.source import Points
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.drawing.points import spread_points
 
@@ -179,8 +180,23 @@ class FilmSource:
         last = self._frame(n + 1)
         if last is None:
             return first
+        return first + (last - first) * self._between(n, ps)
+
+    def _between(self, n: int, ps: int) -> np.float32:
+        """Part of the time from frame n to the next that has passed at an instant, ps."""
         edge = self._edge(n)
-        return first + (last - first) * np.float32((ps - edge) / (self._edge(n + 1) - edge))
+        return np.float32((ps - edge) / (self._edge(n + 1) - edge))
+
+    def truth_at(self, ps: int, points: Points) -> list[float]:
+        """See `cosim.light.source.truth_at`."""
+        n = self._frame_number(ps)
+        first, last = self._frame(n), self._frame(n + 1) if self._rate else None
+        if first is None or last is None:
+            plane = self.truth(ps)
+            return [float(plane[row, column]) for row, column, _ in points]
+        share = self._between(n, ps)
+        ends = ((first[y, x], last[y, x]) for y, x, _ in points)
+        return [float(a + (b - a) * share) for a, b in ends]
 
     def points(self) -> list[tuple[int, int, str]]:
         return spread_points(self.shape)

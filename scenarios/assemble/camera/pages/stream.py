@@ -28,6 +28,7 @@ from scenarios.assemble.camera.pages.plan import (
     left_out_card,
     plan_section,
 )
+from scenarios.report.explorer import INSTANTS, Truths, explorer_part, span_of
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
@@ -254,6 +255,19 @@ def _sheet(run: LatchedRun) -> None:
     sheet_figure(heads, rows, run.folder / "figures" / "instants.png")
 
 
+def _explorer(run: LatchedRun) -> str:
+    """The explorer, with the true light at instants throughout its cycles."""
+    at = run.shots[len(run.shots) // 2].cycle
+    first, stop = span_of(run.stream.cycles, at)
+    cycles = np.unique(np.linspace(first, stop - 1, INSTANTS).round().astype(int)).tolist()
+    truths = None
+    if run.mosaic is None:
+        planes = [run.source.truth(run.stream.clock.middle(cycle)) for cycle in cycles]
+        truths = Truths(cycles, planes)
+    part = explorer_part(run.stream, at, run.white_rate, run.scenario.image.window, truths)
+    return f"<h2>Explore the stream</h2>{part}"
+
+
 def stream_page(run: LatchedRun) -> Page:
     """The page of a run without a display; writes its figures and playback.mp4."""
     middle = run.shots[len(run.shots) // 2]
@@ -263,6 +277,7 @@ def stream_page(run: LatchedRun) -> Page:
         _overview(run, middle, long)
         _sheet(run)
         rest = [
+            _explorer(run),
             _instants(run),
             _moving_part(run, middle, long),
             _accumulation(run),

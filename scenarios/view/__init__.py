@@ -1,0 +1,1 @@
+"""The explorer of a stream behind a local server."""

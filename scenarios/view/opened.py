@@ -1,0 +1,123 @@
+"""A stream with what is known of its run, for `viform view`."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError
+from cosim.files.zarr_store import ZarrStream
+from cosim.light.source import Source, truth_at
+from cosim.run.chain import STREAM
+from cosim.run.result import read_result
+from cosim.spikes.viform import SpikeStream
+from sensor.codec.files import open_any
+from sensor.reconstruct import reconstruct
+from sensor.reconstruct.intervals import isi, spike_cycles
+from sensor.reconstruct.playback import PLAYED
+
+__all__ = ["Opened", "open_run"]
+
+_KEPT: Final = 1 << 28
+"""Bytes of decoded chunks in memory: 2048 cycles of 1000 x 1000 pixels."""
+_PLANES: Final = 8
+"""Planes of true light in memory."""
+
+
+@dataclass(eq=False)
+class Opened:
+    """A stream that is shown; for one thread at a time.
+
+    Attributes:
+        title: of the page.
+        stream: the stream.
+        white: rate that is white, spikes a cycle; 1 where it is not known.
+        window: of TFP, cycles.
+        source: the scene of the run, None if it is not known.
+        notes: what a user should know.
+    """
+
+    title: str
+    stream: SpikeStream
+    white: float
+    window: int
+    source: Source | None
+    notes: list[str]
+
+    def __post_init__(self) -> None:
+        self._light: OrderedDict[int, npt.NDArray[np.float32]] = OrderedDict()
+
+    def rates(self, at: int, method: str, window: int) -> npt.NDArray[np.float32]:
+        """What an image shows at a cycle, (H, W): rates, or interval lengths for `tau`."""
+        if method == "tau":
+            return isi(self.stream, at).astype(np.float32)
+        return reconstruct(self.stream, method, at, window if method == "tfp" else None).rate
+
+    def spikes(self, x: int, y: int, first: int, stop: int) -> list[int]:
+        """Cycles in which a pixel has spikes."""
+        (found,) = spike_cycles(self.stream, [(y, x)], (first, stop))
+        return [int(cycle) for cycle in found]
+
+    def light(self, at: int) -> npt.NDArray[np.float32]:
+        """The true light in the middle of a cycle, (H, W), white = 1."""
+        assert self.source is not None
+        if at not in self._light:
+            self._light[at] = self.source.truth(self.stream.clock.middle(at)).astype(np.float32)
+            while len(self._light) > _PLANES:
+                self._light.popitem(last=False)
+        return self._light[at]
+
+    def course(self, x: int, y: int, cycles: list[int]) -> list[float] | None:
+        """The true light of a pixel at cycles, white = 1; None for scenes that draw whole planes
+        only."""
+        if self.source is None or not hasattr(type(self.source), "truth_at"):
+            return None
+        middle = self.stream.clock.middle
+        return [truth_at(self.source, middle(c), [(y, x, "")])[0] for c in cycles]
+
+
+def open_run(path: Path, size: tuple[int, int] | None = None) -> Opened:
+    """The stream of a run's folder with its scene, or any stream alone.
+
+    Args:
+        path: folder of a run, or a stream of any format.
+        size: (width, height) of a stream without a header.
+
+    Raises:
+        InputError: there is no stream, or it is damaged.
+    """
+    if not (path / "result.json").exists():
+        stream, notes = open_any(path, size)
+        return Opened(path.name, stream, 1.0, PLAYED, None, notes)
+    if not (path / STREAM).exists():
+        raise InputError(
+            "the run", f"one with {STREAM}", "without", "run it again without --store none"
+        )
+    result = read_result(path)
+    found = ZarrStream(path / STREAM, kept=_KEPT)
+    white = None if result is None else result.metrics.get("white_rate")
+    rate = white.value if white is not None and white.value else 1.0
+    title, window, source, told = _scene(path / "scenario.toml", found)
+    return Opened(title, found, rate, window, source, told)
+
+
+def _scene(path: Path, stream: SpikeStream) -> tuple[str, int, Source | None, list[str]]:
+    """Title, window of TFP and scene of a run, and a note where the true light is missing."""
+    from scenarios.assemble.camera.setup import set_up_camera
+    from scenarios.assemble.schema.loading import filmed, load
+
+    try:
+        scenario = filmed(load(str(path))[1], "view")
+        setup = set_up_camera(scenario, "numba")
+        source = setup.source()
+    except InputError as exc:
+        return path.parent.name, PLAYED, None, [f"without true light: {exc}"]
+    if setup.mosaic is not None or setup.shape != stream.shape:
+        note = "without true light: that of a colour filter array is not shown"
+        return scenario.title, scenario.image.window, None, [note]
+    return scenario.title, scenario.image.window, source, []

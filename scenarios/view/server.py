@@ -1,0 +1,191 @@
+"""The local server of `viform view`: the explorer over a stream at full resolution.
+
+It listens on 127.0.0.1 alone. Every request must carry the token of the address that the command
+prints, and the names of this machine as host and origin, so that no other page in a browser, and no
+name that was redirected here, can read the stream. It serves the page and the data of the
+explorer, and no files.
+"""
+
+from __future__ import annotations
+
+import hmac
+import html
+import json
+import secrets
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Lock
+from typing import Any, Final
+from urllib.parse import parse_qs, urlsplit
+
+from cosim.errors import ViformError
+from cosim.report.png import to_linear_bytes
+from scenarios.report.explorer import explorer
+from scenarios.view.opened import Opened
+
+__all__ = ["HOST", "MOST", "ViewServer"]
+
+HOST: Final = "127.0.0.1"
+MOST: Final = 4096
+"""Cycles of a pixel in one answer, at most."""
+_POLICY: Final = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "connect-src 'self'; img-src blob: data:"
+)
+"""Content-Security-Policy: the page talks to this server alone."""
+_METHODS: Final = ("tfp", "tfi", "tau")
+
+
+class _Refused(Exception):
+    """A request that is not answered: status and one line."""
+
+    def __init__(self, status: int, line: str) -> None:
+        super().__init__(line)
+        self.status = status
+
+
+class _Query:
+    """The parameters of a request."""
+
+    def __init__(self, text: str) -> None:
+        self._values = parse_qs(text)
+
+    def text(self, name: str) -> str:
+        return self._values.get(name, [""])[0]
+
+    def whole(self, name: str, least: int, most: int) -> int:
+        """A whole number between two limits, or a refusal."""
+        text = self.text(name)
+        number = int(text) if text.lstrip("-").isdecimal() and len(text) < 12 else None
+        if number is None or not least <= number <= most:
+            raise _Refused(400, f"{name} must be a whole number from {least} to {most}")
+        return number
+
+
+class ViewServer(ThreadingHTTPServer):
+    """Serves a stream until it is shut down.
+
+    Args:
+        opened: the stream.
+        port: port, or 0 for a free one. Raises OSError if it is taken.
+
+    Attributes:
+        address: of the page, with the token.
+    """
+
+    daemon_threads = True
+
+    def __init__(self, opened: Opened, port: int = 0) -> None:
+        super().__init__((HOST, port), _Handler)
+        self.opened, self.token, self.lock = opened, secrets.token_urlsafe(24), Lock()
+        self.names = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
+        self.address = f"http://{HOST}:{self.server_port}/?token={self.token}"
+
+    def page(self) -> bytes:
+        """The page of the explorer."""
+        opened = self.opened
+        height, width = opened.stream.shape
+        whole = {
+            "name": "whole chip", "x": 0, "y": 0, "step": 1, "width": width, "height": height,
+            "truth": opened.source is not None,
+        }  # fmt: skip
+        cycles = opened.stream.cycles
+        given: dict[str, Any] = {
+            "hz": opened.stream.clock.hz, "first": 0, "stop": cycles, "at": cycles // 2,
+            "white": opened.white, "window": opened.window, "views": [whole], "token": self.token,
+            "note": " ".join(opened.notes),
+        }  # fmt: skip
+        title = html.escape(opened.title)
+        return (
+            '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">'
+            '<link rel="icon" href="data:,">'
+            f"<title>{title}</title></head><body><main><h1>{title}</h1>{explorer(given)}</main>"
+            "</body></html>\n"
+        ).encode()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: ViewServer
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:
+        try:
+            kind, content = self._answer()
+            status = 200
+        except _Refused as exc:
+            kind, content, status = "text/plain; charset=utf-8", str(exc).encode(), exc.status
+        except ViformError as exc:
+            kind, content, status = "text/plain; charset=utf-8", str(exc).encode(), 400
+        self.send_response(status)
+        for name, value in (
+            ("Content-Type", kind), ("Content-Length", str(len(content))),
+            ("Content-Security-Policy", _POLICY), ("Cache-Control", "no-store"),
+            ("Referrer-Policy", "no-referrer"), ("X-Content-Type-Options", "nosniff"),
+        ):  # fmt: skip
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """No line for each request."""
+
+    def _answer(self) -> tuple[str, bytes]:
+        """MIME type and content, or a refusal."""
+        asked, server = urlsplit(self.path), self.server
+        query, origin = _Query(asked.query), self.headers.get("Origin")
+        if self.headers.get("Host") not in server.names:
+            raise _Refused(403, f"the host must be {HOST}")
+        if origin is not None and origin.removeprefix("http://") not in server.names:
+            raise _Refused(403, "the request must come from this page")
+        if not hmac.compare_digest(query.text("token").encode(), server.token.encode()):
+            raise _Refused(403, "the token must be that of the address that viform view printed")
+        if asked.path == "/":
+            return "text/html; charset=utf-8", server.page()
+        answers: dict[str, Callable[[_Query], tuple[str, bytes]]] = {
+            "/rates": self._rates, "/spikes": self._spikes, "/light": self._light,
+            "/course": self._course,
+        }  # fmt: skip
+        if asked.path not in answers:
+            raise _Refused(404, "only the page and its data are served")
+        with server.lock:  # decoding and images use all cores by themselves
+            return answers[asked.path](query)
+
+    def _cycle(self, query: _Query, name: str = "at") -> int:
+        return query.whole(name, 0, self.server.opened.stream.cycles - 1)
+
+    def _pixel(self, query: _Query) -> tuple[int, int]:
+        height, width = self.server.opened.stream.shape
+        return query.whole("x", 0, width - 1), query.whole("y", 0, height - 1)
+
+    def _rates(self, query: _Query) -> tuple[str, bytes]:
+        method = query.text("method")
+        if method not in _METHODS:
+            raise _Refused(400, f"method must be one of {', '.join(_METHODS)}")
+        window = query.whole("window", 1, 100_001)
+        rates = self.server.opened.rates(self._cycle(query), method, window)
+        return "application/octet-stream", rates.astype("<f4").tobytes()
+
+    def _spikes(self, query: _Query) -> tuple[str, bytes]:
+        x, y = self._pixel(query)
+        first = self._cycle(query, "first")
+        stop = query.whole("stop", first, first + MOST)
+        return _json(self.server.opened.spikes(x, y, first, stop))
+
+    def _light(self, query: _Query) -> tuple[str, bytes]:
+        if self.server.opened.source is None:
+            raise _Refused(404, "the true light is not known")
+        shown = to_linear_bytes(self.server.opened.light(self._cycle(query)))
+        return "application/octet-stream", shown.tobytes()
+
+    def _course(self, query: _Query) -> tuple[str, bytes]:
+        x, y = self._pixel(query)
+        texts = query.text("cycles").split()
+        last = self.server.opened.stream.cycles - 1
+        if len(texts) > MOST or not all(t.isdecimal() and len(t) < 12 for t in texts):
+            raise _Refused(400, f"cycles must be at most {MOST} whole numbers")
+        return _json(self.server.opened.course(x, y, [min(int(t), last) for t in texts]))
+
+
+def _json(value: Any) -> tuple[str, bytes]:
+    return "application/json", json.dumps(value).encode()
