@@ -438,7 +438,7 @@ class Explorer {
    * spike as the true light collects it. */
   chart(from, to, spikes, light, cycles) {
     const { plot } = this, ratio = devicePixelRatio || 1, style = getComputedStyle(plot);
-    const width = plot.clientWidth || 600, height = 260;
+    const width = plot.clientWidth || 600, height = 280;
     plot.width = width * ratio;
     plot.height = height * ratio;
     const c = plot.getContext("2d"), ink = style.color, left = 52, right = width - 8;
@@ -466,16 +466,16 @@ class Explorer {
       rates.push([x(spikes[n - 1]), rate], [x(spikes[n]), rate]);
     }
     const top = Math.max(1e-6, ...rates.map((p) => p[1]), ...(light ?? [])) * 1.1;
-    const low = light ? 160 : 230, y = (v) => low - v / top * (low - 48);
-    line([[left, 48], [left, low], [right, low]], ink);
-    text(top.toPrecision(2), left - 4, 56, "right");
+    const low = light ? 166 : 250, y = (v) => low - v / top * (low - 60);
+    line([[left, 60], [left, low], [right, low]], ink);
+    text(top.toPrecision(2), left - 4, 68, "right");
     text("0", left - 4, low, "right");
     if (light) line(cycles.map((n, k) => [x(n), y(light[k])]), "#d9480f");
     line(rates.map(([u, v]) => [u, y(v)]), "#2f7ed8");
-    text("1 / interval, spikes/cycle", left + 6, 60);
+    text("1 / interval, spikes/cycle", left, 52);
     if (light) {
       c.fillStyle = "#d9480f";
-      c.fillText("true light", left + 170, 60);
+      c.fillText("true light", left + 170, 52);
       const at = (n) => light[Math.min(Math.floor((n - from) / (to - from) * 128), 128)];
       const charge = [];
       let sum = null, next = 0;
@@ -483,16 +483,16 @@ class Explorer {
         if (sum !== null) { sum += at(n); charge.push([x(n), sum]); }
         if (spikes[next] === n) { charge.push([x(n), 0]); sum = 0; next++; }
       }
-      const most = Math.max(1.2, ...charge.map((p) => p[1])), base = 236;
-      line([[left, 176], [left, base], [right, base]], ink);
+      const most = Math.max(1.2, ...charge.map((p) => p[1])), base = 256;
+      line([[left, 196], [left, base], [right, base]], ink);
       line([[left, base - 60 / most], [right, base - 60 / most]], ink, [3, 3]);
       line(charge.map(([u, v]) => [u, base - v / most * 60]), "#3a9d5d");
       text("1", left - 4, base - 60 / most + 4, "right");
-      text("light since the last spike, thresholds", left + 6, 186);
+      text("light since the last spike, thresholds", left, 188);
     }
     line([[x(this.at), 6], [x(this.at), low]], "#ffb000", [4, 3]);
-    text(`cycle ${from}`, left, 254);
-    text(`${to - 1}`, right, 254, "right");
+    text(`cycle ${from}`, left, 274);
+    text(`${to - 1}`, right, 274, "right");
   }
 
   savePicture() {
