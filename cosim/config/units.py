@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, cast
 
 from cosim.config.unit_table import UNITS
 
@@ -79,8 +81,14 @@ _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
 
 @cache
 def _registry() -> pint.UnitRegistry:
-    import pint  # takes 0.1 s, so only for commands that read a scenario
-
+    # pint takes 0.1 s, so it is imported only by commands that read a scenario. It would import
+    # Dask, which takes as long again and is used for arrays with units alone: None hides it.
+    hidden = sys.modules.setdefault("dask", cast(ModuleType, None))
+    try:
+        import pint
+    finally:
+        if hidden is None:
+            del sys.modules["dask"]
     return pint.UnitRegistry(UNITS.splitlines())
 
 
