@@ -12,8 +12,7 @@ import re
 import sys
 from dataclasses import dataclass
 from functools import cache
-from types import ModuleType
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from cosim.config.unit_table import UNITS
 
@@ -83,7 +82,7 @@ _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
 def _registry() -> pint.UnitRegistry:
     # pint takes 0.1 s, so it is imported only by commands that read a scenario. It would import
     # Dask, which takes as long again and is used for arrays with units alone: None hides it.
-    hidden = sys.modules.setdefault("dask", cast(ModuleType, None))
+    hidden: Any = sys.modules.setdefault("dask", cast(Any, None))
     try:
         import pint
     finally:
