@@ -125,12 +125,14 @@ def explorer_part(
     return explorer(given)
 
 
-def explorer(given: dict[str, Any]) -> str:
-    """The explorer's element, with what it shows as JSON, its style and its script."""
+def explorer(given: dict[str, Any], kind: str = "stream") -> str:
+    """The element of an explorer, with what it shows as JSON, its style and its script; a page has
+    one. kind: of `KINDS` in the script."""
     data = json.dumps(given).replace("<", "\\u003c")
     folder = files("scenarios.report")
-    script, style = ((folder / f"explorer.{kind}").read_text() for kind in ("js", "css"))
+    script, style = ((folder / f"explorer.{end}").read_text() for end in ("js", "css"))
     return (
-        f"<style>{style}</style><section class='explorer' aria-label='explorer'>"
-        f"<script type='application/json'>{data}</script></section><script>{script}</script>"
+        f"<style>{style}</style><section class='explorer' data-kind='{kind}' "
+        f"aria-label='explorer'><script type='application/json'>{data}</script></section>"
+        f"<script>{script}</script>"
     )

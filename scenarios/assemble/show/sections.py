@@ -25,6 +25,7 @@ from display.panels.panel import metric_key
 from scenarios.assemble.show.figures import latency_figure, wave_figure
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import band_tables, display_table, light_table
+from scenarios.report.beside import beside
 
 __all__ = ["display_cards", "display_sections"]
 
@@ -34,6 +35,7 @@ _SEES = {
     "pursuit": "What the pursuing eye sees",
     "camera": "What a camera sees",
 }
+_EYES = {"eye": "still eye", "pursuit": "pursuing eye", "camera": "camera"}
 _OVERVIEW = 7
 """Maximum number of displays in the overview."""
 _UNKNOWN = "unknown"
@@ -250,6 +252,27 @@ def _delays(shown: Shown) -> str:
     )
 
 
+def _beside(shown: Shown) -> str:
+    """The explorer: any display beside any other, for each observer."""
+    outcome = shown.outcome
+    names = list(outcome.images)
+    views = {}
+    for observer in outcome.chain.observers:
+        box = _worst_box(outcome, observer)
+        shots = [[for_display(image) for image in outcome.images[n][observer]] for n in names]
+        views[f"{_EYES[observer]}, whole"] = shots
+        views[f"{_EYES[observer]}, a square in full"] = [
+            [crop(image, box) for image in images] for images in shots
+        ]
+    instants = [f"{shown.clock.middle(n) / 1e9:.2f} ms" for n in shown.instants]
+    part = beside([outcome.title(name) for name in names], "eye", views, instants)
+    return (
+        "<h2>Any display beside any other</h2><p>What an observer sees at the instants of the "
+        "images. The whole is reduced; the square is the one in which the displays differ most, "
+        f"with all of its pixels.</p>{part}"
+    )
+
+
 def display_sections(shown: Shown) -> tuple[list[str], list[str]]:
     """The sections of a display, HTML, and the names of the files that they are made of: figures
     and glass.mp4."""
@@ -267,5 +290,5 @@ def display_sections(shown: Shown) -> tuple[list[str], list[str]]:
         if outcome.probes is not None:
             body.append(_delays(shown))
             files.append("figures/latency.png")
-        body = [_table(outcome), _clip(outcome, coding.result()), *body]
+        body = [_table(outcome), _beside(shown), _clip(outcome, coding.result()), *body]
     return body, [*files, "glass.mp4"]

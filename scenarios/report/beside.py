@@ -1,0 +1,53 @@
+"""An explorer of pictures: any two of several things side by side, and their difference."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.report.parts import data
+from cosim.report.png import encode, reduced
+from scenarios.report.explorer import explorer
+
+__all__ = ["beside"]
+
+_LONGEST = 400
+"""Longer side of a picture, pixels; larger ones are reduced."""
+
+Picture = npt.NDArray[np.uint8]
+
+
+def _source(picture: Picture) -> str:
+    """The picture as a data URL: exact if it is small."""
+    if max(picture.shape[:2]) <= _LONGEST:
+        return data(encode(picture), "image/png")
+    return data(encode(reduced(picture, _LONGEST), ".jpg"), "image/jpeg")
+
+
+def beside(
+    names: Sequence[str],
+    viewed: str,
+    views: Mapping[str, Sequence[Sequence[Picture]]],
+    instants: Sequence[str],
+) -> str:
+    """The HTML of the explorer.
+
+    Args:
+        names: of the things.
+        viewed: what a view is, for its label.
+        views: pictures by the name of their view, (things, instants), grey and with the sRGB curve;
+            those of a view have one size.
+        instants: texts of the instants.
+    """
+    with ThreadPoolExecutor(2) as pool:  # OpenCV releases the interpreter
+        pictures = [
+            [list(pool.map(_source, pictures)) for pictures in view] for view in views.values()
+        ]
+    given = {
+        "names": list(names), "viewed": viewed, "views": list(views), "instants": list(instants),
+        "pictures": pictures,
+    }  # fmt: skip
+    return explorer(given, "beside")
