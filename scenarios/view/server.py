@@ -19,8 +19,8 @@ from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
 from cosim.errors import ViformError
+from cosim.report.explorer import explorer
 from cosim.report.png import to_linear_bytes
-from scenarios.report.explorer import explorer
 from scenarios.view.opened import Opened
 
 __all__ = ["HOST", "MOST", "ViewServer"]

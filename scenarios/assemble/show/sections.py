@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Box
+from cosim.report.beside import beside
 from cosim.report.figures import sheet_figure
 from cosim.report.parts import data, figure, plot
 from cosim.report.pictures import busiest_box, crop, enlarge
@@ -25,7 +26,6 @@ from display.panels.panel import metric_key
 from scenarios.assemble.show.figures import latency_figure, wave_figure
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import band_tables, display_table, light_table
-from scenarios.report.beside import beside
 
 __all__ = ["display_cards", "display_sections"]
 

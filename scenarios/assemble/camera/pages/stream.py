@@ -14,6 +14,7 @@ import numpy as np
 from cosim.files import streams_kept
 from cosim.light.demosaic import in_colour
 from cosim.light.source import truth_at
+from cosim.report.explorer import INSTANTS, Truths, explorer_part, span_of
 from cosim.report.figures import overview_figure, sheet_figure
 from cosim.report.parts import cards, data, figure, plot, table
 from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
@@ -28,7 +29,6 @@ from scenarios.assemble.camera.pages.plan import (
     left_out_card,
     plan_section,
 )
-from scenarios.report.explorer import INSTANTS, Truths, explorer_part, span_of
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Viform
+from cosim.report import explorer as module
+from cosim.report.explorer import Truths, explorer_part, span_of
 from cosim.spikes.viform import pack_planes, words_for
-from scenarios.report import explorer as module
-from scenarios.report.explorer import Truths, explorer_part, span_of
 
 
 def stream(cycles: int, shape: tuple[int, int]) -> Viform:

@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 
+from cosim.report.explorer import explorer
 from cosim.report.parts import data
 from cosim.report.png import encode, reduced
-from scenarios.report.explorer import explorer
 
 __all__ = ["beside"]
 

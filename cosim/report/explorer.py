@@ -129,7 +129,7 @@ def explorer(given: dict[str, Any], kind: str = "stream") -> str:
     """The element of an explorer, with what it shows as JSON, its style and its script; a page has
     one. kind: of `KINDS` in the script."""
     data = json.dumps(given).replace("<", "\\u003c")
-    folder = files("scenarios.report")
+    folder = files("cosim.report")
     script, style = ((folder / f"explorer.{end}").read_text() for end in ("js", "css"))
     return (
         f"<style>{style}</style><section class='explorer' data-kind='{kind}' "
