@@ -17,8 +17,8 @@ import scenarios.studies.sweep.sweep as sweeping
 from cosim import InputError, Interrupted
 from cosim.run.progress import QuietProgress
 from scenarios.cli.entry import _main
+from scenarios.studies.batch.axes import Axis, grid, latin_hypercube
 from scenarios.studies.sweep import Sweep, read_axis, run_sweep
-from scenarios.studies.sweep.axes import Axis, grid, latin_hypercube
 
 SMALL = ("sensor.width=32", "sensor.height=16", "duration=2 ms")
 THRESHOLDS = "sensor.threshold=500 e:2000 e:3log"
@@ -102,7 +102,7 @@ def test_the_store_is_labelled_and_has_the_results(tmp_path: Path) -> None:
 def test_only_what_is_missing_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sweep, folder = small(THRESHOLDS), tmp_path / "s"
     whole = swept(sweep, tmp_path / "whole")
-    real, ran = sweeping.run_points, []
+    real, ran = sweeping.run_jobs, []
 
     def stops(*arguments: Any) -> Any:
         for n, result in enumerate(real(*arguments)):
@@ -111,7 +111,7 @@ def test_only_what_is_missing_is_run_again(tmp_path: Path, monkeypatch: pytest.M
             ran.append(result[0])
             yield result
 
-    monkeypatch.setattr(sweeping, "run_points", stops)
+    monkeypatch.setattr(sweeping, "run_jobs", stops)
     with pytest.raises(Interrupted, match="after 2 of 3 points; go on with the same command"):
         swept(sweep, folder)
     with pytest.raises(InputError, match=r"--resume must be the sweep that .* holds, not another"):
@@ -160,7 +160,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
 def test_what_cannot_run_is_one_line_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.studies.sweep.workers._SECONDS", 1)
+    monkeypatch.setattr("scenarios.studies.batch.workers._SECONDS", 1)
     given = ["sweep", "film", "--vary", "sensor.threshold=500 e,600 e", "--tolerance", "1e-2"]
     given += [f"--set={text}" for text in SMALL] + ["--out", str(tmp_path / "s")]
     assert _main([*given, "--scheduler", "tcp://127.0.0.1:9"]) == 2

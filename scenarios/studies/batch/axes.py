@@ -1,4 +1,4 @@
-"""Keys that a sweep varies, their values, and the points that they span."""
+"""Keys that vary between the runs of a batch, their values, and the points that they span."""
 
 from __future__ import annotations
 
