@@ -30,8 +30,8 @@ class ObjectsScene(Section):
         default=8.0, description="greatest speed, shorter sides of the picture a second"
     )
 
-    def drawn(self, shape: tuple[int, int]) -> Objects:
-        """The scene in closed form, on (height, width) pixels."""
+    def closed_form(self, shape: tuple[int, int]) -> Objects:
+        """The scene with its dense truth, on (height, width) pixels."""
         from scenarios.scenes.objects.scene import Objects
 
         return Objects(shape, self.layout, self.objects, self.speed)
@@ -40,4 +40,4 @@ class ObjectsScene(Section):
         # Drawn scenes import numba, which takes a second.
         from scenarios.scenes.drawing.analytic import AnalyticSource
 
-        return AnalyticSource(self.drawn(grid.shape), self.illuminance, grid.clock)
+        return AnalyticSource(self.closed_form(grid.shape), self.illuminance, grid.clock)

@@ -136,10 +136,10 @@ def paint(image: Any, plate: Plate, homography: Matrix) -> None:
     """Paints a plate over the picture, (H, W) float32, in place. A pixel at the edge is covered in
     part, 0.5 less its distance in pixels."""
     height, width = image.shape
-    inverse = np.linalg.inv(homography)
+    inverse: Matrix = np.linalg.inv(homography).astype(np.float64)
     background = plate.category is None
     place = np.array([width / 2, height / 2, 1.0]) if background else homography[:, 2]
-    centre = place[:2] / place[2]
+    centre: Matrix = place[:2] / place[2]
     box = np.array(window(plate, homography, image.shape), np.int64)
     waves = _waves(plate, inverse, centre)
     _paint(image, box, inverse, _numbers(plate), waves, not background)

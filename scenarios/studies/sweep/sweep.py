@@ -18,7 +18,7 @@ from cosim.run.folder import how_to_resume, room_for
 from cosim.run.progress import Progress
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario
-from scenarios.studies.batch.axes import Axis, grid, latin_hypercube
+from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
 from scenarios.studies.batch.folder import begin_batch, read_document, write_document
 from scenarios.studies.batch.workers import run_jobs
 from scenarios.studies.sweep.figure import chosen, sweep_figure
@@ -48,14 +48,9 @@ class Sweep:
     seed: int | None = None
 
     def __post_init__(self) -> None:
-        keys = [axis.key for axis in self.axes]
-        if not keys:
+        if not self.axes:
             raise InputError("--vary", "given once or more", "never", "name a key and its values")
-        for key in keys:
-            if keys.count(key) > 1:
-                raise InputError("--vary", "a key once", f"{key} twice", "leave one out")
-            if any(text.partition("=")[0].strip() == key for text in self.assignments):
-                raise InputError("--set", "a key that does not vary", key, "leave it out")
+        check_axes(self.axes, self.assignments)
 
     def points(self) -> list[tuple[str, ...]]:
         """Values of the axes at each point."""
@@ -142,7 +137,7 @@ def run_sweep(
         if not any(place.iterdir()):  # no worker, or a wrong name: nothing stays
             rmtree(folder)
         raise
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Interrupted):  # between points, or within one
         raise Interrupted(done, len(points), how_to_resume(folder), "points") from None
     rows = [
         read_document(_path(place, n), "sweep") if n not in failed else None

@@ -51,6 +51,7 @@ def test_values_and_ranges() -> None:
     assert read_axis("a.b=0:10:3").texts == ("0", "5", "10")
     assert read_axis("a.b=1:100 lux:3log").texts == ("1 lux", "10 lux", "100 lux")
     assert read_axis("a.b=2:4 ms").span == (2.0, 4.0)
+    assert [read_axis("a=3:5:int").at(x) for x in (0, 0.3, 0.34, 0.99, 1)] == [*"33455"]
     assert read_axis("a.b=1:100:log").log and read_axis("a=-1.5e3:2:2").numbers == [-1500.0, 2.0]
     assert read_axis("sensor.source=file:a.dat,file:b.dat").texts == ("file:a.dat", "file:b.dat")
 
@@ -61,6 +62,7 @@ def test_values_and_ranges() -> None:
         ("sensor.width", "--vary must be KEY=a,b,c"), ("=5", "--vary must be KEY"),
         ("a=1,,2", "different values"), ("a=1,1", "different values"),
         ("a=3:1:5", "from a lower to a higher"), ("a=0:1:5log", "above 0, and from a lower"),
+        ("a=0:1.5:int", "from a whole number"),
         ("a=1:2:1", "2 to 100000 values"), ("a=1:2:x", "end it with a number of values"),
         ("a=1 e:2 lux:3", "a range in one unit"),
     ],
