@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 from cosim import InputError
-from scenarios.studies.dataset.reading import SpikeDataset
 
 try:
     import torch
@@ -19,10 +18,18 @@ except ImportError:
 __all__ = ["TorchSpikeDataset"]
 
 
+class Items(Protocol):
+    """Dictionaries of arrays and texts, by number."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int) -> dict[str, Any]: ...
+
+
 class TorchSpikeDataset(Dataset):  # type: ignore[misc, type-arg, unused-ignore]
     """The items of a `SpikeDataset`, each array a tensor of the same shape and type."""
 
-    def __init__(self, items: SpikeDataset) -> None:
+    def __init__(self, items: Items) -> None:
         self.items = items
 
     def __len__(self) -> int:
