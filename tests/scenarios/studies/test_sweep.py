@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import threading
 import time
@@ -120,6 +121,29 @@ def test_only_what_is_missing_is_run_again(tmp_path: Path, monkeypatch: pytest.M
         swept(small("sensor.threshold=500 e,600 e"), folder, resume=True)
     assert results(swept(sweep, folder, resume=True)) == results(whole)
     assert ran == [0, 1, 2]
+
+
+def test_an_interrupt_within_a_point_says_how_the_sweep_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stops(*arguments: Any) -> Any:
+        raise Interrupted(32, 80, "go on with the run", "cycles")
+
+    monkeypatch.setattr(sweeping, "run_point", stops)
+    with pytest.raises(Interrupted, match=r"after 0 of 3 points; go on with .*--resume"):
+        swept(small(THRESHOLDS), tmp_path / "s")
+
+
+def test_a_full_disk_is_no_fault_of_a_point(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fills(*arguments: Any) -> Any:
+        full = OSError(errno.ENOSPC, "No space left on device", "run")
+        raise InputError("--out", "where there is room", "a full disk", "make room") from full
+
+    monkeypatch.setattr(sweeping, "run_point", fills)
+    with pytest.raises(InputError, match=rf"room for the results, not {tmp_path / 's'} \(No space"):
+        swept(small(THRESHOLDS), tmp_path / "s")
 
 
 @pytest.mark.slow

@@ -360,13 +360,19 @@ def test_several_sizes_have_a_folder_each(tmp_path: Path) -> None:
         )
     document = api.dataset(
         "objects", out=tmp_path / "d", cameras=[tmp_path / "a.toml", tmp_path / "b.toml"],
-        split="1,0", tolerance=1e-2, duration="2.5 ms", **{"image.at": [50], "scene.objects": 3},
+        split="1,0", tolerance=1e-2, duration="2.5 ms", vary={"sensor.lens.f_number": "1.5:2.5"},
+        **{"image.at": [50], "scene.objects": 3},
     )  # fmt: skip
     assert document["splits"]["train"] == ["0000-objects-a", "0000-objects-b"]
     for width in (48, 32):
         place = tmp_path / "d" / f"{width}x24"
         assert yaml.safe_load((place / "config.yaml").read_text())["spike_w"] == width
         assert len([*(place / "train" / "spike").glob("*.dat")]) == 1
+    found = documents(tmp_path / "d")
+    numbers = [float(each["drawn"]["sensor.lens.f_number"]) for each in found.values()]
+    assert sorted(n < 2 for n in numbers) == [False, True]  # one in each half of the range
+    assert [each["metrics"]["f_number"]["value"] for each in found.values()] == numbers
+    assert "rate=-1" in (tmp_path / "d" / "README.md").read_text()  # Spike-Zoo: it varies
     one = api.SpikeDataset(tmp_path / "d", camera="b")
     assert one[0]["spikes"].shape == (100, 24, 32)
     assert one[0]["flow"].shape == (0, 2, 24, 32)  # one instant has no flow
