@@ -17,13 +17,17 @@ if TYPE_CHECKING:
     from scenarios.python import Run, Stream, film, reconstruct, run, send, show
     from scenarios.python import open_stream as open
     from scenarios.python import save_stream as save
+    from scenarios.studies.dataset.making import dataset
+    from scenarios.studies.dataset.reading import SpikeDataset, torch_dataset
 
 _PLACES = {
     "Clock": "cosim:Clock",
     "InputError": "cosim:InputError",
     "Run": "scenarios.python:Run",
+    "SpikeDataset": "scenarios.studies.dataset.reading:SpikeDataset",
     "Stream": "scenarios.python:Stream",
     "Viform": "cosim:Viform",
+    "dataset": "scenarios.studies.dataset.making:dataset",
     "film": "scenarios.python:film",
     "open": "scenarios.python:open_stream",
     "reconstruct": "scenarios.python:reconstruct",
@@ -31,11 +35,12 @@ _PLACES = {
     "save": "scenarios.python:save_stream",
     "send": "scenarios.python:send",
     "show": "scenarios.python:show",
+    "torch_dataset": "scenarios.studies.dataset.reading:torch_dataset",
 }
 
 __all__ = [
-    "Clock", "InputError", "Run", "Stream", "Viform", "film", "open", "reconstruct", "run", "save",
-    "send", "show",
+    "Clock", "InputError", "Run", "SpikeDataset", "Stream", "Viform", "dataset", "film", "open",
+    "reconstruct", "run", "save", "send", "show", "torch_dataset",
 ]  # fmt: skip
 
 

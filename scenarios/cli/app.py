@@ -18,6 +18,7 @@ from scenarios.cli.stream.convert import convert as _convert
 from scenarios.cli.stream.image import image as _image
 from scenarios.cli.study.bench import bench as _bench
 from scenarios.cli.study.compare import compare as _compare
+from scenarios.cli.study.dataset import dataset as _dataset
 from scenarios.cli.study.laboratory import laboratory as _laboratory
 from scenarios.cli.study.methods import compare_methods as _compare_methods
 from scenarios.cli.study.paper import paper as _paper
@@ -53,6 +54,7 @@ app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)
 app.command("sweep")(_sweep)
+app.command("dataset")(_dataset)
 app.command("doctor")(_doctor)
 # All arguments after `test` are passed to pytest.
 _PASS_ON = {"ignore_unknown_options": True, "allow_extra_args": True}

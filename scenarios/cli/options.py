@@ -12,12 +12,31 @@ import typer
 if TYPE_CHECKING:
     from scenarios.assemble.schema.scenario import AnyScenario
 
-__all__ = ["ScenarioName", "ScenarioOptions", "Tolerance", "expand_options"]
+__all__ = [
+    "Resume", "ScenarioName", "ScenarioOptions", "Scheduler", "Tolerance", "Workers",
+    "count_workers", "expand_options",
+]  # fmt: skip
 
 ScenarioName = Annotated[
     str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
 ]
 Tolerance = Annotated[float | None, typer.Option(help="allowed relative error")]
+Resume = Annotated[bool, typer.Option("--resume", help="continue what was interrupted in --out")]
+Workers = Annotated[int | None, typer.Option(help="processes on this machine [one for two cores]")]
+Scheduler = Annotated[
+    str | None, typer.Option(help="address of a Dask scheduler, for its workers instead")
+]
+
+
+def count_workers(given: int | None) -> int:
+    """Number of processes for --workers; None for one for two cores, which a run uses. Raises
+    InputError."""
+    from cosim import InputError
+    from cosim.compute.cores import cores
+
+    if given is not None and not 1 <= given <= 1024:
+        raise InputError("--workers", "1 to 1024", f"{given}", "change it")
+    return given or max(cores() // 2, 1)
 
 
 @dataclass(frozen=True)

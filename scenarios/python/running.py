@@ -2,40 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from cosim import InputError
 from cosim.run.folder import output_folder
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.resuming import done_before
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.finished import Run
 from scenarios.run import run_scenario
 
 __all__ = ["run", "source_file"]
-
-
-def _assignments(settings: dict[str, Any]) -> list[str]:
-    """Settings as the command line has them. Raises InputError for a value of another kind."""
-    return [f"{key}={_text(key, value)}" for key, value in settings.items()]
-
-
-def _text(key: str, value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return json.dumps(np.asarray(value).tolist())
-    if isinstance(value, (str, int, float, np.integer, np.floating, os.PathLike)):
-        return str(value)
-    raise InputError(key, "a text, number, path or list", type(value).__name__, "convert it")
 
 
 def source_file(out: str | os.PathLike[str] | None, folder: str, ending: str) -> Path:
@@ -70,7 +52,7 @@ def run(
         InputError: the input cannot be used.
     """
     began, progress = time.perf_counter(), QuietProgress()
-    name, loaded = load(str(scenario), _assignments(settings), tolerance=tolerance, seed=seed)
+    name, loaded = load(str(scenario), assignments_of(settings), tolerance=tolerance, seed=seed)
     options = Options(device, resume, None, store)
     check_options(loaded, options)
     if resume and out is not None and done_before(name, loaded, Path(out)) is not None:

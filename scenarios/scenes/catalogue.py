@@ -7,6 +7,7 @@ from typing import Annotated, get_args
 from pydantic import Field
 
 from scenarios.scenes.kinds.film import FilmScene
+from scenarios.scenes.kinds.objects import ObjectsScene
 from scenarios.scenes.kinds.shockwave import ShockwaveScene
 from scenarios.scenes.kinds.star import StarScene
 from scenarios.scenes.kinds.step import StepScene
@@ -17,7 +18,14 @@ from scenarios.scenes.kinds.wave import WaveScene
 __all__ = ["SceneSection", "scene_keys"]
 
 SceneSection = Annotated[
-    FilmScene | WaveScene | ShockwaveScene | StarScene | StepScene | SunAndStarsScene | TargetScene,
+    FilmScene
+    | WaveScene
+    | ShockwaveScene
+    | StarScene
+    | StepScene
+    | SunAndStarsScene
+    | TargetScene
+    | ObjectsScene,
     Field(discriminator="kind"),
 ]
 """The section [scene], of any kind."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import shlex
@@ -163,6 +164,7 @@ def load(
     *,
     tolerance: float | None = None,
     seed: int | None = None,
+    sections: dict[str, Any] | None = None,
 ) -> tuple[str, AnyScenario]:
     """Loads and checks a scenario.
 
@@ -173,6 +175,7 @@ def load(
         name: name of a scenario of the package, a TOML file, or the folder of a run.
         assignments: values of --set, such as "sensor.clock=20 kHz".
         tolerance, seed: replace the keys of the same name; None keeps them.
+        sections: data of whole sections, which replace those of the scenario before `--set`.
 
     Returns:
         The short name and the scenario.
@@ -187,6 +190,7 @@ def load(
         path = named_path(section, key, value) if isinstance(value, str) else None
         if isinstance(inner, dict) and folder is not None and path is not None:
             inner[key] = with_path(section, key, str(folder / path))
+    data |= copy.deepcopy(sections or {})
     _remove_conflicts(data, assignments or [])
     for assignment in assignments or []:
         assign(data, assignment)

@@ -7,7 +7,16 @@ from typing import Annotated, Any
 
 import typer
 
-from scenarios.cli.options import ScenarioName, ScenarioOptions, Tolerance, expand_options
+from scenarios.cli.options import (
+    Resume,
+    ScenarioName,
+    ScenarioOptions,
+    Scheduler,
+    Tolerance,
+    Workers,
+    count_workers,
+    expand_options,
+)
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["sweep"]
@@ -31,35 +40,25 @@ def sweep(
     out: Annotated[
         Path | None, typer.Option(help="folder to create [runs/sweep-SCENARIO-N]")
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="continue the interrupted sweep in --out")
-    ] = False,
-    workers: Annotated[
-        int | None, typer.Option(help="processes on this machine [one for two cores]")
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help="address of a Dask scheduler, for its workers instead")
-    ] = None,
+    resume: Resume = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Run a scenario at many values of its keys, and gather the results in one labelled store."""
-    from cosim import InputError
-    from cosim.compute.cores import cores
     from cosim.run.folder import output_folder
     from scenarios.studies.sweep import Sweep, read_axis, run_sweep
 
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError("--workers", "1 to 1024", f"{workers}", "change it")
+    usual = count_workers(workers)
     axes = tuple(read_axis(text) for text in vary or ())
     asked = Sweep(
         scenario, axes, tuple(options.assignments or ()), samples, tolerance, options.seed
     )
     folder = output_folder(f"sweep-{Path(scenario).stem}", out, resume)
-    usual = max(cores() // 2, 1)  # a run uses two cores
     progress = make_progress()
     try:
         document = run_sweep(
-            asked, folder, device=options.device, workers=workers or usual, scheduler=scheduler,
+            asked, folder, device=options.device, workers=usual, scheduler=scheduler,
             resume=resume, progress=progress, metrics=metric or (),
         )  # fmt: skip
     finally:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cosim import InputError
 from cosim.report.figures import INK, MARK, subplots
-from scenarios.studies.sweep.axes import Axis
+from scenarios.studies.batch.axes import Axis
 from scenarios.studies.sweep.store import Row, metric_values
 
 __all__ = ["chosen", "sweep_figure"]

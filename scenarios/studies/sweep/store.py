@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import zarr
 
-from scenarios.studies.sweep.axes import Axis
+from scenarios.studies.batch.axes import Axis
 
 __all__ = ["metric_values", "write_store"]
 

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,20 +14,18 @@ from shutil import rmtree
 from typing import Any
 
 from cosim import InputError, Interrupted
-from cosim.files.whole import whole
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.progress import Progress
-from cosim.run.result import dumps
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario
-from scenarios.studies.sweep.axes import Axis, grid, latin_hypercube
+from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
+from scenarios.studies.batch.folder import begin_batch, read_document, write_document
+from scenarios.studies.batch.workers import run_jobs
 from scenarios.studies.sweep.figure import chosen, sweep_figure
+from scenarios.studies.sweep.point import run_point
 from scenarios.studies.sweep.store import metric_values, write_store
-from scenarios.studies.sweep.workers import run_points
 
 __all__ = ["Sweep", "run_sweep"]
-
-_STATED = "sweep.json"
 
 
 @dataclass(frozen=True)
@@ -51,14 +48,9 @@ class Sweep:
     seed: int | None = None
 
     def __post_init__(self) -> None:
-        keys = [axis.key for axis in self.axes]
-        if not keys:
+        if not self.axes:
             raise InputError("--vary", "given once or more", "never", "name a key and its values")
-        for key in keys:
-            if keys.count(key) > 1:
-                raise InputError("--vary", "a key once", f"{key} twice", "leave one out")
-            if any(text.partition("=")[0].strip() == key for text in self.assignments):
-                raise InputError("--set", "a key that does not vary", key, "leave it out")
+        check_axes(self.axes, self.assignments)
 
     def points(self) -> list[tuple[str, ...]]:
         """Values of the axes at each point."""
@@ -94,7 +86,7 @@ def run_sweep(
         sweep: the sweep.
         folder: to create, or with `resume` that of an interrupted sweep.
         device: of the points.
-        workers, scheduler: see `run_points`.
+        workers, scheduler: see `run_jobs`.
         resume: whether an interrupted sweep goes on.
         progress: of the points.
         metrics: in the figure; those that vary most if empty.
@@ -118,16 +110,20 @@ def run_sweep(
             for values, digest in zip(points, digests, strict=True)
         ],
     }
-    _begin(folder, stated, resume)
+    begin_batch("sweep", folder, stated, "points", resume)
     place = folder / "points"
-    left = [(n, each) for n, each in enumerate(scenarios) if not _path(place, n).exists()]
+    jobs = [
+        (n, (name, each, device))
+        for n, each in enumerate(scenarios)
+        if not _path(place, n).exists()
+    ]
     progress.start(f"{name}: {len(points)} points", len(points))
-    done = len(points) - len(left)
+    done = len(points) - len(jobs)
     progress.advance(done)
     failed: dict[int, InputError] = {}
     try:
         with room_for("the results", folder):
-            for number, result in run_points(name, left, device, workers, scheduler):
+            for number, result in run_jobs(run_point, jobs, workers, scheduler):
                 done += 1
                 if not isinstance(result, InputError):
                     chosen(metric_values([result]), metrics)  # refuses unknown names
@@ -135,16 +131,18 @@ def run_sweep(
                     failed[number] = result
                     progress.note(f"point {number} ({', '.join(points[number])}): {result}")
                 else:
-                    with whole(_path(place, number)) as part:
-                        part.write_text(dumps(result), encoding="utf-8")
+                    write_document(_path(place, number), result)
                 progress.advance(done)
     except InputError:
         if not any(place.iterdir()):  # no worker, or a wrong name: nothing stays
             rmtree(folder)
         raise
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Interrupted):  # between points, or within one
         raise Interrupted(done, len(points), how_to_resume(folder), "points") from None
-    rows = [_read(_path(place, n)) if n not in failed else None for n in range(len(points))]
+    rows = [
+        read_document(_path(place, n), "sweep") if n not in failed else None
+        for n in range(len(points))
+    ]
     write_store(folder / "sweep.zarr", sweep.axes, sweep.samples, points, rows)
     drawn = sweep_figure(folder / "sweep.png", sweep.axes, points, rows, metrics)
     return {
@@ -157,36 +155,5 @@ def run_sweep(
     }  # fmt: skip
 
 
-def _read(path: Path) -> Any:
-    """A document of the sweep. Raises InputError if it is damaged."""
-    try:
-        return json.loads(path.read_bytes())
-    except (OSError, ValueError) as exc:
-        raise InputError(
-            path.name, "the file that the sweep wrote", f"a damaged file ({path})",
-            "remove it (of a point, to run that again), and resume",
-        ) from exc  # fmt: skip
-
-
 def _path(place: Path, number: int) -> Path:
     return place / f"{number:06}.json"
-
-
-def _begin(folder: Path, stated: dict[str, Any], resume: bool) -> None:
-    """Creates the folder, or checks that it holds this sweep."""
-    there = folder / _STATED
-    if resume and there.exists():
-        if _read(there) != stated:
-            raise InputError(
-                "--resume", f"the sweep that {folder} holds", "another one",
-                "give the same arguments, or another --out",
-            )  # fmt: skip
-        return
-    if folder.is_dir() and any(folder.iterdir()):
-        raise InputError(
-            "--resume", "given with a sweep", f"{folder}, which is none", "change --out"
-        )
-    with room_for("the sweep", folder):
-        (folder / "points").mkdir(parents=True, exist_ok=True)
-        with whole(there) as part:
-            part.write_text(dumps(stated), encoding="utf-8")

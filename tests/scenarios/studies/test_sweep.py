@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import threading
 import time
@@ -17,8 +18,8 @@ import scenarios.studies.sweep.sweep as sweeping
 from cosim import InputError, Interrupted
 from cosim.run.progress import QuietProgress
 from scenarios.cli.entry import _main
+from scenarios.studies.batch.axes import Axis, grid, latin_hypercube
 from scenarios.studies.sweep import Sweep, read_axis, run_sweep
-from scenarios.studies.sweep.axes import Axis, grid, latin_hypercube
 
 SMALL = ("sensor.width=32", "sensor.height=16", "duration=2 ms")
 THRESHOLDS = "sensor.threshold=500 e:2000 e:3log"
@@ -51,6 +52,7 @@ def test_values_and_ranges() -> None:
     assert read_axis("a.b=0:10:3").texts == ("0", "5", "10")
     assert read_axis("a.b=1:100 lux:3log").texts == ("1 lux", "10 lux", "100 lux")
     assert read_axis("a.b=2:4 ms").span == (2.0, 4.0)
+    assert [read_axis("a=3:5:int").at(x) for x in (0, 0.3, 0.34, 0.99, 1)] == [*"33455"]
     assert read_axis("a.b=1:100:log").log and read_axis("a=-1.5e3:2:2").numbers == [-1500.0, 2.0]
     assert read_axis("sensor.source=file:a.dat,file:b.dat").texts == ("file:a.dat", "file:b.dat")
 
@@ -61,6 +63,7 @@ def test_values_and_ranges() -> None:
         ("sensor.width", "--vary must be KEY=a,b,c"), ("=5", "--vary must be KEY"),
         ("a=1,,2", "different values"), ("a=1,1", "different values"),
         ("a=3:1:5", "from a lower to a higher"), ("a=0:1:5log", "above 0, and from a lower"),
+        ("a=0:1.5:int", "from a whole number"),
         ("a=1:2:1", "2 to 100000 values"), ("a=1:2:x", "end it with a number of values"),
         ("a=1 e:2 lux:3", "a range in one unit"),
     ],
@@ -102,7 +105,7 @@ def test_the_store_is_labelled_and_has_the_results(tmp_path: Path) -> None:
 def test_only_what_is_missing_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sweep, folder = small(THRESHOLDS), tmp_path / "s"
     whole = swept(sweep, tmp_path / "whole")
-    real, ran = sweeping.run_points, []
+    real, ran = sweeping.run_jobs, []
 
     def stops(*arguments: Any) -> Any:
         for n, result in enumerate(real(*arguments)):
@@ -111,13 +114,36 @@ def test_only_what_is_missing_is_run_again(tmp_path: Path, monkeypatch: pytest.M
             ran.append(result[0])
             yield result
 
-    monkeypatch.setattr(sweeping, "run_points", stops)
+    monkeypatch.setattr(sweeping, "run_jobs", stops)
     with pytest.raises(Interrupted, match="after 2 of 3 points; go on with the same command"):
         swept(sweep, folder)
     with pytest.raises(InputError, match=r"--resume must be the sweep that .* holds, not another"):
         swept(small("sensor.threshold=500 e,600 e"), folder, resume=True)
     assert results(swept(sweep, folder, resume=True)) == results(whole)
     assert ran == [0, 1, 2]
+
+
+def test_an_interrupt_within_a_point_says_how_the_sweep_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stops(*arguments: Any) -> Any:
+        raise Interrupted(32, 80, "go on with the run", "cycles")
+
+    monkeypatch.setattr(sweeping, "run_point", stops)
+    with pytest.raises(Interrupted, match=r"after 0 of 3 points; go on with .*--resume"):
+        swept(small(THRESHOLDS), tmp_path / "s")
+
+
+def test_a_full_disk_is_no_fault_of_a_point(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fills(*arguments: Any) -> Any:
+        full = OSError(errno.ENOSPC, "No space left on device", "run")
+        raise InputError("--out", "where there is room", "a full disk", "make room") from full
+
+    monkeypatch.setattr(sweeping, "run_point", fills)
+    with pytest.raises(InputError, match=rf"room for the results, not {tmp_path / 's'} \(No space"):
+        swept(small(THRESHOLDS), tmp_path / "s")
 
 
 @pytest.mark.slow
@@ -160,7 +186,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
 def test_what_cannot_run_is_one_line_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.studies.sweep.workers._SECONDS", 1)
+    monkeypatch.setattr("scenarios.studies.batch.workers._SECONDS", 1)
     given = ["sweep", "film", "--vary", "sensor.threshold=500 e,600 e", "--tolerance", "1e-2"]
     given += [f"--set={text}" for text in SMALL] + ["--out", str(tmp_path / "s")]
     assert _main([*given, "--scheduler", "tcp://127.0.0.1:9"]) == 2

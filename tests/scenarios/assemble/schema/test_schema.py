@@ -121,7 +121,7 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("sensor.lens", [1], f"sensor.lens must be a section, not [1]; {SCHEMA}"),
         ("scene.kind", "fil",
          "scene.kind must be one of 'film', 'wave', 'shockwave', 'star', 'step', 'sun-and-stars', "
-         "'target', not 'fil'; "
+         "'target', 'objects', not 'fil'; "
          "choose one"),
         ("sensor.chip", "spikethree",
          "sensor.chip must be 'spiketwo', 'spikeone', 'spikeone-450x200' or 'spikeasync', not "

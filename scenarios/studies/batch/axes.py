@@ -1,18 +1,18 @@
-"""Keys that a sweep varies, their values, and the points that they span."""
+"""Keys that vary between the runs of a batch, their values, and the points that they span."""
 
 from __future__ import annotations
 
 import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from cosim import InputError
 
-__all__ = ["Axis", "grid", "latin_hypercube", "read_axis"]
+__all__ = ["Axis", "check_axes", "grid", "latin_hypercube", "read_axis"]
 
 MOST: Final = 100_000
 """Largest number of points."""
@@ -30,6 +30,8 @@ class Axis:
         span: lowest and highest number; None for a list of texts.
         unit: of the numbers.
         log: whether the logarithm is evenly spaced.
+        whole: whether a drawn value is a whole number.
+        given: the text that it was read from.
     """
 
     key: str
@@ -37,11 +39,15 @@ class Axis:
     span: tuple[float, float] | None = None
     unit: str = ""
     log: bool = False
+    whole: bool = False
+    given: str = ""
 
     def at(self, share: float) -> str:
         """The value at a share of the range, 0 to 1."""
         assert self.span is not None
         low, high = self.span
+        if self.whole:
+            return _text(min(low + (high - low + 1) * share // 1, high), self.unit)
         value = low * (high / low) ** share if self.log else low + (high - low) * share
         return _text(value, self.unit)
 
@@ -61,8 +67,8 @@ def _text(value: float, unit: str) -> str:
 
 def read_axis(text: str) -> Axis:
     """Reads "KEY=a,b,c" (values), "KEY=lo:hi:n" (n numbers, evenly spaced), "KEY=lo:hi:nlog" (their
-    logarithms evenly spaced), or "KEY=lo:hi" and "KEY=lo:hi:log" (a range of which points are
-    drawn).
+    logarithms evenly spaced), or "KEY=lo:hi", "KEY=lo:hi:log" and "KEY=lo:hi:int" (a range of which
+    points are drawn, the last of whole numbers).
 
     Raises:
         InputError: the text has another form.
@@ -73,11 +79,11 @@ def read_axis(text: str) -> Axis:
         raise InputError("--vary", _FORM, repr(text), "write it in this form")
     found = _range(key, values.split(":"))
     if found is not None:
-        return found
+        return replace(found, given=text)
     texts = tuple(value.strip() for value in values.split(","))
     if not all(texts) or len(set(texts)) != len(texts):
         raise InputError(f"--vary {key}", "different values", repr(values), "leave one out")
-    return Axis(key, texts)
+    return Axis(key, texts, given=text)
 
 
 def _range(key: str, parts: list[str]) -> Axis | None:
@@ -87,10 +93,10 @@ def _range(key: str, parts: list[str]) -> Axis | None:
         return None
     low, high = float(ends[0][1]), float(ends[1][1])
     unit = ends[1][2]
-    end = re.fullmatch(r"\s*(\d*)\s*(log)?\s*", parts[2] if len(parts) == 3 else "")
+    end = re.fullmatch(r"\s*(?:(int)|(\d*)\s*(log)?)\s*", parts[2] if len(parts) == 3 else "")
     if end is None:
         raise InputError(f"--vary {key}", _FORM, repr(parts[2]), "end it with a number of values")
-    number, log = end[1], end[2] is not None
+    whole, number, log = end[1] is not None, end[2], end[3] is not None
     if ends[0][2] not in ("", unit):
         raise InputError(
             f"--vary {key}", "a range in one unit", f"{parts[0]}:{parts[1]}", "use one unit"
@@ -101,13 +107,28 @@ def _range(key: str, parts: list[str]) -> Axis | None:
             f"--vary {key}", f"{least}from a lower to a higher number", f"{parts[0]}:{parts[1]}",
             "change the ends",
         )  # fmt: skip
+    if whole and (low % 1 or high % 1):
+        raise InputError(
+            f"--vary {key}", "from a whole number to another", f"{parts[0]}:{parts[1]}",
+            "change the ends",
+        )  # fmt: skip
     if not number:
-        return Axis(key, (), (low, high), unit, log)
+        return Axis(key, (), (low, high), unit, log, whole)
     if not 2 <= int(number) <= MOST:
         raise InputError(f"--vary {key}", f"2 to {MOST} values", number, "change the number")
     space = np.geomspace if log else np.linspace
     texts = tuple(_text(float(value), unit) for value in space(low, high, int(number)))
     return Axis(key, texts, (low, high), unit, log)
+
+
+def check_axes(axes: Sequence[Axis], assignments: Sequence[str]) -> None:
+    """Raises InputError for a key that varies twice, or is also that of an assignment of --set."""
+    keys = [axis.key for axis in axes]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError("--vary", "a key once", f"{key} twice", "leave one out")
+        if any(text.partition("=")[0].strip() == key for text in assignments):
+            raise InputError("--set", "a key that does not vary", key, "leave it out")
 
 
 def grid(axes: Sequence[Axis]) -> list[tuple[str, ...]]:

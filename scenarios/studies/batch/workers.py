@@ -1,57 +1,59 @@
-"""Runs the points of a sweep: in this process, or on the workers of Dask."""
+"""Runs the jobs of a batch: in this process, or on the workers of Dask."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from cosim import InputError
-from scenarios.assemble.schema.scenario import AnyScenario
-from scenarios.studies.sweep.point import run_point
+from cosim.files.whole import NO_ROOM
 
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["run_points"]
+__all__ = ["run_jobs"]
 
 _SECONDS: Final = 10
 """Longest wait for a scheduler."""
 _RETRIES: Final = 3
-"""Times that a point is run again after a worker was lost."""
-Result = tuple[int, dict[str, Any] | InputError]
+"""Times that a job is run again after a worker was lost."""
+Job = tuple[int, tuple[Any, ...]]
+Result = tuple[int, Any]
 
 
-def run_points(
-    name: str, scenarios: Sequence[tuple[int, AnyScenario]], device: str | None, workers: int,
-    scheduler: str | None,
-) -> Iterator[Result]:  # fmt: skip
-    """Yields (number, document, or the error of its input) of each point, in the order in which
-    they end.
+def run_jobs(
+    job: Callable[..., Any], jobs: Sequence[Job], workers: int, scheduler: str | None
+) -> Iterator[Result]:
+    """Yields (number, what `job` returned, or the InputError that it raised) of each job, in the
+    order in which they end.
 
     Args:
-        name: short name of the scenario.
-        scenarios: number and scenario of each point.
-        device: of the points.
-        workers: processes on this machine; with 1, points run in this one.
+        job: a function of a module.
+        jobs: number and arguments of each job.
+        workers: processes on this machine; with 1, jobs run in this one.
         scheduler: address of a Dask scheduler, whose workers are used instead; None for none.
 
     Raises:
         InputError: the scheduler does not answer.
+        OSError: the disk is full, which is no fault of one job.
     """
     if scheduler is None and workers == 1:
-        for number, scenario in scenarios:
-            yield number, _run(name, scenario, device)
+        for number, arguments in jobs:
+            yield number, _run(job, arguments)
         return
     with _client(workers, scheduler) as client:
-        yield from _on_dask(client, name, scenarios, device)
+        yield from _on_dask(client, job, jobs)
 
 
-def _run(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any] | InputError:
+def _run(job: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     try:
-        return run_point(name, scenario, device)
+        return job(*arguments)
     except InputError as exc:
+        cause = exc.__cause__
+        if isinstance(cause, OSError) and cause.errno in NO_ROOM:
+            raise OSError(cause.errno, cause.strerror, cause.filename) from exc
         return exc
 
 
@@ -83,14 +85,12 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         yield client
 
 
-def _on_dask(
-    client: Client, name: str, scenarios: Sequence[tuple[int, AnyScenario]], device: str | None
-) -> Iterator[Result]:
+def _on_dask(client: Client, job: Callable[..., Any], jobs: Sequence[Job]) -> Iterator[Result]:
     from distributed import as_completed
 
     numbers = {
-        client.submit(_run, name, scenario, device, pure=False, retries=_RETRIES): number
-        for number, scenario in scenarios
+        client.submit(_run, job, arguments, pure=False, retries=_RETRIES): number
+        for number, arguments in jobs
     }
     try:
         for future in as_completed(numbers):

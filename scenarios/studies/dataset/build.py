@@ -1,0 +1,153 @@
+"""Builds a data set: what is left to do, the items, then what is made of all of them.
+
+`dataset.json` states the data set and is written first. An item is done when its document is there
+and its files have the sums that it states.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from pathlib import Path
+from typing import Any
+
+from cosim import InputError, Interrupted
+from cosim.run.folder import claim_folder, how_to_resume
+from cosim.run.progress import Progress
+from scenarios.studies.batch.folder import begin_batch, read_document
+from scenarios.studies.batch.workers import run_jobs
+from scenarios.studies.dataset.card import write_annotations, write_card, write_sums
+from scenarios.studies.dataset.item import make_item
+from scenarios.studies.dataset.order import Item, Order
+from scenarios.studies.dataset.places import PARTS, Places, digest_of, write_config
+
+__all__ = ["build_dataset"]
+
+
+def build_dataset(
+    order: Order, folder: Path, *, device: str | None, workers: int, scheduler: str | None,
+    resume: bool, progress: Progress,
+) -> dict[str, Any]:  # fmt: skip
+    """Makes the items that are not there yet.
+
+    Args:
+        order: the data set.
+        folder: to create, or with `resume` that of an interrupted data set.
+        device: of the runs.
+        workers, scheduler: see `run_jobs`.
+        resume: whether an interrupted data set goes on.
+        progress: of the items.
+
+    Returns:
+        The document of the data set: its folder, counts, and the items by split.
+
+    Raises:
+        InputError: a key cannot be used, before anything is written; the folder is in use; or the
+            disk is full.
+        Interrupted: by the user; `--resume` goes on.
+    """
+    items = order.items()
+    places = Places(folder, items)
+    with claim_folder("dataset", folder, resume):
+        begin_batch("dataset", folder, _stated(order, items), "items", resume)
+        shutil.rmtree(folder / PARTS, ignore_errors=True)  # of a process that was killed
+        try:
+            failed = _make(items, places, device, workers, scheduler, progress)
+        except InputError:
+            _remove_empty(folder)
+            raise
+        made = [item for item in items if item.name not in failed]
+        documents = [read_document(places.document(item), "dataset") for item in made]
+        for item in {places.root(item): item for item in items}.values():
+            (folder / places.root(item)).mkdir(exist_ok=True)
+            write_config(folder / places.root(item), places.size(item))
+        shutil.rmtree(folder / PARTS, ignore_errors=True)
+        write_annotations(places, made, documents)
+        write_card(order, folder, items, documents, failed)
+        places.set_times(made)
+        sums = write_sums(places)
+    return {
+        "folder": str(folder), "items": len(items), "failed": len(failed),
+        "sha256": sums,
+        "splits": {
+            split: [item.name for item in made if item.split == split]
+            for split in dict.fromkeys(item.split for item in items)
+        },
+        "errors": [{"item": name, "error": str(exc)} for name, exc in failed.items()],
+    }  # fmt: skip
+
+
+def _remove_empty(folder: Path) -> None:
+    """Removes what a data set without an item has in its folder."""
+    if not any((folder / "items").iterdir()):
+        for place in (folder / "items", folder / PARTS):
+            shutil.rmtree(place, ignore_errors=True)
+        (folder / "dataset.json").unlink()
+
+
+def _stated(order: Order, items: list[Item]) -> dict[str, Any]:
+    """The data set as it was asked for."""
+    return {
+        "seed": order.seed,
+        "sources": [source.given for source in order.sources],
+        "cameras": [camera.label for camera in order.cameras],
+        "drawn": [axis.given for axis in order.axes],
+        "set": list(order.assignments),
+        "samples": order.samples,
+        "split": list(order.split),
+        "items": [
+            {
+                "name": item.name, "split": item.split, "drawn": item.values,
+                "digest": hashlib.sha256(item.scenario.model_dump_json().encode()).hexdigest(),
+            }
+            for item in items
+        ],
+    }  # fmt: skip
+
+
+def _make(
+    items: list[Item], places: Places, device: str | None, workers: int, scheduler: str | None,
+    progress: Progress,
+) -> dict[str, InputError]:  # fmt: skip
+    """Makes what is not there; returns the errors of items that cannot be made. What cannot be
+    filmed by one camera is mentioned once."""
+    jobs = [
+        (n, (item, places, device)) for n, item in enumerate(items) if not _is_there(item, places)
+    ]
+    progress.start(f"{places.folder.name}: {len(items)} items", len(items))
+    done = len(items) - len(jobs)
+    progress.advance(done)
+    failed: dict[str, InputError] = {}
+    said: set[tuple[str, str]] = set()
+    held: list[str] = []  # until an item is there: an error of all is raised, not noted
+    try:
+        for number, result in run_jobs(make_item, jobs, workers, scheduler):
+            done += 1
+            item = items[number]
+            if isinstance(result, InputError):
+                failed[item.name] = result
+                if (item.source, str(result)) not in said:
+                    said.add((item.source, str(result)))
+                    held.append(f"left out {item.name}: {result}")
+            if len(failed) < done:
+                for note in held:
+                    progress.note(note)
+                held.clear()
+            progress.advance(done)
+    except (KeyboardInterrupt, Interrupted):  # between items, or within one
+        raise Interrupted(done, len(items), how_to_resume(places.folder), "items") from None
+    if len(failed) == len(items):
+        raise next(iter(failed.values()))
+    return failed
+
+
+def _is_there(item: Item, places: Places) -> bool:
+    """Whether an item is complete: its document states the sums of its files."""
+    path = places.document(item)
+    if not path.is_file():
+        return False
+    document = read_document(path, "dataset")
+    return all(
+        (places.folder / name).is_file() and digest_of(places.folder / name) == digest
+        for name, digest in document["files"].items()
+    )

@@ -1,0 +1,160 @@
+"""What is made of all items: COCO annotations, the data card, and the sums of all files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from cosim.files.whole import whole
+from cosim.run.result import viform_version
+from scenarios.scenes.objects.plate import CATEGORIES
+from scenarios.studies.batch.folder import write_document
+from scenarios.studies.dataset.order import Item, Order
+from scenarios.studies.dataset.places import SUMS, Places, digest_of
+from scenarios.studies.dataset.reading import SPLITS
+
+__all__ = ["write_annotations", "write_card", "write_sums"]
+
+_TRACKS: Final = 100
+"""Numbers of tracks of a view; a scene has at most 64 objects."""
+
+
+def write_annotations(
+    places: Places, items: Sequence[Item], documents: Sequence[dict[str, Any]]
+) -> None:
+    """Writes a `coco.json` for each split that has scenes with dense truth. An image is the light
+    of an item at an instant; a track is an object of a view, the same for all cameras."""
+    files: dict[str, dict[str, Any]] = {}
+    for item, document in zip(items, documents, strict=True):
+        if "objects" not in document:
+            continue
+        coco = files.setdefault(places.coco(item), {
+            "info": {"description": f"{item.split}, drawn objects"},
+            "categories": [{"id": n + 1, "name": name} for n, name in enumerate(CATEGORIES)],
+            "images": [], "annotations": [],
+        })  # fmt: skip
+        size = {"width": document["width"], "height": document["height"]}
+        numbers = {}
+        for cycle in document["instants"]:
+            numbers[cycle] = len(coco["images"]) + 1
+            coco["images"].append({
+                "id": numbers[cycle], "file_name": f"truth/{item.name}/light-{cycle:06}.png",
+                "item": item.name, "cycle": cycle, **size,
+            })  # fmt: skip
+        for row in document["objects"]:
+            coco["annotations"].append({
+                "id": len(coco["annotations"]) + 1, "image_id": numbers[row["cycle"]],
+                "category_id": CATEGORIES.index(row["category"]) + 1, "bbox": row["bbox"],
+                "area": row["area"], "iscrowd": 0,
+                "track_id": _TRACKS * item.view + row["object"],
+                "segmentation": {
+                    "counts": row["counts"], "size": [document["height"], document["width"]]
+                },
+            })  # fmt: skip
+    for name, coco in files.items():
+        write_document(places.folder / name, coco)
+
+
+def write_sums(places: Places) -> str:
+    """Writes SHA256SUMS, which `sha256sum -c` reads; returns the SHA-256 of it."""
+    lines = [f"{digest_of(places.folder / name)}  {name}\n" for name in places.files()]
+    text = "".join(lines)
+    with whole(places.folder / SUMS) as part:
+        part.write_text(text, encoding="utf-8")
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in lines)
+
+
+def write_card(
+    order: Order, folder: Path, items: Sequence[Item], documents: Sequence[dict[str, Any]],
+    failed: dict[str, Any],
+) -> None:  # fmt: skip
+    """Writes README.md, the data card."""
+    counts = [
+        (split, sum(each["split"] == split for each in documents),
+         len({each["view"] for each in documents if each["split"] == split}))
+        for split in SPLITS
+    ]  # fmt: skip
+    drawn = [(axis.key, axis.given.partition("=")[2]) for axis in order.axes]
+    if any("scene.layout" in item.values for item in items) and "scene.layout" not in dict(drawn):
+        drawn.append(("scene.layout", "a seed for each view"))
+    drawn.append(("seed", "a seed of the noise for each item"))
+    sizes = sorted({(each["width"], each["height"]) for each in documents})
+    several = len(sizes) > 1
+    where = f"{sizes[0][0]}x{sizes[0][1]}/" if several else ""
+    split = documents[0]["split"]
+    rates = sorted({round(each["metrics"]["white_rate"]["value"], 4) for each in documents})
+    rate = f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g} to {rates[-1]:g}"
+    usual = rates[0] if len(rates) == 1 else -1  # Spike-Zoo: it varies
+    left = "".join(f"- {name}: {exc}\n" for name, exc in failed.items())
+    text = f"""# Recordings of spike cameras
+
+Simulated recordings of spike cameras with the true light, made by Viform {viform_version()}.
+
+License: (state yours here, and that of the clips)
+
+{_table(["split", "items", "scenes"], counts)}
+- Sources: {", ".join(source.given for source in order.sources)}
+- Cameras: {", ".join(dict.fromkeys(item.camera for item in items))}
+- Pixels: {", ".join(f"{w} x {h}" for w, h in sizes)}
+- Seed of everything drawn: {order.seed}
+- Set: {", ".join(f"`{text}`" for text in order.assignments) or "nothing"}
+- White fires at {rate} spikes a cycle (`white_rate` of an item; Spike-Zoo's `rate`).
+
+Drawn, by a Latin hypercube (keys of `scene` for each scene, others for each item):
+
+{_table(["key", "range"], drawn)}
+## Files
+
+{_table(["file", "content"], _FILES)}
+`{SUMS}` holds the SHA-256 of every file: `sha256sum -c {SUMS}`. {_HOW.format(
+    where=where, split=split, width=sizes[0][0], height=sizes[0][1], rate=usual
+)}"""  # fmt: skip
+    if left:
+        text += f"\n## Left out\n\n{left}"
+    with whole(folder / "README.md") as part:
+        part.write_text(text, encoding="utf-8")
+
+
+_FILES: Final = (
+    ("`SPLIT/spike/NAME.dat`", "spikes, a bit a pixel and cycle, rows from the bottom up"),
+    ("`SPLIT/gt/NAME.png`", "true light in the middle of the recording, linear, white = 255"),
+    ("`SPLIT/truth/NAME/light-CYCLE.png`", "the same at the instants"),
+    ("`SPLIT/truth/NAME/flow-A-B.flo`", "optical flow from cycle A to B (Middlebury)"),
+    ("`SPLIT/truth/NAME/occlusion-A-B.png`", "0 seen at B, 128 at an edge, 255 covered or outside"),
+    ("`SPLIT/truth/NAME/mask-CYCLE.png`", "number of the object, 0 for the background"),
+    ("`SPLIT/truth/NAME/truth.npz`", "`light`, `cycle`, `time_ps`; `flow`, `occlusion`, `depth_m`, "
+     "`mask`, `boxes` (x, y, width, height)"),
+    ("`SPLIT/coco.json`", "boxes, masks, categories and tracks of the objects (COCO)"),
+    ("`items/NAME.json`", "settings, what was drawn, metrics, sums"),
+    ("`config.yaml`", "description for SpikeCV"),
+)  # fmt: skip
+_HOW: Final = """\
+Flow, occlusion, depth, masks and boxes
+exist for drawn objects; an item says `"truth": "dense"`. Instants are the middles of cycles.
+
+## Loading
+
+    import viform
+    items = viform.SpikeDataset(".", "{split}")          # numpy arrays
+    items = viform.torch_dataset(".", "{split}", cycles=64)  # tensors, for a DataLoader
+
+SpikeCV, with the absolute path of this folder:
+
+    parameters = data_parameter_dict("/PATH/{where}{split}/spike", "reconstruction")
+    spikes = SpikeStream(**parameters).get_spike_matrix()
+
+Spike-Zoo:
+
+    config = BaseDatasetConfig(
+        root_dir="/PATH/{where}", width={width}, height={height}, rate={rate:g}
+    )
+    data = BaseDataset(config)
+    data.build_source("{split}")
+"""

@@ -1,0 +1,63 @@
+"""Files of ground truth in the field's formats.
+
+`.flo`, of the Middlebury flow benchmark (S. Baker et al., IJCV 92:1, 2011): the float32
+202021.25, which is the text PIEH, width and height as int32, then u and v of each pixel as float32,
+row by row; all little-endian.
+COCO (T.-Y. Lin et al., ECCV 2014): boxes as [x, y, width, height] from the upper left corner, and
+masks as run lengths of a column-major mask, of 0 first.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError
+
+__all__ = ["read_flo", "run_lengths", "write_arrays", "write_flo", "write_grey"]
+
+MAGIC: Final = np.float32(202021.25)
+_BAD: Final = "a .flo file: PIEH, width, height, and 8 bytes a pixel"
+
+
+def write_flo(path: Path, flow: npt.NDArray[np.float32]) -> None:
+    """Writes optical flow, (H, W, 2) pixels to the right and down."""
+    height, width = flow.shape[:2]
+    with path.open("wb") as file:
+        file.write(MAGIC.astype("<f4").tobytes())
+        file.write(np.array([width, height], "<i4").tobytes())
+        file.write(np.ascontiguousarray(flow, "<f4").tobytes())
+
+
+def read_flo(path: Path) -> npt.NDArray[np.float32]:
+    """Optical flow of a file, (H, W, 2) float32. Raises InputError if it is no such file."""
+    data = path.read_bytes()
+    if len(data) < 12 or np.frombuffer(data, "<f4", 1)[0] != MAGIC:
+        raise InputError(f"{path}", _BAD, "another file", "check it")
+    width, height = (int(n) for n in np.frombuffer(data, "<i4", 2, 4))
+    if width < 1 or height < 1 or len(data) != 12 + 8 * width * height:
+        raise InputError(f"{path}", _BAD, f"{width} x {height} in {len(data)} bytes", "check it")
+    return np.frombuffer(data, "<f4", offset=12).reshape(height, width, 2).astype(np.float32)
+
+
+def write_grey(path: Path, image: npt.NDArray[np.uint8]) -> None:
+    """Writes (H, W) uint8 as PNG."""
+    path.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+
+
+def write_arrays(path: Path, arrays: dict[str, npt.NDArray[Any]]) -> None:
+    """Writes arrays as a compressed `.npz`, the same bytes for the same arrays."""
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def run_lengths(mask: npt.NDArray[np.bool_]) -> list[int]:
+    """COCO's uncompressed run lengths of a mask (H, W), column by column, zeros first."""
+    flat = mask.ravel(order="F")
+    ends = np.flatnonzero(np.diff(flat)) + 1
+    lengths: list[int] = np.diff([0, *ends, flat.size]).tolist()
+    return [0, *lengths] if flat.size and flat[0] else lengths
