@@ -25,7 +25,7 @@ from cosim.report.pictures import busiest_box
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import WORD, SpikeStream, Words
 
-__all__ = ["INSTANTS", "Truths", "explorer", "explorer_part", "span_of"]
+__all__ = ["INSTANTS", "Truths", "explorer", "explorer_part", "packed", "span_of"]
 
 CYCLES: Final = 4096
 """Cycles in a page, at most."""
@@ -56,7 +56,8 @@ def span_of(cycles: int, at: int) -> tuple[int, int]:
     return first, min(first + CYCLES, cycles)
 
 
-def _text(values: npt.NDArray[Any]) -> str:
+def packed(values: npt.NDArray[Any]) -> str:
+    """The bytes of an array as text of a page, compressed."""
     return base64.b64encode(zlib.compress(values.tobytes(), _LEVEL)).decode()
 
 
@@ -67,12 +68,12 @@ def _part(
     height, width = words.shape[1:]
     made: dict[str, Any] = {
         "name": name, "x": box[2], "y": box[0], "step": step, "width": width, "height": height,
-        "data": _text(np.ascontiguousarray(np.moveaxis(words, 0, -1))),
+        "data": packed(np.ascontiguousarray(np.moveaxis(words, 0, -1))),
     }  # fmt: skip
     if truths is not None:
         planes = [plane[box[0] : box[1] : step, box[2] : box[3] : step] for plane in truths.planes]
         shown = np.stack([to_linear_bytes(plane) for plane in planes])
-        made["truth"] = {"cycles": list(truths.cycles), "data": _text(shown)}
+        made["truth"] = {"cycles": list(truths.cycles), "data": packed(shown)}
     return made
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import html
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.report.explorer import explorer, packed
 from cosim.report.parts import plot
 from link.evaluation.record import LinkEvaluation
+from link.layout import TRAINING
 from link.report.signal_figures import cells_figure
 
 __all__ = ["cells_section"]
@@ -22,13 +25,33 @@ def cells_section(link: LinkEvaluation, figures: Path) -> str:
     if quality is None:
         return "<h2>Cells</h2><p>No cell was read.</p>"
     cells_figure(np.asarray(quality, np.float64), link.errors.by_cell, link.errors.symbols, path)
+    part = explorer(_map(link, np.asarray(quality, np.float64)), "cells")
     facts = "".join(f"<li>{html.escape(each)}</li>" for each in _facts(link))
     return (
         "<h2>Which cells fail</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
         "of the panel's cells and the camera's pixels: a pixel with an edge in its middle receives "
         f"light of two cells.</p><ul>{facts}</ul>"
         + plot(path, "map of cells")
+        + f"<h3>Point at a cell</h3>{part}"
     )  # fmt: skip
+
+
+def _map(link: LinkEvaluation, quality: npt.NDArray[np.float64]) -> dict[str, Any]:
+    """What the explorer of cells shows; see its script."""
+    errors, layout, where = link.errors, link.setup.sent.layout, link.received.registration
+    carries = errors.by_cell >= 0
+    top = max(float(np.quantile(quality[carries], 0.99)) if carries.any() else 0.0, 1e-6)
+    places = errors.places.copy()
+    places[:, 1] = layout.data[places[:, 1]]
+    matrix = None if where is None else (where.homography / where.homography[2, 2]).ravel()
+    return {
+        "rows": layout.shape[0], "columns": layout.shape[1], "symbols": errors.symbols,
+        "first": TRAINING, "stop": max(link.setup.sent.data_end, TRAINING + 1), "top": top,
+        "whole": len(places) == errors.wrong, "side": link.mode.cell,
+        "homography": None if matrix is None else matrix.tolist(),
+        "sure": packed(np.rint(255 * np.clip(quality / top, 0, 1)).astype(np.uint8)),
+        "wrong": packed(errors.by_cell.astype(np.int32)), "places": packed(places),
+    }  # fmt: skip
 
 
 def _facts(link: LinkEvaluation) -> list[str]:
