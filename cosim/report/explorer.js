@@ -5,6 +5,7 @@
 // The same code of it runs in report.html, where it computes images from spikes inside the page, and in
 // `viform view`, where a local server sends the rates of an image. Levels follow `viform image`:
 // round(255 clip(x / scale, 0, 1)) with halves to even, from rates in single precision.
+(() => {
 "use strict";
 
 const WORD = 32;
@@ -200,6 +201,26 @@ function choice(options, chosen) {
   return made;
 }
 
+/** Calls `pick` with the place in a map of cells that is clicked, or moved to by arrow keys from the
+ * place that `now` returns. */
+function pointing(canvas, now, pick) {
+  const within = (x, y) => pick(
+    Math.min(Math.max(x, 0), canvas.width - 1), Math.min(Math.max(y, 0), canvas.height - 1)
+  );
+  canvas.addEventListener("click", (event) => {
+    const box = canvas.getBoundingClientRect();
+    within(Math.floor((event.clientX - box.left) / box.width * canvas.width),
+      Math.floor((event.clientY - box.top) / box.height * canvas.height));
+  });
+  canvas.addEventListener("keydown", (event) => {
+    const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (!by) return;
+    const [x, y] = now() ?? [canvas.width >> 1, canvas.height >> 1];
+    within(x + by[0], y + by[1]);
+    event.preventDefault();
+  });
+}
+
 function saved(name, blob) {
   const link = element("a", { href: URL.createObjectURL(blob), download: name });
   link.click();
@@ -269,8 +290,12 @@ class Explorer {
       const canvas = element("canvas", { tabIndex: 0, role: "img", "aria-label": title });
       this.pictures[key] = { canvas, box: element("figure", {}, canvas, element("figcaption", {}, title)) };
       row.append(this.pictures[key].box);
-      canvas.addEventListener("click", (event) => this.clicked(canvas, event));
-      canvas.addEventListener("keydown", (event) => this.moved(event));
+      pointing(canvas, () => this.pixel, (x, y) => this.pick(x, y));
+      canvas.addEventListener("keydown", (event) => {
+        if (event.key !== " ") return;
+        this.toggle();
+        event.preventDefault();
+      });
     }
     this.save = element("button", { type: "button" }, "Save picture (PNG)");
     this.table = element("button", { type: "button", disabled: true }, "Save spikes (CSV)");
@@ -382,27 +407,8 @@ class Explorer {
     }
   }
 
-  clicked(canvas, event) {
-    const box = canvas.getBoundingClientRect(), { width, height } = this.source;
-    const x = Math.floor((event.clientX - box.left) / box.width * width);
-    const y = Math.floor((event.clientY - box.top) / box.height * height);
-    this.pick(x, y);
-  }
-
-  moved(event) {
-    const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    if (event.key === " ") this.toggle();
-    else if (!by) return;
-    else {
-      const { width, height } = this.source, [x, y] = this.pixel ?? [width >> 1, height >> 1];
-      this.pick(x + by[0], y + by[1]);
-    }
-    event.preventDefault();
-  }
-
   pick(x, y) {
-    const { width, height } = this.source;
-    this.pixel = [Math.min(Math.max(x, 0), width - 1), Math.min(Math.max(y, 0), height - 1)];
+    this.pixel = [x, y];
     this.table.disabled = false;
     return this.draw();
   }
@@ -588,17 +594,9 @@ class Cells {
       element("figure", { class: "map" }, this.canvas), this.scale, this.facts, this.time
     );
     for (const control of [this.shown, this.from, this.to]) control.addEventListener("change", () => this.draw());
-    this.canvas.addEventListener("click", (event) => {
-      const box = this.canvas.getBoundingClientRect();
-      this.pick(Math.floor((event.clientX - box.left) / box.width * given.columns),
-        Math.floor((event.clientY - box.top) / box.height * given.rows));
-    });
-    this.canvas.addEventListener("keydown", (event) => {
-      const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-      if (!by) return;
-      const [x, y] = this.cell ?? [given.columns >> 1, given.rows >> 1];
-      this.pick(x + by[0], y + by[1]);
-      event.preventDefault();
+    pointing(this.canvas, () => this.cell, (x, y) => {
+      this.cell = [x, y];
+      this.draw();
     });
   }
 
@@ -606,12 +604,6 @@ class Cells {
     this.sure = new Uint8Array(await unpacked(this.given.sure));
     this.wrong = new Int32Array(await unpacked(this.given.wrong));
     this.places = new Int32Array(await unpacked(this.given.places));
-    this.draw();
-  }
-
-  pick(x, y) {
-    const { columns, rows } = this.given;
-    this.cell = [Math.min(Math.max(x, 0), columns - 1), Math.min(Math.max(y, 0), rows - 1)];
     this.draw();
   }
 
@@ -691,11 +683,72 @@ class Cells {
   }
 }
 
-const KINDS = { stream: Explorer, beside: Beside, cells: Cells };
+/** The tiles of a plan: where an effect is kept, what leaving it out could change, and all that is
+ * known of the tile pointed at. */
+class Tiles {
+  constructor(root, given) {
+    this.given = given;
+    this.effect = choice(given.effects.map((one, n) => [n, one.name]), given.first);
+    this.canvas = element("canvas", { tabIndex: 0, role: "img", "aria-label": "map of tiles" });
+    this.scale = element("p", { class: "soft" });
+    this.facts = element("ul", { "aria-live": "polite" });
+    root.append(
+      element("div", { class: "controls" }, labelled("effect", this.effect)),
+      element("figure", { class: "map" }, this.canvas), this.scale, this.facts
+    );
+    this.effect.addEventListener("change", () => this.draw());
+    pointing(this.canvas, () => this.tile, (x, y) => {
+      this.tile = [x, y];
+      this.draw();
+    });
+  }
+
+  async open() {
+    for (const one of this.given.effects) {
+      one.keeps = new Uint8Array(await unpacked(one.kept));
+      one.bounds = new Float32Array(await unpacked(one.bound));
+    }
+    this.tiers = new Uint8Array(await unpacked(this.given.tier));
+    this.checked = new Set(this.given.checked);
+    this.draw();
+  }
+
+  draw() {
+    const { columns, rows, effects } = this.given, { canvas } = this;
+    const { keeps, bounds } = effects[Number(this.effect.value)];
+    const out = bounds.filter((_, n) => !keeps[n]), most = out.reduce((a, b) => Math.max(a, b), 0);
+    canvas.width = columns;
+    canvas.height = rows;
+    const context = canvas.getContext("2d"), image = context.createImageData(columns, rows);
+    for (let n = 0; n < columns * rows; n++) {
+      const share = most > 0 ? Math.min(bounds[n] / most, 1) : 0;
+      const colour = keeps[n] ? [40, 70, 120] : [255, 245 - 150 * share, 220 - 190 * share];
+      image.data.set([...colour, 255], 4 * n);
+    }
+    context.putImageData(image, 0, 0);
+    const number = keeps.length - out.length;
+    this.scale.textContent = `Blue: kept, in ${number} of ${keeps.length} tiles.` + (out.length
+      ? ` Pale to orange: left out, where that changes the rate by at most 0 to ${most.toPrecision(2)}.` : "");
+    if (!this.tile) return;
+    const [x, y] = this.tile, n = y * columns + x;
+    context.strokeStyle = "#38c0ff";
+    context.strokeRect(x - 0.5, y - 0.5, 2, 2);
+    const lines = [
+      `Tile in row ${y}, column ${x}: ${this.given.tiers[this.tiers[n]]}${this.checked.has(n) ? ", checked as a whole" : ""}`,
+      ...effects.map((one) => one.keeps[n] ? `${one.name}: kept`
+        : `${one.name}: left out, at most ${one.bounds[n].toPrecision(2)}`),
+    ];
+    this.facts.replaceChildren(...lines.map((line) => element("li", {}, line)));
+  }
+}
+
+const KINDS = { stream: Explorer, beside: Beside, cells: Cells, tiles: Tiles };
 
 for (const root of document.querySelectorAll(".explorer")) {
+  if (root.explorer) continue;
   const given = JSON.parse(root.querySelector("script").textContent);
   const explorer = new KINDS[root.dataset.kind](root, given);
   root.explorer = explorer;
   explorer.opened = explorer.open();
 }
+})();

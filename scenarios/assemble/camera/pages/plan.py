@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import html
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from cosim.report.explorer import explorer, packed
 from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot, table
 from scenarios.assemble.camera.judged import LatchedRun
@@ -187,6 +188,29 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     return legend
 
 
+def _explorer(run: LatchedRun) -> str:
+    """The map of tiles to explore."""
+    plan, grid = run.plan.plan, run.plan.survey.grid
+    rows, columns = grid.shape
+
+    def whole(values: Any, kind: Any) -> str:
+        return packed(np.broadcast_to(values, len(grid)).astype(kind))
+
+    effects = [
+        {"name": name, "kept": whole(plan.kept[name], np.uint8),
+         "bound": whole(plan.promise[name], np.float32)}
+        for name in plan.kept
+    ]  # fmt: skip
+    absent = [n for n, name in enumerate(plan.kept) if not np.all(plan.kept[name])]
+    tier = np.where(run.plan.fine, np.where(run.plan.exact, 1, 2), 0)
+    given = {
+        "rows": rows, "columns": columns, "effects": effects, "first": (absent or [0])[0],
+        "tier": whole(tier, np.uint8), "checked": run.plan.patches(run.scenario.seed),
+        "tiers": [f"{run.plan.tier} tier", "exact tier", "full physics"],
+    }  # fmt: skip
+    return explorer(given, "tiles")
+
+
 def plan_section(run: LatchedRun) -> str:
     """HTML of the section; writes figures/plan.png unless a board generated the spikes."""
     if run.scenario.sensor.source is not None:
@@ -211,4 +235,5 @@ def plan_section(run: LatchedRun) -> str:
         + _reinstated(run)
         + plot(path, "effects of each tile")
         + table(["set", "tiles", "left out"], legend)
+        + f"<h3>Point at a tile</h3>{_explorer(run)}"
     )
