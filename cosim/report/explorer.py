@@ -29,7 +29,7 @@ __all__ = ["INSTANTS", "Truths", "explorer", "explorer_part", "packed", "span_of
 
 CYCLES: Final = 4096
 """Cycles in a page, at most."""
-WHOLE, REGION = 40_000_000, 30_000_000
+WHOLE, REGION = 30_000_000, 20_000_000
 """Bits of the two parts, at most, before compression to a third."""
 INSTANTS: Final = 17
 """Instants of the true light in a page, linear in between."""

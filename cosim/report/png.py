@@ -52,7 +52,7 @@ def coloured(rgb: Levels) -> Grey:
     return np.ascontiguousarray(for_display(rgb)[..., ::-1])
 
 
-def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 90) -> bytes:
+def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 75) -> bytes:
     """Bytes of a picture file.
 
     Args:

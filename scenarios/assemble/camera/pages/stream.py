@@ -183,6 +183,7 @@ def _playback(run: LatchedRun) -> str:
     write_clip(
         run.stream, path, window=run.scenario.image.window, every=every,
         scale=max(run.white_rate, LEAST_RATE), rate=25.0, largest=640, smallest=2,
+        crf=27,
     )  # fmt: skip
     slower = 25.0 * every / run.stream.clock.hz
     return (
