@@ -44,6 +44,13 @@ def run(
             help="recorded streams: raw (fastest), fast, small (slowest), or none (not kept)"
         ),
     ] = "fast",
+    workers: Annotated[
+        int | None,
+        typer.Option(help="processes that simulate the rows of a latched chip in bands [none]"),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="address of a Dask scheduler, for its workers instead")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Run a scenario, and write its stream, images and report."""
@@ -53,7 +60,7 @@ def run(
     from scenarios.run import run_scenario
 
     name, loaded = options.load(scenario, tolerance)
-    run_options = Options(options.device, resume, trace, store)
+    run_options = Options(options.device, resume, trace, store, workers, scheduler)
     check_options(loaded, run_options)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before

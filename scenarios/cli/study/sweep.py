@@ -43,13 +43,12 @@ def sweep(
     json: Json = False,
 ) -> None:
     """Run a scenario at many values of its keys, and gather the results in one labelled store."""
-    from cosim import InputError
     from cosim.compute.cores import cores
     from cosim.run.folder import output_folder
+    from cosim.run.workers import check_workers
     from scenarios.studies.sweep import Sweep, read_axis, run_sweep
 
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError("--workers", "1 to 1024", f"{workers}", "change it")
+    check_workers(workers)
     axes = tuple(read_axis(text) for text in vary or ())
     asked = Sweep(
         scenario, axes, tuple(options.assignments or ()), samples, tolerance, options.seed

@@ -1,25 +1,17 @@
-"""Runs the points of a sweep: in this process, or on the workers of Dask."""
+"""Runs the points of a sweep: in this process, or on workers."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any
 
 from cosim import InputError
+from cosim.run.workers import workers_for
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.studies.sweep.point import run_point
 
-if TYPE_CHECKING:
-    from distributed import Client
-
 __all__ = ["run_points"]
 
-_SECONDS: Final = 10
-"""Longest wait for a scheduler."""
-_RETRIES: Final = 3
-"""Times that a point is run again after a worker was lost."""
 Result = tuple[int, dict[str, Any] | InputError]
 
 
@@ -34,18 +26,13 @@ def run_points(
         name: short name of the scenario.
         scenarios: number and scenario of each point.
         device: of the points.
-        workers: processes on this machine; with 1, points run in this one.
-        scheduler: address of a Dask scheduler, whose workers are used instead; None for none.
+        workers, scheduler: see `workers_for`.
 
     Raises:
         InputError: the scheduler does not answer.
     """
-    if scheduler is None and workers == 1:
-        for number, scenario in scenarios:
-            yield number, _run(name, scenario, device)
-        return
-    with _client(workers, scheduler) as client:
-        yield from _on_dask(client, name, scenarios, device)
+    with workers_for(workers, scheduler) as pool:
+        yield from pool.run(_run, {number: (name, each, device) for number, each in scenarios})
 
 
 def _run(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any] | InputError:
@@ -53,47 +40,3 @@ def _run(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any]
         return run_point(name, scenario, device)
     except InputError as exc:
         return exc
-
-
-@contextmanager
-def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
-    import dask
-    from distributed import Client, LocalCluster
-
-    logging.getLogger("distributed").setLevel(logging.ERROR)  # it warns of workers that it ends
-    dask.config.set({"distributed.scheduler.allowed-failures": _RETRIES})
-    if scheduler is None:
-        with (
-            LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            yield client
-        return
-    try:
-        client = Client(scheduler, timeout=_SECONDS)
-    except (OSError, ValueError, TimeoutError) as exc:
-        raise InputError(
-            "--scheduler", "the address of a Dask scheduler that answers, such as "
-            "tcp://host:8786", f"{scheduler} ({type(exc).__name__})",
-            "start `dask scheduler` there, or leave it out for workers here",
-        ) from None  # fmt: skip
-    with client:
-        yield client
-
-
-def _on_dask(
-    client: Client, name: str, scenarios: Sequence[tuple[int, AnyScenario]], device: str | None
-) -> Iterator[Result]:
-    from distributed import as_completed
-
-    numbers = {
-        client.submit(_run, name, scenario, device, pure=False, retries=_RETRIES): number
-        for number, scenario in scenarios
-    }
-    try:
-        for future in as_completed(numbers):
-            yield numbers[future], future.result()
-    finally:
-        client.cancel(list(numbers))

@@ -70,7 +70,7 @@ class Background:
         n = len(pictures)
         if n < 2:
             raise ValueError(f"a background must have 2 pictures or more, not {n}")
-        mean = np.mean(pictures, axis=0, dtype=np.float64).astype(np.float32)
+        mean = np.asarray(np.mean(pictures, axis=0, dtype=np.float64), np.float32)
         square = np.zeros_like(mean)
         for picture in pictures:
             square += _smooth(picture - mean) ** 2 / np.float32(n - 1)

@@ -86,4 +86,4 @@ def measure_flow(texture: Texture, pictures: Iterator[Picture], warm: float) -> 
 
 def _mean(pictures: list[Picture]) -> npt.NDArray[np.uint8]:
     mean = np.mean([p.values for p in pictures], axis=0, dtype=np.float64)
-    return flow_grey(mean.astype(np.float32), 1.0, SMOOTH)
+    return flow_grey(np.asarray(mean, np.float32), 1.0, SMOOTH)

@@ -83,6 +83,6 @@ def frame_pictures(
         start, stop = frame / rate, (frame + 1) / rate
         electrons = scene.mean(start, stop) * white
         if conditions.shot_noise:
-            electrons = random.poisson(electrons)
+            electrons = random.poisson(electrons).astype(np.float64)
         yield Picture(start, stop, stop + 1 / rate, (electrons / white).astype(np.float32))
         frame += 1
