@@ -15,7 +15,8 @@ from cosim import InputError, Interrupted
 
 __all__ = ["in_python", "python_words"]
 
-_P, _R = ParamSpec("_P"), TypeVar("_R")
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 _VALUE = r"('[^']*'|\"[^\"]*\"|[^\s,;`]+)"
 _RULES: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
     (
