@@ -27,9 +27,9 @@ recording reds_200_part1.dat, cycle 200:
   from the beginning of the stream, which a window of MEMORY cycles has forgotten.
 - In its single precision, R is 1 after intervals above 16 cycles (4 % of the pixels), and rate_R is
   lost; here 1 - R is kept.
-- It has tau_F in place of f in the logarithm of rate_u, which then is 0.02 to 0.03 at any light: the
-  sum is rate_R and nearly a constant, 1.06 to 1.23 times the rate for constant intervals of 2 to 12
-  cycles. The order of the pixels is nearly that of the mean here (rank correlation 0.9999).
+- It has tau_F in place of f in the logarithm of rate_u, which then is 0.02 to 0.03 at any light:
+  the sum is rate_R and nearly a constant, 1.06 to 1.23 times the rate for constant intervals of 2
+  to 12 cycles. The order of the pixels is nearly that of the mean here (rank correlation 0.9999).
   Stretching and histogram equalisation come on top.
 - Its offline form takes an interval of n cycles n - 1 times, once in each cycle without a spike,
   because it compares with the first interval in place of the previous one. Constant light has the
