@@ -170,7 +170,8 @@ class BandChain(BlockChain):
 
     def run(self, progress: Progress) -> dict[str, float]:
         camera: BandedCamera = self.stages["sensor"]
-        if self.begin >= self.cycles:  # resumed after its end: the bands are gone
+        if self.begin >= self.cycles:  # resumed after its end: the bands have been read
+            camera.remove()
             return super().run(progress)
         begin = time.perf_counter()
         with room_for("the bands of the chip", self.folder):

@@ -4,11 +4,14 @@ an interruption repeats, and the memory of a worker."""
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
 import threading
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,13 +22,14 @@ import psutil
 import pytest
 import zarr
 
+import cosim.run.loop as loop
 import scenarios.assemble.camera.bands.chain as chain
 from cosim import Block, Interrupted
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
 from cosim.stage import blocks
 from scenarios.assemble.camera.bands.band import Band, expose_band
-from scenarios.assemble.camera.bands.chain import band_rows
+from scenarios.assemble.camera.bands.chain import BandedCamera, band_rows
 from scenarios.assemble.camera.bands.strip import Strip
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.camera.stages import LensStage, SceneStage
@@ -154,6 +158,38 @@ def test_only_missing_bands_are_made_again(tmp_path, monkeypatch) -> None:
     done = ran("film", SMALL, folder, workers=1, resume=True)
     assert made == [(0, 16), (16, 32), (32, 48), (48, 56)]
     np.testing.assert_array_equal(left(done)[0], left(whole)[0])
+
+
+@pytest.mark.usefixtures("tiles_of_16_rows")
+def test_a_run_that_was_interrupted_after_its_bands_has_them(tmp_path, monkeypatch) -> None:
+    sets = (*SMALL[:2], "duration=24 ms")
+    whole = ran("film", sets, tmp_path / "one", device="numba")
+    requests, stop_requests, step = [], loop.stop_requests, BandedCamera.step
+
+    @contextmanager
+    def watched() -> Iterator[threading.Event]:
+        with stop_requests() as requested:
+            requests.append(requested)
+            yield requested
+
+    def interrupting(self: BandedCamera, light: Any, block: Block) -> Any:
+        if block.start == 64:
+            os.kill(os.getpid(), signal.SIGINT)
+            requests[-1].wait()
+        return step(self, light, block)
+
+    folder, given = tmp_path / "banded", {"workers": 1, "device": "numba"}
+    with monkeypatch.context() as patched:
+        patched.setattr(loop, "stop_requests", watched)
+        patched.setattr(BandedCamera, "step", interrupting)
+        with pytest.raises(Interrupted, match="of 960 cycles; go on") as raised:
+            ran("film", sets, folder, **given)
+    assert 128 <= raised.value.done < 960
+    assert len(list((folder / "bands").glob("*.npy"))) == 4
+    monkeypatch.setattr(chain, "expose_band", None)  # none is made again
+    done = ran("film", sets, folder, resume=True, **given)
+    np.testing.assert_array_equal(left(done)[0], left(whole)[0])
+    assert not (folder / "bands").exists()
 
 
 @pytest.mark.slow
