@@ -33,12 +33,16 @@ class Options:
         resume: whether the run continues in the folder of an interrupted run.
         trace: file for waveforms, None for none.
         store: how streams are compressed, one of `cosim.files.STORES`; the bits are the same.
+        workers: processes on this machine that simulate the chip in bands of rows; None for none.
+        scheduler: address of a Dask scheduler, whose workers do so; None for none.
     """
 
     device: str | None = None
     resume: bool = False
     trace: Path | None = None
     store: str = "fast"
+    workers: int | None = None
+    scheduler: str | None = None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from cosim.config.toml import to_toml
 from cosim.files import STORES
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
+from cosim.run.workers import check_workers, workers_for
 from scenarios.assemble.readout import refuse_device, refuse_leftovers
 from scenarios.assemble.schema.loading import filmed
 from scenarios.assemble.schema.scenario import (
@@ -31,11 +32,27 @@ def check_options(scenario: AnyScenario, options: Options) -> None:
         refuse_leftovers(scenario)
     if options.store not in STORES:
         raise InputError("--store", f"one of {', '.join(STORES)}", options.store, "change it")
+    _check_workers(scenario, options)
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
             "--trace", "given with a scenario of a virtual board or of another imager",
             "with one of a spike camera or a link", "run bring-up, or leave it out",
         )  # fmt: skip
+
+
+def _check_workers(scenario: AnyScenario, options: Options) -> None:
+    """Raises InputError for workers of a camera whose rows cannot be simulated apart."""
+    check_workers(options.workers)
+    if options.workers is None and options.scheduler is None:
+        return
+    if not isinstance(scenario, Scenario) or scenario.sensor.readout != "synchronous":
+        raise InputError(
+            "--workers and --scheduler", "given with a latched spike camera", "with another one",
+            "leave them out",
+        )  # fmt: skip
+    from scenarios.assemble.camera.bands import refuse_bands
+
+    refuse_bands(scenario)
 
 
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
@@ -50,7 +67,14 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
                 return assemble_carried(name, scenario, device, options.resume, progress)
             from scenarios.assemble.camera.machine import assemble_latched
 
-            return assemble_latched(name, scenario, device, options.resume)
+            bands = None
+            if options.workers is not None or options.scheduler is not None:
+                from scenarios.assemble.camera.bands import Bands
+
+                with workers_for(1, options.scheduler):
+                    pass  # a scheduler that does not answer is refused before anything is written
+                bands = Bands(options.workers or 1, options.scheduler, device)
+            return assemble_latched(name, scenario, device, options.resume, bands)
         if scenario.link is None:
             refuse_device(scenario.sensor.readout, device)
         if scenario.sensor.readout == "asynchronous":

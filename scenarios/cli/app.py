@@ -24,6 +24,7 @@ from scenarios.cli.study.methods import compare_methods as _compare_methods
 from scenarios.cli.study.paper import paper as _paper
 from scenarios.cli.study.stability import stability as _stability
 from scenarios.cli.study.sweep import sweep as _sweep
+from scenarios.cli.study.tracking import compare_tracking as _compare_tracking
 
 __all__ = ["app"]
 
@@ -50,6 +51,7 @@ app.add_typer(_design, name="design")
 app.command("bench")(_bench)
 app.command("compare")(_compare)
 app.command("compare-methods")(_compare_methods)
+app.command("compare-tracking")(_compare_tracking)
 app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)

@@ -31,11 +31,10 @@ Scheduler = Annotated[
 def count_workers(given: int | None) -> int:
     """Number of processes for --workers; None for one for two cores, which a run uses. Raises
     InputError."""
-    from cosim import InputError
     from cosim.compute.cores import cores
+    from cosim.run.workers import check_workers
 
-    if given is not None and not 1 <= given <= 1024:
-        raise InputError("--workers", "1 to 1024", f"{given}", "change it")
+    check_workers(given)
     return given or max(cores() // 2, 1)
 
 

@@ -16,10 +16,12 @@ from cosim.spikes.viform import part_of
 from scenarios.assemble.schema.loading import shipped
 from scenarios.python.clips import write_clip
 from scenarios.python.running import run, source_file
+from scenarios.python.words import in_python
 
 __all__ = ["film"]
 
 
+@in_python
 def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = "film", *,
     frame_rate: float | None = None, chip: str | None = None, tolerance: float | None = None,

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from cosim.spikes.viform import SpikeStream
 from scenarios.assemble.dim_of_run import dim_of_run
 from scenarios.python.streams import Stream, as_stream
+from scenarios.python.words import in_python
 from sensor.reconstruct import isi, tau_levels
 from sensor.reconstruct import reconstruct as image_of
 from sensor.reconstruct.intervals import interval_span
@@ -18,6 +19,7 @@ from sensor.reconstruct.intervals import interval_span
 __all__ = ["reconstruct"]
 
 
+@in_python
 def reconstruct(
     stream: SpikeStream | str | os.PathLike[str], at: int, method: str = "tfp", *,
     window: int | None = None, preceding: bool = False,

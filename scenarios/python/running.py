@@ -15,6 +15,7 @@ from scenarios.assemble.resuming import done_before
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.finished import Run
+from scenarios.python.words import in_python
 from scenarios.run import run_scenario
 
 __all__ = ["run", "source_file"]
@@ -31,10 +32,12 @@ def source_file(out: str | os.PathLike[str] | None, folder: str, ending: str) ->
     return Path(f"{os.fspath(out).rstrip('/')}{ending}")
 
 
+@in_python
 def run(
     scenario: str | os.PathLike[str] = "glass", *, out: str | os.PathLike[str] | None = None,
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,
-    store: str = "fast", resume: bool = False, **settings: Any,
+    store: str = "fast", resume: bool = False, workers: int | None = None,
+    scheduler: str | None = None, **settings: Any,
 ) -> Run:  # fmt: skip
     """Runs a scenario as `viform run` does: the same bits, files and report.
 
@@ -46,6 +49,9 @@ def run(
         device: part of an OpenCL device's name, or "numba"; the default device if None.
         store: how streams are compressed: raw, fast, small, or none for not at all.
         resume: whether the interrupted run in `out` goes on; a complete one is returned.
+        workers: processes that simulate the rows of a latched chip in bands; None for none. A
+            script that gives more than 1 starts with `if __name__ == "__main__":`.
+        scheduler: address of a Dask scheduler, whose workers do so.
         **settings: keys of the scenario, such as **{"scene.path": "clip.mp4", "duration": "64 ms"}.
 
     Raises:
@@ -53,7 +59,7 @@ def run(
     """
     began, progress = time.perf_counter(), QuietProgress()
     name, loaded = load(str(scenario), assignments_of(settings), tolerance=tolerance, seed=seed)
-    options = Options(device, resume, None, store)
+    options = Options(device, resume, None, store, workers, scheduler)
     check_options(loaded, options)
     if resume and out is not None and done_before(name, loaded, Path(out)) is not None:
         return Run(Path(out))

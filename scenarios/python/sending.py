@@ -9,10 +9,12 @@ from typing import Any
 
 from scenarios.python.finished import Run
 from scenarios.python.running import run, source_file
+from scenarios.python.words import in_python
 
 __all__ = ["send"]
 
 
+@in_python
 def send(
     data: bytes | str | os.PathLike[str], *, out: str | os.PathLike[str] | None = None,
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,

@@ -11,10 +11,12 @@ from cosim.spikes.viform import SpikeStream
 from scenarios.python.finished import Run
 from scenarios.python.running import run, source_file
 from scenarios.python.streams import save_stream
+from scenarios.python.words import in_python
 
 __all__ = ["show"]
 
 
+@in_python
 def show(
     stream: SpikeStream | str | os.PathLike[str], *,
     out: str | os.PathLike[str] | None = None, device: str | None = None, **settings: Any,

@@ -9,6 +9,7 @@ from typing import Any
 from cosim import Clock, InputError
 from cosim.files import write_stream
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
+from scenarios.python.words import in_python
 from sensor.codec.files import open_any
 
 __all__ = ["Stream", "as_stream", "open_stream", "save_stream"]
@@ -37,6 +38,7 @@ class Stream(Sliceable):
         return self._stream.read_words(first, stop)
 
 
+@in_python
 def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = None) -> Stream:
     """Opens a stream of any format that `viform convert` reads, or the one of a run's folder.
 
@@ -63,8 +65,10 @@ def as_stream(given: Any) -> SpikeStream:
     return stream
 
 
+@in_python
 def save_stream(stream: SpikeStream, path: str | os.PathLike[str]) -> list[str]:
-    """Writes a stream in the format of the name's ending: .npz, .zarr, .dat, .raw, .events.npz.
+    """Writes a stream in the format of the name's ending: .npz, .zarr, .dat, .raw, .events.npz. An
+    existing file is replaced, once the new one is complete.
 
     Returns:
         A line for each property of the stream that the format cannot hold.

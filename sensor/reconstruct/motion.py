@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.spikes.viform import WORD, SpikeStream, Viform, words_for
+from sensor.reconstruct.flow import LEAST, Grey, flow_grey, optical_flow
 from sensor.reconstruct.playback import tfp, tfp_span
 
 __all__ = ["ALIGNED", "Aligned", "motion_tfp"]
@@ -37,16 +38,11 @@ move a pixel in three cycles."""
 COARSE: Final = 3
 """Window over the length of a coarse image, and over the time between two of them. 2 and 4 are up
 to 1 dB worse, on one scene or another."""
-SMOOTH: Final = 0.8
-"""Standard deviation of the Gaussian filter before the flow, pixels."""
 WHITE: Final = 99.5
 """Percentile of the coarse image that becomes white for the flow, which takes 8 bits."""
 SAME: Final = 0.1
 """Change of brightness, over that white, from which on a flow is refused. 0.05 and 0.2 give the
 same within 0.1 dB."""
-LEAST: Final = 12
-"""Pixels of the shorter side that the flow takes."""
-Grey = npt.NDArray[np.uint8]
 Rate = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
 
@@ -87,7 +83,7 @@ def motion_tfp(stream: SpikeStream, at: int, window: int = ALIGNED) -> Aligned:
     near, begin = _excerpt(stream, at - reach - reach // 2, at + reach + reach // 2 + 1)
     now = tfp(near, at - begin, reach)
     white = max(float(np.percentile(now, WHITE)), 1 / reach)
-    seen = _grey(now, white)
+    seen = flow_grey(now, white)
     y, x = np.indices(stream.shape, np.float32)
     here = np.stack([x, y], axis=-1)
     parts, offset = _excerpt(stream, first, stop)
@@ -100,7 +96,7 @@ def motion_tfp(stream: SpikeStream, at: int, window: int = ALIGNED) -> Aligned:
         there = at + side * reach
         if there - reach // 2 < 0 or there + reach // 2 >= stream.cycles:
             continue
-        flow, good = _flow(seen, _grey(tfp(near, there - begin, reach), white), here)
+        flow, good = _flow(seen, flow_grey(tfp(near, there - begin, reach), white), here)
         taken += good
         for step in range(PART, window // 2 - PART // 2 + 1, PART):
             cycle = at + side * step
@@ -119,12 +115,7 @@ def motion_tfp(stream: SpikeStream, at: int, window: int = ALIGNED) -> Aligned:
 def _flow(seen: Grey, other: Grey, here: Rate) -> tuple[Rate, Mask]:
     """Optical flow from one image to another, (H, W, 2) of columns and rows in pixels, and where it
     is not refused, (H, W). here: (H, W, 2), column and row of each pixel."""
-    import cv2
-
-    vision: Any = cv2  # its types lack this
-    dis = vision.DISOpticalFlow_create(vision.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    dis.setFinestScale(0)  # every pixel; the preset's 1 costs up to 3 dB on fine detail
-    flow, back = dis.calc(seen, other, None), dis.calc(other, seen, None)
+    flow, back = optical_flow(seen, other), optical_flow(other, seen)
     end = here + flow
     good = (end >= 0).all(axis=-1) & (end <= here[-1, -1]).all(axis=-1)
     for image, place in ((other, end), (seen, end + _sample(back, end))):
@@ -141,14 +132,6 @@ def _sample(image: Rate, place: Rate) -> Rate:
     rows: Any = None  # they are in `place`
     moved = cv2.remap(image, place, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(moved, np.float32)
-
-
-def _grey(rate: Rate, white: float) -> Grey:
-    """A smooth image of 8 bits for the flow."""
-    import cv2
-
-    smooth = cv2.GaussianBlur(rate, (0, 0), SMOOTH)
-    return np.rint(255 * np.clip(smooth / white, 0, 1)).astype(np.uint8)
 
 
 def _excerpt(stream: SpikeStream, first: int, stop: int) -> tuple[Viform, int]:

@@ -17,6 +17,23 @@ Constant intervals lead to a fixed point, which each state inverts to the rate 1
 
 R follows the last interval, u averages over about tau_F. The published image is their sum,
 stretched to the range of an 8-bit image; here it is their mean, which is in spikes a cycle.
+
+Compared by hand with the authors' program, SpikeCV (Zyj061/SpikeCV, spkProc/reconstruction/tfstp.py
+and spkProc/filters/stp_filters_torch.py; Spike-Zoo has the offline form of the same), on the public
+recording reds_200_part1.dat, cycle 200:
+
+- Its online form has the R and u of `tfstp(preceding=True)`: in double precision the rates from
+  them agree to 1.3e-7 at 99 % of the pixels. It takes the first spike as the end of an interval
+  from the beginning of the stream, which a window of MEMORY cycles has forgotten.
+- In its single precision, R is 1 after intervals above 16 cycles (4 % of the pixels), and rate_R is
+  lost; here 1 - R is kept.
+- It has tau_F in place of f in the logarithm of rate_u, which then is 0.02 to 0.03 at any light:
+  the sum is rate_R and nearly a constant, 1.06 to 1.23 times the rate for constant intervals of 2
+  to 12 cycles. The order of the pixels is nearly that of the mean here (rank correlation 0.9999).
+  Stretching and histogram equalisation come on top.
+- Its offline form takes an interval of n cycles n - 1 times, once in each cycle without a spike,
+  because it compares with the first interval in place of the previous one. Constant light has the
+  same rate; changes are followed sooner, with more noise (at that cycle 1.7 % from here, median).
 """
 
 from __future__ import annotations
@@ -37,8 +54,7 @@ U_0: Final = 0.15
 TAU_D: Final = 1.0
 TAU_F: Final = 10.0
 F: Final = 0.15
-"""Constants of the authors' program, SpikeCV (spkProc/reconstruction/tfstp.py); times in cycles. It
-has tau_F in place of f in the logarithm of rate_u, which then is not the inverse."""
+"""Constants of the authors' program; times in cycles."""
 MEMORY: Final = 161
 """Cycles before the instant after which the rest state is forgotten: at a spike a cycle, u has lost
 all but (1 - f) exp(-1 / tau_F) = 0.77 of it after each interval."""

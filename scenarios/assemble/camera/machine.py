@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,16 @@ from cosim.spikes.viform import Viform
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from display.probes.camera import ProbeCamera
-from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
-from scenarios.assemble.camera.dim import dim_light, dim_metrics, reading_camera
+from scenarios.assemble.camera.bands import BandChain, BandedCamera, Bands
+from scenarios.assemble.camera.boards import NO_ERROR, Boards, open_boards
+from scenarios.assemble.camera.dim import dim_light, dim_metrics
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.memory import check_run_memory, memory_note
 from scenarios.assemble.camera.pages.display import display_page
 from scenarios.assemble.camera.pages.stream import stream_page
+from scenarios.assemble.camera.planned import PlannedCamera, planned_camera
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
-from scenarios.assemble.camera.samples import sample_tiles
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import to_toml
@@ -38,9 +39,7 @@ from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.filming import make_camera
 from scenarios.assemble.show.tables import display_lines
-from sensor import SpikeCamera
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
-from sensor.latched.reading import ReadingCamera
 from sensor.latched.readout import readout_stages
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import (
@@ -89,7 +88,7 @@ class LatchedMachine:
         setup: the camera and its scene.
         source: the scene for the recording.
         plan: effects that are kept, tile by tile.
-        camera: the simulated camera, or a board in its place.
+        camera: the simulated camera, or a board or bands that workers simulate in its place.
         verifier: stage that checks the plan during the recording; None if a board generates the
             spikes.
         display: the display, None without one.
@@ -97,6 +96,7 @@ class LatchedMachine:
         advice: notes for the user before the run, without those of the scene.
         boards: open boards of the run.
         opened: stack that closes the boards and the display.
+        bands: who simulates the chip in bands of rows; None for nobody.
     """
 
     name: str
@@ -104,13 +104,14 @@ class LatchedMachine:
     setup: CameraSetup
     source: Source
     plan: RunPlan
-    camera: SpikeCamera | ReadingCamera | BoardCamera
+    camera: PlannedCamera
     verifier: Verifier | None
     display: DisplayChain | None
     filmer: Filmer | None
     advice: list[str]
     boards: Boards
     opened: ExitStack
+    bands: Bands | None = field(default=None, kw_only=True)
 
     @property
     def toml(self) -> str:
@@ -138,7 +139,8 @@ class LatchedMachine:
 
     @property
     def bits(self) -> int:
-        return self.setup.cycles * self.pixels
+        copies = 2 if isinstance(self.camera, BandedCamera) else 1
+        return copies * self.setup.cycles * self.pixels
 
     def trial(self, progress: Progress) -> list[Finding]:
         """Returns []: the plan is checked during the recording."""
@@ -147,7 +149,7 @@ class LatchedMachine:
     def keep(self, effects: Sequence[str]) -> LatchedMachine:
         setup = self.setup
         plan = setup.plan_keeping(self.scenario.tolerance, effects)
-        camera, verifier = _planned(plan, setup, self.boards)
+        camera, verifier = planned_camera(plan, setup, self.boards, self.bands)
         display, filmer = self.display, None
         if display is not None and plan.display is not None:
             display.close()
@@ -192,9 +194,13 @@ class LatchedMachine:
     def chain(self, folder: Path) -> BlockChain:
         (height, width), cycles = self.camera.shape, self.setup.cycles
         linked = "" if self.length == cycles else f", {self.length} with those of the link"
-        return BlockChain(
+        kind, identity = BlockChain, self.identity()
+        if isinstance(self.camera, BandedCamera):
+            self.camera.place(folder, identity)
+            kind, identity = BandChain, f"{identity} in bands"
+        return kind(
             f"{self.name}: {cycles} cycles of {width} x {height}{linked}", self.stages(folder),
-            self.length, self.identity(), folder,
+            self.length, identity, folder,
             every_s=30.0 if self.display is None else 60.0,  # a display's state is half a gigabyte
         )  # fmt: skip
 
@@ -341,7 +347,7 @@ class LatchedMachine:
 
 
 def assemble_latched(
-    name: str, scenario: Scenario, device: str | None, resume: bool
+    name: str, scenario: Scenario, device: str | None, resume: bool, bands: Bands | None = None
 ) -> LatchedMachine:
     """The machine of a scenario with a latched camera. Raises InputError."""
     with ExitStack() as stack:
@@ -364,25 +370,9 @@ def assemble_latched(
             filmer = make_camera(
                 scenario.camera, display, setup.shape, setup.cycles, scenario.seed, setup.device
             )
-        camera, verifier = _planned(plan, setup, boards)
+        camera, verifier = planned_camera(plan, setup, boards, bands)
         notes += boards.notes(camera)
         return LatchedMachine(
             name, scenario, setup, source, plan, camera, verifier, display, filmer, notes, boards,
-            stack.pop_all(),
+            stack.pop_all(), bands=bands,
         )  # fmt: skip
-
-
-def _planned(
-    plan: RunPlan, setup: CameraSetup, boards: Boards
-) -> tuple[SpikeCamera | ReadingCamera | BoardCamera, Verifier | None]:
-    """The planned camera and the stage that checks it."""
-    board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
-    if board is not None:
-        return board, None
-    camera = reading_camera(plan.camera(setup.device), setup)
-    tiles = plan.patches(setup.scenario.seed)
-    samples = None
-    if plan.display is None:  # a display is checked by radiance, which needs whole tiles
-        samples = sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
-    keep = setup.scenario.link is not None  # its code changes the spikes that the display shows
-    return camera, Verifier(plan, setup.setting, tiles, setup.device, samples, keep)

@@ -134,10 +134,14 @@ class RunPlan:
 
     def camera(self, device: Device | None) -> SpikeCamera:
         """The planned camera."""
-        tiles = None
-        if self.fine.any():
-            tiles = FineTiles(self.full.lumped, self.survey.grid, self._better(), device)
+        tiles = self.fine_tiles(device)
         return SpikeCamera(self.setting, device, tier=self.tier, flags=self.flags, fine=tiles)
+
+    def fine_tiles(self, device: Device | None) -> FineTiles | None:
+        """The tiles of the planned camera that a better tier simulates; None for none."""
+        if not self.fine.any():
+            return None
+        return FineTiles(self.full.lumped, self.survey.grid, self._better(), device)
 
     def _better(self, tiles: Any = slice(None)) -> dict[Tier, npt.NDArray[np.bool_]]:
         """Which of some tiles each of the better tiers simulates."""

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenarios.cli.options import ScenarioName, ScenarioOptions, Tolerance, expand_options
+from scenarios.cli.options import (
+    ScenarioName,
+    ScenarioOptions,
+    Scheduler,
+    Tolerance,
+    expand_options,
+)
 from scenarios.cli.output import Json, SilentProgress, make_progress, print_document
 
 if TYPE_CHECKING:
@@ -44,6 +50,11 @@ def run(
             help="recorded streams: raw (fastest), fast, small (slowest), or none (not kept)"
         ),
     ] = "fast",
+    workers: Annotated[
+        int | None,
+        typer.Option(help="processes that simulate the rows of a latched chip in bands [none]"),
+    ] = None,
+    scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Run a scenario, and write its stream, images and report."""
@@ -53,7 +64,7 @@ def run(
     from scenarios.run import run_scenario
 
     name, loaded = options.load(scenario, tolerance)
-    run_options = Options(options.device, resume, trace, store)
+    run_options = Options(options.device, resume, trace, store, workers, scheduler)
     check_options(loaded, run_options)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before

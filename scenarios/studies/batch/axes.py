@@ -66,9 +66,9 @@ def _text(value: float, unit: str) -> str:
 
 
 def read_axis(text: str) -> Axis:
-    """Reads "KEY=a,b,c" (values), "KEY=lo:hi:n" (n numbers, evenly spaced), "KEY=lo:hi:nlog" (their
-    logarithms evenly spaced), or "KEY=lo:hi", "KEY=lo:hi:log" and "KEY=lo:hi:int" (a range of which
-    points are drawn, the last of whole numbers).
+    """Reads "KEY=a,b,c" (values, of which a list is JSON), "KEY=lo:hi:n" (n numbers, evenly
+    spaced), "KEY=lo:hi:nlog" (their logarithms evenly spaced), or "KEY=lo:hi", "KEY=lo:hi:log" and
+    "KEY=lo:hi:int" (a range of which points are drawn, the last of whole numbers).
 
     Raises:
         InputError: the text has another form.
@@ -80,10 +80,26 @@ def read_axis(text: str) -> Axis:
     found = _range(key, values.split(":"))
     if found is not None:
         return replace(found, given=text)
-    texts = tuple(value.strip() for value in values.split(","))
+    texts = tuple(value.strip() for value in _values(values))
     if not all(texts) or len(set(texts)) != len(texts):
         raise InputError(f"--vary {key}", "different values", repr(values), "leave one out")
     return Axis(key, texts, given=text)
+
+
+def _values(text: str) -> list[str]:
+    """The text between commas that are not within a list, which is JSON as in --set."""
+    parts, depth, quoted, before = [""], 0, False, ""
+    for sign in text:
+        if depth and sign == '"' and before != "\\":
+            quoted = not quoted
+        if not quoted:
+            depth += (sign in "[{") - (sign in "]}")
+        if sign == "," and depth <= 0:
+            parts.append("")
+        else:
+            parts[-1] += sign
+        before = sign
+    return parts
 
 
 def _range(key: str, parts: list[str]) -> Axis | None:

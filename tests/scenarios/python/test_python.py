@@ -14,6 +14,7 @@ import viform
 from cosim.files import open_stream
 from scenarios.cli.entry import _main
 from scenarios.python.clips import write_clip
+from scenarios.python.words import python_words
 from scenarios.scenes.clips.clip import Clip
 
 ROOT = Path(viform.__file__).parent
@@ -145,7 +146,7 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             frames(), frame_rate="25 Hz"
         ),
         "frames must be arrays": lambda: viform.film(None, frame_rate=25),
-        "-method must be one of": lambda: viform.reconstruct(stream, 5, "tpf"),
+        "^method must be one of": lambda: viform.reconstruct(stream, 5, "tpf"),
         "the stream must be a Viform, a Stream or a path": lambda: viform.reconstruct(
             np.zeros((4, 4)), 5
         ),
@@ -156,6 +157,36 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         with pytest.raises(viform.InputError, match=says):
             call()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("option", "argument"),
+    [
+        ("write --set sensor.clock='20 kHz'", 'write **{"sensor.clock": "20 kHz"}'),
+        ("--set sensor.widht", "sensor.widht"),
+        ("values of --set", "values of a keyword argument"),
+        ("--dark-limit", "dark_limit"),
+        ("go on with the same command and --out '/a b' --resume",
+         'go on with the same command and out="/a b" resume=True'),
+        ("see `viform list --schema`", "see `viform list --schema`"),
+        ("finish it: viform run x --resume --out x", "finish it: viform run x --resume --out x"),
+        ("an en--dash", "an en--dash"),
+    ],
+)  # fmt: skip
+def test_errors_speak_of_arguments(option: str, argument: str) -> None:
+    assert python_words(option) == argument
+
+
+def test_the_errors_of_functions_speak_of_arguments(tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "a").touch()
+    with pytest.raises(viform.InputError) as raised:
+        viform.run("film", out=tmp_path / "full")
+    assert str(raised.value).startswith("out must be a new or empty folder")
+    assert str(raised.value).endswith("choose another, or add resume=True")
+    with pytest.raises(viform.InputError) as raised:
+        viform.run("film", **{"sensor.threshold.x": 1})
+    assert "--" not in str(raised.value) and "sensor.threshold.x" in str(raised.value)
 
 
 def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:

@@ -78,6 +78,47 @@ def test_it_follows_a_step_of_light_and_averages_what_alternates() -> None:
     assert min(two) < 0.4 < max(two) and max(two) - min(two) < (1 / 2 - 1 / 3)
 
 
+def spike_by_spike(planes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R and u after the last plane as SpikeCV's online form has them: whole planes, from rest, with
+    a first interval that begins before the stream."""
+    resources, use = np.ones(planes.shape[1:]), np.full(planes.shape[1:], 0.15)
+    before = np.full(planes.shape[1:], -1.0)
+    for cycle, plane in enumerate(planes):
+        kept, risen = 1 - resources * (1 - use), use + 0.15 * (1 - use) - 0.15
+        tau = cycle - before
+        resources = np.where(plane, 1 - kept * np.exp(-tau), resources)
+        use = np.where(plane, 0.15 + risen * np.exp(-tau / 10), use)
+        before = np.where(plane, cycle, before)
+    return resources, use
+
+
+def rates(resources: np.ndarray, use: np.ndarray, f: float) -> tuple[np.ndarray, np.ndarray]:
+    by_r = -1 / np.log((1 - resources) / (1 - resources * (1 - use)))
+    by_u = -1 / (10 * np.log((use - 0.15) / (f - 0.15 + use * (1 - 0.15))))
+    return by_r, by_u
+
+
+def test_the_authors_program_has_the_same_image_up_to_one_constant() -> None:
+    """Its online form. It has tau_F = 10 where the inverse of the recurrence has f = 0.15."""
+    planes = (np.random.default_rng(8).random((300, 12, 16)) < 0.3).astype(np.uint8)
+    planes[::9] = 1
+    state = spike_by_spike(planes)
+    found = tfstp(Viform.from_planes(planes, CLOCK), 299, preceding=True)
+    np.testing.assert_allclose(sum(rates(*state, f=0.15)) / 2, found, rtol=1e-5)
+    # With the other constant the rate of u is nearly one number, and the image is that of R alone.
+    by_u = rates(*state, f=10.0)[1]
+    assert by_u.min() > 0.015 and by_u.max() < 0.035
+
+
+@pytest.mark.parametrize(("tau", "factor"), [(2, 1.059), (5, 1.121), (12, 1.228)])
+def test_that_program_has_another_rate_for_constant_light(tau: int, factor: float) -> None:
+    planes = np.zeros((40 * tau + 1, 1, 1), np.uint8)
+    planes[::tau] = 1
+    state = spike_by_spike(planes)
+    assert sum(rates(*state, f=0.15))[0, 0] / 2 == pytest.approx(1 / tau, rel=1e-6)
+    assert sum(rates(*state, f=10.0))[0, 0] * tau == pytest.approx(factor, abs=1e-3)
+
+
 def test_a_window_without_cycles_is_refused() -> None:
     stream = Viform.from_planes(np.ones((50, 1, 1), np.uint8), CLOCK)
     with pytest.raises(InputError, match="--window must be at least 1, not 0"):

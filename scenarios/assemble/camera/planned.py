@@ -1,0 +1,38 @@
+"""The planned camera of a run, and the stage that checks it."""
+
+from __future__ import annotations
+
+from scenarios.assemble.camera.bands import BandedCamera, Bands
+from scenarios.assemble.camera.boards import BoardCamera, Boards
+from scenarios.assemble.camera.dim import reading_camera
+from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.samples import sample_tiles
+from scenarios.assemble.camera.setup import CameraSetup
+from scenarios.assemble.camera.verifier import Verifier
+from sensor import SpikeCamera
+from sensor.latched.reading import ReadingCamera
+
+__all__ = ["PlannedCamera", "planned_camera"]
+
+PlannedCamera = SpikeCamera | ReadingCamera | BoardCamera | BandedCamera
+"""The simulated camera, or in its place a board, or bands that workers simulate."""
+
+
+def planned_camera(
+    plan: RunPlan, setup: CameraSetup, boards: Boards, bands: Bands | None
+) -> tuple[PlannedCamera, Verifier | None]:
+    """The planned camera and the stage that checks it."""
+    board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
+    if board is not None:
+        return board, None
+    camera: SpikeCamera | ReadingCamera | BandedCamera
+    if bands is None or plan.fine.all():  # where all tiles are fine, nothing is left to workers
+        camera = reading_camera(plan.camera(setup.device), setup)
+    else:
+        camera = BandedCamera(setup, plan, bands)
+    tiles = plan.patches(setup.scenario.seed)
+    samples = None
+    if plan.display is None:  # a display is checked by radiance, which needs whole tiles
+        samples = sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
+    keep = setup.scenario.link is not None  # its code changes the spikes that the display shows
+    return camera, Verifier(plan, setup.setting, tiles, setup.device, samples, keep)

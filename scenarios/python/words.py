@@ -1,0 +1,68 @@
+"""The texts of errors for someone who calls functions: arguments in place of options.
+
+The parts name what a user can mend by the options of the commands. Here `--set a.b=c` becomes
+`**{"a.b": "c"}`, and `--option value` an argument of that name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from cosim import InputError, Interrupted
+
+__all__ = ["in_python", "python_words"]
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+_VALUE = r"('[^']*'|\"[^\"]*\"|[^\s,;`]+)"
+_RULES: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
+    (
+        re.compile(rf"--set ([\w.]+)={_VALUE}"),
+        lambda found: f'**{{"{found[1]}": "{_bare(found[2])}"}}',
+    ),
+    (re.compile(r"--set (?=[\w.]+)"), lambda found: ""),
+    (re.compile(r"--set\b"), lambda found: "a keyword argument"),
+    (re.compile(r"(?<= )--resume\b"), lambda found: "resume=True"),
+    (re.compile(r"--out (/\S+|'[^']*')"), lambda found: f'out="{_bare(found[1])}"'),
+    (
+        re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)"),
+        lambda found: found[1].replace("-", "_"),
+    ),
+)
+_COMMAND = re.compile(r"(viform [a-z][^,;`]*)")
+
+
+def _bare(value: str) -> str:
+    return value.strip("'\"")
+
+
+def python_words(text: str) -> str:
+    """A text about options as one about arguments; a command in it stays."""
+    parts = _COMMAND.split(text)
+    for n in range(0, len(parts), 2):
+        for pattern, replacement in _RULES:
+            parts[n] = pattern.sub(replacement, parts[n])
+    return "".join(parts)
+
+
+def in_python(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """The function, whose InputError and Interrupted speak of arguments."""
+
+    @wraps(function)
+    def called(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        try:
+            return function(*args, **kwargs)
+        except InputError as exc:
+            # What was given is the user's own text.
+            exc.what, exc.must, exc.remedy = map(python_words, (exc.what, exc.must, exc.remedy))
+            exc.args = (exc.what, exc.must, exc.actual, exc.remedy, *exc.args[4:])
+            raise
+        except Interrupted as exc:
+            exc.remedy = python_words(exc.remedy)
+            exc.args = (exc.done, exc.total, exc.remedy, exc.unit)
+            raise
+
+    return called

@@ -1,0 +1,168 @@
+"""Flow and tracking against speed, for the spike camera and for cameras with frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from statistics import median
+from typing import Any, Final
+
+import numpy as np
+
+from cosim.run.progress import Progress
+from scenarios.scenes.moving import ExposedScene
+from scenarios.studies.tracking.conditions import Conditions
+from scenarios.studies.tracking.flow import WARM, Flow, make_texture, measure_flow
+from scenarios.studies.tracking.pictures import Picture, frame_pictures, spike_pictures
+from scenarios.studies.tracking.pursuit import Pursuit, make_spot, pursue
+
+__all__ = ["SPIKES", "Row", "run_tracking", "tracking_document", "tracking_table"]
+
+SPIKES: Final = "spikes"
+"""Name of the spike camera in a row."""
+FLOW_BLOCK: Final = 4
+"""Cycles of the shortest window of the flow by spikes."""
+Film = Callable[[ExposedScene, int, bool], Iterator[Picture]]
+"""From a scene, a seed, and whether it is for the flow, to pictures."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One camera at one speed. Times are medians over the trials, in which what never came counts
+    as later than all others; None if that is the median.
+
+    Attributes:
+        speed_px_ms: speed of the object and of the texture, pixels/ms.
+        camera: "spikes", or frames/s such as "60 Hz".
+        pictures_hz: pictures a second of the tracker.
+        track_loss: share of the time in the image in which the track, predicted to the present,
+            is absent or more than 4 pixels from the object; mean over the trials.
+        position_px: distance of a detection from the object at the middle of the exposure, median;
+            None without detections.
+        entry_ms: from the object's appearance until a right position.
+        entry_missed: share of the trials without one.
+        turn_ms: from the object's turn until the track has it.
+        turn_missed: share of the trials in which it never has.
+        flow_error_px_ms: endpoint error of the flow, as a velocity, mean over pixels and trials.
+        flow_error: the same over the speed.
+        flow_window_ms: time between the two images of the flow, median.
+        flow_latency_ms: from the beginning of the first image until the second has been read.
+    """
+
+    speed_px_ms: float
+    camera: str
+    pictures_hz: float
+    track_loss: float
+    position_px: float | None
+    entry_ms: float | None
+    entry_missed: float
+    turn_ms: float | None
+    turn_missed: float
+    flow_error_px_ms: float
+    flow_error: float
+    flow_window_ms: float
+    flow_latency_ms: float
+
+
+def _cameras(conditions: Conditions) -> dict[str, tuple[float, Film]]:
+    """Pictures a second, and the pictures of a scene, of each camera."""
+
+    def spikes(scene: ExposedScene, seed: int, flow: bool) -> Iterator[Picture]:
+        return spike_pictures(scene, conditions, seed, FLOW_BLOCK if flow else None)
+
+    def frames(rate: float) -> Film:
+        return lambda scene, seed, flow: frame_pictures(scene, conditions, seed, rate)
+
+    made: dict[str, tuple[float, Film]] = {SPIKES: (conditions.clock.hz / conditions.block, spikes)}
+    return made | {f"{rate:g} Hz": (rate, frames(rate)) for rate in conditions.frame_rates}
+
+
+def run_tracking(conditions: Conditions, progress: Progress) -> list[Row]:
+    """Films the same objects and textures with every camera, at every speed.
+
+    Returns:
+        The rows, by speed and then by camera.
+    """
+    cameras = _cameras(conditions)
+    progress.start("tracking and flow", len(conditions.speeds) * conditions.trials * len(cameras))
+    rows, done = [], 0
+    for speed in conditions.speeds:
+        pursuits: dict[str, list[Pursuit]] = {name: [] for name in cameras}
+        flows: dict[str, list[Flow]] = {name: [] for name in cameras}
+        for trial in range(conditions.trials):
+            spot = make_spot(conditions, speed, trial)
+            texture = make_texture(conditions, speed, trial)
+            for number, (name, (_, film)) in enumerate(cameras.items()):
+                seed = _seed(conditions.seed, trial, number)
+                pursuits[name].append(pursue(spot, film(spot, seed, False)))
+                warm = WARM / conditions.clock.hz
+                flows[name].append(measure_flow(texture, film(texture, seed, True), warm))
+                done += 1
+                progress.advance(done)
+        rows += [
+            _row(speed, name, hz, pursuits[name], flows[name]) for name, (hz, _) in cameras.items()
+        ]
+    return rows
+
+
+def _seed(*key: int) -> int:
+    """The seed of a camera's noise in one trial."""
+    return int(np.random.SeedSequence(key).generate_state(1)[0])
+
+
+def _middle(values: Sequence[float | None]) -> float | None:
+    """Median, ms of s, where None is later than everything."""
+    ordered = sorted(float("inf") if value is None else value for value in values)
+    found = median(ordered)
+    return None if found == float("inf") else 1e3 * found
+
+
+def _row(
+    speed: float, name: str, hz: float, pursuits: Sequence[Pursuit], flows: Sequence[Flow]
+) -> Row:
+    entries, turns = [p.entry_s for p in pursuits], [p.turn_s for p in pursuits]
+    places = [p.position_px for p in pursuits if p.position_px is not None]
+    error = float(np.mean([flow.error for flow in flows]))
+    return Row(
+        speed / 1e3, name, hz,
+        float(np.mean([p.lost for p in pursuits])),
+        float(np.median(places)) if places else None,
+        _middle(entries), entries.count(None) / len(entries),
+        _middle(turns), turns.count(None) / len(turns),
+        error / 1e3, error / speed,
+        1e3 * median(flow.window_s for flow in flows),
+        1e3 * median(flow.latency_s for flow in flows),
+    )  # fmt: skip
+
+
+def tracking_table(rows: Sequence[Row]) -> str:
+    """The rows as text."""
+    cells = [[
+        "px/ms", "camera", "track loss", "position px", "entry ms", "turn ms", "flow error",
+        "flow px/ms", "flow ms",
+    ]]  # fmt: skip
+    for row in rows:
+        cells.append([
+            f"{row.speed_px_ms:g}", row.camera, f"{row.track_loss:.1%}", _number(row.position_px),
+            _number(row.entry_ms), _number(row.turn_ms), f"{row.flow_error:.1%}",
+            _number(row.flow_error_px_ms), _number(row.flow_latency_ms),
+        ])  # fmt: skip
+    widths = [max(len(line[n]) for line in cells) for n in range(len(cells[0]))]
+    return "\n".join(
+        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+        for line in cells
+    )
+
+
+def _number(value: float | None) -> str:
+    return "never" if value is None else f"{value:.3g}"
+
+
+def tracking_document(conditions: Conditions, rows: Sequence[Row]) -> dict[str, Any]:
+    """The document of the command."""
+    return {
+        "seed": conditions.seed, "trials": conditions.trials, "clock_hz": conditions.clock.hz,
+        "white_rate": conditions.white, "threshold_e": conditions.threshold,
+        "white_e_s": conditions.electrons, "height": conditions.shape[0],
+        "width": conditions.shape[1], "rows": [asdict(row) for row in rows],
+    }  # fmt: skip
