@@ -22,8 +22,7 @@ class ReadWords:
         data: (words, data bytes) uint8.
         ok: (words,) bool, where a word was found.
         sound: (words,) bool, where it is accepted on its own; otherwise only in a correct frame.
-        changed: what was corrected in a word, as `Blocks.cells_of` takes it: (words, bytes) bool, or
-            packed bits.
+        changed: what was corrected, as `Blocks.cells_of` takes it: (words, bytes) bool, or bits.
         bytes_changed: number of bytes corrected in sound words.
         rounds: rounds of decoding in all words, 0 for a code without rounds.
     """

@@ -318,10 +318,7 @@ class Session:
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                if (
-                    abs(float(self.timing.start(*middle) - self._timed.start(*middle)))
-                    > _SHIFTED
-                ):
+                if abs(float(self.timing.start(*middle) - self._timed.start(*middle))) > _SHIFTED:
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
