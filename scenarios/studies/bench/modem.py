@@ -98,7 +98,7 @@ class Filmed:
 
 def film_link(device: Device | None) -> Filmed:
     """Films a random file with the shipped link."""
-    scenario = linked(load("light-link", SETS)[1], "bench link")
+    scenario = linked(load("light-link", [*SETS])[1], "bench link")
     setting = link_setting(scenario, camera_setting(scenario))
     height, width = setting.panel.shape
     mode = Mode(width, height, _CELL, _TICKS, "scrambled", None, RATE)
