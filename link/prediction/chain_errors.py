@@ -10,7 +10,7 @@ anew for each reset (`link.theory.patterns`, by the same cube root of a gamma va
 are those that the joint detector learns from such spikes, and its chain decides.
 
 Included and not included is what `cell_errors` has; bits before and after are not taken as known.
-Beside film at 2 m, rates from 1e-3 on are right within 20 %. With the clock locked it gives 2.1e-4,
+Beside film at 2 m, rates from 1e-3 on are right within 20 %. With the clock locked it gives 2.5e-4,
 and film 3.8e-4 with laws learned from 150 symbols, 5e-4 from the 48 of a training: cells whose
 middle is that of a pixel err after long darkness as well, for a reason not known.
 """
