@@ -7,10 +7,10 @@ from link.coding.names import safe_name
 from link.coding.outbox import Outbox
 from link.coding.reader import BlockReader
 from link.coding.reed_solomon import WORD_BYTES
-from link.coding.soft_blocks import blocks_of
+from link.coding.soft_blocks import SoftBlocks, blocks_of
 from link.coding.writer import BlockWriter
 
 __all__ = [
     "MOST_BYTES", "WORD_BYTES", "BlockReader", "BlockWriter", "Blocks", "Inbox", "Outbox",
-    "blocks_of", "safe_name",
+    "SoftBlocks", "blocks_of", "safe_name",
 ]  # fmt: skip

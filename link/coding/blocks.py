@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -156,7 +156,7 @@ class Blocks:
             sure[part] = quality[n, :used].reshape(-1, 8 // bits).min(axis=1)
         return placed[self.places], sure[self.places]
 
-    def cells_of(self, wrong: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    def cells_of(self, wrong: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
         """Returns the number of marked bytes, (words, 255) bool, on each data cell, (cells,)."""
         placed = np.zeros(self.groups * self.group_bytes, np.int64)
         placed[self.places] = wrong

@@ -12,13 +12,15 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import gcd
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from link.coding.blocks import Blocks
-from link.coding.ldpc import Ldpc
+from link.coding.ldpc import STEPS, Ldpc
+from link.coding.ldpc_numpy import SOFT
+from link.coding.soft_blocks_compiled import count_by_cell, gather_words, store_group
 from link.layout import PERIOD, Layout
 
 __all__ = ["SoftBlocks", "blocks_of"]
@@ -92,26 +94,28 @@ class SoftBlocks(Blocks):
         else:
             used[:] = words.reshape(-1)
 
-    def signs(self, group: int) -> _Soft:
-        """Returns the factors of the soft values of a group, (symbols, cells) int8: -1 where the
-        keystream is 1."""
-        stream = self.keystream(group)[None, : self.layout.cells]
-        bits = np.unpackbits(stream, axis=0, count=self.layout.group, bitorder="little")
-        return 1 - 2 * bits.view(np.int8)
+    def store(self, soft: npt.NDArray[np.float32], group: int, out: _Soft) -> None:
+        """Fills out, (symbols, cells) int8, with the soft values of a group in steps
+        (`link.coding.ldpc.quantise`), without the keystream."""
+        stream = self.keystream(group)
+        store_group(np.ascontiguousarray(soft), stream, np.float32(STEPS), np.float32(SOFT), out)
 
     def collect(self, row: _Soft) -> _Soft:
-        """Returns the soft values of the words, (words, word bits), from those of a block without
+        """Returns the soft values of the words, (words, word_bits), from those of a block without
         the keystream, (groups, symbols, cells): the inverse of `lay`."""
         used = row.reshape(-1)[: self.words * self.code.word_bits]
-        if self.interleave:
-            return np.ascontiguousarray(used.reshape(-1, self.words)[self.order].T)
-        return used.reshape(self.words, -1)
+        if not self.interleave:
+            return used.reshape(self.words, -1)
+        out = np.empty((self.words, self.code.word_bits), np.int8)
+        gather_words(used.reshape(-1, self.words), self.order, out)
+        return out
 
-    def cells_of(self, wrong: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-        """Returns the number of marked bits, (words, word bits) bool, on each data cell."""
-        row = np.zeros((self.groups * self.layout.group, self.layout.cells), np.int8)
-        self._put(wrong.view(np.int8), row)
-        return row.sum(axis=0, dtype=np.int64)
+    def cells_of(self, wrong: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+        """Returns the number of marked bits, (words, word bytes) uint8, on each data cell."""
+        out = np.zeros(self.layout.cells, np.int64)
+        order = self.order if self.interleave else self.order[:0]
+        count_by_cell(wrong, order, self.words, out)
+        return out
 
 
 def blocks_of(layout: Layout, interleave: bool = True, period: int | None = None) -> Blocks:

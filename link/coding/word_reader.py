@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ class ReadWords:
         data: (words, data bytes) uint8.
         ok: (words,) bool, where a word was found.
         sound: (words,) bool, where it is accepted on its own; otherwise only in a correct frame.
-        changed: (words, places) bool, bytes or bits of a word that were corrected.
+        changed: what was corrected, as `Blocks.cells_of` takes it: (words, bytes) bool, or bits.
         bytes_changed: number of bytes corrected in sound words.
         rounds: rounds of decoding in all words, 0 for a code without rounds.
     """
@@ -30,7 +30,7 @@ class ReadWords:
     data: npt.NDArray[np.uint8]
     ok: Flags
     sound: Flags
-    changed: Flags
+    changed: npt.NDArray[Any]
     bytes_changed: int
     rounds: int
 

@@ -23,12 +23,12 @@ from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["AROUND", "Joint"]
+__all__ = ["AROUND", "EDGE", "Joint"]
 
 AROUND: Final = 2
 """Symbols before and after the requested ones that the chain includes."""
 
-_EDGE: Final = 1 / 32
+EDGE: Final = 1 / 32
 """Distance of a symbol's begin from a tick edge, ticks, within which it is moved: a quarter of a
 class of phase."""
 Values = npt.NDArray[np.float64]
@@ -55,7 +55,7 @@ class Joint:
         self.cells = cell_images(layout, registration)
         self.ticks = layout.mode.ticks
         phase = float(timing.start(0, timing.rows / 2)) % 1
-        self.delay = _EDGE if min(phase, 1 - phase) < _EDGE else 0.0
+        self.delay = EDGE if min(phase, 1 - phase) < EDGE else 0.0
         first = timing.first + self.delay
         self._time = first, timing.period, timing.slope, float(timing.rows)
         shape = (

@@ -209,6 +209,7 @@ def soft_values(  # type: ignore[no-untyped-def]
     # Flat arrays: the compiler does not hoist the address computation of many indices.
     flat, flat_table, flat_count = words.reshape(-1), table.reshape(-1), count.reshape(-1)
     flat_dx, flat_dy, flat_share = dx.reshape(-1), dy.reshape(-1), share.reshape(-1)
+    flat_step = flat_dy * wide + flat_dx
     looks, regions, parts, stride = ends.size, table.shape[1], table.shape[2], table.shape[3]
     symbols, advance, entries = group * ends[looks - 1], group * ticks, group << width
     reach = max(np.abs(dx).max(), np.abs(dy).max())
@@ -236,9 +237,17 @@ def soft_values(  # type: ignore[no-untyped-def]
                     base = (tables_of[row, look] * regions + region) * parts * stride
                     clear = reach <= x < wide - reach and reach <= y < high - reach
                     used = 0
-                    for k in range(pixels.start, pixels.stop):
-                        px, py = x + flat_dx[k], y + flat_dy[k]
-                        if clear or (0 <= px < wide and 0 <= py < high):
+                    if clear and parts == 1:  # most cells: no tests
+                        middle = y * wide + x
+                        for k in range(pixels.start, pixels.stop):
+                            at[used], late[used] = middle + flat_step[k], 0
+                            law[used] = base + flat_share[k] * entries
+                            used += 1
+                    else:
+                        for k in range(pixels.start, pixels.stop):
+                            px, py = x + flat_dx[k], y + flat_dy[k]
+                            if not (0 <= px < wide and 0 <= py < high):
+                                continue
                             for part in range(parts):
                                 at[used], late[used] = py * wide + px, part * PART
                                 law[used] = base + part * stride + flat_share[k] * entries

@@ -22,7 +22,9 @@ from link.evaluation.record import LinkEvaluation, SoftValues, Theory
 from link.layout import TRAINING
 from link.prediction.capacity import capacity_bps
 from link.prediction.capacity_input import capacity_input
-from link.prediction.cell_errors import CellErrors, cell_errors
+from link.prediction.cell_errors import cell_errors
+from link.prediction.chain_errors import chain_errors
+from link.prediction.drawn_cells import CellErrors
 from link.prediction.light import cell_scene, cell_sight, transmission
 from link.prediction.reach import CellScene, Reach, predict_errors, reach
 from link.receiving import Received
@@ -88,7 +90,8 @@ def closed_form(setup: FileLinkSetup, link: PlannedLink) -> CellErrors | None:
     if scene.reset != "hard" or wide or not panel_in_view(setting) or setting.aim.occluded > 0:
         return None
     timing = true_timing(setting, link.make_air().row_delay, mode.ticks)
-    return cell_errors(cell_sight(setting, timing, setup.sent.symbols), mode)
+    of = chain_errors if mode.ticks == 1 else cell_errors
+    return of(cell_sight(setting, timing, setup.sent.symbols), mode)
 
 
 def _theory(
@@ -107,7 +110,7 @@ def _theory(
     cells = closed() if errors.bits else None
     if cells is None:
         return Theory(soft, predict_errors(scene, mode) or None, interval)
-    # With symbols of one tick the neighbouring bits, which the theory takes as known, matter.
+    # The limits are those of the draws; of symbols of one tick film differs by more.
     limits = None if mode.ticks == 1 else (cells.low, cells.high)
     return Theory(soft, cells.rate, interval, limits)
 

@@ -20,28 +20,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from link.air.kernel import Psf, kernel_table, taps
-from link.detect.geometry import LEAST, PLACES, SHARES
+from link.detect.geometry import PLACES, SHARES
 from link.detect.tables import LEAST_CHANCE
 from link.mode import Mode
-from link.prediction.reach import CellScene, edge_share, longest_run
+from link.prediction.drawn_cells import (
+    CellErrors,
+    CellSight,
+    cell_pixels,
+    light_on_pixels,
+    own_bits,
+    random_bits,
+)
+from link.prediction.reach import longest_run
 from link.theory import hard_patterns
 
-__all__ = ["CellErrors", "CellSight", "Mixed", "cell_errors"]
+__all__ = ["cell_errors"]
 
 _HISTORY: Final = 4
 """Symbols before the decided one whose charge may remain."""
 _CONTEXT: Final = 2
 _STEP, _BINS = 0.75, 512
 """Step and size of the grid of log likelihood ratios."""
-_PHASES: Final = 32
-"""Sub-pixel positions of the table of weights."""
 _MOST: Final = 16
 """Largest number of pixels of a cell: those with the largest shares."""
 _AGAINST: Final = 0.8
@@ -58,74 +62,6 @@ _T: Final = 4.073
 """Student's two-sided 99.9 % quantile with 15 degrees of freedom."""
 Values = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class CellSight:
-    """Input of `cell_errors`.
-
-    Attributes:
-        scene: light and threshold; its blur and phase are not read.
-        affine: (2, 2) camera pixels for a step of one panel pixel, in x and y.
-        psf: of the whole optical path.
-        blur: standard deviation that the detector assumes, camera pixels.
-        phases: delays of symbols after the latch for representative rows and symbols, ticks.
-    """
-
-    scene: CellScene
-    affine: Values
-    psf: Psf
-    blur: float
-    phases: Values
-
-    @cached_property
-    def table(self) -> npt.NDArray[np.float32]:
-        """Weights of panel pixels by sub-pixel position, from `kernel_table`."""
-        count = taps(self.affine, self.psf)
-        return kernel_table(self.affine, self.psf, count, _PHASES)
-
-
-@dataclass(frozen=True)
-class Mixed(Psf):
-    """Point spread function of a lens and of a sensor with cross-talk.
-
-    Attributes:
-        to_each_side: share of a pixel's light that goes to each neighbour.
-    """
-
-    to_each_side: float = 0.0
-
-    def mtf(self, fx: Values, fy: Values) -> Values:
-        a = self.to_each_side
-        x, y = (1 - 2 * a + 2 * a * np.cos(2 * np.pi * f) for f in (fx, fy))
-        return np.asarray(super().mtf(fx, fy) * x * y)
-
-
-@dataclass(frozen=True)
-class CellErrors:
-    """Estimated error rate of cells.
-
-    Attributes:
-        rate: raw bit error rate.
-        low, high: 99.9 % limits of the random draws, low at least 0.
-        promise: mean of 1 / (1 + e^|L|), the rate according to the soft values.
-    """
-
-    rate: float
-    low: float
-    high: float
-    promise: float
-
-
-def _bits(rng: np.random.Generator, shape: tuple[int, ...], longest: int) -> Flags:
-    """Returns random bits whose runs along the last axis have at most `longest` bits."""
-    out = rng.random(shape) < 0.5
-    run = np.ones(shape[:-1], np.int64)
-    for n in range(1, shape[-1]):
-        same = out[..., n] == out[..., n - 1]
-        out[..., n] ^= same & (run >= longest)
-        run = np.where(out[..., n] == out[..., n - 1], run + 1, 1)
-    return out
 
 
 def _importance_sample(rng: np.random.Generator, bits: Flags, around: int) -> Values:
@@ -169,59 +105,20 @@ class _Drawn:
     share: npt.NDArray[np.intp]
 
 
-def _light(
-    sight: CellSight, cell: int, points: Values, bits: Flags, around: int
-) -> Values:  # fmt: skip
-    """Returns the share of the light that is on at camera pixels, (cells, pixels, symbols).
-
-    Args:
-        sight: the optics.
-        cell: side of a cell, panel pixels.
-        points: (cells, pixels, 2) camera (x, y) from the cell's centre.
-        bits: (cells, rows, columns, symbols) of the cells around.
-        around: cells on each side in `bits`.
-    """
-    table = sight.table
-    phases, count = table.shape[1:3]
-    panel = points @ np.linalg.inv(sight.affine).T + (cell - 1) / 2
-    whole = np.floor(panel).astype(np.intp)
-    part = ((panel - whole) * phases).astype(np.intp)
-    weights = table[part[..., 1], part[..., 0]]  # (cells, pixels, count, count)
-    step = np.arange(count) - (count // 2 - 1)
-    at = (whole[..., None] + step) // cell + around
-    at = np.clip(at, 0, 2 * around)
-    n = np.arange(len(bits))[:, None, None, None]
-    lit = bits[n, at[..., 1, :, None], at[..., 0, None, :]]
-    return np.einsum("npyx,npyxs->nps", weights, lit, dtype=np.float64)
-
-
 def _draw(
     sight: CellSight, mode: Mode, place: tuple[int, int], count: int, rng: np.random.Generator
 ) -> _Drawn:
     """Draws cells at one of the detector's sub-pixel positions."""
-    scene = sight.scene
-    side, longest, ticks = mode.cell * scene.pixel, longest_run(mode), mode.ticks
-    reach = math.ceil(side / 2 + 1)
-    around = max(math.ceil((1.5 + 3 * sight.blur) / side), 1)
-    pixels = np.arange(-reach, reach + 1.0)
-    half = side / 2
-    middle = [(p + 0.5) / PLACES - 0.5 for p in place]
-    named = [
-        edge_share(pixels - m + half, sight.blur) - edge_share(pixels - m - half, sight.blur)
-        for m in middle
-    ]
-    known = (named[0][:, None] * named[1]).ravel()
-    order = np.argsort(-known)[: min(max(int((known >= LEAST).sum()), 1), _MOST)]
-    y, x = np.divmod(order, pixels.size)
-    exact = np.stack([m + (rng.random(count) - 0.5) / PLACES for m in middle[::-1]], axis=1)
-    points = np.stack([pixels[x], pixels[y]], axis=1) - exact[:, None]
+    scene, ticks = sight.scene, mode.ticks
     symbols = _HISTORY + 3
-    bits = _bits(rng, (count, 2 * around + 1, 2 * around + 1, symbols), longest)
-    weight = _importance_sample(rng, bits, around)
-    light = _light(sight, mode.cell, points, bits, around)
+    seen = cell_pixels(sight, mode, place, count, _MOST, rng)
+    side = 2 * seen.around + 1
+    bits = random_bits(rng, (count, side, side, symbols), longest_run(mode))
+    weight = _importance_sample(rng, bits, seen.around)
+    light = light_on_pixels(sight, mode.cell, seen, bits)
     # Symbol 0 contributes only to the first tick, and of the last symbol only one tick is read.
     delay = rng.choice(sight.phases, count)[:, None]
-    means = np.empty((count, order.size, (_HISTORY + 1) * ticks + 1))
+    means = np.empty((count, len(seen.share), (_HISTORY + 1) * ticks + 1))
     for n in range(1, symbols):
         first = (n - 1) * ticks
         means[..., first] = delay * light[..., n - 1] + (1 - delay) * light[..., n]
@@ -230,9 +127,8 @@ def _draw(
     patterns = hard_patterns(
         scene.background + scene.on * means, _CONTEXT + ticks + 1, scene.threshold, scene.noise
     )
-    mine = bits[:, around, around]
-    share = np.minimum((known[order] * SHARES).astype(np.intp), SHARES - 1)
-    return _Drawn(patterns, weight, mine[:, -2], mine[:, -3], mine[:, -1], share)
+    mine = own_bits(bits)
+    return _Drawn(patterns, weight, mine[:, -2], mine[:, -3], mine[:, -1], seen.share)
 
 
 def _tables(drawn: list[_Drawn], ticks: int) -> Values:

@@ -10,7 +10,7 @@ import numpy as np
 from link.air import image_of, lens_psf, levels
 from link.air.geometry import affine_at, lengths
 from link.air.sun import sun_glare
-from link.prediction.cell_errors import CellSight, Mixed
+from link.prediction.drawn_cells import CellSight, Mixed
 from link.prediction.reach import CellScene
 from link.setting import LinkSetting
 from link.timing import Timing

@@ -10,19 +10,28 @@ import math
 
 import numpy as np
 from numba import njit, prange
+from scipy.special import ndtr
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["likelihood", "slopes"]
+__all__ = ["likelihood", "overlap", "slopes"]
 
 _ROOT, _DENSITY = 1 / math.sqrt(2), 1 / math.sqrt(2 * math.pi)
 _FAR = 5.0
 """Standard deviations beyond which a probability is 0 or 1: it is 3e-7 there, and the floor is
 2e-2."""
+_CERTAIN, _NODES = 7.0, 256
+"""_CERTAIN: standard deviations beyond which the integral of the normal distribution function is a
+straight line to 1e-12. _NODES: nodes of its table in one; its Taylor series of second order from
+the nearest errs by 4e-10 at most, and takes a tenth of the time of the functions of the C
+library."""
+_Z = np.arange(-_CERTAIN * _NODES, _CERTAIN * _NODES + 1) / _NODES
+_NORMAL, _SHARE = _DENSITY * np.exp(-_Z * _Z / 2), ndtr(_Z)
+_RAMP = _Z * _SHARE + _NORMAL
 
 
 @njit(inline="always")
-def _share(tick, start, period):  # type: ignore[no-untyped-def]
+def _part(tick, start, period):  # type: ignore[no-untyped-def]
     """Returns the symbol in which a tick begins, and the part of the tick after that symbol's
     end."""
     at = (tick - start) / period
@@ -77,7 +86,7 @@ def likelihood(  # type: ignore[no-untyped-def]
         charge = 0.5
         total = 0.0
         for k in range(ticks):
-            whole, share = _share(tick + k, start[i], period)
+            whole, share = _part(tick + k, start[i], period)
             share = min(max(share, 0.0), 1.0)
             n = min(max(whole, 0), symbols - 1)
             m = min(n + 1, symbols - 1)
@@ -115,7 +124,7 @@ def slopes(  # type: ignore[no-untyped-def]
         charge = 0.5
         by = np.zeros(4)
         for k in range(ticks):
-            whole, share = _share(tick + k, start[i], period)
+            whole, share = _part(tick + k, start[i], period)
             n = min(max(whole, 0), symbols - 1)
             m = min(n + 1, symbols - 1)
             if 0.0 < share < 1.0:
@@ -152,3 +161,32 @@ def slopes(  # type: ignore[no-untyped-def]
             for b in range(a):
                 second[i, b, a] = second[i, a, b]
     return out, first, second
+
+
+@njit(inline="always")
+def _ramp(z):  # type: ignore[no-untyped-def]
+    """Returns the integral of the normal distribution function up to z, from the nearest node."""
+    if abs(z) >= _CERTAIN:
+        return max(z, 0.0)
+    n = int((z + _CERTAIN) * _NODES + 0.5)
+    off = z - (n / _NODES - _CERTAIN)
+    return _RAMP[n] + off * (_SHARE[n] + off / 2 * _NORMAL[n])
+
+
+@all_cores
+@njit(cache=True, parallel=True)
+def overlap(distance, blur, side):  # type: ignore[no-untyped-def]
+    """Returns the light along one axis between camera pixels and panel pixels at distances, (n, k).
+
+    It is the convolution of a box of 1, a box of `side` and a Gaussian of standard deviation
+    `blur`.
+    """
+    out = np.empty_like(distance)
+    wide, narrow = (1 + side) / 2, (1 - side) / 2
+    for i in prange(len(distance)):
+        for k in range(distance.shape[1]):
+            d = distance[i, k]
+            value = _ramp((d + wide) / blur) - _ramp((d + narrow) / blur)
+            value += _ramp((d - wide) / blur) - _ramp((d - narrow) / blur)
+            out[i, k] = value * blur / side
+    return out

@@ -132,7 +132,7 @@ def _derivatives(
     by[:, 0, 4] = timing.period / ticks * (w.begin - middle)
     by[:, 1, 4] = timing.period / ticks
     slope = np.einsum("na,nai->i", first, by)
-    bend = np.einsum("nab,nai,nbj->ij", second, by, by, optimize=True)
+    bend = np.tensordot(by, second @ by, ([0, 1], [0, 1]))
     return float(total.sum()), slope, bend
 
 

@@ -8,6 +8,7 @@ section to the next, the image's drift and the symbols' timing are measured agai
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.counting import PHASES
+from link.detect.detector import Detector
 from link.layout import TRAINING, closing, training
 from link.receiving.acquiring import Acquired, lit_span
 from link.receiving.pacing import Delay
@@ -23,13 +25,14 @@ from link.receiving.phasing import measure_delay, nudge
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
 from link.receiving.synthesis import Witnesses, choose_witnesses, known_cells
+from link.receiving.tally import tally
 from link.receiving.tracking import drift_by_tags
 from link.timing import Registration, Timing
 
 if TYPE_CHECKING:
     from link.coding import BlockReader
 
-__all__ = ["Session"]
+__all__ = ["Section", "Session"]
 
 Floats = npt.NDArray[np.float64]
 _CHUNK: Final = 40
@@ -68,6 +71,21 @@ _SAMPLES: Final = 200_000
 """Largest number of stored soft values: _SAMPLED of a chunk, _SAMPLES of all."""
 _SOUND: Final = 0.5
 """Share of a chunk's frames that must be correct for its decisions to be used as training."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A part of the recording that is decoded with one measurement of the image's motion.
+
+    Attributes:
+        registration: of the panel, with the motion.
+        detector: the first one, which has learned.
+        last: tick until which symbols can be decoded.
+    """
+
+    registration: Registration
+    detector: Detector
+    last: float
 
 
 class Session:
@@ -163,29 +181,43 @@ class Session:
 
     def advance(self, recording: Recording) -> None:
         """Decodes the groups that are whole in a recording, and drops words that are not needed."""
+        section = self.begin(recording)
+        if section is not None:
+            self.decode(recording, section)
+
+    def begin(self, recording: Recording) -> Section | None:
+        """Measures the image's motion in a recording and makes a detector for it, which has
+        learned. Returns None, with the words dropped, if nothing in it can be decoded."""
         lit = None
         if not self.inbox.over:
             lit = lit_span(recording, self.layout, self.refined.homography)
         if lit is None:
             recording.forget(recording.stop)
-            return
+            return None
         self.lit_stop = lit[1]
         drift = drift_by_tags(recording, self.layout, self.refined, lit)
         self.drift.append(drift)
         registration = Registration(self.refined.homography, drift, self.refined.blur)
         if self._next is None:
             self._next = self._first_group(max(lit[0], recording.first))
-        group = self.layout.group
         # Rows end one after another, and a group of which half is missing does no harm.
-        slack = min(_SLACK, group * self.layout.mode.ticks / 2)
+        slack = min(_SLACK, self.layout.group * self.layout.mode.ticks / 2)
         last = min(lit[1] + slack, recording.stop + _CUT)
-        many = max(1, _CHUNK // group)
         try:
             detector = self._detector(recording, registration, lit)
         except ValueError:  # the stored pilots are too few to learn from
             self.lost = True
             recording.forget(recording.stop - _LONGEST // 2)
-            return
+            return None
+        return Section(registration, detector, last)
+
+    def decode(self, recording: Recording, section: Section) -> None:
+        """Decodes the groups of a section that `begin` returned, and drops words that are not
+        needed."""
+        assert self._next is not None
+        registration, detector, last = section.registration, section.detector, section.last
+        group = self.layout.group
+        many = max(1, _CHUNK // group)
         while True:
             first = TRAINING + self._next * group
             count = 0
@@ -286,10 +318,7 @@ class Session:
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                if (
-                    abs(float(self.timing.start(*middle) - self._timed.start(*middle)))
-                    > _SHIFTED
-                ):
+                if abs(float(self.timing.start(*middle) - self._timed.start(*middle))) > _SHIFTED:
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
@@ -321,13 +350,9 @@ class Session:
             self.instants.append(Instant(number, tick, right))
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick
-        for n, row in enumerate(soft):  # a symbol's arrays stay in the cache
-            size = np.abs(row)
-            self.quality += size
-            np.exp(size, out=size)
-            size += 1
-            self.promised += float(np.reciprocal(size, out=size).sum(dtype=np.float64))
-            self.packed[first + n] = np.packbits(row > 0)
+        self.promised += tally(soft, self.quality)
+        for n, row in enumerate(np.packbits(soft > 0, axis=1)):
+            self.packed[first + n] = row
         self.symbols += len(soft)
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from link.layout import PERIOD, Layout, pilots
 from link.receiving.kernels import likelihood as compiled
+from link.receiving.kernels import overlap
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.timing import Registration, Timing
@@ -172,11 +173,13 @@ def choose_witnesses(
     height, width = recording.shape
     in_view = (u >= 0) & (v >= 0) & (u < width) & (v < height)
     u, v = u[in_view], v[in_view]
-    share, cell = _purity(layout, h, registration.blur, u, v)
+    taps = _taps(layout, h, registration.blur, u, v)
+    share, cell = _purity(taps)
     within = share > _PURE
-    if pure and np.count_nonzero(within) >= _ENOUGH:
-        u, v, cell = u[within], v[within], cell[within]
-    u, v, cell = u[:count], v[:count], cell[:count]
+    if not (pure and np.count_nonzero(within) >= _ENOUGH):
+        within[:] = True
+    chosen = np.flatnonzero(within)[:count]
+    u, v, cell = u[chosen], v[chosen], cell[chosen]
     if len(u) < _LEAST_PIXELS:
         return None
     starts = timing.start(known.begin, v), timing.start(known.begin + len(known.cells), v)
@@ -186,7 +189,7 @@ def choose_witnesses(
         return None
     bits = recording.pixels(v.astype(np.intp), u.astype(np.intp))
     bits = np.ascontiguousarray(bits[low - recording.first : high - recording.first].T)
-    light = light_on(layout, h, registration.blur, u, v, known.cells)
+    light = _light(taps.of(chosen), known.cells)
     return Witnesses(v, u, light, known.begin, bits, low, len(np.unique(cell)))
 
 
@@ -202,30 +205,42 @@ def light_on(
         u, v: (pixels,) camera pixels.
         cells: (n, rows, columns) of the symbols.
     """
-    row, column, weight = _taps(layout, h, blur, u, v)
-    out = np.empty((len(u), len(cells)))
-    for n, values in enumerate(cells):
-        out[:, n] = np.sum(weight * values[row, column], axis=1)
+    return _light(_taps(layout, h, blur, u, v), cells)
+
+
+@dataclass(frozen=True, eq=False)
+class _Taps:
+    """Panel pixels around camera pixels.
+
+    Attributes:
+        cell: (pixels, taps) index of their cell in the flattened (rows, columns).
+        weight: (pixels, taps) their share of the camera pixel's light.
+    """
+
+    cell: npt.NDArray[np.intp]
+    weight: Floats
+
+    def of(self, which: npt.NDArray[np.intp]) -> _Taps:
+        """Returns those of some camera pixels."""
+        return _Taps(self.cell[which], self.weight[which])
+
+
+def _light(taps: _Taps, cells: npt.NDArray[Any]) -> Floats:
+    """Returns `light_on` of the camera pixels of `taps`."""
+    out = np.empty((len(taps.cell), len(cells)))
+    for n, values in enumerate(cells.reshape(len(cells), -1)):
+        out[:, n] = np.einsum("pt,pt->p", taps.weight, values[taps.cell])
     return out
 
 
-def _purity(
-    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats
-) -> tuple[Floats, npt.NDArray[np.intp]]:
+def _purity(taps: _Taps) -> tuple[Floats, npt.NDArray[np.intp]]:
     """Returns the share of light from the cell in the middle of camera pixels, and the cell."""
-    row, column, weight = _taps(layout, h, blur, u, v)
-    cell = row * layout.shape[1] + column
-    middle = cell[:, cell.shape[1] // 2]
-    return np.sum(weight * (cell == middle[:, None]), axis=1), middle
+    middle = taps.cell[:, taps.cell.shape[1] // 2]
+    return np.sum(taps.weight * (taps.cell == middle[:, None]), axis=1), middle
 
 
-def _taps(
-    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats]:
-    """Returns row, column and weight of the panel pixels around camera pixels, (pixels, taps) each.
-
-    Row and column are those of the pixels' cells.
-    """
+def _taps(layout: Layout, h: Floats, blur: float, u: Floats, v: Floats) -> _Taps:
+    """Returns the panel pixels around camera pixels."""
     mode = layout.mode
     scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
     spread = max(blur, 0.05)
@@ -235,27 +250,11 @@ def _taps(
     qx = (np.rint(x0)[:, None, None] + near + 0 * near[:, None]).reshape(len(u), -1)
     qy = (np.rint(y0)[:, None, None] + near[:, None] + 0 * near).reshape(len(u), -1)
     cu, cv = project(h, qx, qy)
-    weight = _overlap(cu - u[:, None], spread, scale) * _overlap(cv - v[:, None], spread, scale)
+    weight = overlap(cu - u[:, None], spread, scale) * overlap(cv - v[:, None], spread, scale)
     rows, columns = layout.shape
     row = np.clip((qy // mode.cell).astype(np.intp), 0, rows - 1)
     column = np.clip((qx // mode.cell).astype(np.intp), 0, columns - 1)
-    return row, column, weight / weight.sum(1, keepdims=True)
-
-
-def _overlap(distance: Floats, blur: float, side: float) -> Floats:
-    """Returns the light along one axis between a camera pixel and a panel pixel at a distance.
-
-    It is the convolution of a box of 1, a box of `side` and a Gaussian of standard deviation
-    `blur`.
-    """
-    from scipy.special import ndtr
-
-    value = np.zeros_like(distance)
-    for sign, edge in ((1, (1 + side) / 2), (-1, (1 - side) / 2), (-1, (side - 1) / 2),
-                       (1, -(1 + side) / 2)):  # fmt: skip
-        z = (distance + edge) / blur
-        value += sign * blur * (z * ndtr(z) + np.exp(-z * z / 2) / np.sqrt(2 * np.pi))
-    return value / side
+    return _Taps(row * columns + column, weight / weight.sum(1, keepdims=True))
 
 
 def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:

@@ -26,7 +26,7 @@ from link.setup.truth import true_timing
 from link.timing import Timing
 from sensor import SpikeCamera
 
-__all__ = ["Pilot", "film_pilot", "strip_of"]
+__all__ = ["Pilot", "film_pilot", "film_words", "strip_of"]
 
 WIDTH = 128
 """Panel pixels of the strip: the smallest width of a mode."""
@@ -84,9 +84,14 @@ class Pilot:
         return int(((self.soft > 0) != self.sent).sum())
 
 
-def _film(
+def film_words(
     strip: LinkSetting, sent: Transmission, device: Device | None
 ) -> tuple[Words, Timing, Air]:
+    """Films a transmission whole, through the air and the camera of a link.
+
+    Returns:
+        The spikes as words, the first bit tick 0, the true timing of the symbols, and the air.
+    """
     camera = strip.camera
     air = strip.make_air(sent, sent.planes)
     pixels = SpikeCamera(camera, device, row_delay=air.row_delay)
@@ -110,7 +115,7 @@ def film_pilot(
     data = np.random.Generator(np.random.Philox(key=seed)).bytes(size.layout.group_bytes(groups))
     count = groups * size.layout.group
     sent = FileTransmission(mode, data, "pilot", most_symbols=TRAINING + count + _BEHIND)
-    words, timing, air = _film(strip, sent, device)
+    words, timing, air = film_words(strip, sent, device)
     learned = make_detector(detector, sent.layout, air.truth, timing)
     learned.learn(words, 0, sent.bits(0, TRAINING), 0)
     return Pilot(learned.soft(words, 0, TRAINING, count), sent.bits(TRAINING, count))

@@ -1,6 +1,6 @@
 """Joint and packed detector: processor time of a cell's symbol, and information of a bit.
 
-The time is that on the noiseless panel of `link.modem`, with all cores: processor time and not
+The time is that on the spikes of `link.modem`, with all cores: processor time and not
 wall time, so that other load of the machine counts less. The information is that of random data on
 a strip of the panel of light-link, through its air with vibration and its camera
 (`link.setup.pilot`): both detectors decide the same spikes.

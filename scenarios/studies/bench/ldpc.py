@@ -6,7 +6,6 @@ carries, because the number of rounds depends on it. The plain implementation is
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
@@ -14,9 +13,10 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.compute.opencl import Device
-from cosim.run.timing import Row, least_of
+from cosim.run.timing import Row
 from link.coding.ldpc import ROUNDS, Ldpc, quantise
 from link.coding.ldpc_numpy import decode_in_numpy
+from scenarios.studies.bench.words import AIM, code_rows
 
 __all__ = ["ldpc_rows"]
 
@@ -25,24 +25,12 @@ CODES: Final = {9216: 0.4000, 9600: 0.4687, 10368: 0.5539}
 """Bits of a word as sent -> standard deviation of the noise on signs of +-1 in which the rate is
 .94 of the capacity."""
 WORDS, PLAIN_WORDS, TURNS = 512, 8, 3
-AIM: Final = 8e9
-"""Data that the link should carry, bit/s."""
 
 
 def _row(what: str, call: Callable[[], Any], plain: Callable[[], Any] | None) -> list[Row]:
-    """The rows of a call for WORDS words: over all cores, and per core, from processor time."""
-    calls = [call] if plain is None else [call, plain]
-    wall, *rest = least_of(calls, TURNS)
-    begin = time.process_time()
-    for _ in range(TURNS):
-        call()
-    each = (time.process_time() - begin) / TURNS
-    ratio = rest[0] / PLAIN_WORDS / (wall / WORDS) if rest else None
-    bits = WORDS * DATA_BITS
-    return [
-        Row("link.ldpc", what, bits / wall, "bit/s", bits / wall / AIM, None, ratio),
-        Row("link.ldpc", f"{what}, a core", bits / each, "bit/s", bits / each / AIM, None, None),
-    ]
+    """The rows of a call for WORDS words."""
+    share = None if plain is None else (plain, PLAIN_WORDS / WORDS)
+    return code_rows("link.ldpc", what, call, WORDS * DATA_BITS, AIM, TURNS, share)
 
 
 def ldpc_rows(device: Device | None) -> list[Row]:

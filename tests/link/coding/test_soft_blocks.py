@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from link.coding import Inbox, Outbox, blocks_of
+from link.coding.ldpc import quantise
 from link.coding.soft_blocks import SoftBlocks
+from link.coding.soft_blocks_compiled import mark_changed
 from link.coding.stream_boxes import StreamInbox, StreamOutbox, stream_blocks
 from link.layout import PERIOD, Layout
 from link.mode import RATES, Mode
@@ -48,11 +50,41 @@ def test_what_is_laid_is_collected(interleave):
     row = np.zeros((form.groups, layout.group, layout.cells), np.int8)
     for n, values in enumerate(form.lay(words, 5)):
         group = 5 * form.groups + n
-        row[n] = np.sign(soft_of(layout, values)).astype(np.int8) * form.signs(group)
+        form.store(soft_of(layout, values), group, row[n])
     assert (np.packbits(form.collect(row) > 0, axis=1, bitorder="little") == words).all()
     marks = rng.random((form.words, form.code.word_bits)) < 0.01
-    counts = form.cells_of(marks)
-    assert counts.sum() == marks.sum() and counts.shape == (layout.cells,)
+    packed = np.packbits(marks, axis=1, bitorder="little")
+    laid = np.zeros((form.groups * layout.group, layout.cells), np.uint8)
+    places = np.arange(form.words)[:, None] + form.order * form.words
+    if not interleave:
+        places = np.arange(marks.size).reshape(marks.shape)
+    laid.reshape(-1)[places] = marks
+    assert (form.cells_of(packed) == laid.sum(axis=0)).all()
+
+
+def test_soft_values_are_quantised_without_the_keystream():
+    """NaN is an erasure, and what lies beyond the range is at its end."""
+    layout = layout_of(0.84)
+    form = form_of(layout)
+    soft = np.random.default_rng(2).normal(0, 9, (layout.group, layout.cells)).astype(np.float32)
+    soft[0, :4] = np.nan, np.inf, -np.inf, 0
+    out = np.empty(soft.shape, np.int8)
+    form.store(soft, 3, out)
+    stream = np.unpackbits(form.keystream(3)[None, : layout.cells], axis=0, bitorder="little")
+    assert (out == quantise(soft) * (1 - 2 * stream.view(np.int8))).all()
+    assert np.abs(out).max() == 31 and out[0, 0] == out[0, 3] == 0
+
+
+def test_only_decisions_of_read_words_are_marked():
+    rng = np.random.default_rng(4)
+    soft = rng.integers(-31, 32, (5, 64), dtype=np.int8)
+    sent = rng.integers(0, 256, (5, 8), dtype=np.uint8)
+    ok = np.array([True, False, True, True, False])
+    out = np.full_like(sent, 9)
+    mark_changed(soft.view(np.uint64), sent, ok, out)
+    wrong = ((soft > 0) != np.unpackbits(sent, axis=1, bitorder="little")) & (soft != 0)
+    wrong[~ok] = False
+    assert (np.unpackbits(out, axis=1, bitorder="little") == wrong).all()
 
 
 def test_an_obstacle_takes_as_many_bits_of_every_word():

@@ -1,0 +1,119 @@
+"""The loops of blocks with soft decisions, compiled: from the soft values of cells to those of
+words, and from decoded words back to the bits that were wrong.
+
+Rows and words are those of `link.coding.soft_blocks`: bit b of word w is at place w + p(b) words of
+the row.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit, prange
+
+from cosim.compute.cores import all_cores
+
+__all__ = ["count_by_cell", "gather_words", "mark_changed", "store_group"]
+
+_CELLS: Final = 4096
+"""Cells that a thread takes at once."""
+_TILE: Final = 64
+"""Words that are gathered together: their bits are neighbours in the row, and fill a line of the
+cache."""
+_U64 = np.uint64
+_SIGNS, _REST = _U64(0x8080808080808080), _U64(0x7F7F7F7F7F7F7F7F)
+_TOGETHER: Final = _U64(0x0102040810204080)
+"""Factor that brings the lowest bits of eight bytes together in the highest byte."""
+
+
+@njit(cache=True, nogil=True)
+def _store(soft, stream, bit, steps, most, out):  # type: ignore[no-untyped-def]
+    """Fills out, (n,) int8, with soft values in steps, their sign turned where the keystream's bit
+    is 1; NaN as 0."""
+    for c in range(len(out)):
+        value = soft[c] * steps
+        value = value if value == value else np.float32(0)
+        turn = np.float32(1 - 2 * ((stream[c] >> bit) & 1))
+        out[c] = np.int8(np.rint(min(max(value, -most), most) * turn))
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def store_group(soft, stream, steps, most, out):  # type: ignore[no-untyped-def]
+    """Quantises the soft values of a group and takes its keystream off.
+
+    Args:
+        soft: (symbols, cells) float32.
+        stream: (cells,) uint8, the keystream.
+        steps: of a unit.
+        most: largest number of steps.
+        out: (symbols, cells) int8, filled.
+    """
+    cells = soft.shape[1]
+    for part in prange(-(-cells // _CELLS)):
+        low, high = part * _CELLS, min((part + 1) * _CELLS, cells)
+        for s in range(soft.shape[0]):
+            _store(soft[s, low:high], stream[low:high], s, steps, most, out[s, low:high])
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def gather_words(row, order, out):  # type: ignore[no-untyped-def]
+    """Fills out, (words, word bits) int8, from row, (word bits, words) int8, by the order p(b)."""
+    words, bits = out.shape
+    for tile in prange(-(-words // _TILE)):
+        first = tile * _TILE
+        last = min(first + _TILE, words)
+        for b in range(bits):
+            place = order[b]
+            for w in range(first, last):
+                out[w, b] = row[place, w]
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def mark_changed(soft, sent, ok, out):  # type: ignore[no-untyped-def]
+    """Marks the decisions that differ from the words as sent. A bit without a soft value was not
+    decided.
+
+    Args:
+        soft: (words, word bits) uint64, eight bits' int8 each.
+        sent: (words, word bytes) uint8.
+        ok: (words,) bool, false for words of which nothing is marked.
+        out: (words, word bytes) uint8, filled; bit b of a word is bit b % 8 of byte b // 8.
+    """
+    for w in prange(len(sent)):
+        if not ok[w]:
+            out[w] = 0
+            continue
+        for i in range(sent.shape[1]):
+            eight = soft[w, i]
+            some = (((eight & _REST) + _REST) | eight) & _SIGNS
+            on = some & ~eight
+            decided = ((some >> _U64(7)) * _TOGETHER) >> _U64(56)
+            ones = ((on >> _U64(7)) * _TOGETHER) >> _U64(56)
+            out[w, i] = (ones ^ _U64(sent[w, i])) & decided
+
+
+@njit(cache=True, nogil=True)
+def count_by_cell(marked, order, words, out):  # type: ignore[no-untyped-def]
+    """Adds the number of marked bits, few of many, to their cells.
+
+    Args:
+        marked: (words, word bytes) uint8, as `mark_changed` fills it.
+        order: (word bits,) p(b), or empty if the words follow one another.
+        words: number of words.
+        out: (cells,) int64.
+    """
+    cells, size = len(out), 8 * marked.shape[1]
+    for w in range(words):
+        for i in range(marked.shape[1]):
+            byte = marked[w, i]
+            if byte == 0:
+                continue
+            for j in range(8):
+                if (byte >> j) & 1:
+                    b = 8 * i + j
+                    place = order[b] * words + w if len(order) else w * size + b
+                    out[place % cells] += 1
