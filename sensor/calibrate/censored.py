@@ -69,7 +69,7 @@ def dark_likelihood(
     rate = 1 / ((last[many] - first[many]) / n - dead)
     error = (squared * rate**2 * n + rate**4 / 6) / n**2
     total = variance[many] + error
-    off = rate - mean[many]
+    off = rate * (1 + squared / n) - mean[many]
     given = np.maximum(mean[many] + variance[many] / total * off, 0.1 * expected)
     sigma = np.sqrt(squared) + 1e-3
     out[many] = (

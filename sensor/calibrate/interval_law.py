@@ -87,32 +87,31 @@ def sample_variance(mean: Values, variance: Values | float, k: int, blocks: int)
 
 
 def latched_probabilities(
-    mean: Values, spread: float, lost: float, longest: int
-) -> npt.NDArray[np.float64]:
+    mean: Values, spread: float, skew: float, lost: float, longest: int
+) -> Values:
     """Law of a latched interval of pixels: P(N = 1), ..., P(N = longest) and the rest, (n, longest
     + 1).
 
-    X is `lost` plus a Gamma variate of relative standard deviation `spread` (of shape 1/spread^2:
-    the law of shot noise, and close to the normal law if it is threshold noise). With G(y) = E[(y -
-    X)+], P(N = k) = G(k + 1) - 2 G(k) + G(k - 1), because N = k where |X - k| < 1, with chance 1 -
-    |X - k|. For shape a and scale b, G(y) = y F_a(y / b) - a b F_(a+1)(y / b).
+    X is `lost` plus light of the relative standard deviation `spread` and this skewness, as a
+    shifted Gamma variate (Pearson's type III): exactly the law of shot noise if skew = 2 spread,
+    and close to the normal law as skew tends to 0. With G(y) = E[(y - X)+], P(N = k) = G(k + 1) - 2
+    G(k) + G(k - 1), because N = k where |X - k| < 1, with chance 1 - |X - k|. For a Gamma variate
+    of shape a and scale b, G(y) = y F_a(y / b) - a b F_(a+1)(y / b).
 
     Args:
         mean: mean intervals, cycles, (n,), above `lost`.
-        spread: of X less `lost`, relative, 0 or more.
+        spread: of X less `lost`, relative, above 0.
+        skew: of X, above 0; at most 2 `spread`.
         lost: dead time, cycles.
         longest: last interval with a probability of its own, cycles.
     """
     from scipy.special import gammainc
 
-    y = np.arange(longest + 2)[None, :] - lost
     light = (mean - lost)[:, None]
-    if spread < 1e-4:  # the shape is beyond what gammainc resolves, and the law is a point
-        below = np.maximum(y - light, 0.0)
-    else:
-        shape = 1 / spread**2
-        scale, z = light / shape, np.maximum(y, 0.0)
-        below = z * gammainc(shape, z / scale) - light * gammainc(shape + 1, z / scale)
+    shape = 4 / skew**2
+    scale = light * spread * skew / 2
+    y = np.maximum(np.arange(longest + 2)[None, :] - (mean[:, None] - shape * scale), 0.0)
+    below = y * gammainc(shape, y / scale) - shape * scale * gammainc(shape + 1, y / scale)
     inner = below[:, 2:] - 2 * below[:, 1:-1] + below[:, :-2]
     inner[:, 0] += below[:, 0]  # N = 0 cannot be latched: two crossings show as one
     rest = np.maximum(1 - inner.sum(axis=1, keepdims=True), 0.0)

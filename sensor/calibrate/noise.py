@@ -31,7 +31,7 @@ import numpy.typing as npt
 from sensor.calibrate.interval_law import latched_third, sample_variance
 from sensor.calibrate.trains import Trains
 
-__all__ = ["Level", "Noise", "measure_noise", "weighted"]
+__all__ = ["Estimate", "Noise", "measure_noise"]
 
 Values = npt.NDArray[np.float64]
 _SPARE: Final = 0.02
@@ -98,7 +98,7 @@ class Noise:
     timing: bool
 
 
-def weighted(parts: Sequence[Estimate]) -> tuple[Estimate, Values]:
+def _weighted(parts: Sequence[Estimate]) -> tuple[Estimate, Values]:
     """Mean of independent estimates, weighted by their inverse variances, and the weights."""
     weights = np.array([1 / max(p.error, 1e-30) ** 2 for p in parts])
     weights /= weights.sum()
@@ -121,15 +121,15 @@ def measure_noise(
     found = [level for level in (_level(*each, dead, False) for each in recordings) if level]
     if not found:
         return None
-    jitter, _ = weighted([level.jitter for level in found])
+    jitter, _ = _weighted([level.jitter for level in found])
     timing = jitter.value > _SIGNIFICANT * jitter.error
     if timing:
         found = [level for level in (_level(*each, dead, True) for each in recordings) if level]
-    squared, weights = weighted([level.squared for level in found])
+    squared, weights = _weighted([level.squared for level in found])
     thirds = [level.third for level in found if level.third is not None]
     return Noise(
         tuple(found), squared, float(weights @ [level.slope for level in found]), jitter,
-        weighted(thirds)[0] if thirds else None, timing,
+        _weighted(thirds)[0] if thirds else None, timing,
     )  # fmt: skip
 
 
