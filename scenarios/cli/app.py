@@ -16,6 +16,7 @@ from scenarios.cli.scenario.run import run as _run
 from scenarios.cli.stream.convert import convert as _convert
 from scenarios.cli.stream.image import image as _image
 from scenarios.cli.study.bench import bench as _bench
+from scenarios.cli.study.calibrate import calibrate as _calibrate
 from scenarios.cli.study.compare import compare as _compare
 from scenarios.cli.study.laboratory import laboratory as _laboratory
 from scenarios.cli.study.methods import compare_methods as _compare_methods
@@ -47,6 +48,7 @@ app.add_typer(_design, name="design")
 app.command("bench")(_bench)
 app.command("compare")(_compare)
 app.command("compare-methods")(_compare_methods)
+app.command("calibrate")(_calibrate)
 app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)

@@ -1,7 +1,7 @@
-"""Likelihood of a pixel's spikes in the dark, where an interval may be longer than the recording.
+"""Likelihood of spikes in the dark, where an interval may be longer than the recording.
 
-A pixel with d spikes a cycle fires at intervals of nearly 1/d; the recording of T cycles begins at a
-random phase (renewal process in its stationary state; Cox, Renewal Theory, 1962, ch. 5), so
+A pixel with d spikes a cycle fires at intervals of nearly 1/d; the recording of T cycles begins at
+a random phase (renewal process in its stationary state; Cox, Renewal Theory, 1962, ch. 5), so
 
     no spike         max(0, 1 - T d)
     one, at t        d where 1/d > max(t, T - t), else 0

@@ -96,9 +96,7 @@ def pattern_parameters(
             "not the gain's"
         )  # fmt: skip
         for name, title in (("prnu", "PRNU"), ("threshold_fpn", "spread of the threshold")):
-            out.append(
-                Parameter(name, title, None, (0.0, limits[1]), "1", False, why, remedy)
-            )
+            out.append(Parameter(name, title, None, (0.0, limits[1]), "1", False, why, remedy))
         out += _dark_bound(dark, hertz)
     else:
         out += _separated(fit, common, dark_rate, fit.dark_spread, hertz)
@@ -224,9 +222,7 @@ def defect_parameters(
     return out
 
 
-def _hot_current(
-    defects: Defects, dark: Trains, fit: PatternFit, hertz: float
-) -> Parameter:
+def _hot_current(defects: Defects, dark: Trains, fit: PatternFit, hertz: float) -> Parameter:
     """Mean current of hot pixels on top of the others'. Its error is that of the mean of pixels
     with the device's spreads, or with their own where it is larger."""
     from scipy.stats import t

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from sensor.calibrate.parameter import Parameter, proportion
-from sensor.calibrate.reset_rule import reset_rule
+from sensor.calibrate.reset_rule import moving_reset_rule
 from sensor.calibrate.trains import Trains
 
 __all__ = ["moving_parameters"]
@@ -26,7 +26,6 @@ def moving_parameters(trains: Trains) -> list[Parameter]:
     2 u1 + u2 of variance 1/12 each), plus the change of the light squared.
     """
     total = trains.spikes.size
-    every = np.ones(total, bool)
     out = []
     noise = _most_noise(trains)
     out.append(Parameter(
@@ -38,7 +37,7 @@ def moving_parameters(trains: Trains) -> list[Parameter]:
         "threshold", "threshold", None, (noise**-2 if noise else None, None), "e", False,
         "1/Q is at most the noise squared", "constant light and a light meter",
     ))  # fmt: skip
-    out.append(reset_rule(trains, every, 0.0))
+    out.append(moving_reset_rule(trains))
     for name, title in (
         ("gain_spread", "spread of the pixels' response to light, in all"), ("prnu", "PRNU"),
         ("threshold_fpn", "spread of the threshold"),
@@ -107,9 +106,9 @@ def _dimmest(trains: Trains) -> float:
     of the recording for a pixel with fewer than two spikes."""
     total = 0.0
     for words in np.array_split(trains.words, max(len(trains.words) // 4096, 1)):
-        bits = np.unpackbits(
-            np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little"
-        )[:, : trains.cycles]
+        bits = np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little")[
+            :, : trains.cycles
+        ]
         for row in bits:
             at = np.flatnonzero(row)
             total += 1 / (np.diff(at).max() if len(at) > 1 else trains.cycles)

@@ -133,9 +133,7 @@ def measure_noise(
     )  # fmt: skip
 
 
-def _level(
-    trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: bool
-) -> Level | None:
+def _level(trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: bool) -> Level | None:
     """Noise of one recording; None if its intervals are too few or too short."""
     known = trains.spikes[good & (trains.spikes > 0)]
     if not known.size:
@@ -239,4 +237,6 @@ def _without_timing(one: _Sum, long: _Sum) -> Estimate:
         share = rise[0] / rise[1]
         value = (long.solve(0.0, last.value).value - share * short.value) / (1 - share)
         last = Estimate(value, math.hypot(last.error, share * short.error) / (1 - share))
-    return Estimate(last.value, math.hypot(long.solve(0.0).error, share * short.error) / (1 - share))
+    return Estimate(
+        last.value, math.hypot(long.solve(0.0).error, share * short.error) / (1 - share)
+    )

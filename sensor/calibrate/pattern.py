@@ -3,7 +3,7 @@
 A pixel with threshold Q (1 + f), gain of light 1 + p, and dark current D (1 + h), in thresholds a
 cycle, fires under the light L at the rate r of
 
-    x = r / (1 - r d) = L (1 + p) / (1 + f) + D (1 + h) / (1 + f) = L (1 + gamma) + D (1 + delta) (1)
+    x = r / (1 - r d) = (L (1 + p) + D (1 + h)) / (1 + f) = L (1 + gamma) + D (1 + delta)      (1)
 
 with dead time d in cycles: an interval is 1/x + d (non-paralysable dead time). p, f and h are
 independent over pixels, so
@@ -18,13 +18,13 @@ them apart. The standard error of C is about sqrt((A B + C^2) / n) for n pixels:
 dark current helps. An offset of x is L or D: D needs a recording without light, or stated ratios
 of the levels.
 
-The dead time needs no light meter: by (1), x at two levels differs by a factor and by D (1 + delta),
-the same for all pixels; without the dead time the brighter level has its spread compressed, by 1 -
-r d. The spread of the pattern is the light meter.
+The dead time needs no light meter: by (1), x at two levels differs by a factor and by D (1 +
+delta), the same factor for all pixels; rates of the brighter level have their spread compressed, by
+1 - r d. The spread of the pattern is the light meter.
 
 gamma and delta are taken as normal. The measured x of the levels are then jointly normal with
 covariance A L L' + C D (L 1' + 1 L') + B D^2 plus the temporal noise of x, and the dark recording
-adds the likelihood of censored.py for d given them. Intervals come from the sandwich covariance H^-1
+adds the likelihood of censored.py for d given them. Limits come from the sandwich covariance H^-1
 (sum of s s') H^-1 with the scores s of pixels and the curvature H, which holds even if the laws are
 not quite normal (White, Econometrica 50:1, 1982).
 """

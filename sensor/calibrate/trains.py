@@ -91,6 +91,13 @@ class Trains:
         _successive(self.words, self.cycles, chosen & (self.spikes > 2), squares, products)
         return squares, products
 
+    def differences(self, chosen: npt.NDArray[np.bool_]) -> tuple[Values, Counts]:
+        """Sum of the products of differences of successive intervals, each with the one after the
+        next, and their number, (n,) each; 0 for other pixels."""
+        products, number = np.zeros(chosen.shape), np.zeros(chosen.shape, np.int64)
+        _differences(self.words, self.cycles, chosen & (self.spikes > 4), products, number)
+        return products, number
+
     def histogram(self, longest: int, chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
         """Intervals of 1 to `longest` cycles, and longer ones, of the chosen pixels: (pixels,
         longest + 1)."""
@@ -99,12 +106,14 @@ class Trains:
         return out
 
     def parts(self, number: int) -> Counts:
-        """Spikes in each of `number` equal parts of the recording, (number, n), whole words each."""
-        edges = np.linspace(0, self.cycles // 32, number + 1).astype(int)
-        pairs = zip(edges[:-1], edges[1:], strict=True)
-        return np.stack(
-            [np.bitwise_count(self.words[:, a:b]).sum(axis=1, dtype=np.int64) for a, b in pairs]
-        )
+        """Spikes in each of `number` equal parts of the recording, (number, n); a part is whole
+        words of 32 cycles, and what is left at the end is not counted."""
+        size = self.cycles // 32 // number
+        starts = range(0, number * size, size)
+        return np.stack([
+            np.bitwise_count(self.words[:, a : a + size]).sum(axis=1, dtype=np.int64)
+            for a in starts
+        ])  # fmt: skip
 
 
 @njit(cache=True)
@@ -162,6 +171,25 @@ def _successive(words, cycles, used, squares, products):  # type: ignore[no-unty
             squares[pixel] += off * off
             products[pixel] += off * last
             last = off
+
+
+@njit(cache=True)
+def _differences(words, cycles, used, products, number):  # type: ignore[no-untyped-def]
+    """See `Trains.differences`; products and number are written."""
+    at = np.empty(cycles, np.int64)
+    for pixel in range(words.shape[0]):
+        if not used[pixel]:
+            continue
+        n = 0
+        for cycle in range(cycles):
+            if (words[pixel, cycle >> 5] >> np.uint32(cycle & 31)) & np.uint32(1):
+                at[n] = cycle
+                n += 1
+        for i in range(n - 4):
+            early = at[i + 2] - 2 * at[i + 1] + at[i]
+            late = at[i + 4] - 2 * at[i + 3] + at[i + 2]
+            products[pixel] += early * late
+            number[pixel] += 1
 
 
 @njit(cache=True)
