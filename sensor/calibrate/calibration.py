@@ -33,8 +33,7 @@ __all__ = ["Calibration", "Recording", "calibrate"]
 
 Role = Literal["flat", "scene", "moving", "dark", "saturated"]
 _SCENE: Final = 0.3
-"""Correlation of neighbouring pixels from which constant light is a scene and not uniform; a pixel
-and its four neighbours share a few per cent by cross-talk."""
+"""Correlation of neighbouring pixels from which constant light is a scene and not uniform."""
 _MOST_RATE: Final = 0.8
 """Mean rate from which a flat is too bright: intervals shorter than a cycle are lost."""
 _LEAST_SPIKES: Final = 10

@@ -88,7 +88,7 @@ def compare_histograms(
     measured = trains.histogram(longest, used).astype(np.float64)
     spread = max(np.sqrt(max(squared, 0.0)), _LEAST_SPREAD)
     skew = float(np.clip(2 * max(third, 0.0) / spread**3, _LEAST_SKEW, 2 * spread))
-    error = np.sqrt(squared * (mean - dead) ** 2 / number + 1 / (6 * number**2))
+    error = np.sqrt(spread**2 * (mean - dead) ** 2 / number + 1 / (6 * number**2))
     laws = [
         latched_probabilities(mean + shift, spread, skew, dead, longest)
         for shift in (0.0, error, -error)

@@ -72,7 +72,9 @@ def latched_third(mean: Values, variance: Values) -> Values:
     return total
 
 
-def sample_variance(mean: Values, variance: Values | float, k: int, blocks: int) -> Values:
+def sample_variance(
+    mean: Values, variance: Values | float, k: int, blocks: int, timing: float = 0.0
+) -> Values:
     """Expected sample variance of `blocks` sums of `k` intervals, equation (2), cycles^2.
 
     Args:
@@ -80,9 +82,12 @@ def sample_variance(mean: Values, variance: Values | float, k: int, blocks: int)
         variance: variance of an interval, cycles^2, (n,) or a number.
         k: intervals in a sum.
         blocks: sums of a pixel, 2 or more.
+        timing: variance that noise of the latch's instants gives each sum, cycles^2: a part of X
+            that neighbouring sums share as they share the rounding.
     """
-    each = latched_variance(k * mean, k * np.asarray(variance))
-    total = latched_variance(k * blocks * mean, k * blocks * np.asarray(variance))
+    own = k * np.asarray(variance)
+    each = latched_variance(k * mean, own + timing) + timing
+    total = latched_variance(k * blocks * mean, blocks * own + timing) + timing
     return np.asarray(k * variance + (blocks * each - total / blocks) / (blocks - 1))
 
 

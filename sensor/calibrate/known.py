@@ -99,7 +99,11 @@ def pattern_parameters(
             out.append(Parameter(name, title, None, (0.0, limits[1]), "1", False, why, remedy))
         out += _dark_bound(dark, hertz)
     else:
-        out += _separated(fit, common, dark_rate, fit.dark_spread, hertz)
+        whence = (
+            "light less what the stated ratios of the flats explain" if dark is None
+            else "likelihood of the spikes in the dark, with intervals longer than the recording"
+        )  # fmt: skip
+        out += _separated(fit, common, dark_rate, fit.dark_spread, hertz, whence)
     if fit.dead is None:
         out.append(Parameter(
             "dead_time", "dead time", None, (0.0, 1 / hertz), "s", False,
@@ -120,7 +124,7 @@ def pattern_parameters(
 
 
 def _separated(
-    fit: PatternFit, common: float, dark: float, spread: float, hertz: float
+    fit: PatternFit, common: float, dark: float, spread: float, hertz: float, whence: str
 ) -> list[Parameter]:
     """PRNU, spread of the threshold, dark current and DSNU."""
     fpn, fpn_ci = rooted(common, fit.error(0, 0, 0, 1, 0))
@@ -142,8 +146,7 @@ def _separated(
         Parameter(
             "dark_current", "dark current over the threshold", current,
             (max(current - half, 0.0), current + half), "1/s", True,
-            "likelihood of the spikes in the dark, intervals longer than the recording included; "
-            "times the threshold it is in e/s",
+            f"{whence}; times the threshold it is in e/s",
         ),
         Parameter(
             "dsnu", "DSNU, relative to the dark current", dsnu, dsnu_ci, "1", True,

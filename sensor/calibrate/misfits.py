@@ -63,6 +63,11 @@ def misfits(
             f"latch: intervals have a timing noise of {max(noise.jitter.value, 0) ** 0.5:.3g} "
             "cycles that does not accumulate; see sensor.row_jitter"
         )
+    if fit is not None and not fit.converged:
+        out.append(
+            "levels: no parameters of pattern, dark current and dead time explain the rates; those "
+            "given are not to be trusted"
+        )
     if fit is not None:
         size, deviations = fit.misfit
         if deviations > _STANDARD:
@@ -102,7 +107,7 @@ def _neighbours(
         correlation = float(np.corrcoef(a[both], b[both])[0, 1])
         if abs(correlation) > _STANDARD / np.sqrt(both.sum()):
             out.append(
-                f"neighbours in {name}: responses correlate by {correlation:+.3f}: cross-talk, "
-                "column circuits, or light that is not uniform"
+                f"neighbours in {name}: responses correlate by {correlation:+.3f}: circuits "
+                "that they share, or light that is not uniform"
             )
     return out

@@ -125,6 +125,7 @@ def measure_noise(
     timing = jitter.value > _SIGNIFICANT * jitter.error
     if timing:
         found = [level for level in (_level(*each, dead, True) for each in recordings) if level]
+        jitter, _ = _weighted([level.jitter for level in found])
     squared, weights = _weighted([level.squared for level in found])
     thirds = [level.third for level in found if level.third is not None]
     return Noise(
@@ -151,26 +152,30 @@ def _level(trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: boo
     squared, k = one.solve(0.0).value, 1
     if typical <= 1 + _SATURATED * math.sqrt(max(squared, 0)) * typical:
         return None
-    long = one
-    for _ in range(3):  # a longer sum shows the noise better, which then says how long it must be
+    long, added = one, Estimate(0.0, 0.0)
+    if timing:
+        squared = 0.0  # the first sums are as long as may be: single ones show timing noise alone
+    for _ in range(4):  # a longer sum shows the noise better, which then says how long it must be
         variance = max(squared, 1e-12) * (typical - dead) ** 2
-        wanted = math.ceil(1 / (6 * variance))
+        wanted = math.ceil((1 / 6 + 2 * added.value) / variance)
         k = int(np.clip(wanted, 3 if timing else 1, max(fewest // 3, 1)))
         long = _Sum(trains, good, k, fewest, dead)
-        squared = long.solve(0.0).value
-    apart = _Sum(trains, good, max(k, 3), fewest, dead)
-    squared_apart = apart.solve(0.0)
-    # Timing noise is in both sums alike: one.excess = squared + 2 s^2 / m^2, and 1/k of it in k.
-    short = one.solve(0.0, squared_apart.value)
-    share = 1 - 1 / apart.k
-    scale = float((one.light[one.pixels] ** 2).mean()) / 2
-    jitter = Estimate(
-        (short.value - squared_apart.value) / share * scale,
-        _difference(one, apart, short, squared_apart) / share * scale,
-    )
-    estimate = long.solve(0.0) if not timing else _without_timing(one, long)
-    shifted = _Sum(trains, good, long.k, fewest, dead + 0.01).solve(0.0).value
-    slope = (shifted - long.solve(0.0).value) / 0.01
+        if timing:
+            estimate, added = _with_timing(one, long)
+        else:
+            estimate = long.solve(0.0)
+        squared = estimate.value
+    jitter = added
+    if not timing:
+        apart = _Sum(trains, good, max(k, 3), fewest, dead)
+        whole = apart.solve(0.0)
+        # Timing noise is in both sums alike: one.excess = squared + 2 s^2 / m^2, and 1/k in k.
+        short = one.solve(0.0, whole.value)
+        scale = float((one.light[one.pixels] ** 2).mean()) / 2 / (1 - 1 / apart.k)
+        error = _difference(one, apart, short, whole) * scale
+        jitter = Estimate((short.value - whole.value) * scale, error)
+    shifted = _Sum(trains, good, long.k, fewest, dead + 0.01).solve(2 * added.value).value
+    slope = (shifted - long.solve(2 * added.value).value) / 0.01
     return Level(trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared))
 
 
@@ -192,19 +197,29 @@ class _Sum:
         self.light = self._mean - dead
 
     def solve(self, timing: float, start: float | None = None) -> Estimate:
-        """sigma^2, less `timing` = 2 s^2, cycles^2; with `start`, one step from that value only,
-        with its share in the latch's variance."""
+        """sigma^2 if the latch's instants give each sum the variance `timing` = 2 s^2, cycles^2;
+        with `start`, the share of sigma in the latch's variance is that of this value."""
         used = self.pixels
         mean, light = self._mean[used], self.light[used]
-        measured = self._sums.variance[used] - timing
         weight, squared = self.k * light**2, max(start or 0.0, 0.0)
         for _ in range(_ROUNDS if start is None else 1):
             variance = max(squared, 0.0) * light**2
-            added = sample_variance(mean, variance, self.k, self._sums.blocks) - self.k * variance
-            squared = float((measured - added).sum() / weight.sum())
-        self.residual = measured - added - squared * weight
+            expected = sample_variance(mean, variance, self.k, self.blocks, timing)
+            rest = self._sums.variance[used] - expected + self.k * variance
+            squared = float(rest.sum() / weight.sum())
+        self.residual = rest - squared * weight
         self.weight = float(weight.sum())
         return Estimate(squared, math.sqrt(float((self.residual**2).sum())) / self.weight)
+
+    @property
+    def blocks(self) -> int:
+        """Sums of a pixel."""
+        return self._sums.blocks
+
+    @property
+    def shares(self) -> float:
+        """Sum over pixels of what timing noise of variance 1 adds to the sample variance."""
+        return float(self.pixels.sum()) * (self.blocks + 1) / self.blocks
 
     def third(self, squared: float) -> Estimate | None:
         """1/Q^2 by equation (1). squared: sigma^2, for the part of the latch."""
@@ -227,16 +242,18 @@ def _difference(one: _Sum, other: _Sum, short: Estimate, long: Estimate) -> floa
     return math.sqrt(float((off**2).sum()))
 
 
-def _without_timing(one: _Sum, long: _Sum) -> Estimate:
-    """sigma^2 without the timing noise of the latch, from sums of 1 and of k intervals: weighted
-    variances are v1 = sigma^2 w1 + 2 s^2 n1 and vk = sigma^2 wk + 2 s^2 nk."""
-    last = long.solve(0.0)
-    for _ in range(_ROUNDS):
-        short = one.solve(0.0, last.value)
-        rise = one.weight / one.pixels.sum(), long.weight / long.pixels.sum()
-        share = rise[0] / rise[1]
-        value = (long.solve(0.0, last.value).value - share * short.value) / (1 - share)
-        last = Estimate(value, math.hypot(last.error, share * short.error) / (1 - share))
-    return Estimate(
-        last.value, math.hypot(long.solve(0.0).error, share * short.error) / (1 - share)
-    )
+def _with_timing(one: _Sum, long: _Sum) -> tuple[Estimate, Estimate]:
+    """sigma^2 and s^2 from sums of 1 and of k intervals, in turn: sigma^2 from the long ones, in
+    which timing noise counts 1/k, and 2 s^2 from the single ones."""
+    timing = 0.0
+    for _ in range(4 * _ROUNDS):
+        squared = long.solve(timing).value
+        short = one.solve(timing, squared)
+        timing = max(timing + (short.value - squared) * one.weight / one.shares, 0.0)
+    squared = long.solve(timing).value
+    one.solve(timing, squared)
+    matrix = np.array([[one.weight, one.shares], [long.weight, long.shares]])
+    both = np.zeros((2, one.pixels.size))
+    both[0, one.pixels], both[1, long.pixels] = one.residual, long.residual
+    error = np.sqrt((np.linalg.solve(matrix, both) ** 2).sum(axis=1))
+    return Estimate(squared, float(error[0])), Estimate(timing / 2, float(error[1]) / 2)

@@ -38,7 +38,7 @@ class Parameter:
     def holds(self, truth: float) -> bool:
         """Whether a value lies within the limits."""
         low, high = self.ci
-        return (low is None or low <= truth) and (high is None or truth <= high)
+        return bool((low is None or low <= truth) and (high is None or truth <= high))
 
     def document(self) -> dict[str, Any]:
         """For JSON."""

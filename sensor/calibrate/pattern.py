@@ -51,6 +51,8 @@ _STEP: Final = 1e-5
 _TURNS: Final = 60
 _NEAR: Final = 1e-5
 """Twice the rise of the logarithm that is left at the maximum: standard errors squared."""
+_CLOSE: Final = 0.01
+"""The same, from which the climb has failed."""
 _IMPOSSIBLE: Final = 1e12
 
 
@@ -67,6 +69,7 @@ class PatternFit:
         pixels: number of pixels.
         misfit: squared distance of the pixels' x from the model over its expectation, and the
             number of standard errors from 1.
+        converged: whether the likelihood has its maximum there.
     """
 
     light: Values
@@ -78,6 +81,7 @@ class PatternFit:
     covariance: Values
     pixels: int
     misfit: tuple[float, float]
+    converged: bool
 
     def error(self, *weights: float) -> float:
         """Standard error of a weighted sum of (D, A, B, C, dead)."""
@@ -117,17 +121,19 @@ class _Model:
         self.free = free
         x = 1 / self.intervals
         middle = x.mean(axis=1)
-        start_dark = 0.0
+        start_dark, start_dead = 0.0, 0.0
         if self.dark is not None:
             start_dark = float(max(self.dark[0].mean(), 0.5 / len(good)) / self.dark[3])
         elif self.has_dark:
-            start_dark = 0.02 * float(middle.min())
+            known = [ratios[n] for n in stated]
+            start_dark, start_dead = _from_means(np.array(known, float), middle[stated])
         relative = x[np.argmax(middle)] / middle.max() - 1 - self.shade
         self.gain = max(float(relative.var()), 1e-8)
         self.spread = self._dark_spread(start_dark)
         lights = np.zeros(free)
         for n in range(len(flats)):
-            lights[self.level[n]] = np.log(max(middle[n] - start_dark, 1e-9)) - self.offset[n]
+            lit = middle[n] / (1 - start_dead * middle[n]) - start_dark
+            lights[self.level[n]] = np.log(max(lit, 1e-9)) - self.offset[n]
         self.names = [*["light"] * free]
         start = [*lights]
         if self.has_dark:
@@ -138,7 +144,7 @@ class _Model:
             start += [1.0]
         if self.has_dead:
             self.names.append("dead")
-            start.append(0.0)
+            start.append(start_dead / 0.01)
         self.start = np.array(start)
 
     def _dark_spread(self, dark: float) -> float:
@@ -214,6 +220,27 @@ class _Model:
         return np.asarray((out + out.T) / 2)
 
 
+def _from_means(ratios: Values, rates: Values) -> tuple[float, float]:
+    """First values of D and dead time from the mean rates under light of stated ratios:
+    1/rate = 1/(c ratio + D) + dead, by relative least squares; two levels are taken as without
+    dead time."""
+    from scipy.optimize import least_squares
+
+    line = np.stack([ratios, np.ones_like(ratios)], axis=1) / rates[:, None]
+    (slope, dark), *_ = np.linalg.lstsq(line, np.ones_like(rates), rcond=None)
+    floor = 1e-3 * float(rates.min())
+    if len(ratios) < 3:
+        return max(float(dark), floor), 0.0
+
+    def off(theta: Values) -> Values:
+        light, least = np.exp(theta[:2])
+        return np.asarray(rates * (1 / (light * ratios + least) + theta[2]) - 1)
+
+    begin = [np.log(slope), np.log(max(dark, floor)), 0.0]
+    found = least_squares(off, begin, xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    return max(float(np.exp(found[1])), floor), float(found[2])
+
+
 def _climb(model: _Model) -> Values:
     """The maximum of the likelihood. A step solves with the scores' products, which always climbs
     (Berndt, Hall, Hall and Hausman, Ann. Econ. Soc. Meas. 3:653, 1974), and near the maximum with
@@ -264,6 +291,8 @@ def fit_pattern(
     scores = model.scores(theta)
     curvature = model.curvature(theta)
     inverse = np.linalg.pinv(curvature, hermitian=True)
+    slope = scores.sum(axis=0)
+    left = abs(float(slope @ inverse @ slope))
     spread = inverse @ (scores.T @ scores) @ inverse
     light, dark_rate, gain, dark_spread, common, dead = model.unpack(theta)
     places = {name: i for i, name in enumerate(model.names) if name != "light"}
@@ -288,5 +317,5 @@ def fit_pattern(
         light, dark_rate if model.has_dark else None, gain,
         dark_spread if model.has_dark else None, common if model.has_dark else None,
         dead if model.has_dead else None, covariance, n,
-        (float(distance.mean()), (float(distance.mean()) - 1) / error),
+        (float(distance.mean()), (float(distance.mean()) - 1) / error), left < _CLOSE,
     )  # fmt: skip
