@@ -24,13 +24,14 @@ import numpy.typing as npt
 
 __all__ = ["dark_likelihood"]
 
+Counts = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
 _LEAST: Final = 1e-12
 """Least likelihood of a pixel, so that one that does not fit the law does not rule the sum."""
 
 
 def dark_likelihood(
-    spikes: npt.NDArray[np.int64], first: Values, last: Values, cycles: int,
+    spikes: Counts, first: Counts, last: Counts, cycles: int,
     mean: Values, variance: Values, squared: float, dead: float,
 ) -> Values:  # fmt: skip
     """Logarithm of the likelihood of each pixel's spikes in the dark, (n,), but for a constant.

@@ -56,6 +56,7 @@ def intervals_figure(histograms: tuple[Histogram, ...], path: Path) -> None:
             ax.spines[["top", "right"]].set_visible(False)
             ax.spines[["left", "bottom"]].set_color(LINE)
             ax.tick_params(colors=INK, labelsize=8)
+            ax.xaxis.get_major_locator().set_params(integer=True)
             ax.set_xlim(first + 0.4, last + 0.6)
     axes[0, 0].set_ylabel("share of intervals", fontsize=9, color=INK)
     axes[1, 0].set_ylabel("recording less model, %", fontsize=9, color=INK)
