@@ -55,7 +55,7 @@ def calibrate(
     stated = None
     if clock is not None:
         try:
-            stated = Clock(Quantity("frequency", above=0, most=1e9).read(clock))
+            stated = Clock.from_hz(Quantity("frequency", above=0, most=1e9).read(clock))
         except ValueError as exc:
             must = str(exc).removeprefix("must be ")
             raise InputError("--clock", must, repr(clock), "write --clock '20 kHz'") from None
