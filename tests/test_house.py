@@ -41,7 +41,7 @@ ROOMS = {
     ),
     "sensor": (
         "device reconstruct imagers", "circuit", "latched", "sections dynamic_range",
-        "asynchronous continuous", "codec", "stability laboratory",
+        "asynchronous continuous", "codec", "stability laboratory", "calibrate",
     ),
     "display": (
         "drives", "panels", "observe", "effects quality references render", "probes setting window",

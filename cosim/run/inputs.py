@@ -11,7 +11,10 @@ from typing import Final
 
 __all__ = ["FILE", "PATHS", "add_digests", "changed_files", "digest", "named_path", "with_path"]
 
-PATHS: Final = (("scene", "path"), ("link", "file"), ("board", "csr"), ("sensor", "source"))
+PATHS: Final = (
+    ("scene", "path"), ("link", "file"), ("board", "csr"), ("sensor", "source"),
+    ("sensor", "preset"),
+)  # fmt: skip
 """Sections and keys that may name a file."""
 FILE: Final = "file:"
 """Beginning of a `sensor.source` that names a file."""
@@ -19,7 +22,9 @@ _SEAL: Final = re.compile(r"# (\w+)\.(\w+): sha256 ([0-9a-f]{64})")
 
 
 def named_path(section: str, key: str, value: str) -> str | None:
-    """The path that a value of `PATHS` names; None for a source that is no file."""
+    """The path that a value of `PATHS` names; None for a source or a preset that is no file."""
+    if (section, key) == ("sensor", "preset"):
+        return value if value.endswith(".toml") else None
     if (section, key) != ("sensor", "source"):
         return value
     return value.removeprefix(FILE) if value.startswith(FILE) else None

@@ -17,6 +17,7 @@ from scenarios.cli.scenario.view import view as _view
 from scenarios.cli.stream.convert import convert as _convert
 from scenarios.cli.stream.image import image as _image
 from scenarios.cli.study.bench import bench as _bench
+from scenarios.cli.study.calibrate import calibrate as _calibrate
 from scenarios.cli.study.compare import compare as _compare
 from scenarios.cli.study.dataset import dataset as _dataset
 from scenarios.cli.study.laboratory import laboratory as _laboratory
@@ -52,6 +53,7 @@ app.command("bench")(_bench)
 app.command("compare")(_compare)
 app.command("compare-methods")(_compare_methods)
 app.command("compare-tracking")(_compare_tracking)
+app.command("calibrate")(_calibrate)
 app.command("laboratory")(_laboratory)
 app.command("stability")(_stability)
 app.command("paper")(_paper)

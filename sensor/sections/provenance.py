@@ -5,6 +5,7 @@ from __future__ import annotations
 from sensor.device.chips import GIVEN
 from sensor.latched.effects.catalogue import all_keys
 from sensor.latched.setting import CameraSetting
+from sensor.sections.preset_file import BUILT_IN
 from sensor.sections.sensor import SensorSection
 
 __all__ = ["fault_rows", "optics_rows"]
@@ -33,6 +34,7 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
     asked = sizes(section)
     silicon = {name: asked[name] for name in same} | {"preset": "silicon"}
     preset = sizes(SensorSection.model_validate(silicon))
+    own = "scenario" if section.preset in BUILT_IN else f"scenario or {section.preset}"
     rows = []
     if section.row_time is not None:
         size = f"{section.row_time * 1e9:g} ns, all rows in {section.skew:.3g} of a cycle"
@@ -43,6 +45,6 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
             continue
         assumed = key.silicon
         of_preset = assumed and section.preset == "silicon" and value == preset[name]
-        origin = f"{assumed.provenance}: {assumed.source}" if assumed and of_preset else "scenario"
+        origin = f"{assumed.provenance}: {assumed.source}" if assumed and of_preset else own
         rows.append([name.replace("_", " "), str(value), origin])
     return rows

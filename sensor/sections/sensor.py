@@ -24,6 +24,7 @@ from sensor.sections.asynchronous import AsynchronousSection, ChannelSection, Si
 from sensor.sections.colour import ColourSection
 from sensor.sections.continuous import ContinuousSection
 from sensor.sections.own_chip import check_chip, own_chip, row_skew
+from sensor.sections.preset_file import with_preset
 from sensor.sections.sub_threshold import DarkLimit, SubThresholdSection
 from sensor.sections.writes import LEVELS, Writes, check_writes
 
@@ -93,8 +94,11 @@ _NEEDS = {name: key.needs for name, key in all_keys() if key.needs is not None}
 
 class _ChipSection(Section):
     chip: Literal[tuple(CHIPS)] = "spiketwo"  # type: ignore[valid-type]  # the presets' names
-    preset: Literal["ideal", "silicon"] = Field(
-        default="ideal", description="silicon: every fault absent here gets the size assumed for it"
+    preset: str = Field(
+        default="ideal",
+        examples=["silicon", "my-camera.toml"],
+        description="ideal; silicon: every fault absent here gets the size assumed for it; or a "
+        "file that `viform calibrate` writes, whose keys stand for those absent here",
     )
     source: str | None = Field(
         default=None,
@@ -187,8 +191,10 @@ class SensorSection(_Sections):
     @classmethod
     def _silicon(cls, data: Any) -> Any:
         """Fills in what the preset says of keys that are absent."""
-        if not isinstance(data, dict) or data.get("preset") != "silicon":
+        if not isinstance(data, dict) or data.get("preset", "ideal") == "ideal":
             return data
+        if data["preset"] != "silicon":
+            return with_preset(data, LEVELS) if isinstance(data["preset"], str) else data
         sizes = _silicon_sizes(data)
         if data.get("row_time") is not None:  # which states the skew
             sizes.pop("row_skew", None)

@@ -1,1 +1,1 @@
-"""Commands of studies: bench, compare, laboratory, paper, stability."""
+"""Commands of studies: bench, calibrate, compare, laboratory, paper, stability."""

@@ -1,0 +1,125 @@
+"""`viform calibrate`: the parameters of a real camera from its recordings, as a preset."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from scenarios.cli.output import Json, make_progress, print_document, size_option
+
+if TYPE_CHECKING:
+    from sensor.calibrate.calibration import Calibration
+
+__all__ = ["calibrate"]
+
+
+def calibrate(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            help="any recording of the camera: .dat, .raw, .npz, .zarr, or the folder of a run"
+        ),
+    ],
+    dark: Annotated[Path | None, typer.Option(help="recording with the lens capped")] = None,
+    flat: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE[=LIGHT]",
+            help="recording of constant uniform light; =LIGHT states its light relative to that of "
+            "other flats",
+        ),
+    ] = None,
+    size: Annotated[str | None, typer.Option(help="WxH of recordings without a header")] = None,
+    clock: Annotated[
+        str | None, typer.Option(help="latch clock, such as '20 kHz' [the recording's, or 40 kHz]")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder to create [runs/calibrate-N]")] = None,
+    json: Json = False,
+) -> None:
+    """Find the parameters of a spike camera and their 95 % limits from its recordings.
+
+    Writes camera.toml for sensor.preset, and says what the recordings cannot tell and why.
+    """
+    from cosim import Clock, InputError
+    from cosim.config.quantity import Quantity
+    from cosim.files import notes_of
+    from cosim.run.folder import claim_folder, output_folder
+    from sensor.calibrate.calibration import Recording, calibrate
+    from sensor.calibrate.page import write_calibration
+    from sensor.codec.files import open_any
+
+    output_folder("calibrate", out, False)  # a folder that is taken is refused before the work
+    stated = None
+    if clock is not None:
+        try:
+            stated = Clock.from_hz(Quantity("frequency", above=0, most=1e9).read(clock))
+        except ValueError as exc:
+            must = str(exc).removeprefix("must be ")
+            raise InputError("--clock", must, repr(clock), "write --clock '20 kHz'") from None
+    pixels, notes = size_option(size), []
+
+    def opened(path: Path, light: float | None = None) -> Recording:
+        stream, told = open_any(path, pixels)
+        notes.extend([*told, *notes_of(stream)])
+        return Recording(str(path), stream, light)
+
+    main = opened(recording)
+    flats = [opened(*_flat(text)) for text in flat or ()]
+    black = None if dark is None else opened(dark)
+    progress = make_progress()
+    try:
+        result = calibrate(main, flats, black, clock=stated, progress=progress)
+        for note in dict.fromkeys(notes):
+            progress.note(note)
+    finally:
+        progress.close()
+    with claim_folder("calibrate", out, False, goes_on=False) as folder:
+        document = write_calibration(result, folder)
+    if json:
+        print_document(document)
+    else:
+        print(_text(result, document, folder))
+
+
+def _flat(text: str) -> tuple[Path, float | None]:
+    """File and light of a --flat."""
+    from cosim import InputError
+
+    name, equals, light = text.rpartition("=")
+    if not equals or Path(text).exists():
+        return Path(text), None
+    try:
+        value = float(light)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(
+            "--flat", "FILE or FILE=LIGHT with a number above 0", repr(text),
+            "write --flat a.dat=1 --flat b.dat=2",
+        )  # fmt: skip
+    return Path(name), value
+
+
+def _text(result: Calibration, document: dict[str, Any], folder: Path) -> str:
+    """The result as text."""
+    known = [p for p in result.parameters.values() if p.known]
+    unknown = [p for p in result.parameters.values() if not p.known]
+    lines = [f"{name}: {role}" for name, role in result.roles.items()]
+    lines += ["", "known, with limits of 95 %"]
+    lines += [f"  {p.title:<64}{p.text}" for p in known]
+    lines += ["", "not known, and why"]
+    for p in unknown:
+        limits = "" if p.ci == (None, None) else f" [{p.text}]"
+        lines.append(f"  {p.title}{limits}: {p.why}; {p.remedy}")
+    if result.histograms:
+        lines += ["", "what does not fit"]
+        lines += [f"  {line}" for line in result.does_not_fit or ("nothing",)]
+    lines += ["", *result.notes] if result.notes else [""]
+    preset = folder / "camera.toml"
+    lines.append(f"{folder / 'report.html'}")
+    if "camera.toml" in document["files"]:
+        lines.append(f"viform run film --set sensor.preset={preset}")
+    return "\n".join(lines)

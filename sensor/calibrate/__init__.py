@@ -1,0 +1,1 @@
+"""Calibration: the parameters of the pixel model from recordings of a real spike camera."""

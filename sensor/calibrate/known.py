@@ -1,0 +1,274 @@
+"""From the fits to parameters with intervals: what is known, what is not, and why."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from sensor.calibrate.defects import Defects, dark_rates
+from sensor.calibrate.noise import Noise
+from sensor.calibrate.parameter import DEVIATIONS, Parameter, proportion, rooted
+from sensor.calibrate.pattern import PatternFit
+from sensor.calibrate.trains import Trains
+
+__all__ = [
+    "defect_parameters", "noise_parameters", "outside_parameters", "pattern_parameters",
+]  # fmt: skip
+
+_TOLD: Final = 2.0
+"""Ratio of the limits of the threshold from which it counts as known."""
+_DARK: Final = "record with the lens capped: --dark DARK.dat"
+
+
+def noise_parameters(noise: Noise, dead_error: float) -> list[Parameter]:
+    """Noise of an interval, threshold in electrons, and noise of the threshold.
+
+    dead_error: standard error of the dead time, cycles.
+    """
+    error = math.hypot(noise.squared.error, noise.slope * dead_error)
+    squared = noise.squared.value
+    sigma, ci = rooted(squared, error)
+    out = [Parameter(
+        "interval_noise", "temporal noise of an interval, relative", sigma, ci, "1", True,
+        "growth of the variance of sums of k intervals with k; the latch's rounding does not grow",
+    )]  # fmt: skip
+    most = max(squared + DEVIATIONS * error, 1e-18)
+    low, high, value = 1 / most, None, None
+    if noise.third is not None:
+        least, largest = (noise.third.value + k * DEVIATIONS * noise.third.error for k in (-1, 1))
+        if largest > 0:
+            low = max(low, largest**-0.5)
+        if least > 0:
+            high = max(least**-0.5, low)
+    if high is not None and high < _TOLD * low and noise.third is not None:
+        value = min(max(noise.third.value**-0.5, low), high)
+    known = value is not None
+    out.append(Parameter(
+        "threshold", "threshold", value, (low, high), "e", known,
+        "skewness of the intervals: 2/sqrt(Q) for the shot noise of Q electrons"
+        if known else "shot noise 1/Q and noise of the threshold add up in each spike, at any "
+        "light; only 1/Q <= noise^2 is certain, and the skewness that tells them apart is too "
+        "small here",
+        "" if known else "a light meter (electrons for each spike), or many more spikes",
+    ))  # fmt: skip
+    quiet = math.sqrt(max(max(squared - DEVIATIONS * error, 0) - 1 / low, 0.0))
+    loud = math.sqrt(max(most - (1 / high if high is not None else 0.0), 0.0))
+    share = None if value is None else math.sqrt(max(squared - 1 / value, 0.0))
+    out.append(Parameter(
+        "threshold_noise", "noise of the threshold (kTC and comparator), over the threshold",
+        share, (quiet, loud), "1", known,
+        "temporal noise less the shot noise of the threshold in electrons"
+        if known else "what shot noise leaves of the temporal noise; see threshold",
+        "" if known else "as for threshold",
+    ))  # fmt: skip
+    jitter, limits = rooted(noise.jitter.value, noise.jitter.error)
+    out.append(Parameter(
+        "latch_noise", "timing noise of the latch", jitter, limits, "cycles", True,
+        "variance of an interval that does not grow with the number of intervals, beyond 1/6",
+    ))  # fmt: skip
+    return out
+
+
+def pattern_parameters(
+    fit: PatternFit, hertz: float, dark: Trains | None, dim: bool
+) -> list[Parameter]:
+    """Fixed pattern, dark current and dead time.
+
+    Args:
+        fit: of the flats, with the dark recording if it has spikes enough.
+        hertz: clock.
+        dark: the dark recording; None for none.
+        dim: whether the dark recording has too few spikes to be in the fit.
+    """
+    whole, limits = rooted(fit.gain, fit.error(0, 1, 0, 0, 0))
+    out = [Parameter(
+        "gain_spread", "spread of the pixels' response to light, in all", whole, limits, "1", True,
+        "variance over pixels in the flats, less temporal noise and a smooth shading",
+    )]  # fmt: skip
+    common, dark_rate = fit.common, fit.dark
+    if common is None or dark_rate is None or fit.dark_spread is None:
+        why = "in light alone, gain of light and threshold of a pixel scale the same number"
+        remedy = (
+            "a dark recording with spikes: longer, or warmer" if dim else
+            f"{_DARK}, long enough for a spike a pixel: dark charge has the threshold's spread, "
+            "not the gain's"
+        )  # fmt: skip
+        for name, title in (("prnu", "PRNU"), ("threshold_fpn", "spread of the threshold")):
+            out.append(Parameter(name, title, None, (0.0, limits[1]), "1", False, why, remedy))
+        out += _dark_bound(dark, hertz)
+    else:
+        whence = (
+            "light less what the stated ratios of the flats explain" if dark is None
+            else "likelihood of the spikes in the dark, with intervals longer than the recording"
+        )  # fmt: skip
+        out += _separated(fit, common, dark_rate, fit.dark_spread, hertz, whence)
+    if fit.dead is None:
+        out.append(Parameter(
+            "dead_time", "dead time", None, (0.0, 1 / hertz), "s", False,
+            "at one light level it scales the rate as the light does",
+            "a second flat, several times brighter: --flat A.dat --flat B.dat",
+        ))  # fmt: skip
+        return out
+    error = fit.error(0, 0, 0, 0, 1)
+    low, high = (max(fit.dead + k * DEVIATIONS * error, 0.0) / hertz for k in (-1, 1))
+    certain = dark_rate is not None or dim
+    out.append(Parameter(
+        "dead_time", "dead time", max(fit.dead, 0.0) / hertz, (low, high), "s", certain,
+        "compression of the pixels' spread at the brighter levels by 1 - rate x dead time"
+        + ("" if certain else ", if dark current is none: its spread is in the dim levels"),
+        "" if certain else _DARK,
+    ))  # fmt: skip
+    return out
+
+
+def _separated(
+    fit: PatternFit, common: float, dark: float, spread: float, hertz: float, whence: str
+) -> list[Parameter]:
+    """PRNU, spread of the threshold, dark current and DSNU."""
+    fpn, fpn_ci = rooted(common, fit.error(0, 0, 0, 1, 0))
+    prnu, prnu_ci = rooted(fit.gain - common, fit.error(0, 1, 0, -1, 0))
+    dsnu, dsnu_ci = rooted(spread - common, fit.error(0, 0, 1, -1, 0))
+    scale = hertz / (1 + max(common, 0.0))  # the mean of 1/(1 + f) is 1 + fpn^2
+    half = DEVIATIONS * fit.error(1, 0, 0, 0, 0) * scale
+    current = dark * scale
+    return [
+        Parameter(
+            "prnu", "PRNU", prnu, prnu_ci, "1", True,
+            "variance in the flats less what it has in common with the dark",
+        ),
+        Parameter(
+            "threshold_fpn", "spread of the threshold", fpn, fpn_ci, "1", True,
+            "covariance over pixels of response to light and dark current: the threshold scales "
+            "both, the gain of light one",
+        ),
+        Parameter(
+            "dark_current", "dark current over the threshold", current,
+            (max(current - half, 0.0), current + half), "1/s", True,
+            f"{whence}; times the threshold it is in e/s",
+        ),
+        Parameter(
+            "dsnu", "DSNU, relative to the dark current", dsnu, dsnu_ci, "1", True,
+            "variance of dark current over pixels, less the spread of the threshold",
+        ),
+    ]  # fmt: skip
+
+
+def _dark_bound(dark: Trains | None, hertz: float) -> list[Parameter]:
+    """Dark current without a fit."""
+    if dark is None:
+        value, low, high = None, None, None
+        why = "light and dark current add up in each pixel; no recording is without light"
+        remedy = f"{_DARK}; or stated ratios of the flats' light: --flat A.dat=1 --flat B.dat=2"
+    else:
+        from scipy.stats import chi2
+
+        # Few spikes of many pixels: a Poisson count with its exact limits (Garwood 1936).
+        count, exposure = int(dark.spikes.sum()), dark.spikes.size * dark.cycles / hertz
+        low = float(chi2.ppf(0.025, 2 * count) / 2 / exposure) if count else 0.0
+        high = float(chi2.ppf(0.975, 2 * count + 2) / 2 / exposure)
+        value = count / exposure
+        why, remedy = f"{count} spikes of all pixels in the dark", ""
+    unknown = Parameter(
+        "dsnu", "DSNU, relative to the dark current", None, (None, None), "1", False,
+        "too few spikes in the dark" if dark else why,
+        "a longer or warmer dark recording" if dark else _DARK,
+    )  # fmt: skip
+    return [
+        Parameter(
+            "dark_current", "dark current over the threshold", value, (low, high), "1/s",
+            dark is not None, why, remedy,
+        ),
+        unknown,
+    ]  # fmt: skip
+
+
+def defect_parameters(
+    defects: Defects, dark: Trains | None, fit: PatternFit | None, hertz: float
+) -> list[Parameter]:
+    """Shares of hot, dead and stuck pixels, and the current of hot ones."""
+    total = defects.stuck.size
+    out = []
+    if defects.hot is None or dark is None:
+        out.append(Parameter(
+            "hot_pixels", "hot pixels, share", None, (0.0, 1.0), "1", False,
+            "a bright pixel may be hot, or have a high gain", _DARK,
+        ))  # fmt: skip
+    else:
+        count = int(defects.hot.sum())
+        share, ci = proportion(count, total)
+        out.append(Parameter(
+            "hot_pixels", "hot pixels, share", share, ci, "1", True,
+            f"{count} of {total} pixels, beyond six spreads of the dark rate",
+        ))  # fmt: skip
+        if count and fit is not None and fit.dark is not None:
+            out.append(_hot_current(defects, dark, fit, hertz))
+    if defects.dead is None:
+        out.append(Parameter(
+            "dead_pixels", "dead pixels, share", None, (0.0, 1.0), "1", False,
+            "a dark pixel may see a dark place", "a flat: --flat FLAT.dat",
+        ))  # fmt: skip
+    else:
+        count = int(defects.dead.sum())
+        share, ci = proportion(count, total)
+        out.append(Parameter(
+            "dead_pixels", "dead pixels, share", share, ci, "1", True,
+            f"{count} of {total} pixels, less than half the median response to light",
+        ))  # fmt: skip
+    count = int(defects.stuck.sum())
+    share, ci = proportion(count, total)
+    out.append(Parameter(
+        "stuck_pixels", "stuck pixels, share", share, ci, "1", True,
+        f"{count} of {total} pixels fire in every cycle of the dimmest recording",
+    ))  # fmt: skip
+    return out
+
+
+def _hot_current(defects: Defects, dark: Trains, fit: PatternFit, hertz: float) -> Parameter:
+    """Mean current of hot pixels on top of the others'. Its error is that of the mean of pixels
+    with the device's spreads, or with their own where it is larger."""
+    from scipy.stats import t
+
+    assert fit.dark is not None and fit.common is not None and fit.dark_spread is not None
+    rate = dark_rates(dark)[defects.hot]
+    x = rate / np.maximum(1 - rate * max(fit.dead or 0.0, 0.0), 1e-3)
+    common = max(fit.common, 0.0)
+    excess = float(x.mean()) / (1 + common) - fit.dark
+    model = math.sqrt(
+        max(fit.dark_spread - common, 0) * fit.dark**2 + common * float(x.mean()) ** 2
+    )
+    n, half = len(x), DEVIATIONS * model
+    if n > 3:
+        half = max(half, float(t.ppf(0.975, n - 1)) * float(x.std(ddof=1)))
+    half = math.hypot(half / math.sqrt(n), DEVIATIONS * fit.error(1, 0, 0, 0, 0))
+    bright = bool((rate > 0.9).any())
+    return Parameter(
+        "hot_current", "current of hot pixels on top, over the threshold, mean", excess * hertz,
+        (max(excess - half, 0.0) * hertz, None if bright else (excess + half) * hertz), "1/s",
+        not bright, "mean dark rate of the hot pixels less that of the others"
+        + (", of which some fire in nearly every cycle" if bright else ""),
+        "a higher threshold, or a cooler chip" if bright else "",
+    )  # fmt: skip
+
+
+def outside_parameters(has_light: bool) -> list[Parameter]:
+    """What no spike recording tells."""
+    out = [
+        Parameter(
+            "clock", "latch clock", None, (None, None), "Hz", False,
+            "the recording counts cycles; rates in seconds take the clock stated",
+            "the camera's data sheet: --clock '20 kHz'",
+        ),
+        Parameter(
+            "quantum_efficiency", "quantum efficiency, fill factor and pitch", None, (None, None),
+            "1", False, "light and its conversion to electrons are one factor",
+            "a light meter at the pixel, and the threshold in electrons",
+        ),
+    ]  # fmt: skip
+    if has_light:
+        out.append(Parameter(
+            "illuminance", "light of the flats in lux", None, (None, None), "lux", False,
+            "as quantum efficiency", "a light meter",
+        ))  # fmt: skip
+    return out

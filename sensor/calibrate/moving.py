@@ -1,0 +1,115 @@
+"""What one recording of a moving or unknown scene tells: limits, and the reset rule."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from sensor.calibrate.parameter import Parameter, proportion
+from sensor.calibrate.reset_rule import moving_reset_rule
+from sensor.calibrate.trains import Trains
+
+__all__ = ["moving_parameters"]
+
+_FLATS: Final = "recordings of constant uniform light: --flat A.dat --flat B.dat"
+_WHY: Final = "the light of each pixel is unknown and changes"
+
+
+def moving_parameters(trains: Trains) -> list[Parameter]:
+    """Parameters from one recording whose light is not constant.
+
+    Motion only adds to the variance of sums of intervals. So the noise that the differences of
+    successive sums show, less the rounding of the latch, is an upper limit of the temporal noise,
+    and its inverse square a lower limit of the threshold in electrons. Let a and b be successive
+    sums of k intervals with a common end: var(b - a) = 2 k sigma^2 m^2 + 1/2 (rounding errors u0 -
+    2 u1 + u2 of variance 1/12 each), plus the change of the light squared.
+    """
+    total = trains.spikes.size
+    out = []
+    noise = _most_noise(trains)
+    out.append(Parameter(
+        "interval_noise", "temporal noise of an interval, relative", None, (0.0, noise), "1", False,
+        f"{_WHY}; motion adds to the variance of intervals, so it is a limit from above",
+        "one recording of constant light",
+    ))  # fmt: skip
+    out.append(Parameter(
+        "threshold", "threshold", None, (noise**-2 if noise else None, None), "e", False,
+        "1/Q is at most the noise squared", "constant light and a light meter",
+    ))  # fmt: skip
+    out.append(moving_reset_rule(trains))
+    for name, title in (
+        ("gain_spread", "spread of the pixels' response to light, in all"), ("prnu", "PRNU"),
+        ("threshold_fpn", "spread of the threshold"),
+    ):  # fmt: skip
+        out.append(Parameter(
+            name, title, None, (None, None), "1", False,
+            "a pixel of higher gain and a brighter place of the scene look alike", _FLATS,
+        ))  # fmt: skip
+    dimmest = _dimmest(trains)
+    out.append(Parameter(
+        "dark_current", "dark current over the threshold", None,
+        (0.0, dimmest * trains.clock.hz), "1/s", False,
+        "no pixel fires less than its dark current: the mean over pixels of the rate in their "
+        "longest interval is a limit from above", "a recording with the lens capped: --dark D.dat",
+    ))  # fmt: skip
+    out.append(Parameter(
+        "dsnu", "DSNU, relative to the dark current", None, (None, None), "1", False, _WHY,
+        "a recording with the lens capped: --dark D.dat",
+    ))  # fmt: skip
+    shortest = float(np.min(trains.intervals[trains.spikes > 2], initial=1.0))
+    out.append(Parameter(
+        "dead_time", "dead time", None, (0.0, shortest / trains.clock.hz), "s", False,
+        "an interval is not shorter than the dead time; the shortest mean of a pixel is "
+        f"{shortest:.3g} cycles", "two flats of different light: --flat A.dat --flat B.dat",
+    ))  # fmt: skip
+    silent, stuck = int((trains.spikes == 0).sum()), int((trains.spikes >= trains.cycles).sum())
+    out.append(Parameter(
+        "dead_pixels", "dead pixels, share", None, (0.0, proportion(silent, total)[1][1]), "1",
+        False, f"{silent} of {total} pixels never fire; the scene may be dark there", _FLATS,
+    ))  # fmt: skip
+    out.append(Parameter(
+        "hot_pixels", "hot pixels, share", None, (0.0, 1.0), "1", False,
+        "a hot pixel and a bright place look alike",
+        "a recording with the lens capped: --dark D.dat",
+    ))  # fmt: skip
+    out.append(Parameter(
+        "stuck_pixels", "stuck pixels, share", None, (0.0, proportion(stuck, total)[1][1]), "1",
+        False, f"{stuck} of {total} pixels fire in every cycle; the scene may be bright there",
+        "a recording with the lens capped: --dark D.dat",
+    ))  # fmt: skip
+    return out
+
+
+def _most_noise(trains: Trains) -> float:
+    """Upper limit of the relative noise of an interval: the least over k of what sums of k
+    intervals show, with two standard errors."""
+    limits = [1.0]
+    spikes = trains.spikes[trains.spikes > 0]
+    fewest = int(np.quantile(spikes, 0.1)) - 1
+    for k in (1, 2, 4, 8, 16, 32):
+        if fewest < 2 * k:
+            break
+        sums = trains.sums(k, 2, np.ones(trains.spikes.size, bool))
+        used = sums.used & np.isfinite(trains.intervals)
+        mean = trains.intervals[used]
+        # The sample variance of two sums is half the squared difference: its rounding is 1/4.
+        off, weight = sums.variance[used] - 0.25, k * mean**2
+        value = float(off.sum() / weight.sum())
+        error = float(np.sqrt(((off - value * weight) ** 2).sum())) / float(weight.sum())
+        limits.append(float(np.sqrt(max(value + 2 * error, 1e-12))))
+    return min(limits)
+
+
+def _dimmest(trains: Trains) -> float:
+    """Mean over pixels of the least rate, spikes a cycle: the inverse of the longest interval, or
+    of the recording for a pixel with fewer than two spikes."""
+    total = 0.0
+    for words in np.array_split(trains.words, max(len(trains.words) // 4096, 1)):
+        bits = np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little")[
+            :, : trains.cycles
+        ]
+        for row in bits:
+            at = np.flatnonzero(row)
+            total += 1 / (np.diff(at).max() if len(at) > 1 else trains.cycles)
+    return total / len(trains.words)

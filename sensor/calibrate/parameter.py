@@ -1,0 +1,77 @@
+"""A parameter with its interval, and whether the recordings determine it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["Parameter", "proportion", "rooted"]
+
+DEVIATIONS = 1.959964
+"""Standard errors to either side that hold 95 % of a normal law."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the model.
+
+    Attributes:
+        name: key of a document.
+        title: in a table.
+        value: estimate; None if there is none. The reset rule is a word.
+        ci: limits at 95 %; None on a side without a limit.
+        unit: of value and limits, "1" for none.
+        known: whether the recordings determine it.
+        why: how it is known, or why it cannot be.
+        remedy: what would make it known; "" for a known one.
+    """
+
+    name: str
+    title: str
+    value: float | str | None
+    ci: tuple[float | None, float | None]
+    unit: str
+    known: bool
+    why: str
+    remedy: str = ""
+
+    def holds(self, truth: float) -> bool:
+        """Whether a value lies within the limits."""
+        low, high = self.ci
+        return bool((low is None or low <= truth) and (high is None or truth <= high))
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "title": self.title, "value": self.value, "ci": list(self.ci), "unit": self.unit,
+            "known": self.known, "why": self.why, "remedy": self.remedy or None,
+        }  # fmt: skip
+
+    @property
+    def text(self) -> str:
+        """Value and limits for a table."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        value = self.value if isinstance(self.value, str) else _text(self.value)
+        low, high = self.ci
+        if low is None and high is None:
+            return f"{value}{unit}"
+        return f"{value}{unit}, {_text(low)} to {_text(high)}"
+
+
+def _text(value: float | None) -> str:
+    return "?" if value is None else f"{value:.4g}"
+
+
+def rooted(square: float, error: float) -> tuple[float, tuple[float, float]]:
+    """Root of an estimated square and its limits: the roots of those of the square, 0 below 0."""
+    low, high = (max(square + k * DEVIATIONS * error, 0.0) ** 0.5 for k in (-1, 1))
+    return max(square, 0.0) ** 0.5, (low, high)
+
+
+def proportion(count: int, total: int) -> tuple[float, tuple[float, float]]:
+    """A share and its exact limits (Clopper and Pearson, Biometrika 26:404, 1934)."""
+    from scipy.stats import beta
+
+    low = float(beta.ppf(0.025, count, total - count + 1)) if count else 0.0
+    high = float(beta.ppf(0.975, count + 1, total - count)) if count < total else 1.0
+    return count / total, (low, high)
