@@ -17,13 +17,13 @@ from link.evaluation.delay import group_delays, link_latency
 from link.evaluation.delivery import judge_delivery
 from link.evaluation.errors import Errors, count_errors
 from link.evaluation.eye import Eye, open_eye
-from link.evaluation.rates import link_rates
 from link.evaluation.record import LinkEvaluation, SoftValues, Theory
 from link.layout import TRAINING
 from link.prediction.capacity import capacity_bps
 from link.prediction.capacity_input import capacity_input
 from link.prediction.cell_errors import CellErrors, cell_errors
 from link.prediction.light import cell_scene, cell_sight, transmission
+from link.prediction.rates import link_rates
 from link.prediction.reach import CellScene, Reach, predict_errors, reach
 from link.receiving import Received
 from link.setting import LEAD

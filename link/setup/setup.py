@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 from cosim import InputError, seconds_to_ps
@@ -25,6 +24,7 @@ from link.setup.choosing import Choice
 from link.setup.locking.choice import choose_and_lock
 from link.setup.locking.loop import ClockLock
 from link.setup.modes import tag_warning
+from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 from sensor import CameraSetting
 
@@ -46,7 +46,7 @@ class LinkSetup:
         sent: the transmission.
         cycles: of the camera.
         device: OpenCL device, None for the compiled form on the processor.
-        seconds: wall time of each stage so far, s.
+        spent: time of each stage so far.
         lock: of the camera's clock; None if its ticks are of one length.
     """
 
@@ -57,7 +57,7 @@ class LinkSetup:
     sent: Transmission
     cycles: int
     device: Device | None
-    seconds: dict[str, float]
+    spent: Spent
     lock: ClockLock | None
 
     @property
@@ -177,9 +177,9 @@ def set_up_link(
     """
     payload, setting = payload_of(scenario), link_setting(scenario, camera)
     opened = choose_device(device)
-    seconds: dict[str, float] = {}
+    spent = Spent()
     mode, choice, locking = choose_and_lock(
-        scenario, setting, len(payload.data), opened, progress, seconds
+        scenario, setting, len(payload.data), opened, progress, spent
     )
     setting = setting if locking is None else locking.setting
     modem = scenario.link.modem
@@ -187,26 +187,24 @@ def set_up_link(
     if most is None and choice is not None and not choice.holds:
         least = TRAINING + 2 * Layout(mode).group
         most = max(_SHORTENED_PLANES // mode.ticks, least)
-    begin = time.perf_counter()
     try:
-        sent = FileTransmission(
-            mode, payload.data, payload.name, interleave=modem.interleave,
-            overhead=modem.overhead, most_symbols=most,
-        )  # fmt: skip
+        with spent.on("sender"):
+            sent = FileTransmission(
+                mode, payload.data, payload.name, interleave=modem.interleave,
+                overhead=modem.overhead, most_symbols=most,
+            )  # fmt: skip
     except ValueError as exc:
         raise InputError(
             "link.modem", "a mode that the panel has room for", str(exc),
             "take smaller cells or a larger panel",
         ) from exc  # fmt: skip
-    seconds["sender"] = time.perf_counter() - begin
     lock = None
     if locking is not None:
-        begin = time.perf_counter()
-        setting, lock = locking.hold(setting, sent.planes, progress)
-        seconds["phase lock"] += time.perf_counter() - begin
+        with spent.on("phase lock"):
+            setting, lock = locking.hold(setting, sent.planes, progress)
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL
     return FileLinkSetup(
-        scenario, setting, mode, choice, sent, cycles, opened, seconds, lock, payload
+        scenario, setting, mode, choice, sent, cycles, opened, spent, lock, payload
     )
