@@ -10,7 +10,7 @@ from link.setting import LinkSetting, steering_of
 from link.setup.choosing import Choice
 from link.setup.locking.loop import Locking
 from link.setup.locking.model import at_lock
-from link.setup.modes import choose_mode
+from link.setup.modes import check_reach, choose_mode
 from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 
@@ -27,6 +27,9 @@ def choose_and_lock(
     Args:
         scenario, setting, size, device, progress: as in `choose_mode`.
         spent: of each stage; that of the pilots and of the loop is added.
+
+    Raises:
+        InputError: for a panel that is too far away.
     """
 
     def chosen(setting: LinkSetting) -> tuple[Mode, Choice | None]:
@@ -36,6 +39,7 @@ def choose_and_lock(
             spent.forget("pilots")
         return mode, choice
 
+    check_reach(setting)
     steering = steering_of(scenario.sensor)
     if steering is None or not panel_in_view(setting):
         return *chosen(setting), None
