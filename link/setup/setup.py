@@ -46,7 +46,7 @@ class LinkSetup:
         sent: the transmission.
         cycles: of the camera.
         device: OpenCL device, None for the compiled form on the processor.
-        spent: time of each stage so far.
+        times: of each stage so far.
         lock: of the camera's clock; None if its ticks are of one length.
     """
 
@@ -57,7 +57,7 @@ class LinkSetup:
     sent: Transmission
     cycles: int
     device: Device | None
-    spent: Spent
+    times: Spent
     lock: ClockLock | None
 
     @property

@@ -131,7 +131,7 @@ def _check_time(setup: FileLinkSetup, plan: LinkPlan, progress: Progress) -> lis
 def _stages(
     setup: FileLinkSetup, plan: LinkPlan, filmed: _Filmed, todo: Amounts, progress: Progress
 ) -> list[StageTime]:
-    blocks, spent = todo.cycles / BLOCK, setup.spent
+    blocks, spent = todo.cycles / BLOCK, setup.times
     rows = [StageTime("program", 1, "programs", PROGRAM, PROGRAM)]
     rows += [
         StageTime(name, 1, "links", spent.wall[name], spent.processor[name]) for name in spent.wall

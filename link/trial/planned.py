@@ -111,7 +111,7 @@ def check_plan(link: PlannedLink, progress: Progress) -> tuple[PlannedLink, list
             setting, setup.sent, plan, detector=setup.scenario.link.modem.detector,
             seed=setup.scenario.seed, device=setup.device, progress=progress,
         )  # fmt: skip
-    wall = setup.spent.wall
+    wall = setup.times.wall
     wall["plan and check"] = wall.get("plan and check", 0.0) + time.perf_counter() - begin
     link = replace(link, check=check)
     if not check.beyond(tolerance):
