@@ -147,7 +147,8 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
             {"name": name, "what": what, "factor": factor, "bps": rate, "share_of_loss": cost}
         )
     # Cells that the camera does not resolve carry no more than its pixels.
-    shown, capacity = layout.cells * link.hz / mode.ticks, capacity_bps(link)
+    shown = layout.cells * link.hz / mode.ticks * min(link.on_panel / cells, 1.0)
+    capacity = capacity_bps(link)
     raw = min(shown, capacity)
     return {
         "capacity_bps": capacity,

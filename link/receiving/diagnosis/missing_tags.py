@@ -191,10 +191,13 @@ def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
 
 
 def _sides_beyond(evidence: Evidence) -> int:
-    """Returns the number of sides of the image at which light reaches beyond it."""
+    """Returns the number of sides of the image at which light reaches beyond it; 0 for an image
+    that is too small or too dark to tell."""
+    if evidence.most < _SHINES or min(evidence.rates.shape) < _LEAST:
+        return 0
     lit = evidence.rates > _DIM * evidence.most
     ends = (lit[0], lit[-1], lit[:, 0], lit[:, -1])
-    return sum(float(end.mean()) > _TOUCHES for end in ends) if evidence.most >= _SHINES else 0
+    return sum(float(end.mean()) > _TOUCHES for end in ends)
 
 
 def edge_blur(rates: npt.NDArray[np.float32]) -> float:

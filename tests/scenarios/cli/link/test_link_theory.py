@@ -135,7 +135,8 @@ class TestCapacity:
         there = replace(self.GIVEN, on_panel=(960 * scale) ** 2)
         d = capacity_document(there, replace(self.MODE, cell=cell, ticks=1))
         left = [row["bps"] for row in d["budget"]]
-        assert left == sorted(left, reverse=True) and left[-1] > 0
+        assert left == sorted(left, reverse=True)
+        assert left[-1] == pytest.approx(d["coded_bps"])
         assert d["capacity_bps"] >= d["cells_bps"] and d["capacity_bps"] >= d["raw_bps"]
         assert d["raw_bps"] > d["coded_bps"] and 0 < d["share"] < 1
 
