@@ -148,7 +148,7 @@ class LinkMachine:
                 "air": air, "sensor": sensor,
                 **readout_stages(setup.scenario.sensor.duplicated_rows), "recorder": recorder,
             },
-            setup.cycles, self._identity(), folder, before=setup.seconds, sent=setup.sent,
+            setup.cycles, self._identity(), folder, before=setup.times.wall, sent=setup.sent,
             loop=self._loop,
         )  # fmt: skip
 
@@ -166,7 +166,7 @@ class LinkMachine:
     def shortfall(self, recording: Recording) -> list[Finding]:
         assert self._checked is not None
         self._link, findings = self._checked.result()
-        spent = self._setup.seconds.pop("plan and check")
+        spent = self._setup.times.wall.pop("plan and check")
         recording.seconds["plan and check, beside the recording"] = spent
         return findings
 

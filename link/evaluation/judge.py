@@ -17,7 +17,6 @@ from link.evaluation.delay import group_delays, link_latency
 from link.evaluation.delivery import judge_delivery
 from link.evaluation.errors import Errors, count_errors
 from link.evaluation.eye import Eye, open_eye
-from link.evaluation.rates import link_rates
 from link.evaluation.record import LinkEvaluation, SoftValues, Theory
 from link.layout import TRAINING
 from link.prediction.capacity import capacity_bps
@@ -26,6 +25,7 @@ from link.prediction.cell_errors import cell_errors
 from link.prediction.chain_errors import chain_errors
 from link.prediction.drawn_cells import CellErrors
 from link.prediction.light import cell_scene, cell_sight, transmission
+from link.prediction.rates import link_rates
 from link.prediction.reach import CellScene, Reach, predict_errors, reach
 from link.receiving import Received
 from link.setting import LEAD

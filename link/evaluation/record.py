@@ -12,9 +12,9 @@ import numpy.typing as npt
 from cosim.run.result import Latency
 from link.evaluation.errors import Errors
 from link.evaluation.eye import Eye
-from link.evaluation.rates import Rates
 from link.layout import Layout
 from link.mode import Mode
+from link.prediction.rates import Rates
 from link.prediction.reach import CellScene, Reach
 from link.receiving import Received
 from link.section import LinkScenario

@@ -127,7 +127,7 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
         ("view", "camera pixels that see the panel", link.on_panel / link.sensor),
         ("light", "bits that a tick's electrons can carry, at most 1", per_tick),
         ("cell", f"camera pixels to a cell of {mode.cell} x {mode.cell} panel pixels",
-         cells / link.on_panel),
+         min(cells / link.on_panel, 1.0)),
         ("ticks", "ticks to a symbol", 1 / mode.ticks),
         ("tags", "cells under the four tags", free / cells),
         ("pilots", "cells that are pilots", layout.cells / free),
@@ -146,11 +146,13 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
         budget.append(
             {"name": name, "what": what, "factor": factor, "bps": rate, "share_of_loss": cost}
         )
-    raw = layout.cells * link.hz / mode.ticks
+    # Cells that the camera does not resolve carry no more than its pixels.
+    shown = layout.cells * link.hz / mode.ticks * min(link.on_panel / cells, 1.0)
     capacity = capacity_bps(link)
+    raw = min(shown, capacity)
     return {
         "capacity_bps": capacity,
-        "cells_bps": layout.cells * link.hz / mode.ticks * pixel["cell"]["value"],
+        "cells_bps": min(shown * pixel["cell"]["value"], capacity),
         "raw_bps": raw, "coded_bps": raw * line * mode.word_rate,
         "share": raw * line * mode.word_rate / capacity if capacity else None,
         "pixel": pixel, "budget": budget,

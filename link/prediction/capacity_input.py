@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from link.mode import Mode
+from link.mode import CELLS, Mode
 from link.prediction.capacity import CapacityInput
 from link.prediction.light import cell_scene
-from link.prediction.reach import CellScene
+from link.prediction.reach import LEAST_CELL, CellScene
 from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
 from sensor import CameraSetting
@@ -15,7 +15,8 @@ from sensor import CameraSetting
 __all__ = ["DEFAULT_MODE", "capacity_input", "scenario_input"]
 
 DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 1, "line": "scrambled", "parity": 32}
-"""Parts of a mode that are assumed if the scenario leaves them to the pilots of a run."""
+"""Parts of a mode that are assumed if the scenario leaves them to the pilots of a run; larger cells
+where these are smaller than LEAST_CELL in the image."""
 
 
 def scenario_input(
@@ -37,6 +38,10 @@ def scenario_input(
         name: default if name in assumed else getattr(modem, name)
         for name, default in DEFAULT_MODE.items()
     }
+    if "cell" in assumed:  # as a run: none smaller than the camera resolves
+        parts["cell"] = next(
+            (c for c in CELLS if c >= parts["cell"] and c * setting.scale >= LEAST_CELL), CELLS[-1]
+        )
     if soft:
         parts |= {"parity": None, "rate": modem.rate}
     mode = Mode(panel.width, panel.height, **parts)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from link.layout import Layout
@@ -20,7 +21,7 @@ from link.setup.choosing import Choice, Trial, choose, foresee
 from link.setup.pilot import film_pilot, strip_of
 from link.setup.truth import panel_in_view
 
-__all__ = ["choose_mode", "tag_warning"]
+__all__ = ["check_reach", "choose_mode", "fixed_mode", "tag_warning"]
 
 _TRIED = 8
 """Largest number of modes that are tried."""
@@ -28,6 +29,9 @@ _DRIFT = 0.02
 """Drift of the phase while a file is sent, ticks, from which a mode is tried at its end as well."""
 _STEP = 0.25
 """Largest distance of the phases at which a mode is tried, ticks."""
+_RESOLVED = 0.5
+"""Side of a cell, camera pixels, below which no light of it can be told from its neighbours': the
+receiver does not look for smaller ones."""
 _NEVER = 0.8
 """Share of the required size of a tag's module below which tags were never detected."""
 
@@ -48,7 +52,23 @@ def tag_warning(setting: LinkSetting, mode: Mode) -> str | None:
     )
 
 
-def _fixed_mode(scenario: LinkScenario) -> Mode | None:
+def check_reach(setting: LinkSetting) -> None:
+    """Raises InputError for a panel so far away that not even its largest cells can be told apart:
+    nothing that it shows can be read, and the light of thousands of its pixels for each of the
+    camera's would take much memory to add up."""
+    largest, here = CELLS[-1] * setting.scale, setting.air.distance
+    if largest >= _RESOLVED:
+        return
+    focal = setting.optics.focal_length
+    most = focal + (here - focal) * largest / _RESOLVED
+    raise InputError(
+        "link.distance", f"at most {most:.3g} m, where the largest cells, {CELLS[-1]} panel pixels "
+        f"wide, have {_RESOLVED:g} camera pixels", f"{here:g} m",
+        "step nearer, or give a longer link.aim.focal_length or a larger link.panel.pitch",
+    )  # fmt: skip
+
+
+def fixed_mode(scenario: LinkScenario) -> Mode | None:
     """Returns the mode of the scenario; None if a part of it is to be chosen."""
     modem, panel = scenario.link.modem, scenario.link.panel
     parts = modem.cell, modem.ticks, modem.line
@@ -111,7 +131,7 @@ def choose_mode(
         device: OpenCL device, None for numba.
         progress: of the pilots.
     """
-    mode = _fixed_mode(scenario)
+    mode = fixed_mode(scenario)
     if mode is not None:
         return mode, None
     modem = scenario.link.modem

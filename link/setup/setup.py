@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 from cosim import InputError, seconds_to_ps
@@ -24,7 +23,8 @@ from link.setting import (
 from link.setup.choosing import Choice
 from link.setup.locking.choice import choose_and_lock
 from link.setup.locking.loop import ClockLock
-from link.setup.modes import tag_warning
+from link.setup.modes import fixed_mode, tag_warning
+from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 from sensor import CameraSetting
 
@@ -46,7 +46,7 @@ class LinkSetup:
         sent: the transmission.
         cycles: of the camera.
         device: OpenCL device, None for the compiled form on the processor.
-        seconds: wall time of each stage so far, s.
+        times: of each stage so far.
         lock: of the camera's clock; None if its ticks are of one length.
     """
 
@@ -57,7 +57,7 @@ class LinkSetup:
     sent: Transmission
     cycles: int
     device: Device | None
-    seconds: dict[str, float]
+    times: Spent
     lock: ClockLock | None
 
     @property
@@ -119,14 +119,15 @@ class FileLinkSetup(LinkSetup):
     @property
     def shortened(self) -> bool:
         """Whether only a part is recorded, because no mode is expected to work."""
-        hopeful = self.choice is None or self.choice.holds or self.scenario.duration is not None
+        timed = self.scenario.duration is not None
+        hopeful = timed or _hopeful(self.scenario, self.choice)
         return not hopeful and self.sent.groups < self.sent.outbox.groups
 
     def shortened_message(self) -> str:
         """Returns why only a part is recorded, and how long it is."""
-        assert self.choice is not None
+        rows = () if self.choice is None else self.choice.rows
         mine = [
-            row.errors for row in self.choice.rows
+            row.errors for row in rows
             if row.errors is not None and row.mode.symbols == self.mode.symbols
         ]  # fmt: skip
         wrong = f" ({mine[0]:.2g} of a pilot's bits were wrong in the surest)" if mine else ""
@@ -141,6 +142,11 @@ class FileLinkSetup(LinkSetup):
     def warnings(self) -> list[str]:
         """Returns why the file will not arrive, as far as that is known before the run."""
         return ([self.shortened_message()] if self.shortened else []) + super().warnings()
+
+
+def _hopeful(scenario: LinkScenario, choice: Choice | None) -> bool:
+    """Whether a mode is expected to work, or the scenario gives it."""
+    return fixed_mode(scenario) is not None if choice is None else choice.holds
 
 
 def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
@@ -177,36 +183,34 @@ def set_up_link(
     """
     payload, setting = payload_of(scenario), link_setting(scenario, camera)
     opened = choose_device(device)
-    seconds: dict[str, float] = {}
+    spent = Spent()
     mode, choice, locking = choose_and_lock(
-        scenario, setting, len(payload.data), opened, progress, seconds
+        scenario, setting, len(payload.data), opened, progress, spent
     )
     setting = setting if locking is None else locking.setting
     modem = scenario.link.modem
     most = _symbols_in(scenario, setting, mode)
-    if most is None and choice is not None and not choice.holds:
+    if most is None and not _hopeful(scenario, choice):
         least = TRAINING + 2 * Layout(mode).group
         most = max(_SHORTENED_PLANES // mode.ticks, least)
-    begin = time.perf_counter()
     try:
-        sent = FileTransmission(
-            mode, payload.data, payload.name, interleave=modem.interleave,
-            overhead=modem.overhead, most_symbols=most,
-        )  # fmt: skip
+        with spent.on("sender"):
+            sent = FileTransmission(
+                mode, payload.data, payload.name, interleave=modem.interleave,
+                overhead=modem.overhead, most_symbols=most,
+            )  # fmt: skip
     except ValueError as exc:
         raise InputError(
             "link.modem", "a mode that the panel has room for", str(exc),
             "take smaller cells or a larger panel",
         ) from exc  # fmt: skip
-    seconds["sender"] = time.perf_counter() - begin
     lock = None
     if locking is not None:
-        begin = time.perf_counter()
-        setting, lock = locking.hold(setting, sent.planes, progress)
-        seconds["phase lock"] += time.perf_counter() - begin
+        with spent.on("phase lock"):
+            setting, lock = locking.hold(setting, sent.planes, progress)
     clock = setting.camera.clock
     dark = setting.first_light + setting.panel.clock.edge(sent.planes)
     cycles = clock.cycle_at(dark) + 1 + TAIL
     return FileLinkSetup(
-        scenario, setting, mode, choice, sent, cycles, opened, seconds, lock, payload
+        scenario, setting, mode, choice, sent, cycles, opened, spent, lock, payload
     )

@@ -26,6 +26,7 @@ from link.sending import FileTransmission, Transmission
 from link.setting import LEAD, TAIL, link_setting
 from link.setup.locking.choice import choose_and_lock
 from link.setup.setup import LinkSetup
+from link.setup.spent import Spent
 from sensor import CameraSetting
 
 __all__ = ["ASSEMBLY", "StreamSetup", "set_up_stream"]
@@ -139,10 +140,10 @@ def set_up_stream(
         InputError: if the link cannot be simulated.
     """
     setting, opened = link_setting(scenario, camera), choose_device(device)
-    seconds: dict[str, float] = {}
+    spent = Spent()
     # The mode is chosen for a long transmission: one second of the panel's raw bits at the most.
     size = round(setting.panel.clock.hz * math.prod(setting.panel.shape) / 64)
-    mode, choice, locking = choose_and_lock(scenario, setting, size, opened, progress, seconds)
+    mode, choice, locking = choose_and_lock(scenario, setting, size, opened, progress, spent)
     setting = setting if locking is None else locking.setting
     layout = Layout(mode)
     try:
@@ -175,5 +176,5 @@ def set_up_stream(
     dark = setting.first_light + panel.edge(whole * mode.ticks)
     ticks = clock.cycle_at(dark) + 1 + TAIL
     return StreamSetup(
-        scenario, setting, mode, choice, stand_in, ticks, opened, seconds, lock, form, blocks, lead
+        scenario, setting, mode, choice, stand_in, ticks, opened, spent, lock, form, blocks, lead
     )

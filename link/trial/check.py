@@ -35,7 +35,10 @@ from link.trial.near import Lead, Near, near
 from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LEVEL, LinkPlan, half_width
 
-__all__ = ["ESTIMATED", "KIND", "LinkCheck", "Paired", "check_link", "compare", "goodput_change"]
+__all__ = [
+    "ESTIMATED", "KIND", "LinkCheck", "Paired", "check_link", "check_variants", "compare",
+    "goodput_change",
+]  # fmt: skip
 
 KIND = "bit error rate, half-widths of its interval"
 """Kind of a link's error."""
@@ -228,6 +231,16 @@ def _without(setting: LinkSetting, plan: LinkPlan, name: str) -> Variant:
     return Variant("reference", setting.camera.without({name}))
 
 
+def check_variants(setting: LinkSetting, plan: LinkPlan) -> dict[str, Variant]:
+    """Returns the ways that the check of a plan simulates: full physics, the run, and, if the plan
+    leaves out several effects, full physics without each."""
+    several = plan.left_out if len(plan.left_out) > 1 else ()
+    return {
+        _FULL: Variant("reference", setting.camera),
+        _RUN: Variant(plan.tier, plan.camera, plan.air_effects),
+    } | {name: _without(setting, plan, name) for name in several}
+
+
 def check_link(
     setting: LinkSetting,
     sent: Transmission,
@@ -255,13 +268,7 @@ def check_link(
     count = 0 if patches.plane is None else len(patches.plane.tiles)
     if not patches.bits:  # out of view, or nothing sent but the training
         return LinkCheck(None, dict.fromkeys(plan.left_out), None, count, None)
-    variants = {
-        _FULL: Variant("reference", setting.camera),
-        _RUN: Variant(plan.tier, plan.camera, plan.air_effects),
-    }
-    several = plan.left_out if len(plan.left_out) > 1 else ()
-    variants |= {name: _without(setting, plan, name) for name in several}
-    decided = patches.film(variants, device, progress)
+    decided = patches.film(check_variants(setting, plan), device, progress)
     full = decided[_FULL]
 
     def against(other: Decided) -> Paired:
@@ -272,7 +279,7 @@ def check_link(
     run = against(decided[_RUN])
     return LinkCheck(
         run,
-        {name: against(decided[name]) if several else run for name in plan.left_out},
+        {name: against(decided.get(name, decided[_RUN])) for name in plan.left_out},
         goodput_change(full.rate, decided[_RUN].rate, sent.mode),
         count, full.air_ns + full.camera_ns,
     )  # fmt: skip

@@ -141,6 +141,7 @@ class LinkPatches:
         sent: the transmission.
         seed: of the random patches.
         detector: name of the detector.
+        most_symbols: number of symbols after the training, at most; None for those of CYCLES.
 
     Attributes:
         cells: (n,) places in `Layout.data` of the data cells in the patches.
@@ -149,15 +150,16 @@ class LinkPatches:
     """
 
     def __init__(
-        self, setting: LinkSetting, sent: Transmission, seed: int, detector: str = "packed"
-    ) -> None:
+        self, setting: LinkSetting, sent: Transmission, seed: int, detector: str = "packed",
+        most_symbols: int | None = None,
+    ) -> None:  # fmt: skip
         self._setting, self._sent, self._detector = setting, sent, detector
         chip, layout = setting.camera.chip, sent.layout
         self._homography = image_of(
             setting.optics, setting.aim, setting.air, (chip.height, chip.width)
         )
         ticks = sent.mode.ticks
-        most = max(CYCLES // ticks - TRAINING, FEWEST)
+        most = max(CYCLES // ticks - TRAINING, FEWEST) if most_symbols is None else most_symbols
         self.symbols = max(min(most, sent.data_end - TRAINING), 0)
         side = sent.mode.cell * setting.scale
         tenth = min(max(min(chip.height, chip.width) // 10, SIDE[0]), SIDE[1])
@@ -185,6 +187,15 @@ class LinkPatches:
     def bits(self) -> int:
         """Number of bits that are compared."""
         return self.symbols * len(self.cells)
+
+    @property
+    def cycles(self) -> int:
+        """Camera cycles that are simulated."""
+        clock = self._setting.camera.clock
+        end = self._setting.first_light + self._setting.panel.clock.edge(
+            (TRAINING + self.symbols) * self._sent.ticks
+        )
+        return -(-(clock.cycle_at(end) + 3) // WORD) * WORD
 
     def _centres(self, layout: Layout) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Returns the camera (x, y) of the data cells' centres."""
@@ -238,11 +249,7 @@ class LinkPatches:
             name: PatchCamera(v.camera, self.plane, v.tier, device, row_delay=airs[v.air].row_delay)
             for name, v in variants.items()
         }
-        clock = self._setting.camera.clock
-        end = self._setting.first_light + self._setting.panel.clock.edge(
-            (TRAINING + self.symbols) * self._sent.ticks
-        )
-        cycles = -(-(clock.cycle_at(end) + 3) // WORD) * WORD
+        cycles = self.cycles
         words: dict[str, list[npt.NDArray[np.uint32]]] = {name: [] for name in variants}
         spent: dict[Any, list[float]] = {key: [] for key in (*airs, *variants)}
         progress.start(f"{len(variants)} ways on {len(self.plane.tiles)} patches", cycles)

@@ -17,10 +17,11 @@ from link.prediction.light import cell_scene
 from link.setup.setup import LinkSetup
 from link.setup.truth import panel_in_view
 from link.trial.check import LinkCheck, check_link
-from link.trial.plan import LinkPlan, LinkSurvey, survey_link
+from link.trial.patches import LinkPatches
+from link.trial.plan import Compared, LinkPlan, LinkSurvey, survey_link
 from sensor import SpikeCamera
 
-__all__ = ["PlannedLink", "check_plan", "plan_link"]
+__all__ = ["PlannedLink", "check_plan", "is_checked", "plan_link", "survey_of"]
 
 ARITHMETIC: Final = "32-bit arithmetic"
 """Name of the effect for which the exact tier is taken."""
@@ -72,32 +73,46 @@ def _planned(setup: LinkSetup, survey: LinkSurvey, effects: Sequence[str]) -> Pl
     return PlannedLink(setup, survey, plan)
 
 
+def survey_of(setup: LinkSetup) -> LinkSurvey:
+    """Surveys the run of a link, and what its check can tell."""
+    compared = None
+    if is_checked(setup):
+        patches = LinkPatches(
+            setup.setting, setup.sent, setup.scenario.seed, setup.scenario.link.modem.detector
+        )
+        pilots = () if setup.choice is None else setup.choice.rows
+        rates = [row.errors for row in pilots if row.mode == setup.mode]
+        compared = Compared(patches.bits, rates[0] if rates else None)
+    return survey_link(setup.setting, setup.mode, setup.symbols, setup.cycles, compared)
+
+
 def plan_link(setup: LinkSetup) -> PlannedLink:
     """Plans a link."""
-    survey = survey_link(setup.setting, setup.mode, setup.symbols, setup.cycles)
-    return _planned(setup, survey, ())
+    return _planned(setup, survey_of(setup), ())
+
+
+def is_checked(setup: LinkSetup) -> bool:
+    """Whether a plan is checked: not where no bit can be decided correctly."""
+    setting = setup.setting
+    blurred = cell_scene(setting).blur > _BLURRED * setup.mode.cell * setting.scale
+    return not blurred and panel_in_view(setting)
 
 
 def check_plan(link: PlannedLink, progress: Progress) -> tuple[PlannedLink, list[Finding]]:
     """Checks the plan on patches. Returns the link with the result, and the effect to reinstate, if
-    any.
-
-    The check is skipped if no bit can be decided correctly.
-    """
+    any. See `is_checked`."""
     setup, plan = link.setup, link.plan
     setting, tolerance = setup.setting, setup.scenario.tolerance
     begin = time.perf_counter()
-    if cell_scene(setting).blur > _BLURRED * setup.mode.cell * setting.scale or not panel_in_view(
-        setting
-    ):
+    if not is_checked(setup):
         check = LinkCheck(None, dict.fromkeys(plan.left_out), None, 0, None)
     else:
         check = check_link(
             setting, setup.sent, plan, detector=setup.scenario.link.modem.detector,
             seed=setup.scenario.seed, device=setup.device, progress=progress,
         )  # fmt: skip
-    spent = setup.seconds.get("plan and check", 0.0) + time.perf_counter() - begin
-    setup.seconds["plan and check"] = spent
+    wall = setup.times.wall
+    wall["plan and check"] = wall.get("plan and check", 0.0) + time.perf_counter() - begin
     link = replace(link, check=check)
     if not check.beyond(tolerance):
         return link, []

@@ -6,7 +6,7 @@ from typing import Any
 
 from cosim.run.progress import Progress
 from link.section import LinkScenario
-from link.setup.setup import LinkSetup, set_up_link
+from link.setup.setup import FileLinkSetup, set_up_link
 from link.trial.forecast import link_forecast
 from link.trial.ladder import link_ladder
 from sensor import CameraSetting
@@ -29,7 +29,7 @@ class LinkStudy:
     ) -> None:
         self._name, self._scenario, self._camera, self._device = name, scenario, camera, device
 
-    def _set_up(self, progress: Progress) -> LinkSetup:
+    def _set_up(self, progress: Progress) -> FileLinkSetup:
         return set_up_link(self._scenario, self._camera, self._device, progress)
 
     def forecast(self, progress: Progress) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from link.receiving.refining import project
 from link.receiving.tags import LEAST_MODULE, find_tags, tag_corners, tag_places
 from link.verdict import Cause, Verdict
 
-__all__ = ["PEAK", "few_tags_verdict", "no_tag_verdict"]
+__all__ = ["PEAK", "edge_blur", "few_tags_verdict", "no_tag_verdict"]
 
 _SHINES: Final = 0.1
 """Rate of the brightest pixels below which the content of an image cannot be identified."""
@@ -31,6 +32,17 @@ modules, two pixels each."""
 _TAGGED: Final = 96 * LEAST_MODULE
 """Shorter side of a panel's image below which its tags may be too small, camera pixels: it has at
 most so many of their modules (`link.layout`)."""
+_TOUCHES: Final = 0.2
+"""Lit share of a side of the image from which the light reaches beyond it."""
+_DIM: Final = 0.25
+"""Rate of a lit pixel over that of the brightest: half of a panel of which each cell is on half of
+the time."""
+_IN_FOCUS: Final = 3.0
+"""Blur of the edge of a panel in focus, at most, camera pixels. Tags that are found need 1.6 pixels
+a module, and cells more than one."""
+_SMOOTHED: Final = 2.0
+"""Standard deviation that the image is smoothed by before its edges are measured: the data's noise
+is finer."""
 _BLOB, _SHARP = 0.04, 0.03
 """For a panel out of focus: _BLOB is the smallest lit share of the image, _SHARP the largest share
 of fine detail in its variance."""
@@ -134,6 +146,14 @@ def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
             f"no tag is readable, but {len(mirrored.tags)} of 4 are in the image's mirror image "
             f"({figure}); turn the recording's rows or columns round",
         )
+    sides = _sides_beyond(evidence)
+    if sides and edge_blur(evidence.rates) < _IN_FOCUS:
+        return Verdict(
+            Cause.OUT_OF_VIEW,
+            f"no tag is readable ({figure}): light with a sharp edge reaches beyond the image at "
+            f"{sides} of its 4 sides, so the panel's corners are outside; aim the camera at the "
+            "middle of the panel, turn it upright, or step back",
+        )
     if sharp < _SHARP and blob:
         return Verdict(
             Cause.OUT_OF_FOCUS,
@@ -168,6 +188,35 @@ def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
         f"no tag of a panel is in view ({figure}); aim the camera at the panel, or "
         "step back where it is larger than the view",
     )
+
+
+def _sides_beyond(evidence: Evidence) -> int:
+    """Returns the number of sides of the image at which light reaches beyond it; 0 for an image
+    that is too small or too dark to tell."""
+    if evidence.most < _SHINES or min(evidence.rates.shape) < _LEAST:
+        return 0
+    lit = evidence.rates > _DIM * evidence.most
+    ends = (lit[0], lit[-1], lit[:, 0], lit[:, -1])
+    return sum(float(end.mean()) > _TOUCHES for end in ends)
+
+
+def edge_blur(rates: npt.NDArray[np.float32]) -> float:
+    """Returns the blur of an image's longest edges, as the standard deviation of a normal law,
+    camera pixels; infinite without an edge.
+
+    A step of height h that is blurred by s has the slope h / (s sqrt(2 pi)) in its middle. h is the
+    contrast of the image, and the slope that of the steepest 0.3 % of its pixels.
+    """
+    import cv2
+
+    smooth = cv2.GaussianBlur(rates.astype(np.float32), (0, 0), _SMOOTHED)
+    down, across = np.gradient(smooth)
+    slope = float(np.percentile(np.hypot(down, across), 99.7))
+    low, high = np.percentile(smooth, [5, 95])
+    if slope <= 0:
+        return math.inf
+    both = float(high - low) / (slope * math.sqrt(2 * math.pi))
+    return math.sqrt(max(both**2 - _SMOOTHED**2, 0.0))
 
 
 def _sharpness(rates: npt.NDArray[np.float32]) -> float:

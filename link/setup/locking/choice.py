@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from link.mode import Mode
@@ -12,7 +10,8 @@ from link.setting import LinkSetting, steering_of
 from link.setup.choosing import Choice
 from link.setup.locking.loop import Locking
 from link.setup.locking.model import at_lock
-from link.setup.modes import choose_mode
+from link.setup.modes import check_reach, choose_mode
+from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 
 __all__ = ["choose_and_lock"]
@@ -20,37 +19,40 @@ __all__ = ["choose_and_lock"]
 
 def choose_and_lock(
     scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
-    progress: Progress, seconds: dict[str, float],
+    progress: Progress, spent: Spent,
 ) -> tuple[Mode, Choice | None, Locking | None]:  # fmt: skip
     """Returns the mode as `choose_mode`, and the loop that has locked the camera's clock; None if
     the clock cannot be steered or no lock is found. A mode is tried at the phase that it will have.
 
     Args:
         scenario, setting, size, device, progress: as in `choose_mode`.
-        seconds: of each stage; those of the pilots and of the loop are added.
+        spent: of each stage; that of the pilots and of the loop is added.
+
+    Raises:
+        InputError: for a panel that is too far away.
     """
 
     def chosen(setting: LinkSetting) -> tuple[Mode, Choice | None]:
-        begin = time.perf_counter()
-        mode, choice = choose_mode(scenario, setting, size, device, progress)
-        if choice is not None:
-            seconds["pilots"] = seconds.get("pilots", 0.0) + time.perf_counter() - begin
+        with spent.on("pilots"):
+            mode, choice = choose_mode(scenario, setting, size, device, progress)
+        if choice is None:  # there were none
+            spent.forget("pilots")
         return mode, choice
 
+    check_reach(setting)
     steering = steering_of(scenario.sensor)
     if steering is None or not panel_in_view(setting):
         return *chosen(setting), None
     mode, choice = chosen(at_lock(setting))
-    begin = time.perf_counter()
     locking = None
     if choice is None or choice.holds:
-        try:
-            locking = Locking(setting, mode, steering, scenario.link.modem.detector, device)
-        except ValueError:  # a strip without room for a frame
-            locking = None
-        if locking is not None and not locking.acquire():
-            locking = None
-    seconds["phase lock"] = time.perf_counter() - begin
+        with spent.on("phase lock"):
+            try:
+                locking = Locking(setting, mode, steering, scenario.link.modem.detector, device)
+            except ValueError:  # a strip without room for a frame
+                locking = None
+            if locking is not None and not locking.acquire():
+                locking = None
     if locking is None and choice is not None:
         mode, choice = chosen(setting)
     return mode, choice, locking

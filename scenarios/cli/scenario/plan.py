@@ -82,6 +82,29 @@ def _imager(document: dict[str, Any]) -> list[str]:
     ]
 
 
+def _run(document: dict[str, Any]) -> list[str]:
+    """What the run of a link takes, stage by stage, and what it carries."""
+    predicted, amounts, carried = document["predicted"], document["amounts"], document["carried"]
+    goodput = carried["goodput_bps"]
+    arrives = "no file is predicted to arrive"
+    if goodput is not None:
+        arrives = f"goodput {_number(goodput)} bit/s predicted"
+    return [
+        f"{amounts['file_bytes']} bytes in {amounts['frames']} frames and {amounts['symbols']} "
+        f"symbols: {amounts['cycles']} cycles; {arrives} ({_number(carried['raw_bps'])} raw, "
+        f"{_number(carried['coded_bps'])} coded)",
+        "",
+        f"{'stage':<38}{'works on':>28}{'processor':>12}",
+        *(
+            f"{row['stage']:<38}{row['amount']:>15.6g} {row['unit']:<13}"
+            f"{_number(row['processor_s'], ' s'):>11}"
+            for row in predicted["stages"]
+        ),
+        f"the run takes about {_number(predicted['total_s'])} s, if nothing else uses the machine, "
+        f"and {_number(predicted['processor_s'])} s of its processors",
+    ]
+
+
 def _text(document: dict[str, Any]) -> str:
     """The document as text."""
     tiles = document["tiles"]
@@ -142,6 +165,8 @@ def _text(document: dict[str, Any]) -> str:
             f"{_number(predicted['full_physics_s'])} s; drawing the scene takes "
             f"{_number(predicted['scene_s'])} s"
         )
+    if "stages" in predicted:
+        lines += _run(document)
     if "memory_bytes" in predicted:
         gib = predicted["memory_bytes"] / 2**30
         lines.append(f"a run needs about {gib:.2g} GiB of memory at its peak")

@@ -6,12 +6,14 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from cosim import Viform
 from cosim.spikes.viform import unpack_planes
 from link.layout import TAG_MODULES, TRAINING, Layout
 from link.mode import Mode
 from link.receiving import Received, Receiver
+from link.receiving.diagnosis.missing_tags import edge_blur
 from link.receiving.tags import art_of
 from link.sending import FileTransmission
 from link.verdict import Cause
@@ -287,3 +289,16 @@ def test_a_transmission_is_read_with_the_closing_and_without(line: str, closed: 
     assert got.delivered == (DATA[:900], "a.bin"), got.verdict
     assert got.frames_read == got.frames_right == toy.sent.outbox.frames
     assert max(got.packed) == end - 1
+
+
+@pytest.mark.parametrize("blur", [0.0, 2.0, 6.0, 12.0])
+def test_the_blur_of_an_edge_is_measured(blur: float) -> None:
+    """A turned square that reaches beyond the image, with the noise of random data, which makes
+    wide edges look steeper."""
+    rng, (y, x) = np.random.default_rng(2), np.mgrid[-100:100, -100:100].astype(np.float64)
+    turn = np.deg2rad(15.0)
+    across, down = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+    inside = 1 - ndtr((np.maximum(abs(across), abs(down)) - 95) / max(blur, 1e-6))
+    rates = (0.04 + 0.44 * inside + 0.03 * inside * rng.normal(size=x.shape)).astype(np.float32)
+    assert edge_blur(rates) == pytest.approx(blur, abs=0.7 + 0.25 * blur)
+    assert edge_blur(np.full((50, 50), 0.3, np.float32)) == np.inf

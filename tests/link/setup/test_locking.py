@@ -21,6 +21,7 @@ from link.setup.locking.choice import choose_and_lock
 from link.setup.locking.loop import INTERVAL, WINDOW, ClockLock, Locking
 from link.setup.locking.model import PhaseModel, at_lock
 from link.setup.modes import _delays
+from link.setup.spent import Spent
 from link.setup.truth import true_timing
 from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
@@ -134,11 +135,11 @@ def test_a_clock_that_is_not_steered_is_as_it_was(device: Device) -> None:
             "link.modem.cell=2", "link.modem.ticks=1", "link.modem.line=scrambled",
             "link.modem.parity=16", *more,
         )  # fmt: skip
-        setting, seconds = setting_of(scenario), {}
+        setting, spent = setting_of(scenario), Spent()
         mode, choice, locking = choose_and_lock(
-            scenario, setting, 1000, device, SilentProgress(), seconds
+            scenario, setting, 1000, device, SilentProgress(), spent
         )
-        assert (mode, choice, locking, seconds) == (MODE, None, None, {})
+        assert (mode, choice, locking, spent) == (MODE, None, None, Spent())
         assert setting.camera.clock_moves is None
 
 

@@ -23,7 +23,14 @@ from link.setup.truth import true_timing
 from link.theory import clopper_pearson
 from link.trial.check import LinkCheck, check_link, compare, goodput_change
 from link.trial.patches import LinkPatches, Variant
-from link.trial.plan import LinkSurvey, camera_changes, half_width, survey_link
+from link.trial.plan import (
+    Compared,
+    LinkSurvey,
+    camera_changes,
+    half_width,
+    survey_link,
+    uncertainty,
+)
 from link.trial.study import LinkStudy
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
@@ -174,6 +181,34 @@ def test_the_default_link_at_ten_metres_leaves_scintillation_out(structure: str,
     plan = look.plan(0.1, None)
     assert ("scintillation" in plan.left_out) == out
     assert plan.plan.kind == ("estimate" if out else "proof")  # of nothing left out
+
+
+@pytest.mark.parametrize(("symbols", "out"), [(218, True), (2640, False)])
+def test_a_long_file_keeps_what_its_check_cannot_tell(symbols: int, out: bool) -> None:
+    """4 and 64 MB at 2 m: the bound of scintillation is far below the tolerance for both, but the
+    check compares as few bits for both."""
+    scenario = linked(load("light-link", [])[1], "test")
+    setting = link_setting(scenario, camera_setting(scenario))
+    mode = Mode(960, 960, 2, 1, "scrambled", None, 0.935)
+    look = survey_link(setting, mode, symbols, symbols + 13, Compared(4_700_976, 4.5e-4))
+    bound = next(e for e in look.air_effects if e.name == "scintillation").bound(look.scene)
+    assert bound.value < 1e-3
+    assert ("scintillation" in look.plan(0.1, None).left_out) == out
+
+
+def test_the_spread_of_a_check_is_that_of_spikes_at_the_threshold(seen: LinkSurvey) -> None:
+    scene = replace(seen.scene, threshold=1000.0, noise=0.0, bits=10**8)
+    size, draws, rng = 2e-3, 400_000, np.random.default_rng(3)
+    # Charges at the threshold: those of nearly wrong bits, with and without a factor of the light.
+    charge = rng.normal(1000.0, np.sqrt(1000.0), draws)
+    moved = (charge < 1000) != (charge * (1 + rng.normal(0.0, size, draws)) < 1000)
+    compared = Compared(10**6, 1e-4)
+    flips = moved.mean() * 1e-3 * compared.bits
+    expected = np.sqrt(flips) / 1e-3 * 1e-4 / compared.bits / half_width(1e-4, scene.bits)
+    found = uncertainty(scene, size, 1.0, compared)
+    assert found == pytest.approx(expected, rel=4 / 2 / np.sqrt(moved.sum()))
+    longer = uncertainty(replace(scene, bits=4 * scene.bits), size, 1.0, compared)
+    assert longer == pytest.approx(2 * found)
 
 
 @pytest.mark.slow

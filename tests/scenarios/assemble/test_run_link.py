@@ -154,6 +154,7 @@ def test_an_empty_file_crosses_as_one(tmp_path):
     [
         ("link.aim.offset_x=240", "out_of_view"),
         ("link.aim.occluded=0.5", "occluded"),
+        pytest.param("link.aim.rotation=15 deg", "out_of_view", marks=pytest.mark.slow),
         pytest.param("link.aim.focus=0.3 m", "out_of_focus", marks=pytest.mark.slow),
         pytest.param("link.panel.clock_offset=50000", "wrong_clock", marks=pytest.mark.slow),
         pytest.param("link.air.sun=1e5 lux,link.air.sun_angle=0 deg", "saturated",
@@ -216,6 +217,19 @@ def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone()
     assert judge_delivery(timed, received)[0].cause is Cause.TOO_LARGE
 
 
+def test_what_cannot_arrive_is_filmed_for_a_short_stretch_alone():
+    """Without a pilot: the panel is out of view, or its tags are too small."""
+    for keys in (["link.aim.offset_x=240"], ["link.distance=20 m"]):
+        given = [*SMALL[:3], "link.size=4000000", *keys]
+        _, scenario = load("light-link", given)
+        run = set_up_link(scenario, camera_setting(scenario), "numba", SilentProgress())
+        assert run.choice is None and run.shortened and run.sent.planes <= 600
+        assert run.sent.whole * run.mode.ticks > 2000
+        assert run.shortened_message().startswith("no mode is foreseen to work, so only ")
+        received = SimpleNamespace(delivered=None, verdict=Verdict(Cause.OUT_OF_VIEW, "seen"))
+        assert judge_delivery(run, received)[0].cause is Cause.OUT_OF_VIEW
+
+
 def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
     metrics = {"ber": Metric(None, "1"), "raw_bps": Metric(5.0, "bit/s"), "fer": Metric(None, "1")}
     left_out = [
@@ -252,6 +266,7 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
         (["sensor.lens.f_number=2"], "sensor.lens.f_number must be absent in a link"),
         (["duration=1 ms"], "duration must be at least"),
         (["link.distance=0.05 m"], ""),
+        (["link.distance=120 m"], "link.distance must be at most "),
     ],
 )  # fmt: skip
 def test_what_cannot_be_run_is_refused_before_anything_is_written(assignments, said, tmp_path):

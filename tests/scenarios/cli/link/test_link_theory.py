@@ -13,6 +13,9 @@ import pytest
 from link.evaluation.curves import LEVEL, Curve, error_curves, measure_curves
 from link.mode import Mode
 from link.prediction.capacity import CapacityInput, capacity_document
+from link.prediction.capacity_input import scenario_input
+from scenarios.assemble.link import link_camera
+from scenarios.assemble.schema.loading import linked, load
 
 NAMES = ["poisson-threshold", "reset-hard", "reset-residual", "reset-subtract"]
 KEYED = [f"{law}-{c}" for c in ("peak", "average") for law in ("awgn", "log-normal", "gamma-gamma")]
@@ -125,6 +128,22 @@ class TestCapacity:
         low, high = d["pixel"]["memory"]["ci"]
         assert low < 0.775 < high and d["pixel"]["slot"]["value"] > 0.99
         assert d["pixel"]["cell"]["value"] == pytest.approx(1, abs=1e-4)  # two ticks mend it
+
+    @pytest.mark.parametrize("scale", [1.0, 0.2, 0.002])  # 2 m, 10 m, 1 km
+    @pytest.mark.parametrize("cell", [1, 2, 16])
+    def test_no_rate_is_above_the_bound_before_it(self, scale: float, cell: int) -> None:
+        there = replace(self.GIVEN, on_panel=(960 * scale) ** 2)
+        d = capacity_document(there, replace(self.MODE, cell=cell, ticks=1))
+        left = [row["bps"] for row in d["budget"]]
+        assert left == sorted(left, reverse=True)
+        assert left[-1] == pytest.approx(d["coded_bps"])
+        assert d["capacity_bps"] >= d["cells_bps"] and d["capacity_bps"] >= d["raw_bps"]
+        assert d["raw_bps"] > d["coded_bps"] and 0 < d["share"] < 1
+
+    def test_cells_that_a_run_would_choose_are_assumed(self) -> None:
+        for distance, cell in (("2 m", 2), ("10 m", 8), ("1 km", 16)):
+            link = linked(load("light-link", [f"link.distance={distance}"])[1], "test")
+            assert scenario_input(link, link_camera(link))[1].cell == cell
 
     def test_no_light_carries_nothing(self) -> None:
         dark = replace(self.GIVEN, on=10.0)
