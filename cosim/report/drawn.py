@@ -117,7 +117,8 @@ def _rows(ax: Any) -> Iterator[tuple[str, tuple[Value, ...]]]:
     names = {c[0]: str(c.get_label()) for c in ax.containers if isinstance(c, ErrorbarContainer)}
     for n, line in enumerate(ax.lines, 1):
         across = line.get_transform() != ax.transData
-        if across or line.get_label() == "_nolegend_":  # a guide; the caps of an error bar
+        hidden = line not in names and line.get_label() == "_nolegend_"
+        if across or hidden:  # a guide; the caps of an error bar
             continue
         name, bars = names.get(line, str(line.get_label())), spans.get(line)
         for k, (x, y) in enumerate(zip(line.get_xdata(), line.get_ydata(), strict=True)):

@@ -42,11 +42,9 @@ TERMS: Final[dict[str, str]] = {
     "ISI": "Inter-spike interval: the time between two spikes of a pixel; the brighter the light, "
     "the shorter.",
     "JOD": "Just-objectionable difference of ColorVideoVDP: 10 is no visible difference.",
-    "kept": "An effect that is kept is simulated.",
-    "latch": "To sample all pixels at one instant of the clock: has it fired since the last time?",
+    "latch": "To sample all pixels at an instant of the clock: which have fired since the last one.",
     "line code": "Rules that turn data bits into bits that suit the light, such as as many on as "
     "off.",
-    "median": "The middle value: half of all are smaller.",
     "on-off keying": "A cell of the panel is bright for a 1 and dark for a 0.",
     "patch": "A small square of pixels that is simulated twice, as in this run and with full "
     "physics, to measure the error.",
@@ -137,7 +135,7 @@ def explained(body: str) -> tuple[str, set[str]]:
         text = body[at:opens]
         parts.append(text if silent else _FORMS.sub(mark, text))
         at = body.find(">", opens) + 1
-        name = body[opens + 1 : opens + 9].split(">")[0].split()[0]
+        name = body[opens + 1 : opens + 12].split(">")[0].split()[0]
         if name == "h2":
             seen.clear()
         if name in _SILENT:

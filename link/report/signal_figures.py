@@ -30,11 +30,11 @@ def eye_figure(eye: Eye, path: Path) -> Data:
 
     with figure_at(path, 8.2, 3.8) as (figure, ax):
         reach, share = float(eye.x[-1]), eye.density / eye.traces
-        drawn = ax.imshow(
+        density = ax.imshow(
             np.where(share > 0, share, np.nan), origin="lower", extent=(-reach, reach, 0, 1),
             aspect="auto", cmap="Blues", norm=LogNorm(1 / eye.traces, 1), interpolation="nearest",
         )  # fmt: skip
-        figure.colorbar(drawn, ax=ax, label="share of traces", pad=0.01)
+        figure.colorbar(density, ax=ax, label="share of traces", pad=0.01)
         most = f"{1 - RARE:.0%}"
         ax.plot(eye.x, eye.low, color=MARK, linewidth=1.2, label=f"{most} of ON are above")
         ax.plot(eye.x, eye.high, color=INK, linewidth=1.2, label=f"{most} of OFF are below")

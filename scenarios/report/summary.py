@@ -115,8 +115,8 @@ def _out(result: Result) -> str:
         effects = f"{count(len(names))} effect{'s' * (len(names) > 1)}"
         return _big(
             effects,
-            f"{', '.join(names)}. Leaving them out saves time, and changes less than the tolerance "
-            "allows; the section on what was kept and left out gives the bounds and their check.",
+            f"{', '.join(names)}. Leaving out saves time, and changes less than the tolerance "
+            "allows; the section on what was left out gives the bounds and their check.",
         )
     if result.kept:
         return _paragraph(f"Nothing: all {count(len(result.kept))} effects were simulated.")

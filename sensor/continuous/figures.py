@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Intensities
+from cosim.config.amounts import count
 from cosim.report.drawn import Data, save_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.continuous.shots import PixelLight

@@ -36,10 +36,10 @@ def _simulated(judged: ContinuousRun) -> str:
     """What was simulated, for a newcomer."""
     height, width = judged.views.reports.shape
     return (
-        f"A camera with {width} x {height} pixels ({judged.spec.setting.chip.title}) watches the "
-        f"scene “{judged.spec.title}” for {amount(judged.run.result.simulated_s, 's', 4)}. Every "
-        "pixel watches its own light and reports its value whenever that has changed by more than "
-        f"{percent(judged.spec.setting.contrast)}; what stands still is not sent again."
+        f"A camera with {width} x {height} pixels, the {judged.spec.setting.chip.title}, watches "
+        f"the scene “{judged.spec.title}” for {amount(judged.run.result.simulated_s, 's', 4)}. "
+        "Every pixel watches its own light and reports its value whenever that has changed by more "
+        f"than {percent(judged.spec.setting.contrast)}; what stands still is not sent again."
     )
 
 
@@ -133,8 +133,10 @@ def _traffic(judged: ContinuousRun) -> str:
          f"{count(setting.clock.hz)}, {number(setting.clock.hz / bits)} times as many"],
     ]  # fmt: skip
     rows += [
-        [f"{row.stage} at the instants, ms", f"{number(row.min_us / 1e3, 4)} min, "
-         f"{number(row.median_us / 1e3, 4)} median, {number(row.max_us / 1e3, 4)} max"]
+        [f"{row.stage} at the instants", ", ".join(
+            f"{amount(us * 1e-6, 's', 4)} {name}"
+            for name, us in (("min", row.min_us), ("median", row.median_us), ("max", row.max_us))
+        )]
         for row in judged.run.result.latency
     ]  # fmt: skip
     return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.config.amounts import amount, count, number, percent
+from cosim.config.amounts import UNKNOWN, amount, count, number, percent
 from cosim.report.parts import Card, figure, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page
@@ -30,16 +30,16 @@ def _cards(run: ImagerRun) -> list[Card]:
     for name, text in _MAIN.items():
         metric = run.run.result.metrics.get(name)
         if metric is not None and metric.value is not None:
-            value, unit = metric_text(name, metric)
-            if metric.unit != "1":
-                value = amount(metric.value, metric.unit)
-            rows.append(("", value, text or unit))
+            value, of = metric_text(name, metric)
+            rows.append(("", value, text or of))
     return rows
 
 
 _MAIN = {
-    "frame_rate": "frame rate", "noise": "noise in the dark", "saturated": "",
-    "settled_share": "", "gain": "electron multiplication", "dynamic_range": "dynamic range",
+    "frame_rate": "frame rate", "exposure": "exposure of the last frame",
+    "dynamic_range": "dynamic range of one frame", "dark_noise": "noise in the dark",
+    "effective_read_noise": "read noise over the gain", "contrast_to_noise": "contrast to noise",
+    "settled_share": "", "saturated": "",
 }  # fmt: skip
 """Metrics that the summary shows where a run has them, and what they are."""
 _SHARES = {
@@ -60,16 +60,18 @@ _COUNTS = {
 
 
 def metric_text(name: str, metric: Metric) -> tuple[str, str]:
-    """Value and unit of a metric as text: a share in per cent, an answer as yes or no, a count with
-    the name of what is counted."""
-    value, unit = metric.value, "" if metric.unit == "1" else metric.unit
+    """Text of a metric with its unit, and what it is a share or a count of: a share is in per cent,
+    an answer yes or no, a count whole."""
+    value = metric.value
     if value is None:
-        return "unknown", unit
+        return UNKNOWN, _COUNTS.get(name, "")
     if name in _SHARES:
         return percent(value), _SHARES[name]
     if name in _ANSWERS:
         return "yes" if value else "no", _ANSWERS[name]
-    return number(value, 5), _COUNTS.get(name, unit)
+    if name in _COUNTS:
+        return count(value), _COUNTS[name]
+    return amount(value, metric.unit, 4), ""
 
 
 def _metrics(run: ImagerRun) -> str:
@@ -77,7 +79,7 @@ def _metrics(run: ImagerRun) -> str:
         [name.replace("_", " "), *metric_text(name, m)]
         for name, m in run.run.result.metrics.items()
     ]
-    page = "<h2>Figures of the run</h2>" + table(["what", "value", "unit"], rows)
+    page = "<h2>Figures of the run</h2>" + table(["what", "value", "of what"], rows)
     delays = [
         [row.stage, *(amount(us * 1e-6, "s", 4) for us in (row.min_us, row.median_us, row.max_us))]
         for row in run.run.result.latency
@@ -96,7 +98,7 @@ def _frames(run: ImagerRun) -> str:
         frame = run.frames[n]
         caption = (
             f"frame {frame.number}, read at {number(frame.ready * 1e-9, 4)} ms, exposed for "
-            f"{number(frame.seconds * 1e3, 4)} ms, mean {number(frame.mean, 4)} DN"
+            f"{amount(frame.seconds, 's', 4)}, mean {number(frame.mean, 4)} DN"
         )
         figures.append(figure(for_display(run.frame(n) / full), caption))
     return (
@@ -161,6 +163,8 @@ def imager_page(kind: ImagerKind, run: ImagerRun) -> Page:
         subtitle=f"{kind.title}, {columns} x {rows} pixels",
         simulated=_simulated(kind, run),
         cards=_cards(run),
+        quality="A wider dynamic range and less noise are better. What a frame needs beyond these "
+        "figures is told in the sections.",
         sections=[specific, frames, _metrics(run), _kept(run)],
         commands_do="<p>The bits are the same however often the run is interrupted.</p>",
         files=sorted(f"figures/{path.name}" for path in folder.glob("*.png")),

@@ -72,7 +72,7 @@ def _simulated(judged: EventRun) -> str:
     spec = judged.spec
     height, width = spec.source.shape
     return (
-        f"A camera with {width} x {height} pixels ({spec.setting.chip.title}) watches the scene "
+        f"A camera with {width} x {height} pixels, {spec.setting.chip.title}, watches the scene "
         f"“{spec.title}” for {amount(judged.run.result.simulated_s, 's', 4)}. No clock reads it: "
         f"every pixel sends an event as soon as it has collected {number(spec.model.threshold)} "
         "electrons of light, with the time that this took; bright pixels need nanoseconds, dim "
@@ -183,8 +183,10 @@ def _traffic(judged: EventRun) -> str:
         if name.startswith(("events", "channel"))
     ]
     rows += [
-        [f"{row.stage}, µs", f"{number(row.min_us, 4)} min, {number(row.median_us, 4)} median, "
-         f"{number(row.max_us, 4)} max"]
+        [row.stage, ", ".join(
+            f"{amount(us * 1e-6, 's', 4)} {name}"
+            for name, us in (("min", row.min_us), ("median", row.median_us), ("max", row.max_us))
+        )]
         for row in judged.run.result.latency
     ]  # fmt: skip
     return (

@@ -175,7 +175,8 @@ def plan_section(run: LatchedRun) -> str:
     path = run.folder / "figures" / "plan.png"
     legend, sets = _map(run, path)
     head = [
-        "effect", "kept in", "leaving it out changes", "", "cost a pixel-cycle", "the check",
+        "effect", "kept in", "leaving it out changes", "known by", "cost a pixel-cycle",
+        "the check",
         "source",
     ]  # fmt: skip
     return (

@@ -54,7 +54,7 @@ def simulated(run: LatchedRun) -> str:
             "below are computed from them."
         )
     return (
-        f"A spike camera with {width} x {height} pixels ({chip.title}) watches the scene "
+        f"A spike camera with {width} x {height} pixels, the {chip.title}, watches the scene "
         f"“{run.scenario.title}” for {length}. In each of {count(run.stream.cycles)} cycles, "
         f"{count(clock.hz)} a second, every pixel gives one bit: whether it has collected "
         f"{number(run.setting.threshold)} more electrons of light. Images are computed from these "
