@@ -20,14 +20,17 @@ UNKNOWN: Final = "unknown"
 _SMALL, _LARGE, _COUNT = 1e-4, 1e6, 1e10
 """Sizes beyond which a number, or a whole number, is printed with a power of ten."""
 _RATES = (
-    "bit/s", "B/s", "pixel-cycles/s", "pixels/s", "events/s", "planes/s", "spikes/s",
+    "bit/s", "B/s", "pixel-cycles/s", "pixel-frames/s", "pixels/s", "events/s", "planes/s",
+    "spikes/s",
 )  # fmt: skip
 """Units that take a prefix for large values."""
 _MANY = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"))
 _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"))
 _WAITS = (("min", 60, "s", 1, 60), ("h", 3600, "min", 60, 48), ("d", 86400, "h", 3600, math.inf))
 """Unit, its length in s, the unit of the rest, its length, and how many units one waits at most."""
-_SIGNS = {"bit/s": "b/s", "us": "µs", "um": "µm", "cd/m2": "cd/m²", "e^2": "e²"}
+_SIGNS = {
+    "bit/s": "b/s", "us": "µs", "um": "µm", "V/um": "V/µm", "cd/m2": "cd/m²", "degC": "°C",
+}  # fmt: skip
 """Units as printed, where documents for programs spell them otherwise."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _BEST: Final = 100.0

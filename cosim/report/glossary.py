@@ -42,7 +42,7 @@ TERMS: Final[dict[str, str]] = {
     "ISI": "Inter-spike interval: the time between two spikes of a pixel; the brighter the light, "
     "the shorter.",
     "JOD": "Just-objectionable difference of ColorVideoVDP: 10 is no visible difference.",
-    "latch": "To sample all pixels at an instant of the clock: which have fired since the last one.",
+    "latch": "To sample all pixels at an instant of the clock: which fired since the last one.",
     "line code": "Rules that turn data bits into bits that suit the light, such as as many on as "
     "off.",
     "on-off keying": "A cell of the panel is bright for a 1 and dark for a 0.",

@@ -22,6 +22,8 @@ _LOW: Final = 480
 _NUMERIC: Final = re.compile(
     rf"(?:over |at most |about |below )?[+-]?\d[\d.{THIN}]*(?: × 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? ?[%\w/²µ]*"
 )
+_FEW: Final = 5
+"""Columns of a table up to which it may shrink to a narrow screen."""
 _MOST: Final = 12
 """Columns of a table up to which numbers are set flush right."""
 
@@ -95,7 +97,7 @@ def table(head: list[str], rows: list[list[str]]) -> str:
         n for n in range(1, min(len(head), _MOST + 1))
         if any(row[n] for row in rows) and all(_NUMERIC.fullmatch(row[n]) for row in rows if row[n])
     ]  # fmt: skip
-    css = " ".join(f"n{n + 1}" for n in numeric)
+    css = " ".join([*(["many"] if len(head) > _FEW else []), *(f"n{n + 1}" for n in numeric)])
     name = html.escape(", ".join(h for h in head if h))
     return (
         f'<div class="wide"><div class="scroll" role="region" aria-label="Table: {name}">'

@@ -85,9 +85,13 @@ def wave_figure(shown: Shown, path: Path) -> tuple[str, Data]:
         row_of, column, label = chain.points[place]
         lights = {"true light": truth} | {outcome.title(n): wave for n, wave in waves.items()}
         for name, light_of in lights.items():
-            pairs = zip(ms, light_of[:, place], strict=True)
-            rows_of += [(f"row {row_of}, column {column}", name, float(x), float(y))
-                        for x, y in pairs]  # fmt: skip
+            level_of = light_of[:, place]
+            turns = np.flatnonzero(np.diff(level_of))
+            ends = np.unique(np.concatenate([[0], turns, turns + 1, [len(ms) - 1]]))
+            rows_of += [
+                (f"row {row_of}, column {column}", name, float(ms[k]), float(level_of[k]))
+                for k in ends
+            ]  # only where the light changes
         ax.set_title(f"{label} (row {row_of}, column {column})", fontsize=9.5, color=INK)
         ax.set_xlabel("time (ms)", fontsize=9, color=INK)
     across = axes[0, 0].get_yaxis_transform()

@@ -20,12 +20,16 @@ __all__ = [
     "light_table",
 ]
 
+_LEAST = 1e-3
+"""Percentage below which a figure is the rounding of float32."""
 _LIGHTS = {"sparse": "0.15 % density", "grey": "mid grey", "bright": "above full scale"}
 
 
 def _share(value: float, *, sign: bool = False) -> str:
-    """Text of a percentage, in whole per cent from 10 % on; "" for NaN."""
-    return "" if math.isnan(value) else percent(value / 100, 2, sign=sign)
+    """Text of a percentage to two digits; rounding alone is 0, and NaN ""."""
+    if math.isnan(value):
+        return ""
+    return percent(value / 100, 2, sign=sign) if abs(value) >= _LEAST else "0 %"
 
 
 def _level(value: float | None) -> str:
