@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.files.whole import whole
 
-__all__ = ["Data", "Value", "drawn", "save_figure"]
+__all__ = ["Data", "Value", "drawn", "save_figure", "write_figure"]
 
 LARGEST: Final = 48_000
 """Length of the CSV of a figure from which on points are left out, characters."""
@@ -67,12 +67,17 @@ def _csv(head: Sequence[str], rows: Sequence[Sequence[Value]]) -> str:
     return text.getvalue()
 
 
-def save_figure(figure: Any, path: Path, dpi: int = 110, **options: Any) -> Data:
+def write_figure(figure: Any, path: Path, dpi: int = 110, **options: Any) -> None:
     """Writes a Matplotlib figure as PNG; the file appears under its name when it is complete.
-    Returns the data that it shows. options: of `Figure.savefig`."""
+    options: of `Figure.savefig`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part:
         figure.savefig(part, dpi=dpi, format="png", **options)
+
+
+def save_figure(figure: Any, path: Path) -> Data:
+    """Writes a figure, and returns the data that it shows."""
+    write_figure(figure, path)
     return drawn(figure)
 
 

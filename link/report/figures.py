@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cosim.config.amounts import amount, number
-from cosim.report.drawn import Data, drawn, save_figure
+from cosim.report.drawn import Data, drawn, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from link.evaluation.record import LinkEvaluation
 from link.prediction.reach import Reach
@@ -52,7 +52,7 @@ def figure_at(
     yield figure, ax
     if plain:
         _plain(ax)
-    save_figure(figure, path, _DOTS)
+    write_figure(figure, path, _DOTS)
 
 
 def bits(rate: float) -> str:

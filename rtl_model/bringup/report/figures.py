@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.config.amounts import count
-from cosim.report.drawn import Data, Value, save_figure
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from rtl_model.bringup.bench.bench import Burst
 
@@ -61,7 +61,7 @@ def planes_figure(bursts: list[Burst], path: Path) -> Data:
             place.set_ylabel("row", fontsize=8, color=INK)
             place.tick_params(labelsize=8)
             place.spines[:].set_color(LINE)
-    save_figure(figure, path, 120)
+    write_figure(figure, path, 120)
     head = ("burst", "row", "column", "spikes expected", "spikes captured", "wrong bits")
     return Data(head, found)
 
@@ -89,7 +89,7 @@ def threshold_figure(rates: list[dict[str, Any]], path: Path) -> Data:
         axes.spines[["top", "right"]].set_visible(False)
     places[0].set_ylabel("spikes a pixel and tick", color=INK)
     places[1].legend(fontsize=9, frameon=False)
-    save_figure(figure, path, 120)
+    write_figure(figure, path, 120)
     return Data(
         ("rule", "clock, kHz", "threshold level", "spikes/tick, closed form", "spikes/tick, board"),
         [

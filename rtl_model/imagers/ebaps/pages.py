@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cosim.config.amounts import count, number
 from cosim.light.charts import ASPECT, bar_width, draw, regions
-from cosim.report.drawn import Data, save_figure
+from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
@@ -228,7 +228,7 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
                 [_named(volts), f"{number(lux)} lx", f"{number(seconds * 1e3, 4)} ms",
                  f"{number(shown.mean(), 5)} DN", number(cnr), verdict]
             )  # fmt: skip
-    save_figure(figure, path)
+    write_figure(figure, path)
     return rows
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim import PS
 from cosim.config.amounts import amount, number
-from cosim.report.drawn import Data, Value, save_figure
+from cosim.report.drawn import Data, Value, save_figure, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot
 from rtl_model.imagers.emccd.device.potentiometer import SPI_SIGNALS, word_edges
@@ -161,5 +161,5 @@ def _supplies(supplies: Supplies, path: Path) -> Data:
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.set_xlabel("ms after the switch; lines: all good, switch-off", fontsize=9, color=INK)
-    save_figure(figure, path)
+    write_figure(figure, path)
     return Data(("rail", "ms after the switch", "V"), rows)

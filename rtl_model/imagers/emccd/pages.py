@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim import PS
 from cosim.config.amounts import count, number
-from cosim.report.drawn import Data, save_figure
+from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
@@ -128,7 +128,7 @@ def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
              "external" if state["external"] else "internal", f"{number(rate, 4)}/s",
              f"{count(low)}, {count(high)}"]
         )  # fmt: skip
-    save_figure(figure, path)
+    write_figure(figure, path)
     return rows
 
 
@@ -219,7 +219,7 @@ def _sequence(path: Path) -> None:
         "time, ms; phase: 1 transfer, 2 exposure, 3 transfer, 4 clear, 5 dump, 6 read, 7 dump",
         fontsize=9, color=INK,
     )  # fmt: skip
-    save_figure(figure, path)
+    write_figure(figure, path)
 
 
 def _cooling(model: EmccdModel, path: Path) -> Data:

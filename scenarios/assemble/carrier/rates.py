@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from cosim import SpikeStream, Viform
-from cosim.report.drawn import Data, Value, save_figure
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, subplots
 from cosim.spikes.viform import WORD
 from scenarios.assemble.carrier.coding import Sender
@@ -131,7 +131,7 @@ def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> Data:
         ax.tick_params(colors=INK)
     axes[0].legend(fontsize=8)
     figure.tight_layout()
-    save_figure(figure, path, 130)
+    write_figure(figure, path, 130)
     head = (
         "code", "rate, Gb/s", "PSNR, dB, at most 60", "longest wait, ms", "packets left out, %"
     )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.config.amounts import amount, decibel, elapsed, number, percent
-from cosim.report.drawn import Data, save_figure
+from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, subplots
 from cosim.report.page import write_page
 from cosim.report.parts import plot, table
@@ -72,7 +72,7 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
         ax.set_title(f"{title}\n", fontsize=11, color=INK)
         ax.text(0.5, 1.02, setting, transform=ax.transAxes, ha="center", fontsize=7.5, color=INK)
     figure.tight_layout(pad=0.4, w_pad=0.6)
-    save_figure(figure, path)
+    write_figure(figure, path)
 
 
 def write_snr(path: Path, cameras: list[Camera]) -> Data:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from cosim.config.amounts import amount, count, number, percent
-from cosim.report.drawn import Data, Value, save_figure
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import LINE, MARK, subplots
 from cosim.report.parts import plot, table
 from scenarios.assemble.camera.judged import LatchedRun
@@ -155,7 +155,7 @@ def _map(run: LatchedRun, path: Path) -> tuple[list[list[str]], Data]:
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[:].set_color(LINE)
-    save_figure(figure, path, bbox_inches="tight", pad_inches=0.08)
+    write_figure(figure, path, bbox_inches="tight", pad_inches=0.08)
     sets_of = place[which.ravel()] + 1
     places_of: list[tuple[Value, ...]] = [
         (float(tile // columns), float(tile % columns), float(set_of))
