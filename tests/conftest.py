@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from cosim.compute.opencl import Device, open_device
+from tests.browser.driver import Browser, missing_programs
 
 # Nothing here may fail because a machine is slow or busy.
 settings.register_profile(
@@ -30,3 +33,14 @@ def device() -> Device:
     """The first OpenCL device. A machine without one fails these tests: half of what they hold true
     could not be looked at."""
     return open_device()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """A window of Chromium, shared by the tests of pages; each opens its own page. A machine
+    without it skips these tests, except where VIFORM_ALL_TOOLS is set, as in `.ci/run`."""
+    if missing := missing_programs():
+        lack = pytest.fail if os.environ.get("VIFORM_ALL_TOOLS") else pytest.skip
+        lack(f"needs the system packages {' '.join(missing)}")
+    with Browser() as window:
+        yield window

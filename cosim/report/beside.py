@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.report.explorer import explorer
-from cosim.report.parts import data
+from cosim.report.parts import data_url
 from cosim.report.png import encode, reduced
 
 __all__ = ["beside"]
@@ -23,8 +23,8 @@ Picture = npt.NDArray[np.uint8]
 def _source(picture: Picture) -> str:
     """The picture as a data URL: exact if it is small."""
     if max(picture.shape[:2]) <= _LONGEST:
-        return data(encode(picture), "image/png")
-    return data(encode(reduced(picture, _LONGEST), ".jpg"), "image/jpeg")
+        return data_url(encode(picture), "image/png")
+    return data_url(encode(reduced(picture, _LONGEST), ".jpg"), "image/jpeg")
 
 
 def beside(

@@ -14,7 +14,6 @@ import zlib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
@@ -25,12 +24,14 @@ from cosim.report.pictures import busiest_box
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import WORD, SpikeStream, Words
 
-__all__ = ["INSTANTS", "Truths", "explorer", "explorer_part", "packed", "span_of"]
+__all__ = ["EXPLORER", "INSTANTS", "Truths", "explorer", "explorer_part", "packed", "span_of"]
 
 CYCLES: Final = 4096
 """Cycles in a page, at most."""
 WHOLE, REGION = 30_000_000, 20_000_000
 """Bits of the two parts, at most, before compression to a third."""
+EXPLORER: Final = "class='explorer'"
+"""What the elements of explorers have."""
 INSTANTS: Final = 17
 """Instants of the true light in a page, linear in between."""
 _LEVEL: Final = 1
@@ -127,13 +128,10 @@ def explorer_part(
 
 
 def explorer(given: dict[str, Any], kind: str = "stream") -> str:
-    """The element of an explorer, with what it shows as JSON, its style and its script; a page has
-    one. kind: of `KINDS` in the script."""
+    """The element of an explorer, with what it shows as JSON; its page adds style and script.
+    kind: of `KINDS` in the script."""
     data = json.dumps(given).replace("<", "\\u003c")
-    folder = files("cosim.report")
-    script, style = ((folder / f"explorer.{end}").read_text() for end in ("js", "css"))
     return (
-        f"<style>{style}</style><section class='explorer' data-kind='{kind}' "
-        f"aria-label='explorer'><script type='application/json'>{data}</script></section>"
-        f"<script>{script}</script>"
+        f"<section {EXPLORER} data-kind='{kind}' aria-label='explorer'>"
+        f"<script type='application/json'>{data}</script></section>"
     )

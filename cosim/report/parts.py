@@ -4,96 +4,127 @@ from __future__ import annotations
 
 import base64
 import html
-from importlib.resources import files
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from cosim.config.amounts import amount
-from cosim.files.whole import whole
+from cosim.config.amounts import THIN, amount, elapsed
+from cosim.report.drawn import Data
 from cosim.report.png import encode, reduced
 from cosim.run.result import Result
 
-__all__ = ["cards", "data", "figure", "opening", "plot", "run_time", "table", "write_page"]
+__all__ = ["Card", "cards", "data_url", "figure", "plot", "run_time", "table", "video"]
+
+Card = tuple[str, str, str]
+"""CSS class ("first" for the main ones), figure, and what it is."""
+_LOW: Final = 480
+"""Width up to which a picture is shown with sharp pixels where the page enlarges it, pixels."""
+_NUMERIC: Final = re.compile(
+    rf"(?:over |at most |about |below )?[+-]?\d[\d.{THIN}]*(?: × 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? ?[%\w/²µ]*"
+)
+_FEW: Final = 5
+"""Columns of a table up to which it may shrink to a narrow screen."""
+_MOST: Final = 12
+"""Columns of a table up to which numbers are set flush right."""
 
 
-def data(content: bytes, kind: str) -> str:
+def data_url(content: bytes, kind: str) -> str:
     """A data URL. kind: MIME type."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def figure(image: Any, caption: str, *, exact: bool = False, css: str = "") -> str:
+def _framed(picture: str, caption: str, css: str, links: str = "") -> str:
+    return (
+        f'<figure class="{css}">{picture}<figcaption>{html.escape(caption)}'
+        f'<span class="tools"><button type="button" class="enlarge">Enlarge</button>{links}</span>'
+        "</figcaption></figure>"
+    )
+
+
+def figure(image: Any, caption: str, *, exact: bool = False) -> str:
     """A picture with its caption.
 
     Args:
         image: of any size; larger pictures than LARGEST_PICTURE are reduced.
         exact: whether it is lossless (PNG) or a JPEG.
-        css: class.
     """
-    content = encode(reduced(image), ".png" if exact else ".jpg")
-    source = data(content, "image/png" if exact else "image/jpeg")
-    pixels = ' class="pixels"' if exact else ""
+    image = reduced(image)
+    content = encode(image, ".png" if exact else ".jpg")
+    source = data_url(content, "image/png" if exact else "image/jpeg")
+    pixels = ' class="pixels"' if image.shape[1] <= _LOW else ""
+    return _framed(f'<img{pixels} src="{source}" alt="{html.escape(caption)}">', caption, "picture")
+
+
+def plot(path: Path, caption: str, data: Data | None = None, *, alt: str | None = None) -> str:
+    """A figure from a PNG file.
+
+    Args:
+        path: the file.
+        caption: what it shows, in one line.
+        data: what was drawn, which the page offers as CSV; None for a picture.
+        alt: text in its place for who cannot see it; the caption by default.
+    """
+    source = data_url(path.read_bytes(), "image/png")
+    links = ""
+    if data is not None and data.rows:
+        text, every = data.csv()
+        some = "" if every == 1 else f", one point in {every}"
+        link = data_url(text.encode(), "text/csv")
+        links = (
+            f'<a class="data" download="{path.stem}.csv" href="{link}"'
+            f' title="What this figure shows, for a spreadsheet or a program">Data (CSV{some})</a>'
+        )
+    picture = f'<img src="{source}" alt="{html.escape(alt or caption)}">'
+    return _framed(picture, caption, "plot", links)
+
+
+def video(path: Path, caption: str, width: int) -> str:
+    """A clip that repeats. width: at which it is shown at most, pixels."""
     return (
-        f'<figure class="{css}"><img{pixels} src="{source}" alt="{html.escape(caption)}">'
+        f'<figure class="picture" style="max-width:{width}px"><video controls loop muted autoplay '
+        f'playsinline aria-label="{html.escape(caption)}" '
+        f'src="{data_url(path.read_bytes(), "video/mp4")}"></video>'
         f"<figcaption>{html.escape(caption)}</figcaption></figure>"
     )
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
-    """A table of text."""
-    cells = "".join(f"<th>{html.escape(h)}</th>" for h in head)
+    """A table of text. Columns of numbers are set flush right."""
+    cells = "".join(f'<th scope="col">{html.escape(h)}</th>' for h in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f'<div class="scroll"><table><tr>{cells}</tr>{body}</table></div>'
+    numeric = [
+        n for n in range(1, min(len(head), _MOST + 1))
+        if any(row[n] for row in rows) and all(_NUMERIC.fullmatch(row[n]) for row in rows if row[n])
+    ]  # fmt: skip
+    css = " ".join([*(["many"] if len(head) > _FEW else []), *(f"n{n + 1}" for n in numeric)])
+    name = html.escape(", ".join(h for h in head if h))
+    return (
+        f'<div class="wide"><div class="scroll" role="region" aria-label="Table: {name}">'
+        f'<table class="{css}"><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>'
+        "</div></div>"
+    )
 
 
-def cards(rows: list[tuple[str, str, str]]) -> str:
-    """Large figures in a row. rows: (CSS class, figure, description) each."""
+def cards(rows: list[Card]) -> str:
+    """Large figures in a row."""
     texts = (
-        f'<div class="card {css}"><b>{html.escape(big)}</b>'
+        f'<div class="card {css}"><b>{html.escape(big)}</b> '
         f'<span class="soft">{html.escape(small)}</span></div>'
         for css, big, small in rows
     )
-    return f'<div class="cards">{"".join(texts)}</div>'
-
-
-def plot(path: Path, name: str) -> str:
-    """A figure from a PNG file. name: alternative text."""
-    source = data(path.read_bytes(), "image/png")
-    return f'<figure class="plot"><img src="{source}" alt="{html.escape(name)}"></figure>'
-
-
-def opening(title: str, camera: str, result: Result, notes: list[str]) -> str:
-    """The head of a page: title, camera, outcome unless it is "ok", and notes."""
-    caveat = "" if result.outcome == "ok" else f" <b>Outcome: {result.outcome}.</b>"
-    items = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
-    return (
-        f'<h1>{html.escape(title)}</h1><p class="soft">{html.escape(camera)}, seed {result.seed}, '
-        f"viform {result.version}.{caveat}</p><ul>{items}</ul>"
-    )
+    return f'<div class="cards">{"".join(texts)}</div>' if rows else ""
 
 
 def run_time(result: Result, seconds: dict[str, float]) -> str:
     """Table of the wall time of each stage, throughputs, and the peak memory."""
     import resource  # POSIX only; pages of boards are written on Windows too
 
-    rows = [[stage, f"{spent:.2f} s"] for stage, spent in seconds.items()]
+    rows = [[stage, elapsed(spent)] for stage, spent in seconds.items()]
     rows += [[f"{t.stage} throughput", amount(t.value, t.unit)] for t in result.throughput]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    rows.append(["peak memory", f"{peak:.2f} GiB"])
+    rows.append(["peak memory", amount(peak, "GiB")])
     return f"<h2>Run time</h2><p>On {html.escape(result.device)}.</p>" + table(
         ["stage", "took"], rows
     )
-
-
-def write_page(folder: Path, title: str, body: str) -> None:
-    """Writes report.html, a single file without external resources."""
-    css = (files("cosim.report") / "style.css").read_text()
-    page = (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(title)}</title><style>{css}</style></head>"
-        f"<body><main>{body}</main></body></html>\n"
-    )
-    with whole(folder / "report.html") as part:
-        part.write_text(page, encoding="utf-8")

@@ -185,21 +185,31 @@ class Run:
 class Page:
     """A machine's part of the report; all machines share the frame around it.
 
+    Texts are plain, cards and sections those of `cosim.report.parts`.
+
     Attributes:
         title: title of the scenario.
         subtitle: description of the machine in one line.
-        cards: HTML of the large figures at the top.
-        sections: HTML of the sections, in their order.
+        simulated: what was simulated, in sentences that a newcomer understands.
+        cards: (CSS class, figure, what it is) of the main figures of the machine.
+        sections: HTML of the sections, in their order; each begins with <h2>.
+        good: the question that the cards answer.
+        quality: how to read the cards, one or two sentences.
+        unmeasured: why the error of the simulation is not known, where it is not.
         commands: command lines that reproduce single results; the frame adds the one that repeats
             the run.
-        commands_do: one sentence on the output of these commands.
+        commands_do: HTML of one sentence on the output of these commands.
         files: names of the files written for the report, in the folder of the run.
     """
 
     title: str
     subtitle: str
-    cards: str
+    simulated: str
+    cards: list[tuple[str, str, str]]
     sections: list[str]
+    good: str = "How good the camera is"
+    quality: str = ""
+    unmeasured: str = "It was not measured in this run."
     commands: list[str] = field(default_factory=list)
     commands_do: str = ""
     files: list[str] = field(default_factory=list)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.config.amounts import percent
 from cosim.report.explorer import explorer, packed
 from cosim.report.parts import plot
 from link.evaluation.record import LinkEvaluation
@@ -24,14 +25,15 @@ def cells_section(link: LinkEvaluation, figures: Path) -> str:
     quality = link.received.cell_quality
     if quality is None:
         return "<h2>Cells</h2><p>No cell was read.</p>"
-    cells_figure(np.asarray(quality, np.float64), link.errors.by_cell, link.errors.symbols, path)
-    part = explorer(_map(link, np.asarray(quality, np.float64)), "cells")
+    sure = np.asarray(quality, np.float64)
+    data = cells_figure(sure, link.errors.by_cell, link.errors.symbols, path)
+    part = explorer(_map(link, sure), "cells")
     facts = "".join(f"<li>{html.escape(each)}</li>" for each in _facts(link))
     return (
         "<h2>Which cells fail</h2><p>Pale: tags and pilots. Stripes or spots are the beat "
         "of the panel's cells and the camera's pixels: a pixel with an edge in its middle receives "
         f"light of two cells.</p><ul>{facts}</ul>"
-        + plot(path, "map of cells")
+        + plot(path, "maps of cells: certainty of decisions, and share of wrong ones", data)
         + f"<h3>Point at a cell</h3>{part}"
     )  # fmt: skip
 
@@ -62,8 +64,8 @@ def _facts(link: LinkEvaluation) -> list[str]:
         return ["No symbol was compared."]
     share = np.where(carries, wrong, 0) / link.errors.symbols
     mean = share[carries].mean()
-    facts.append(f"A cell is wrong in {mean:.2g} of its symbols on average, the worst in "
-                f"{share.max():.2g}.")  # fmt: skip
+    facts.append(f"A cell is wrong in {percent(mean)} of its symbols on average, the worst in "
+                f"{percent(share.max())}.")  # fmt: skip
     adjacent = np.zeros_like(carries)
     adjacent[:, 1:] |= ~carries[:, :-1]
     adjacent[:, :-1] |= ~carries[:, 1:]
@@ -79,16 +81,16 @@ def _facts(link: LinkEvaluation) -> list[str]:
     ):
         mine = mask & carries
         if mine.any():
-            facts.append(f"Cells {name}: {share[mine].mean():.2g}.")
+            facts.append(f"Cells {name}: {percent(share[mine].mean())}.")
     rows, columns = carries.shape
     quarter = [
         share[rows * i // 3 : rows * (i + 1) // 3, columns * j // 3 : columns * (j + 1) // 3]
         for i in range(3) for j in range(3)
     ]  # fmt: skip
     ninth = [float(part.mean()) for part in quarter]
-    facts.append(f"Of nine parts of the panel the best has {min(ninth):.2g}, the worst "
-                f"{max(ninth):.2g}. They differ by the beat of the grids, the timing of the rows "
-                "and turbulence.")  # fmt: skip
+    facts.append(f"Of nine parts of the panel the best has {percent(min(ninth))}, the worst "
+                f"{percent(max(ninth))}. They differ by the beat of the grids, the timing of the "
+                "rows and turbulence.")  # fmt: skip
     return facts
 
 
@@ -101,8 +103,8 @@ def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[
     sure = np.asarray(link.received.cell_quality, np.float64)[carries]
     by_sure = _fifths(np.argsort(sure, kind="stable"), wrong)
     facts = [
-        f"The fifth of cells with the lowest mean |soft value| has {by_sure[0]:.0%} of the errors, "
-        f"the fifth with the highest {by_sure[4]:.0%}"
+        f"The fifth of cells with the lowest mean |soft value| has {percent(by_sure[0], 2)} of the "
+        f"errors, the fifth with the highest {percent(by_sure[4], 2)}"
         + (
             ": errors do not concentrate on the cells that are least certain on average."
             if by_sure[0] < by_sure[4] else "."
@@ -114,7 +116,8 @@ def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[
         near = by_grid[0] > by_grid[4]
         facts.append(
             "The fifth whose edges lie nearest to borders of camera pixels has "
-            f"{by_grid[0]:.0%} of them, the fifth farthest from them {by_grid[4]:.0%}: "
+            f"{percent(by_grid[0], 2)} of them, the fifth farthest from them "
+            f"{percent(by_grid[4], 2)}: "
             + (
                 "a cell aligned with whole pixels has the fewest pixels."
                 if near

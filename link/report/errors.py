@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cosim.config.amounts import count, number, percent
 from cosim.report.parts import plot
 from link.evaluation.errors import Errors
 from link.evaluation.eye import RARE
@@ -20,18 +21,20 @@ _CHANCE = 1e-3
 def errors_section(link: LinkEvaluation, figures: Path) -> str:
     """Returns the section; writes its figures."""
     path, theory = figures / "errors.png", link.theory
-    errors_figure(link, path)
+    data = errors_figure(link, path)
     span = ""
     if theory.interval is not None:
-        span = f", 99.9 % interval {theory.interval[0]:.2g} to {theory.interval[1]:.2g}"
+        low, high = (number(end, 2) for end in theory.interval)
+        span = f", 99.9 % interval {low} to {high}"
     return (
-        f"<h2>Errors</h2><p>{link.errors.wrong:,} of {link.errors.bits:,} bits on data cells were "
-        f"decided wrongly before any code{span}. The rate according to the soft values is the mean "
-        "of 1/(1 + exp |L|) over all of them: their error rate if they were exact. They take a "
-        "cell's pixels and ticks as independent, although neighbouring cells illuminate all of "
-        "them; the receiver reduces them by a factor estimated from the training. "
-        f"{theory_text(link.theory)}{end_text(link.errors)}</p>"
-        + plot(path, "bit error rates") + _eye(link, figures) + _soft(link, figures)
+        f"<h2>Errors</h2><p>{count(link.errors.wrong)} of {count(link.errors.bits)} bits on data "
+        f"cells were decided wrongly before any code{span}. The rate according to the soft values "
+        "is the mean of 1/(1 + exp |L|) over all of them: their error rate if they were exact. "
+        "They take a cell's pixels and ticks as independent, although neighbouring cells "
+        "illuminate all of them; the receiver reduces them by a factor estimated from the "
+        f"training. {theory_text(link.theory)}{end_text(link.errors)}</p>"
+        + plot(path, "raw bit error rates: measured, by the soft values, by theory", data)
+        + _eye(link, figures) + _soft(link, figures)
     )  # fmt: skip
 
 
@@ -40,24 +43,25 @@ def _eye(link: LinkEvaluation, figures: Path) -> str:
     if eye is None:
         return ""
     path = figures / "eye.png"
-    eye_figure(eye, path)
+    data = eye_figure(eye, path)
     text = (
-        f"Without {RARE:.0%} of the traces of each bit it is {eye.height:.3f} high and "
-        f"{eye.width:.3g} ticks wide; its middle level is {eye.level:.3f}."
+        f"Without {percent(RARE)} of the traces of each bit it is {number(eye.height)} high and "
+        f"{number(eye.width)} ticks wide; its middle level is {number(eye.level)}."
         if eye.height > 0
-        else f"It is closed: without {RARE:.0%} of the traces of each bit, on and off overlap by "
-        f"{abs(eye.height):.3f}."
+        else f"It is closed: without {percent(RARE)} of the traces of each bit, on and off overlap "
+        f"by {number(abs(eye.height))}."
     )
-    at = " to ".join(f"{tick:+.2f}" for tick in eye.sampled)
+    at = " to ".join(number(tick, 2, sign=True) for tick in eye.sampled)
     return (
-        f"<h3>The eye</h3><p>{eye.traces:,} symbols of data cells, from the recording: spikes "
+        f"<h3>The eye</h3><p>{count(eye.traces)} symbols of data cells, from the recording: spikes "
         "of a cell's pixels, each weighted by the cell's share of its light, "
         f"mean of a window of {link.mode.ticks} ticks that slides past the symbol, 1 if all "
         "fire. The phase of a symbol within the camera's ticks differs by row and, because of the "
         "clock offset, by symbol; traces are linear between ticks. "
         f"The window nearest to a symbol lies {at} ticks from its middle. {text} Detectors weight "
         "each tick by its information and use the preceding ones, and make fewer errors than this "
-        "sum.</p>" + plot(path, "eye diagram")
+        "sum.</p>"
+        + plot(path, "eye diagram: density of the received symbols, and the opening", data)
     )
 
 
@@ -65,12 +69,12 @@ def _soft(link: LinkEvaluation, figures: Path) -> str:
     if link.soft is None or not link.soft.soft.size:
         return ""
     path = figures / "soft.png"
-    soft_figure(link.soft, path)
+    data = soft_figure(link.soft, path)
     return (
-        f"<h3>Soft values</h3><p>Soft values of {link.soft.soft.size:,} symbols, by the bit that "
-        "was sent. A value on the wrong side of 0 is a wrong decision. Values are clipped at the "
-        "detector's limit, so the outermost bins may be high.</p>"
-        + plot(path, "histogram of soft values")
+        f"<h3>Soft values</h3><p>Soft values of {count(link.soft.soft.size)} symbols, by the bit "
+        "that was sent. A value on the wrong side of 0 is a wrong decision. Values are clipped at "
+        "the detector's limit, so the outermost bins may be high.</p>"
+        + plot(path, "histogram of soft values by the bit that was sent", data)
     )
 
 
@@ -89,9 +93,9 @@ def theory_text(theory: Theory) -> str:
         )
     return (
         "The theory uses the exact law of spikes under random light of neighbouring and previous "
-        f"cells, 99.9 % limits of the draws {span[0]:.2g} to {span[1]:.2g}. It takes position, "
-        "phase and the laws of spikes as known, and leaves out turbulence, fog blur and fixed "
-        "pattern."
+        f"cells, 99.9 % limits of the draws {number(span[0], 2)} to {number(span[1], 2)}. It takes "
+        "position, phase and the laws of spikes as known, and leaves out turbulence, fog blur and "
+        "fixed pattern."
     )
 
 
@@ -110,6 +114,6 @@ def end_text(errors: Errors) -> str:
     if pdtrc(errors.at_end - 1, (others + 1) / (errors.symbols - 1)) > _CHANCE:
         return ""
     return (
-        f" {errors.at_end:,} of the wrong bits are of the transmission's last symbol, more than of "
-        f"others; without that symbol {others / rest:.2g} are wrong."
+        f" {count(errors.at_end)} of the wrong bits are of the transmission's last symbol, more "
+        f"than of others; without that symbol {number(others / rest, 2)} are wrong."
     )

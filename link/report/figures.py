@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from cosim.config.amounts import amount, number
+from cosim.report.drawn import Data, drawn, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from link.evaluation.record import LinkEvaluation
 from link.prediction.reach import Reach
@@ -50,23 +52,20 @@ def figure_at(
     yield figure, ax
     if plain:
         _plain(ax)
-    figure.savefig(path, dpi=_DOTS)
+    write_figure(figure, path, _DOTS)
 
 
 def bits(rate: float) -> str:
     """Returns a rate as text."""
-    for size, unit in ((1e9, "Gb/s"), (1e6, "Mb/s"), (1e3, "kb/s")):
-        if rate >= size:
-            return f"{rate / size:.3g} {unit}"
-    return f"{rate:.3g} b/s"
+    return amount(rate, "bit/s")
 
 
 def _bits_axis(rate: float, _: int) -> str:
     return bits(rate) if rate else "0"
 
 
-def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
-    """Draws bars of rates (name, bit/s); no bar for an unknown rate."""
+def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> Data:
+    """Draws bars of rates (name, bit/s); no bar for an unknown rate. Returns them."""
     with figure_at(path, 8.2, 0.45 * len(rows) + 0.7) as (_, ax):
         most = max((rate for _, rate in rows if rate), default=1.0)
         for n, (_, rate) in enumerate(rows):
@@ -77,6 +76,7 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> None:
         ax.invert_yaxis()
         ax.set_xlim(0, most * 1.16)
         ax.xaxis.set_major_formatter(_bits_axis)
+    return Data(("rate", "b/s"), [*rows])
 
 
 def lowest_rate(values: Sequence[float | None], bits: int) -> float:
@@ -88,9 +88,9 @@ def lowest_rate(values: Sequence[float | None], bits: int) -> float:
     return max(min(positive) / 3, _LOWEST)
 
 
-def errors_figure(link: LinkEvaluation, path: Path) -> None:
+def errors_figure(link: LinkEvaluation, path: Path) -> Data:
     """Draws the measured raw bit error rate with its interval, and theory, on a logarithmic
-    axis."""
+    axis. Returns what was drawn."""
     with figure_at(path, 8.2, 1.9) as (_, ax):
         theory, errors = link.theory, link.errors
         rows = [
@@ -110,7 +110,7 @@ def errors_figure(link: LinkEvaluation, path: Path) -> None:
                     max(value, least), n, "o" if value >= least else "<", color=colour,
                     markersize=6, clip_on=False,
                 )  # fmt: skip
-                text = "none" if value == 0 else f"{value:.2g}"
+                text = "none" if value == 0 else number(value, 2)
                 ax.annotate(
                     text, (max(value, least), n), (8, 6), textcoords="offset points", fontsize=8.5,
                     color=INK,
@@ -120,11 +120,15 @@ def errors_figure(link: LinkEvaluation, path: Path) -> None:
         ax.set_yticks(range(len(rows)), [name for name, *_ in rows], fontsize=9, color=INK)
         ax.set_ylim(len(rows) - 0.4, -0.6)
         ax.set_xlabel("raw bit error rate, before line code and Reed-Solomon")
+    return Data(
+        ("rate", "raw bit error rate", "low, 99.9 %", "high, 99.9 %"),
+        [(name, value, *(interval or (None, None))) for name, value, interval, _ in rows],
+    )
 
 
-def delay_figure(link: LinkEvaluation, path: Path) -> None:
+def delay_figure(link: LinkEvaluation, path: Path) -> Data:
     """Draws the stages one after another, each as long as its median, with whiskers for the
-    range."""
+    range. Returns their times."""
     rows = link.latency
     with figure_at(path, 8.2, 0.42 * len(rows) + 0.8) as (_, ax):
         at = 0.0
@@ -132,7 +136,7 @@ def delay_figure(link: LinkEvaluation, path: Path) -> None:
             ax.barh(n, row.median_us, left=at, color=BLUE, height=0.55)
             ax.plot([at + row.min_us, at + row.max_us], [n, n], color=MARK, linewidth=2)
             ax.annotate(
-                f"{row.median_us:.4g}", (at + max(row.median_us, row.max_us), n), (6, -3),
+                number(row.median_us, 4), (at + max(row.median_us, row.max_us), n), (6, -3),
                 textcoords="offset points", fontsize=8.5, color=INK,
             )  # fmt: skip
             at += row.median_us
@@ -140,13 +144,18 @@ def delay_figure(link: LinkEvaluation, path: Path) -> None:
         ax.invert_yaxis()
         ax.set_xlim(0, ax.get_xlim()[1] * 1.12)
         ax.set_xlabel(
-            "us since the arrival of a byte, medians end to end; orange: range of the stage"
+            "µs since the arrival of a byte, medians end to end; orange: range of the stage"
         )
+    return Data(
+        ("stage", "minimum, µs", "median, µs", "maximum, µs"),
+        [(row.stage, row.min_us, row.median_us, row.max_us) for row in rows],
+    )
 
 
-def reach_figure(link: LinkEvaluation, path: Path) -> None:
-    """Draws the predicted rate over distance, with the modes, and the measured points."""
-    with figure_at(path, 8.2, 3.3) as (_, ax):
+def reach_figure(link: LinkEvaluation, path: Path) -> Data:
+    """Draws the predicted rate over distance, with the modes, and the measured points. Returns what
+    was drawn, b/s."""
+    with figure_at(path, 8.2, 3.3) as (figure, ax):
         distance = np.array([r.distance for r in link.reach])
         rate = np.array([r.rate for r in link.reach])
         works = rate > 0
@@ -171,6 +180,7 @@ def reach_figure(link: LinkEvaluation, path: Path) -> None:
         ax.yaxis.set_major_formatter(_bits_axis)
         ax.set_xlabel("distance (m)")
         ax.legend(frameon=False, fontsize=8.5)
+    return drawn(figure)
 
 
 def _stretches(rows: list[Reach], left: float, right: float) -> list[tuple[float, float, str]]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import html
 import shlex
-import time
 from pathlib import Path
 
 import numpy as np
 
-from cosim.report.parts import cards, plot, table
+from cosim.config.amounts import amount, count, number
+from cosim.report.parts import Card, plot, table
 from cosim.run.machine import Page, Run
 from cosim.run.result import Result
 from link.evaluation.record import LinkEvaluation
@@ -29,33 +29,34 @@ def _rate(value: float | None) -> str:
     return NOT_KNOWN if value is None else bits(value)
 
 
-def _count(value: float | None) -> str:
-    return NOT_KNOWN if value is None else f"{value:.3g}"
-
-
 def _frames_of(result: Result, name: str) -> str:
     value = result.metrics[f"frames_{name}"].value
-    return NOT_KNOWN if value is None else f"{value:,.0f}"
+    return NOT_KNOWN if value is None else count(value)
 
 
-def _cards(link: LinkEvaluation, run: Run) -> str:
-    error, spent = run.result.error, time.perf_counter() - run.began
-    paired = link.check.paired
-    text = (
-        "error against full physics: not measured" if paired is None
-        else f"error against full physics, at most {paired.high:.2g} (99.9 %): {paired.kind}"
-    )  # fmt: skip
+def _cards(link: LinkEvaluation, run: Run) -> list[Card]:
     lost, sent = _frames_of(run.result, "lost"), _frames_of(run.result, "sent")
-    return cards([
+    errors = NOT_KNOWN if link.errors.rate is None else number(link.errors.rate)
+    return [
         ("first", "whole" if link.delivered else "not delivered",
-         f"{len(link.setup.payload.data):,} bytes, {link.setup.payload.name}"),
+         f"the file, {count(len(link.setup.payload.data))} bytes, {link.setup.payload.name}"),
         ("first", _rate(link.rates.goodput), "goodput: first light to last verified byte"),
-        ("first", _count(link.errors.rate), "raw bit error rate"),
+        ("first", errors, "raw bit error rate"),
         ("", f"{lost} of {sent}", "frames lost"),
-        ("", _count(error.value), text),
-        ("", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
-        ("", str(len(run.result.left_out)), "effects left out"),
-    ])  # fmt: skip
+    ]  # fmt: skip
+
+
+def _simulated(link: LinkEvaluation, run: Run) -> str:
+    """What was simulated, for a newcomer."""
+    mode, camera = link.mode, link.setting.camera
+    return (
+        f"A file of {count(len(link.setup.payload.data))} bytes crosses "
+        f"{number(link.setting.air.distance)} m of air as light. A panel of {mode.width} x "
+        f"{mode.height} pixels switches squares of {mode.cell} x {mode.cell} pixels on and off, "
+        f"{count(link.setting.panel.clock.hz)} times a second; a spike camera "
+        f"({camera.chip.title}) films it for {amount(run.result.simulated_s, 's', 4)}, and a "
+        "receiver turns the spikes back into bytes."
+    )
 
 
 def _view(link: LinkEvaluation, figures: Path) -> str:
@@ -65,8 +66,9 @@ def _view(link: LinkEvaluation, figures: Path) -> str:
     outcome = "was detected by its four AprilTags" if detected else "was not detected"
     return (
         f"<h2>What the camera saw</h2><p>Spikes a cycle, mean over the run. The panel {outcome}. "
-        f"Distance {link.setting.air.distance:g} m, {link.setting.scale:.3g} camera pixels to a "
-        "panel pixel.</p>" + plot(path, "average image with the panel's outline")
+        f"Distance {number(link.setting.air.distance)} m, {number(link.setting.scale)} camera "
+        "pixels to a "
+        "panel pixel.</p>" + plot(path, "average image of the camera with the panel's outline")
     )
 
 
@@ -77,16 +79,17 @@ def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
         ("information", link.information_bps[0]), ("coded", link.rates.coded),
         ("goodput", link.rates.goodput),
     ]  # fmt: skip
-    rates_figure(rows, path)
+    drawn = rates_figure(rows, path)
     mode = link.mode
     rows_text = [
         ["cell", f"{mode.cell} x {mode.cell} panel pixels, "
-         f"{mode.cell * link.setting.scale:.3g} camera pixels to its side"],
+         f"{number(mode.cell * link.setting.scale)} camera pixels to its side"],
         ["symbol", f"{mode.ticks} plane{'s' * (mode.ticks > 1)} of the panel"],
         ["line code", mode.line],
         ["code of the words", mode.word_code],
         *_decoding(link),
-        ["data cells", f"{link.layout.cells:,} of {link.layout.shape[0] * link.layout.shape[1]:,}"],
+        ["data cells", f"{count(link.layout.cells)} of "
+         f"{count(link.layout.shape[0] * link.layout.shape[1])}"],
         ["frames", _frames(result)],
     ]  # fmt: skip
     return (
@@ -98,7 +101,8 @@ def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
         "code and the code of the words. "
         "Goodput: the file's bits from first light to its last verified "
         "byte, training, framing and repair frames included.</p>"
-        + plot(path, "rates") + table(["mode", "value"], rows_text) + _choice(link)
+        + plot(path, "rates, from the capacity of the light to the goodput of the file", drawn)
+        + table(["mode", "value"], rows_text) + _choice(link)
     )  # fmt: skip
 
 
@@ -107,9 +111,10 @@ def _decoding(link: LinkEvaluation) -> list[list[str]]:
     r = link.received
     if not r.codewords:
         return []
-    text = f"{r.codewords_wrong:,} of {r.codewords:,} lost, {r.bytes_corrected:,} bytes corrected"
+    text = f"{count(r.codewords_wrong)} of {count(r.codewords)} lost, "
+    text += f"{count(r.bytes_corrected)} bytes corrected"
     if r.mode is not None and r.mode.rate is not None:
-        text += f", {r.rounds / r.codewords:.3g} rounds of decoding a word"
+        text += f", {number(r.rounds / r.codewords)} rounds of decoding a word"
     return [["words", text]]
 
 
@@ -122,6 +127,10 @@ def _frames(result: Result) -> str:
     )
 
 
+def _known(value: float | None) -> str:
+    return NOT_KNOWN if value is None else number(value)
+
+
 def _choice(link: LinkEvaluation) -> str:
     if link.setup.choice is None:
         return ""
@@ -129,7 +138,7 @@ def _choice(link: LinkEvaluation) -> str:
     rest = len(link.setup.choice.rows) - len(tried)
     rows = [
         [f"{row.mode.cell} x {row.mode.cell}", str(row.mode.ticks), row.mode.line,
-         row.mode.word_code, _count(row.errors), _count(row.byte), _count(row.information),
+         row.mode.word_code, _known(row.errors), _known(row.byte), _known(row.information),
          bits(row.goodput) if row.goodput else "none"]
         for row in sorted(tried, key=lambda row: -(row.goodput or 0.0))[:12]
     ]  # fmt: skip
@@ -157,10 +166,10 @@ def _delay(link: LinkEvaluation, figures: Path) -> str:
     path = figures / "latency.png"
     if not link.delays.size:
         return "<h2>Latency</h2><p>No group was verified.</p>"
-    delay_figure(link, path)
+    data = delay_figure(link, path)
     median = float(np.median(link.delays)) / 1e6
     rows = [
-        [row.stage, f"{row.min_us:.6g}", f"{row.median_us:.6g}", f"{row.max_us:.6g}"]
+        [row.stage, *(amount(us * 1e-6, "s", 4) for us in (row.min_us, row.median_us, row.max_us))]
         for row in link.latency
     ]
     return (
@@ -168,11 +177,11 @@ def _delay(link: LinkEvaluation, figures: Path) -> str:
         "waits until its group of symbols is full, at the coded rate; a line-code word is as long "
         "as the group. Panel: the group is shown. Air: time of flight. Readout: until the camera's "
         "row and cycle are latched. Decoder: until the receiver has verified the group; computing "
-        f"takes no time here.</p><p><code>latency_us</code>, {median:.6g} us, is the median over "
-        "groups of the time from a group's first light on the panel to the end of the camera cycle "
-        "in which it was verified; it does not include the encoder.</p>"
-        + plot(path, "latency by stage")
-        + table(["stage", "minimum, us", "median, us", "maximum, us"], rows)
+        f"takes no time here.</p><p><code>latency_us</code>, {amount(median * 1e-6, 's', 4)}, is "
+        "the median over groups of the time from a group's first light on the panel to the end of "
+        "the camera cycle in which it was verified; it does not include the encoder.</p>"
+        + plot(path, "latency by stage, end to end", data)
+        + table(["stage", "minimum", "median", "maximum"], rows)
     )  # fmt: skip
 
 
@@ -182,9 +191,9 @@ def _tags(link: LinkEvaluation) -> str:
     if not far:
         return ""
     return (
-        f" From {min(far):.3g} m on: tags too small. A module needs "
-        f"{least_module(link.scene.blur):.2g} camera pixels, and a panel without detected tags "
-        "is not read, however large its cells."
+        f" From {number(min(far))} m on: tags too small. A module needs "
+        f"{number(least_module(link.scene.blur), 2)} camera pixels, and a panel without detected "
+        "tags is not read, however large its cells."
     )
 
 
@@ -193,14 +202,14 @@ def _reach(link: LinkEvaluation, figures: Path) -> str:
     tags = _tags(link)
     if not any(row.rate for row in link.reach):
         return f"<h2>Rate against distance</h2><p>No distance is predicted to work.{tags}</p>"
-    reach_figure(link, path)
+    data = reach_figure(link, path)
     return (
         "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, not a "
         "measurement, for this panel, lens, light and camera and the modes that a run tries "
         "itself. The image of a resolved panel is equally bright at any distance, but smaller, so "
         "cells must grow. Closer than the start of the line, the panel does not fit "
         f"into the view. Only the dots come from this run.{tags}</p>"
-        + plot(path, "rate against distance")
+        + plot(path, "predicted rate against distance, and this run", data)
     )  # fmt: skip
 
 
@@ -222,10 +231,14 @@ def link_page(link: LinkEvaluation, run: Run) -> Page:
     stream = shlex.quote(str(run.folder / "stream.zarr"))
     return Page(
         title=link.scenario.title,
-        subtitle=f"{camera.chip.title}, {link.scenario.sensor.clock / 1e3:g} kHz, a panel of "
-        f"{link.mode.width} x {link.mode.height} pixels at {link.setting.air.distance:g} m",
+        subtitle=f"{camera.chip.title}, {number(link.scenario.sensor.clock / 1e3)} kHz, a panel of "
+        f"{link.mode.width} x {link.mode.height} pixels at {number(link.setting.air.distance)} m",
+        simulated=_simulated(link, run),
         cards=_cards(link, run),
         sections=sections,
+        good="How good the link is",
+        quality="Goodput counts everything that is sent beside the file; a bit error rate of 0.01 "
+        "means that one bit in a hundred is decided wrongly before codes mend it.",
         commands=[f"viform link receive {stream} --out again"],
         commands_do="<p>The first line decodes the recording again; the second reproduces the "
         "same bits.</p>",

@@ -6,6 +6,7 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cosim.config.amounts import count, number
 from cosim.report.parts import table
 from cosim.run.result import Result
 from link.evaluation.record import LinkEvaluation
@@ -20,12 +21,12 @@ NOT_KNOWN = "not known"
 
 
 def _number(value: float | None) -> str:
-    return NOT_KNOWN if value is None else f"{value:.2g}"
+    return NOT_KNOWN if value is None else number(value, 2)
 
 
 def _row(row: dict[str, Any], alone: Mapping[str, Paired | None]) -> list[str]:
     paired = alone.get(row["effect"])
-    span = "" if paired is None else f" ({paired.low:.2g} to {paired.high:.2g})"
+    span = "" if paired is None else f" ({number(paired.low, 2)} to {number(paired.high, 2)})"
     return [
         str(row["effect"]), _number(row["bound"]), str(row["kind"]),
         _number(row["measured"]) + span,
@@ -43,23 +44,24 @@ def error_text(check: LinkCheck) -> str:
     counted = (
         f"{check.patches} patches of the sensor were simulated twice with the same random numbers "
         "in every pixel, as in this run and with every effect in the reference tier. Of "
-        f"{paired.bits:,} bits {'none was' if not differ else f'{differ:,} were'} decided "
-        f"differently ({paired.run:,} wrong as run, {paired.full:,} in full physics): at 99.9 % "
-        f"fewer than {limit:.2g} in a million are. Counted in this way, the bit error rate "
-        f"is off by {value:.2g} half-widths of the run's own 99.9 % interval, {paired.unit:.2g}, "
-        f"at 99.9 % between {low:.2g} and {high:.2g}. The number of bits compared limits the "
-        "upper end."
+        f"{count(paired.bits)} bits {'none was' if not differ else f'{count(differ)} were'} "
+        f"decided differently ({count(paired.run)} wrong as run, {count(paired.full)} in full "
+        f"physics): at 99.9 % fewer than {number(limit, 2)} in a million are. Counted in this way, "
+        f"the bit error rate is off by {number(value, 2)} half-widths of the run's own 99.9 % "
+        f"interval, {number(paired.unit, 2)}, at 99.9 % between {number(low, 2)} and "
+        f"{number(high, 2)}. The number of bits compared limits the upper end."
     )
     close = paired.near
     if close is None:
         return counted
     return (
-        f"{counted} The reported error is an estimate from {close.count:,} bits that are nearly "
-        f"wrong: their soft value favours the sent bit by less than {close.margin:.3g}. As run, "
-        f"{close.more:,} more and {close.fewer:,} fewer are nearly wrong, a change of "
-        f"{close.change * 100:.2g} %, at 99.9 % between {close.relative[0] * 100:.2g} % and "
-        f"{close.relative[1] * 100:.2g} %. If the bit error rate changes by the same share, it "
-        f"is off by {paired.value:.2g} half-widths, between {paired.low:.2g} and {paired.high:.2g}."
+        f"{counted} The reported error is an estimate from {count(close.count)} bits that are "
+        f"nearly wrong: their soft value favours the sent bit by less than {number(close.margin)}. "
+        f"As run, {count(close.more)} more and {count(close.fewer)} fewer are nearly wrong, a "
+        f"change of {number(close.change * 100, 2)} %, at 99.9 % between "
+        f"{number(close.relative[0] * 100, 2)} % and {number(close.relative[1] * 100, 2)} %. If "
+        f"the bit error rate changes by the same share, it is off by {number(paired.value, 2)} "
+        f"half-widths, between {number(paired.low, 2)} and {number(paired.high, 2)}."
     )
 
 
@@ -91,9 +93,10 @@ def effects_section(link: LinkEvaluation, result: Result) -> str:
 def _phase_row(link: LinkEvaluation) -> list[str]:
     lock = link.setup.lock
     if lock is not None:
-        return ["delay of its planes", f"locked to {lock.rms:.2g} ticks rms", "the camera's loop"]
+        locked = f"locked to {number(lock.rms, 2)} ticks rms"
+        return ["delay of its planes", locked, "the camera's loop"]
     chance = link.scenario.link.panel.phase is None
-    late = f"{link.setting.phase:.4g} ticks"
+    late = f"{number(link.setting.phase, 4)} ticks"
     return ["delay of its planes", late, "random" if chance else "scenario"]
 
 
@@ -103,24 +106,25 @@ def machine_section(link: LinkEvaluation) -> str:
     camera, chip, panel = setting.camera, setting.camera.chip, setting.panel
     provenance, latched = chip.provenance(), link.scenario.sensor.clock
     numbers = [
-        ["panel", f"{panel.shape[1]} x {panel.shape[0]} pixels of {section.panel.pitch:g} um, "
-         f"{panel.luminance:g} cd/m2", "scenario"],
-        ["clock of the panel", f"{panel.clock.hz:.9g} Hz, {section.panel.clock_offset:g} ppm off",
+        ["panel", f"{panel.shape[1]} x {panel.shape[0]} pixels of "
+         f"{number(section.panel.pitch)} µm, {number(panel.luminance)} cd/m²", "scenario"],
+        ["clock of the panel", f"{number(panel.clock.hz, 9)} Hz, "
+         f"{number(section.panel.clock_offset)} ppm off",
          "scenario"],
-        ["rows of the panel", f"driven over {panel.row_scan:.4g} of a tick",
+        ["rows of the panel", f"driven over {number(panel.row_scan, 4)} of a tick",
          "in step with the camera" if section.panel.row_scan is None else "scenario"],
         _phase_row(link),
-        ["lens", f"{setting.optics.focal_length * 1e3:g} mm, f/{setting.optics.f_number:.3g}, "
-         f"T {setting.optics.transmission:g}",
-         f"f-number chosen for {section.aim.on_level:g} thresholds a tick"
+        ["lens", f"{number(setting.optics.focal_length * 1e3)} mm, "
+         f"f/{number(setting.optics.f_number)}, T {number(setting.optics.transmission)}",
+         f"f-number chosen for {number(section.aim.on_level)} thresholds a tick"
          if setting.chosen_f_number else "scenario"],
-        ["light of an ON cell", f"{link.scene.on:.3g} thresholds a tick", "computed"],
-        ["background light", f"{link.scene.background:.3g} thresholds a tick", "computed"],
-        ["blur", f"{link.scene.blur:.3g} camera pixels, standard deviation", "computed"],
+        ["light of an ON cell", f"{number(link.scene.on)} thresholds a tick", "computed"],
+        ["background light", f"{number(link.scene.background)} thresholds a tick", "computed"],
+        ["blur", f"{number(link.scene.blur)} camera pixels, standard deviation", "computed"],
         ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
-        ["latch clock", f"{latched / 1e3:g} kHz",
+        ["latch clock", f"{number(latched / 1e3)} kHz",
          provenance["clocks"] if latched in chip.clocks else "not one of this chip's"],
-        ["charge threshold Q", f"{camera.threshold:g} e", "scenario"],
+        ["charge threshold Q", f"{number(camera.threshold)} e", "scenario"],
         ["reset rule", camera.reset, "scenario"],
         *optics_rows(camera),
         *fault_rows(link.scenario.sensor),

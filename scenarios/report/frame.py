@@ -1,4 +1,4 @@
-"""The frame of every report: the parts before and after the sections of a machine."""
+"""The frame of every report: what stands before and after the sections of a machine."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import html
 import shlex
 import time
 
-from cosim.report.parts import opening, run_time, write_page
+from cosim.report.page import write_page
+from cosim.report.parts import run_time
 from cosim.run.machine import Machine, Run
+from scenarios.report.summary import summary
 
 __all__ = ["write_report"]
 
@@ -19,13 +21,11 @@ def write_report(machine: Machine, run: Run) -> list[str]:
     page = machine.page(run)
     run.seconds["report"] = time.perf_counter() - begin
     again = [*page.commands, f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"]
-    body = [
-        opening(page.title, page.subtitle, run.result, run.notes),
-        page.cards,
+    sections = [
         *page.sections,
         run_time(run.result, run.seconds),
         f"<h2>Make it again</h2>{page.commands_do}<pre>{html.escape(chr(10).join(again))}</pre>",
         f"<h2>The resolved scenario</h2><pre>{html.escape(machine.toml)}</pre>",
     ]
-    write_page(run.folder, page.title, "".join(body))
+    write_page(run.folder, page.title, summary(page, run), "".join(sections))
     return [*page.files, "report.html"]

@@ -20,6 +20,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from cosim.errors import ViformError
 from cosim.report.explorer import explorer
+from cosim.report.page import whole_page
 from cosim.report.png import to_linear_bytes
 from scenarios.view.opened import Opened
 
@@ -95,14 +96,9 @@ class ViewServer(ThreadingHTTPServer):
             "white": opened.white, "window": opened.window, "views": [whole], "token": self.token,
             "note": " ".join(opened.notes),
         }  # fmt: skip
-        title = html.escape(opened.title)
-        return (
-            '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-            '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            '<link rel="icon" href="data:,">'
-            f"<title>{title}</title></head><body><main><h1>{title}</h1>{explorer(given)}</main>"
-            "</body></html>\n"
-        ).encode()
+        sections = f"<h2>Images and spikes</h2>{explorer(given)}"
+        head = f"<h1>{html.escape(opened.title)}</h1>"
+        return whole_page(opened.title, head, sections, policy=_POLICY).encode()
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from cosim.files.whole import whole
-from cosim.report.parts import plot, table, write_page
+from cosim.report.page import write_page
+from cosim.report.parts import plot, table
 from cosim.run.result import dumps, viform_version
 from sensor.calibrate.calibration import Calibration
 from sensor.calibrate.figure import intervals_figure
@@ -48,11 +49,13 @@ def _write_report(result: Calibration, folder: Path, preset: str | None) -> None
     unknown = [p for p in result.parameters.values() if not p.known]
     fits = "".join(f"<li>{html.escape(line)}</li>" for line in result.does_not_fit)
     notes = "".join(f"<li>{html.escape(line)}</li>" for line in result.notes)
-    body = [
-        "<h1>Calibration of a spike camera</h1>",
+    head = (
+        "<h1>Calibration of a spike camera</h1>"
         f'<p class="soft">{result.shape[1]} x {result.shape[0]} pixels at '
         f"{result.clock.hz / 1e3:g} kHz, viform {html.escape(viform_version())}. Limits hold at "
-        f"95 %.</p><ul>{notes}</ul>",
+        f"95 %.</p><ul>{notes}</ul>"
+    )
+    body = [
         "<h2>Known</h2>",
         table(["parameter", "value and limits", "from"], [[p.title, p.text, p.why] for p in known]),
         "<h2>Not known, and why</h2>",
@@ -85,4 +88,4 @@ def _write_report(result: Calibration, folder: Path, preset: str | None) -> None
             "<h2>The preset</h2><p>For <code>sensor.preset</code>; keys of the scenario win.</p>",
             f"<pre>{html.escape(preset)}</pre>",
         ]
-    write_page(folder, "Calibration of a spike camera", "".join(body))
+    write_page(folder, "Calibration of a spike camera", head, "".join(body))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cosim.config.amounts import count, number
 from sensor.codec.size import REFINE, K, Sizes
 
 __all__ = ["size_rows", "size_text"]
@@ -12,12 +13,12 @@ def size_text(sizes: Sizes) -> str:
     what = (
         "the whole stream"
         if sizes.pixels == sizes.all_pixels
-        else f"a sample, {sizes.pixels} of its {sizes.all_pixels} pixels"
+        else f"a sample, {count(sizes.pixels)} of its {count(sizes.all_pixels)} pixels"
     )
     return (
         f"Measured on {what}. A first-spike code sends a spike only when the width changes (Huang "
         "2022, section 5.2). repeat and line lose nothing (viform convert RUN out.fsc); "
-        f"statistical drops changes within {K:g} standard deviations of a width "
+        f"statistical drops changes within {number(K)} standard deviations of a width "
         f"and sends the mean of the {REFINE} widths after each that it does not."
     )
 
@@ -31,4 +32,4 @@ def size_rows(sizes: Sizes) -> list[list[str]]:
         ("first spikes: line, residual-carrying pixels", sizes.line),
         (f"first spikes: statistical, k = {K:g}, means of {REFINE} (lossy)", sizes.statistical),
     )
-    return [[name, f"{size:.4f}", f"{1 / size:.3g}" if size else "any"] for name, size in named]
+    return [[name, number(size), number(1 / size) if size else "any"] for name, size in named]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.config.amounts import amount, count, decibel, number, percent
 from cosim.report.figures import overview_figure
-from cosim.report.parts import cards, figure, plot, table
+from cosim.report.parts import Card, figure, plot, table
 from cosim.report.pictures import mark_pixels
 from cosim.report.png import for_display, write_png
 from cosim.run.machine import Page
@@ -21,27 +21,26 @@ from sensor.sections.provenance import fault_rows, optics_rows
 __all__ = ["continuous_page"]
 
 
-def _metric(judged: ContinuousRun, name: str, digits: str) -> str:
-    value = judged.run.result.metrics[name].value
-    if value is None or np.isnan(value):
-        return "unknown"
-    return "exact" if np.isinf(value) else format(value, digits)
+def _cards(judged: ContinuousRun) -> list[Card]:
+    metrics, raw = judged.run.result.metrics, judged.spec.setting.clock.hz
+    return [
+        ("first", decibel(metrics["continuous_psnr"].value),
+         f"PSNR against the true light; SSIM {number(metrics['continuous_ssim'].value)}"),
+        ("", number(metrics["report_rate"].value), "reports a pixel and second"),
+        ("", count(metrics["bit_rate"].value),
+         f"bits a pixel and second; spikes latched at this clock: {count(raw)}"),
+    ]  # fmt: skip
 
 
-def _cards(judged: ContinuousRun) -> str:
-    spent = time.perf_counter() - judged.run.began
-    raw = judged.spec.setting.clock.hz
-    bits = judged.run.result.metrics["bit_rate"].value or 0.0
-    return cards([
-        ("first", "unknown", "error: these pixels have one tier, with every effect"),
-        ("first", f"{spent:.1f} s",
-         f"run time, for {judged.run.result.simulated_s * 1e3:.4g} ms of light"),
-        ("first", str(len(judged.run.result.left_out)), "effects left out"),
-        ("", f"{_metric(judged, 'continuous_psnr', '.1f')} dB",
-         f"against the truth, SSIM {_metric(judged, 'continuous_ssim', '.3f')}"),
-        ("", _metric(judged, "report_rate", ",.1f"), "reports a pixel and second"),
-        ("", f"{bits:,.0f}", f"bits a pixel and second; spikes latched at this clock: {raw:,.0f}"),
-    ])  # fmt: skip
+def _simulated(judged: ContinuousRun) -> str:
+    """What was simulated, for a newcomer."""
+    height, width = judged.views.reports.shape
+    return (
+        f"A camera with {width} x {height} pixels, the {judged.spec.setting.chip.title}, watches "
+        f"the scene “{judged.spec.title}” for {amount(judged.run.result.simulated_s, 's', 4)}. "
+        "Every pixel watches its own light and reports its value whenever that has changed by more "
+        f"than {percent(judged.spec.setting.contrast)}; what stands still is not sent again."
+    )
 
 
 def _counts(judged: ContinuousRun) -> npt.NDArray[np.int64]:
@@ -60,9 +59,9 @@ def _images(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
     middle = judged.views.shots[len(judged.views.shots) // 2]
     overview_figure(
         [
-            (f"true light at {(middle.cycle + 0.5) * ms:.2f} ms", for_display(middle.truth)),
+            (f"true light at {number((middle.cycle + 0.5) * ms, 4)} ms", for_display(middle.truth)),
             ("last report of every pixel", for_display(middle.continuous)),
-            (f"reports of each pixel, to {counts.max():,}", _where(counts)),
+            (f"reports of each pixel, to {count(counts.max())}", _where(counts)),
         ],
         judged.run.folder / "figures" / "overview.png",
     )
@@ -73,12 +72,15 @@ def _images(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
     ]
     for shot in judged.views.shots:
         ages = shot.age[shot.age >= 0] * ms
-        old = f"median {np.median(ages):.3g}, oldest {ages.max():.4g} ms" if ages.size else "none"
+        old = "none"
+        if ages.size:
+            old = f"median {number(np.median(ages))}, oldest {number(ages.max(), 4)} ms"
         pictures = figure(for_display(shot.truth), "true light") + figure(
             for_display(shot.continuous), f"last reports; their age: {old}"
         )
         parts.append(
-            f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>'
+            f'<div class="row-title">cycle {count(shot.cycle)}, '
+            f"{number((shot.cycle + 0.5) * ms, 4)} ms</div>"
             f'<div class="grid by2">{pictures}</div>'
         )
     return "".join(parts)
@@ -86,7 +88,7 @@ def _images(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
 
 def _pixels(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
     figures, points = judged.run.folder / "figures", judged.views.light.points
-    pixels_figure(
+    data = pixels_figure(
         judged.views.reports, judged.views.light, judged.spec.setting.electrons_per_lux,
         judged.spec.white, [shot.cycle for shot in judged.views.shots], figures / "intensities.png",
     )  # fmt: skip
@@ -95,15 +97,18 @@ def _pixels(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
     write_png(figures / "pixels.png", marks)
     pair = figure(marks, f"the pixels, on the image of cycle {middle.cycle}") + figure(
         _where(counts),
-        f"reports of each pixel: {counts.min():,} to {counts.max():,}, logarithmic",
+        f"reports of each pixel: {count(counts.min())} to {count(counts.max())}, logarithmic",
     )
     return (
         "<h2>Single pixels</h2><p>Between its reports a pixel's current is taken to stand still: "
         "what it puts out is a piecewise constant form of its light (Huang 2022, section 3.1). The "
         "true light is what falls on the pixel, behind lens and cross-talk, before its own gain "
         "and dark current.</p>"
-        + plot(figures / "intensities.png", "reports of single pixels")
-        + f'<div class="grid by2" style="margin-top:10px">{pair}</div>'
+        + plot(
+            figures / "intensities.png",
+            "reports of single pixels over time, and their true light", data,
+        )
+        + f'<div class="grid by2">{pair}</div>'
     )
 
 
@@ -113,30 +118,32 @@ def _traffic(judged: ContinuousRun) -> str:
     _, first = np.unique(reports.pixel, return_index=True)
     later = np.ones(len(reports), bool)
     later[first] = False
-    rate_figure(reports.time[later], reports.ticks, pixels, reports.clock, path)
+    data = rate_figure(reports.time[later], reports.ticks, pixels, reports.clock, path)
     rows_bits, column_bits = (max(n - 1, 1).bit_length() for n in reports.shape)
     bits, setting = judged.run.result.metrics["bit_rate"].value or 0.0, judged.spec.setting
     rows = [
-        ["reports", f"{len(reports):,}"],
-        ["of them after each pixel's first", f"{int(later.sum()):,}"],
-        ["reports/s a pixel", _metric(judged, "report_rate", ",.2f")],
+        ["reports", count(len(reports))],
+        ["of them after each pixel's first", count(int(later.sum()))],
+        ["reports/s a pixel", number(judged.run.result.metrics["report_rate"].value, 4)],
         ["bits of a report",
          f"{rows_bits} row + {column_bits} column + {setting.converter.bits} value = "
          f"{setting.report_bits}; its time is when it is sent"],
-        ["bits/s a pixel", f"{bits:,.0f}"],
+        ["bits/s a pixel", count(bits)],
         ["spikes latched at this clock, bits/s a pixel",
-         f"{setting.clock.hz:,.0f}, {setting.clock.hz / bits:.3g} times as many"],
+         f"{count(setting.clock.hz)}, {number(setting.clock.hz / bits)} times as many"],
     ]  # fmt: skip
     rows += [
-        [f"{row.stage} at the instants, ms", f"{row.min_us / 1e3:.4g} min, "
-         f"{row.median_us / 1e3:.4g} median, {row.max_us / 1e3:.4g} max"]
+        [f"{row.stage} at the instants", ", ".join(
+            f"{amount(us * 1e-6, 's', 4)} {name}"
+            for name, us in (("min", row.min_us), ("median", row.median_us), ("max", row.max_us))
+        )]
         for row in judged.run.result.latency
     ]  # fmt: skip
     return (
         "<h2>Reports</h2><p>Every pixel reports at the start; these first reports are left out of "
         "the figure and counted in the table. A shared output is taken to be fast enough: reports "
         "do not wait. A report's age is no delay: what has not changed is not reported again.</p>"
-        + plot(path, "reports over time")
+        + plot(path, "reports a pixel and second over time", data)
         + table(["what", "value"], rows)
         + f'<pre>reports = numpy.load("{STREAM}")   # row, column, time (ticks), value '
         "(electrons/s)</pre>"
@@ -158,25 +165,26 @@ def _machine(judged: ContinuousRun) -> str:
     numbers = [
         ["pixels", f"{chip.width} x {chip.height}",
          "scenario" if section.width or section.height else chip.size_origin],
-        ["report clock", f"{setting.clock.hz / 1e3:g} kHz", "scenario"],
-        ["monitor's time constant", f"{setting.time_constant * 1e3:g} ms",
+        ["report clock", f"{number(setting.clock.hz / 1e3)} kHz", "scenario"],
+        ["monitor's time constant", f"{number(setting.time_constant * 1e3)} ms",
          ground("time_constant")],
-        ["change reported, of the last report", f"{setting.contrast:.3g}", ground("contrast")],
-        ["but at least", f"{setting.floor:.3g} e/s, {share:.2g} of white",
+        ["change reported, of the last report", number(setting.contrast), ground("contrast")],
+        ["but at least", f"{number(setting.floor)} e/s, {number(share, 2)} of white",
          "6 deviations of shot noise at any light" if section.floor is None else "scenario"],
-        ["measuring time", f"{setting.measure * 1e3:g} ms" if setting.measure else
+        ["measuring time", f"{number(setting.measure * 1e3)} ms" if setting.measure else
          "0: the filter is read", ground("measure")],
-        ["dead time after a report", f"{setting.dead_time * 1e3:g} ms", ground("dead_time")],
+        ["dead time after a report", f"{number(setting.dead_time * 1e3)} ms", ground("dead_time")],
         ["converter", f"{converter.bits} bits, {converter.exponent_bits} of them an exponent",
          ground("bits", "exponent_bits")],
-        ["its full scale, smallest step", f"{converter.full_scale:.3g}, {converter.unit:.3g} e/s",
+        ["its full scale, smallest step",
+         f"{number(converter.full_scale)}, {number(converter.unit)} e/s",
          full if section.full_scale == plain.full_scale else "scenario"],
         *optics_rows(spec.camera),
-        ["lens", f"f/{spec.lens.f_number:.3g}, T {spec.lens.transmission:g}, "
-         f"m {spec.lens.magnification:g}, PSF {spec.lens.psf}",
+        ["lens", f"f/{number(spec.lens.f_number)}, T {number(spec.lens.transmission)}, "
+         f"m {number(spec.lens.magnification)}, PSF {spec.lens.psf}",
          "scenario" if spec.section.lens.f_number else "f-number chosen"],
-        ["white on the sensor", f"{spec.white:.3g} e/s, "
-         f"{spec.white * setting.time_constant:.3g} electrons a time constant", "computed"],
+        ["white on the sensor", f"{number(spec.white)} e/s, "
+         f"{number(spec.white * setting.time_constant)} electrons a time constant", "computed"],
         *fault_rows(spec.section),
     ]  # fmt: skip
     return (
@@ -199,10 +207,13 @@ def continuous_page(judged: ContinuousRun) -> Page:
     figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
     return Page(
         spec.title,
-        f"{spec.setting.chip.title}, continuous readout, {spec.setting.clock.hz / 1e3:g} kHz, "
-        f"{reports.ticks} cycles",
+        f"{spec.setting.chip.title}, continuous readout, {number(spec.setting.clock.hz / 1e3)} "
+        f"kHz, {count(reports.ticks)} cycles",
+        _simulated(judged),
         _cards(judged),
         sections,
+        quality="A higher PSNR is better; fewer reports and bits are cheaper to send.",
+        unmeasured="It cannot be measured: these pixels have one tier, with every effect.",
         commands_do="<p>The same bits, however the run is split.</p>",
         files=[f"figures/{name}" for name in figures],
     )

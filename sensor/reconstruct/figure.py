@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, QUICK, subplots
 from sensor.reconstruct.intervals import spike_cycles
 
@@ -28,7 +29,7 @@ def interval_figure(
     span: tuple[int, int],
     instants: list[int],
     path: Path,
-) -> None:
+) -> Data:
     """Draws the intervals of single pixels over time. Each is a bar of width tau and of the area
     of one spike, so that its height is the estimate of the light.
 
@@ -39,6 +40,9 @@ def interval_figure(
         span: first cycle, and the one after the last.
         instants: cycles that are marked.
         path: of the PNG.
+
+    Returns:
+        The bars and the light drawn: pixel, time, spikes a cycle.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -59,6 +63,7 @@ def interval_figure(
     ax.vlines(marked * rows, np.repeat(bases, len(marked)), np.repeat(bases + _HIGH, len(marked)),
               color=LINE, linewidth=0.8, zorder=0)  # fmt: skip
     ticks, texts, names = [], [], []
+    rows_of: list[tuple[Value, ...]] = []
     # One pair of axes: each further one takes as long as all that is drawn in it.
     for n, ((_, _, label), cycles, light, base) in enumerate(
         zip(points, spikes, truth, bases, strict=True), 1
@@ -71,6 +76,14 @@ def interval_figure(
             ax.fill_between(edges, base, np.append(heights, heights[-1]), step="post",
                             color="#9db4d8", linewidth=0)  # fmt: skip
         ax.plot(times, base + scale * light, color=MARK, linewidth=1)
+        rows_of += [
+            (f"{n} {label}", "1/ISI", float(time), float(rate))
+            for time, rate in zip((cycles + 1) * ms, 1 / tau, strict=False)
+        ]
+        rows_of += [
+            (f"{n} {label}", "true light", float(time), float(rate))
+            for time, rate in zip(times, light, strict=True)
+        ]
         ticks += [base, base + scale * largest]
         texts += ["0", f"{largest:.2g}"]
         names.append(
@@ -96,4 +109,5 @@ def interval_figure(
     right = 1 - 0.1 / wide
     left = (widest + 0.1 + 0.04 * wide * right) / (1.04 * wide)
     figure.subplots_adjust(left, 0.6 / tall, right, 1 - 0.35 / tall)
-    figure.savefig(path, dpi=_DOTS, pil_kwargs=QUICK)
+    write_figure(figure, path, _DOTS, pil_kwargs=QUICK)
+    return Data(("pixel", "curve", "time, ms", "spikes/cycle"), rows_of)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cosim.config.amounts import number
 from sensor.device.chips import GIVEN
 from sensor.latched.effects.catalogue import all_keys
 from sensor.latched.setting import CameraSetting
@@ -16,10 +17,10 @@ def optics_rows(setting: CameraSetting) -> list[list[str]]:
     chip = setting.chip
     provenance = chip.provenance()
     return [
-        ["pixel pitch", f"{chip.pitch:g} µm", provenance["pitch"]],
-        ["fill factor", f"{chip.fill_factor:g}", provenance["fill_factor"]],
-        ["quantum efficiency", f"{chip.quantum_efficiency:g}", provenance["quantum_efficiency"]],
-        ["lux counted as photons at", f"{setting.wavelength_nm:g} nm", "scenario"],
+        ["pixel pitch", f"{number(chip.pitch)} µm", provenance["pitch"]],
+        ["fill factor", number(chip.fill_factor), provenance["fill_factor"]],
+        ["quantum efficiency", number(chip.quantum_efficiency), provenance["quantum_efficiency"]],
+        ["lux counted as photons at", f"{number(setting.wavelength_nm)} nm", "scenario"],
     ]
 
 
@@ -37,7 +38,7 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
     own = "scenario" if section.preset in BUILT_IN else f"scenario or {section.preset}"
     rows = []
     if section.row_time is not None:
-        size = f"{section.row_time * 1e9:g} ns, all rows in {section.skew:.3g} of a cycle"
+        size = f"{number(section.row_time * 1e9)} ns, all rows in {number(section.skew)} of a cycle"
         rows.append(["row time", size, GIVEN])
     for name, key in all_keys():
         value = asked.get(name)

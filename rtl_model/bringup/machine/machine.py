@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from cosim import InputError
+from cosim.config.amounts import count
 from cosim.run.chain import STREAM
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
@@ -17,7 +18,7 @@ from rtl_model.bringup.bench.stage import STAGES
 from rtl_model.bringup.machine.chain import LOG, BoardChain
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.bringup.machine.waves import checked_trace
-from rtl_model.bringup.report.page import TITLE, make_sections, subtitle
+from rtl_model.bringup.report.page import TITLE, make_sections, simulated, subtitle
 from rtl_model.geometry import Geometry
 from rtl_model.virtual import nominal_clock
 
@@ -124,12 +125,17 @@ class BoardMachine:
     def page(self, run: Run) -> Page:
         page = make_sections(run.outcome.views, run.folder)
         frames = run.outcome.metrics["frames_compared"].value or 0
-        compared = f"<p>{frames:.0f} frames were compared with the cycle model, bit by bit.</p>"
+        compared = (
+            "<h2>Comparison with the cycle model</h2>"
+            f"<p>{count(frames)} frames were compared with the cycle model, bit by bit.</p>"
+        )
         if self._trace is not None:
             compared += f"<p>Waveforms: {html.escape(str(self._trace.path))}.</p>"
         return Page(
-            TITLE, subtitle(run.outcome.views), page.cards, [compared, *page.sections],
-            files=page.files,
+            TITLE, subtitle(run.outcome.views), simulated(run.outcome.views), page.cards,
+            [*page.sections, compared], good="Whether the board is right",
+            unmeasured="There is nothing to estimate: the board is compared with the cycle model "
+            "bit by bit.", files=page.files,
         )  # fmt: skip
 
     def close(self) -> None:

@@ -7,16 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from cosim.files.whole import whole
+from cosim.config.amounts import count
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from rtl_model.bringup.bench.bench import Burst
 
 __all__ = ["planes_figure", "threshold_figure"]
 
+_MAPPED = 1500
+"""Pixels of all bursts up to which the data of the figure hold all, not the wrong ones alone."""
 _RULES = {"residual": "#1c7ed6", "hard": "#2b8a3e", "subtract": "#9c36b5"}
 
 
-def planes_figure(bursts: list[Burst], path: Path) -> None:
+def planes_figure(bursts: list[Burst], path: Path) -> Data:
     """Draws one row for each burst: expected spike counts, captured spike counts, wrong bits.
 
     All three are summed over the frames for each pixel. The first wrong bit is circled.
@@ -24,11 +27,19 @@ def planes_figure(bursts: list[Burst], path: Path) -> None:
     figure, rows = subplots(
         len(bursts), 3, figsize=(9.5, 2.9 * len(bursts)), squeeze=False, layout="constrained"
     )
+    found: list[tuple[Value, ...]] = []
     for axes, burst in zip(rows, bursts, strict=True):
         expected, captured = burst.expected.sum(axis=0), burst.got.sum(axis=0)
         wrong = (burst.expected != burst.got).sum(axis=0)
         frames = len(burst.got)
-        title = "no wrong bit" if burst.wrong is None else f"{burst.wrong.bits} wrong bits"
+        few = sum(each.got[0].size for each in bursts) <= _MAPPED
+        places = np.nonzero(np.ones_like(wrong) if few else wrong)
+        found += [
+            (burst.name, float(row), float(column),
+             *(float(each[row, column]) for each in (expected, captured, wrong)))
+            for row, column in zip(*places, strict=True)
+        ]  # fmt: skip
+        title = "no wrong bit" if burst.wrong is None else f"{count(burst.wrong.bits)} wrong bits"
         for place, plane, text in (
             (axes[0], expected, f"{burst.name}: expected"),
             (axes[1], captured, f"captured, {frames} frames"),
@@ -50,10 +61,12 @@ def planes_figure(bursts: list[Burst], path: Path) -> None:
             place.set_ylabel("row", fontsize=8, color=INK)
             place.tick_params(labelsize=8)
             place.spines[:].set_color(LINE)
-    _save(figure, path)
+    write_figure(figure, path, 120)
+    head = ("burst", "row", "column", "spikes expected", "spikes captured", "wrong bits")
+    return Data(head, found)
 
 
-def threshold_figure(rates: list[dict[str, Any]], path: Path) -> None:
+def threshold_figure(rates: list[dict[str, Any]], path: Path) -> Data:
     """Draws spikes per pixel and tick against threshold level, one panel for each clock.
 
     Lines are the closed form, points the board's counts. A row of `rates` holds `clock` (0 or 1),
@@ -76,10 +89,11 @@ def threshold_figure(rates: list[dict[str, Any]], path: Path) -> None:
         axes.spines[["top", "right"]].set_visible(False)
     places[0].set_ylabel("spikes a pixel and tick", color=INK)
     places[1].legend(fontsize=9, frameon=False)
-    _save(figure, path)
-
-
-def _save(figure: Any, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole(path) as part:
-        figure.savefig(part, dpi=120, format="png")
+    write_figure(figure, path, 120)
+    return Data(
+        ("rule", "clock, kHz", "threshold level", "spikes/tick, closed form", "spikes/tick, board"),
+        [
+            (r["rule"], 20.0 if r["clock"] else 40.0, r["level"], r["expected"], r["rate"])
+            for r in rates
+        ],
+    )

@@ -7,14 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cosim.report.parts import cards, plot, table, write_page
+from cosim.config.amounts import amount, count, elapsed, number
+from cosim.report.drawn import Data
+from cosim.report.page import write_page
+from cosim.report.parts import Card, cards, plot, table
 from cosim.run.result import viform_version
 from rtl_model.bringup.bench.stage import Report, Stage
 from rtl_model.bringup.report.figures import planes_figure, threshold_figure
 from rtl_model.bringup.report.junit import write_junit
 from rtl_model.bringup.report.summary import summary
 
-__all__ = ["TITLE", "Sections", "make_sections", "subtitle", "write_board_report"]
+__all__ = ["TITLE", "Sections", "make_sections", "simulated", "subtitle", "write_board_report"]
 
 TITLE = "Bring-up of a board"
 JUNIT = "junit.xml"
@@ -26,12 +29,12 @@ class Sections:
     """The parts that every report of a bring-up contains.
 
     Attributes:
-        cards: HTML of the large figures at the top.
+        cards: the main figures.
         sections: HTML of the sections, in their order.
         files: names of the files written, in the report's folder.
     """
 
-    cards: str
+    cards: list[Card]
     sections: list[str]
     files: list[str]
 
@@ -41,9 +44,9 @@ def write_board_report(report: Report, folder: Path) -> list[str]:
     page = make_sections(report, folder)
     head = (
         f"<h1>{TITLE}</h1><p class='soft'>{html.escape(subtitle(report))}, "
-        f"viform {viform_version()}.</p>"
+        f"viform {viform_version()}.</p><p>{html.escape(simulated(report))}</p>"
     )
-    write_page(folder, TITLE, head + _cause(report) + page.cards + "".join(page.sections))
+    write_page(folder, TITLE, head + _cause(report) + cards(page.cards), "".join(page.sections))
     return ["report.html", *page.files]
 
 
@@ -53,18 +56,19 @@ def make_sections(report: Report, folder: Path) -> Sections:
     pictures = []
     if report.bursts:
         name = "figures/planes.png"
-        planes_figure(report.bursts, folder / name)
+        data = planes_figure(report.bursts, folder / name)
         files.append(name)
-        pictures.append(_planes(report, folder / name))
+        pictures.append(_planes(report, folder / name, data))
     rates = report.figure("threshold", "rates")
     if rates:
         name = "figures/threshold.png"
-        threshold_figure(rates, folder / name)
+        data = threshold_figure(rates, folder / name)
         files.append(name)
         pictures.append(
             "<h2>Threshold sweep</h2><p>Constant light of "
             f"{report.figure('threshold', 'electrons')} electrons in a 40 kHz tick. Lines: "
-            "closed form. Points: counts of the board.</p>" + plot(folder / name, "rates")
+            "closed form. Points: counts of the board.</p>"
+            + plot(folder / name, "spikes a pixel and tick against the threshold level", data)
         )
     write_junit(report, folder / JUNIT)
     tables = [_figures(stage) for stage in report.stages]
@@ -78,6 +82,16 @@ def subtitle(report: Report) -> str:
     return f"{board}; {kind} at {report.port}, {report.baud} baud"
 
 
+def simulated(report: Report) -> str:
+    """What was done, for a newcomer."""
+    board = "A simulated test board" if report.simulated else "A test board"
+    return (
+        f"{board} was brought up stage by stage, from the first byte on the wire to whole frames: "
+        "each stage tests one thing, and the planes that the board captured are compared with the "
+        "cycle model bit by bit."
+    )
+
+
 def _cause(report: Report) -> str:
     if report.cause is None:
         return ""
@@ -85,37 +99,37 @@ def _cause(report: Report) -> str:
     return f"<p><b>Stage {stage} failed:</b> {html.escape(report.cause)}.</p>"
 
 
-def _cards(report: Report) -> str:
+def _cards(report: Report) -> list[Card]:
     passed = sum(stage.outcome == "ok" for stage in report.stages)
     verdict = "every stage passes" if report.ok else f"stage {report.failed_stage} failed"
-    rows: list[tuple[str, str, str]] = [
+    rows: list[Card] = [
         ("first", "ok" if report.ok else "not passed", verdict),
         ("first", f"{passed} of {len(report.stages)}", "stages"),
     ]
     if report.bursts:
         wrong = sum(0 if burst.wrong is None else burst.wrong.bits for burst in report.bursts)
-        rows.append(("", f"{wrong}", "wrong bits"))
-        rows.append(("", f"{sum(len(burst.got) for burst in report.bursts)}", "frames compared"))
-    for stage, name, scale, unit, what in (
-        ("counters", "round_trips_per_s", 1, "/s", "round trips"),
-        ("patterns", "capture_bytes_per_s", 1e-3, " kB/s", "capture rate of stage patterns"),
+        rows.append(("", count(wrong), "wrong bits"))
+        rows.append(("", count(sum(len(burst.got) for burst in report.bursts)), "frames compared"))
+    for stage, name, unit, what in (
+        ("counters", "round_trips_per_s", "1/s", "round trips"),
+        ("patterns", "capture_bytes_per_s", "B/s", "capture rate of stage patterns"),
     ):
         value = report.figure(stage, name)
         if value is not None:
-            rows.append(("", f"{value * scale:.4g}{unit}", what))
-    rows.append(("", f"{report.wall_s:.1f} s", "in all"))
-    return cards(rows)
+            rows.append(("", amount(value, unit, 4), what))
+    rows.append(("", elapsed(report.wall_s), "for all stages"))
+    return rows
 
 
 def _stages(report: Report) -> str:
     rows = [
-        [stage.name, stage.outcome, f"{stage.seconds:.2f}\N{NO-BREAK SPACE}s", summary(stage)]
+        [stage.name, stage.outcome, elapsed(stage.seconds), summary(stage)]
         for stage in report.stages
     ]
     return "<h2>Stages</h2>" + table(["stage", "outcome", "time", "result"], rows)
 
 
-def _planes(report: Report, path: Path) -> str:
+def _planes(report: Report, path: Path, data: Data) -> str:
     lines = []
     for burst in report.bursts:
         if burst.wrong is not None:
@@ -125,7 +139,7 @@ def _planes(report: Report, path: Path) -> str:
     return (
         "<h2>Captured planes</h2><p>Each burst starts without charge. The expected planes come "
         "from the cycle model. The first wrong bit is circled.</p>"
-        f"<ul>{wrong}</ul>" + plot(path, "captured planes and wrong bits")
+        f"<ul>{wrong}</ul>" + plot(path, "expected and captured planes, and wrong bits", data)
     )
 
 
@@ -138,8 +152,10 @@ def _figures(stage: Stage) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return count(value)
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return number(value, 6)
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value))
     return str(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cosim.config.amounts import number
 from rtl_model.bringup.bench.stage import Stage
 
 __all__ = ["summary"]
@@ -24,14 +25,14 @@ def summary(stage: Stage) -> str:
 
 def _bytes(stage: Stage) -> str:
     f = stage.figures
-    return f"{f['answers']} answers, {1e3 * f['s_per_answer']:.3g} ms each, at {f['baud']} baud"
+    return f"{f['answers']} answers, {number(1e3 * f['s_per_answer'])} ms each, at {f['baud']} baud"
 
 
 def _identity(stage: Stage) -> str:
     f = stage.figures
     return (
-        f"{f['identifier']}, {f['lanes']} lanes, {f['clock_hz'] / 1e6:g} MHz, map {f['version']}, "
-        f"build {f['build']}{_VERILOG[f.get('build_matches')]}"
+        f"{f['identifier']}, {f['lanes']} lanes, {number(f['clock_hz'] / 1e6)} MHz, map "
+        f"{f['version']}, build {f['build']}{_VERILOG[f.get('build_matches')]}"
     )
 
 
@@ -39,8 +40,8 @@ def _counters(stage: Stage) -> str:
     f = stage.figures
     return (
         f"{f['bytes_counted']} of {f['bytes_sent']} bytes and {f['words_written']} words counted, "
-        f"no error; {f['round_trips_per_s']:.4g} round trips/s, {f['latency_ms']:.3g} ms beyond "
-        "the line"
+        f"no error; {number(f['round_trips_per_s'], 4)} round trips/s, {number(f['latency_ms'])} "
+        "ms beyond the line"
     )
 
 
@@ -61,7 +62,7 @@ def _patterns(stage: Stage) -> str:
     f = stage.figures
     return (
         f"{f['frames_compared']} frames, {f['bits_compared']} bits against the cycle model, none "
-        f"wrong; capture {f['capture_bytes_per_s'] / 1e3:.4g} kB/s"
+        f"wrong; capture {number(f['capture_bytes_per_s'] / 1e3, 4)} kB/s"
     )
 
 
@@ -77,7 +78,7 @@ def _timing(stage: Stage) -> str:
     text = f"{f['differences']} differences of frame clocks are whole ticks"
     if "clock_error_ppm" in f:
         text += (
-            f"; clock {f['clock_hz'] / 1e6:.6g} MHz, {f['clock_error_ppm']:+.0f} ppm "
+            f"; clock {number(f['clock_hz'] / 1e6, 6)} MHz, {f['clock_error_ppm']:+.0f} ppm "
             f"(+-{f['clock_doubt_ppm']:.0f})"
         )
     return text

@@ -10,14 +10,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.config.amounts import amount
+from cosim.config.amounts import amount, number
+from cosim.report.drawn import save_figure
 from cosim.report.figures import MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.run.result import Metric
 from rtl_model.imagers.adaptive.device.codes import Code
 from rtl_model.imagers.adaptive.device.imager import AdaptiveExposure
 from rtl_model.imagers.adaptive.device.switching import Coupling, row_kicks
-from rtl_model.imagers.report.figures import BLUE, save_figure, style_axes
+from rtl_model.imagers.report.figures import BLUE, style_axes
 
 __all__ = ["coupled_metrics", "coupling_section"]
 
@@ -65,23 +66,23 @@ def coupling_section(imager: AdaptiveExposure, path: Path) -> str:
             ax.plot(rows_of, middle, color=colour, linewidth=0.9, label=f"{code} code")
             highest = max(highest, float(high.max()))
             name = f"{code} code, {phase}" + (" (this run)" if corner == coupling else "")
-            rows.append([name, *(f"{value:.3g} e" for value in _figures(kicks))])
+            rows.append([name, *(f"{number(value)} e" for value in _figures(kicks))])
         ax.set_ylim(0, 1.3 * highest or 1.0)
         style_axes(ax, y=f"added charge, e\n{phase}")
     axes[0].legend(fontsize=8, frameon=False, loc="upper right", ncols=2)
     axes[1].set_xlabel("row", fontsize=9)
-    save_figure(figure, path)
+    data = save_figure(figure, path)
     noise = imager.pixels.setting.read_noise
     return (
         "<h2>Switching logic and the pixels</h2><p>Every bit of a counter that toggles couples "
-        f"{coupling.charge:.4g} e onto the pixels, which decays with a time constant of "
+        f"{number(coupling.charge, 4)} e onto the pixels, which decays with a time constant of "
         f"{amount(coupling.time_constant, 's')} (both assumed). The counters of this run step as "
         "its exposures make them; the table and the figure show what they would add to its frames "
         "in both codes, with and without idle phases. A row is sampled in all columns together, so "
         "the disturbance is a pattern of rows: noise is its RMS deviation from the mean over rows "
         "and frames, fixed pattern the part that stays in a row. Read noise is "
-        f"{noise:.3g} e. In the figure, lines are the mean over the frames, bands the least and "
-        "the most of a frame.</p>"
+        f"{number(noise)} e. In the figure, lines are the mean over the frames, bands the least "
+        "and the most of a frame.</p>"
         + table(["counters", "mean", "noise, RMS", "fixed pattern, RMS"], rows)
-        + plot(path, "charge that switching logic adds to each row, four ways")
+        + plot(path, "charge that switching logic adds to each row, four ways", data)
     )

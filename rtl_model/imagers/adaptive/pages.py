@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from cosim import PS
+from cosim.config.amounts import number
+from cosim.report.drawn import Data, save_figure
 from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import plot, table
 from rtl_model.imagers.adaptive.coupling import coupling_section
@@ -20,7 +22,6 @@ from rtl_model.imagers.report.figures import (
     GREEN,
     VIOLET,
     read_vcd,
-    save_figure,
     style_axes,
     waveforms,
 )
@@ -39,31 +40,31 @@ SETTLING = 16
 def adaptive_sections(model: AdaptiveModel, run: ImagerRun) -> str:
     """Writes the figures and returns the HTML of the sections."""
     folder = run.folder / "figures"
-    _course(run, folder / "exposure.png")
-    _response(model, folder / "response.png")
-    _timing(run, model, folder / "timing.png")
+    course = _course(run, folder / "exposure.png")
+    response = _response(model, folder / "response.png")
+    timing = _timing(run, model, folder / "timing.png")
     return (
         "<h2>Exposure and signal as the light changes</h2><p>This is figure 6a of the document. "
         "The light is that of the brightest pixel. The exposure is T 2<sup>n</sup> with T = 1 "
         "&micro;s. The signal is the largest unsaturated value of the window, which the exposure "
         f"selection keeps between {HALF} and 255. Square marks: more pixels are saturated than "
         "allowed.</p>"
-        + plot(folder / "exposure.png", "light, exposure and signal over time")
+        + plot(folder / "exposure.png", "light, exposure and signal over time", course)
         + _changes(run)
         + "<h2>Response</h2><p>This is figure 6b of the document. A sensor of this kind with "
         f"{SMALL} x {SMALL} pixels films constant light of each level until its exposure settles. "
         f"At each exposure the response is linear. With {HALF} DN added for every halving of the "
         "exposure, the values join to one curve that is close to the logarithm of the light.</p>"
-        + plot(folder / "response.png", "signal and exposure over light")
+        + plot(folder / "response.png", "signal and exposure over light", response)
         + "<h2>Two reset counters</h2><p>These are figures 4 and 5 of the document, from the trace "
         "of this sensor. Above: the rows that are reset and read around a change of exposure. "
         "Below: its signals during the first rows. Hold is the frame time minus the exposure.</p>"
-        + plot(folder / "timing.png", "reset and readout of all rows, and the signals")
+        + plot(folder / "timing.png", "reset and readout of all rows, and the signals", timing)
         + coupling_section(run.imager, folder / "coupling.png")
     )
 
 
-def _course(run: ImagerRun, path: Path) -> None:
+def _course(run: ImagerRun, path: Path) -> Data:
     taken, view = run.frames, run.planned.view
     figure, (top, middle, low) = subplots(
         3, 1, figsize=(9.5, 6.6), sharex=True, layout="constrained"
@@ -79,30 +80,33 @@ def _course(run: ImagerRun, path: Path) -> None:
     ready = np.array([t.ready for t in taken]) / 1e9
     multiple = np.array([t.state["multiplier"] for t in taken])
     middle.step(ready, multiple, where="post", color=BLUE, linewidth=1.3)
-    middle.plot(ready, multiple, "o", markersize=2, color=BLUE)  # one frame makes no step
+    middle.plot(ready, multiple, "o", markersize=2, color=BLUE,
+                label="_nolegend_")  # one frame makes no step
     middle.set_yscale("log", base=2)
     style_axes(middle, y="exposure, T = 1 µs")
     largest = np.array([t.state["largest"] for t in taken])
     flagged = np.array([t.state["flag"] for t in taken]) > 0
     signal = np.minimum(largest, 255)
     low.axhspan(HALF, 255, color=GREEN, alpha=0.08, linewidth=0)
-    low.plot(ready, signal, color=GREEN, linewidth=0.8)
-    low.plot(ready[~flagged], signal[~flagged], "o", markersize=3, color=GREEN)
-    low.plot(ready[flagged], np.full(flagged.sum(), 255), "s", markersize=4, color=MARK)
+    low.plot(ready, signal, color=GREEN, linewidth=0.8, label="_nolegend_")
+    low.plot(ready[~flagged], signal[~flagged], "o", markersize=3, color=GREEN,
+             label="not flagged")  # fmt: skip
+    low.plot(ready[flagged], np.full(flagged.sum(), 255), "s", markersize=4, color=MARK,
+             label="too many saturated")  # fmt: skip
     low.set_ylim(0, 265)
     style_axes(low, "end of readout, ms", "largest value, DN")
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
 def _changes(run: ImagerRun) -> str:
     rows = []
     steps = [c for c in changes(run.frames, run.planned.view) if c.ps < run.planned.spec.stop]
     for c in steps:
-        step = "power-on" if c.before == 0 else f"x {c.after / c.before:.4g}"
+        step = "power-on" if c.before == 0 else f"x {number(c.after / c.before, 4)}"
         until = "the end of the run" if c is steps[-1] else "the next step"
         frames = f"not before {until}" if c.frames is None else f"N + {c.frames}"
-        delay = "" if c.delay is None else f"{c.delay * 1e-9:.3g} ms"
-        rows.append([f"{c.ps * 1e-9:.4g} ms", step, frames, delay])
+        delay = "" if c.delay is None else f"{number(c.delay * 1e-9)} ms"
+        rows.append([f"{number(c.ps * 1e-9, 4)} ms", step, frames, delay])
     if not rows:
         return ""
     return (
@@ -115,7 +119,7 @@ def _changes(run: ImagerRun) -> str:
     )
 
 
-def _response(model: AdaptiveModel, path: Path) -> None:
+def _response(model: AdaptiveModel, path: Path) -> Data:
     """Draws the settled value and exposure over seven decades of light."""
     section = model.section
     lux = np.geomspace(0.1, 1e6, 57)
@@ -143,8 +147,8 @@ def _response(model: AdaptiveModel, path: Path) -> None:
     top.set_xscale("log")
     top.set_ylim(0, 265)
     style_axes(top, y="mean value, DN")
-    low.step(lux, multiple, where="mid", color=BLUE, linewidth=1.3, label="exposure, us")
-    low.plot(lux, combined, "o", color=VIOLET, markersize=3.5, label="value / exposure, DN/us")
+    low.step(lux, multiple, where="mid", color=BLUE, linewidth=1.3, label="exposure, µs")
+    low.plot(lux, combined, "o", color=VIOLET, markersize=3.5, label="value / exposure, DN/µs")
     low.plot(lux, lux * 256e-6 * section.gain, color=INK, linewidth=0.7, label="A S E / LSB")
     low.set_yscale("log")
     low.legend(fontsize=8, frameon=False)
@@ -152,10 +156,10 @@ def _response(model: AdaptiveModel, path: Path) -> None:
     together = value + HALF * (section.longest - np.log2(multiple))
     last.plot(lux, together, "o-", color=GREEN, markersize=3.5, linewidth=0.9)
     style_axes(last, "light on the sensor, lux", "joined values, DN")
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
-def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
+def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> Data:
     taken = run.frames
     timing = model.timing
     steps = [
@@ -181,7 +185,8 @@ def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
             alpha=0.15, linewidth=0,
         )  # fmt: skip
         top.annotate(
-            f"frame {frame.number}: {frame.seconds * 1e3:.4g} ms", (end, 0), fontsize=8, color=INK,
+            f"frame {frame.number}: {number(frame.seconds * 1e3, 4)} "
+            "ms", (end, 0), fontsize=8, color=INK,
             xytext=(2, 3), textcoords="offset points", rotation=90, ha="right", va="bottom",
         )  # fmt: skip
     top.plot([], [], color=BLUE, label="reset by counter 1")
@@ -191,7 +196,7 @@ def _timing(run: ImagerRun, model: AdaptiveModel, path: Path) -> None:
     top.invert_yaxis()
     style_axes(top, "time, ms", "row")
     _signals(model, low)
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
 def _signals(model: AdaptiveModel, axes: Any) -> None:
@@ -211,5 +216,6 @@ def _signals(model: AdaptiveModel, axes: Any) -> None:
     span = (int(end[0]) - line, int(end[0]) + 4 * line)
     waveforms(axes, signals, names, span, 1e6)
     axes.set_xlabel(
-        f"time, us; {SMALL} rows of {line * 1e-6:.3g} us, exposed for 40 us", fontsize=9, color=INK
+        f"time, µs; {SMALL} rows of {number(line * 1e-6)} µs, exposed for 40 "
+        "µs", fontsize=9, color=INK
     )

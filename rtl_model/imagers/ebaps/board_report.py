@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.clock import PS
+from cosim.config.amounts import number
 from cosim.run.result import Latency, Metric
 from rtl_model.imagers.ebaps.board.adc_lines import error_rate
 from rtl_model.imagers.ebaps.board.axi import BEAT_BYTES
@@ -80,26 +81,27 @@ def board_rows(board: Board) -> list[list[str]]:
     )
     need = LinkTiming(board.timing.columns, board.timing.rows, rate=board.timing.rate).pixel_rate
     made = board_metrics(board)
-    text = {name: "none" if m.value is None else f"{m.value:.4g}" for name, m in made.items()}
+    text = {name: "none" if m.value is None else number(m.value, 4) for name, m in made.items()}
     return [
         ["frames and pixels that arrived otherwise than sent",
          f"{text['board_frames']}, {text['board_pixels_wrong']}", "0 pixels"],
         ["narrowest eye of the converter's lines, ps", text["adc_eye"],
-         f"of a bit of {PS / 80e6:g}, jitter {board.lines.jitter:g}"],
+         f"of a bit of {number(PS / 80e6)}, jitter {number(board.lines.jitter)}"],
         ["wrong bits from the converter", f"{f.bit_errors} of {f.bits}",
-         f"{f.expected_errors:.3g} foreseen"],
-        ["words wrong without training", f"{100 * f.untrained:.3g} %", ""],
+         f"{number(f.expected_errors)} foreseen"],
+        ["words wrong without training", f"{number(100 * f.untrained)} %", ""],
         ["most words in the write FIFO", text["fifo_most"], "a burst has 64"],
         ["share of the memory's clocks with data, while a frame is written and five are read",
          text["memory_use"],
-         f"{_data_share(board):.4g}; with addresses and latency, at 30 frames/s of the whole chip, "
-         f"{memory_load(hertz=clocks.memory):.3g} is busy"],
+         f"{number(_data_share(board), 4)}; with addresses and latency, at 30 frames/s of the "
+         f"whole chip, {number(memory_load(hertz=clocks.memory))} is busy"],
         ["answer of the second FPGA, ns",
-         f"{min(answers):.4g} to {max(answers):.4g}" if answers else "none",
-         f"{low:.4g} to {high:.4g}, longer without room for a line"],
+         f"{number(min(answers), 4)} to {number(max(answers), 4)}" if answers else "none",
+         f"{number(low, 4)} to {number(high, 4)}, longer without room for a line"],
         ["values a second between the FPGAs", "",
-         f"a handshake a line {whole[0] * 1e-6:.3g} to {whole[1] * 1e-6:.3g} M, a value "
-         f"{single[0] * 1e-6:.3g} to {single[1] * 1e-6:.3g} M; needed {need * 1e-6:.3g} M"],
+         f"a handshake a line {number(whole[0] * 1e-6)} to {number(whole[1] * 1e-6)} M, a value "
+         f"{number(single[0] * 1e-6)} to {number(single[1] * 1e-6)} M; needed "
+         f"{number(need * 1e-6)} M"],
         ["share of the Camera Link's clocks with a pixel", text["link_use"],
          f"{100 * need / clocks.display:.1f} %"],
         ["share of a period without pixels", text["pixel_blanking"],

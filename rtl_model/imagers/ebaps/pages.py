@@ -10,7 +10,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.config.amounts import count, number
 from cosim.light.charts import ASPECT, bar_width, draw, regions
+from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
@@ -19,7 +21,7 @@ from rtl_model.imagers.ebaps.board_report import board_rows
 from rtl_model.imagers.ebaps.device.darks import DARKS, mean_of_four, residual_variance, subtract
 from rtl_model.imagers.ebaps.device.exposure import ExposureRule
 from rtl_model.imagers.ebaps.model import EbapsModel, live
-from rtl_model.imagers.report.figures import BLUE, GREEN, save_figure, stretch, style_axes
+from rtl_model.imagers.report.figures import BLUE, GREEN, stretch, style_axes
 from rtl_model.imagers.report.imager_run import ImagerRun
 from sensor.imagers import Exposed
 from sensor.imagers.ebaps import EbapsPixels
@@ -40,24 +42,27 @@ Values = npt.NDArray[np.float64]
 def ebaps_sections(model: EbapsModel, run: ImagerRun) -> str:
     """The sections of the page; writes their figures."""
     folder = run.folder / "figures"
-    _loop(run, folder / "loop.png")
-    _histogram(run, folder / "histogram.png")
+    loop = _loop(run, folder / "loop.png")
+    histogram = _histogram(run, folder / "histogram.png")
     rows = _grid(run, model, folder / "voltages.png")
     return (
-        "<h2>The exposure loop</h2><p>Mean brightness of each live frame against the window [24 "
-        "000, 25 600] DN, and the exposure that a constant step of 0.64 ms makes of it. Hatched "
-        "frames are dark ones (KEY = 1), taken at the live exposure. A frame's mean can change the "
-        "frame after next at the earliest; the loop acts on frames that show what it last did."
-        "</p>" + plot(folder / "loop.png", "mean brightness and exposure over time")
+        "<h2>The exposure loop</h2><p>Mean brightness of each live frame against the window "
+        f"[{count(24_000)}, {count(25_600)}] DN, and the exposure that a constant step of 0.64 ms "
+        "makes of it. Hatched frames are dark ones (KEY = 1), taken at the live exposure. A "
+        "frame's mean can change the frame after next at the earliest; the loop acts on frames "
+        "that show what it last "
+        "did.</p>" + plot(folder / "loop.png", "mean brightness and exposure over time", loop)
         + _board(run) + _before_after(model, run)
-        + plot(folder / "histogram.png", "histograms before and after dark subtraction")
+        + plot(
+            folder / "histogram.png", "histograms before and after dark subtraction", histogram
+        )
         + "<h2>High voltage and light</h2><p>The document's figure 11: rows are high voltages, "
         "columns the light on the chart; each picture is one live frame less the mean of four "
         "darks of its own exposure, by a device of this kind of "
         f"{SIZE[1]} x {SIZE[0]} pixels under the run's lens, stretched between the 0.5 % and "
         "99.5 % values. The exposure is the one at which the loop would stand. Contrast to noise "
         "is |mean of white - mean of black| over the noise of a single pixel, times the root of "
-        f"the largest bar's pixels; below {ROSE:g} a bar is not recognised (Rose).</p>"
+        f"the largest bar's pixels; below {number(ROSE)} a bar is not recognised (Rose).</p>"
         + plot(folder / "voltages.png", "the chart at four voltages under three lights")
         + table(["high voltage", "light", "exposure", "mean", "contrast to noise", ""], rows)
     )  # fmt: skip
@@ -72,13 +77,13 @@ def _board(run: ImagerRun) -> str:
     return (
         "<h2>The board, clock by clock</h2><p>The dark frames and the first live ones passed the "
         "converter's lines, FIFO, AXI4 and memory, the second FPGA, and Camera Link, at "
-        f"{board.clocks.memory * 1e-6:g} MHz and {board.clocks.display * 1e-6:g} MHz; each is "
-        "compared with the frame that was sent.</p>" + table(head, board_rows(board))
+        f"{number(board.clocks.memory * 1e-6)} MHz and {number(board.clocks.display * 1e-6)} MHz; "
+        "each is compared with the frame that was sent.</p>" + table(head, board_rows(board))
         + (f"<ul>{said}</ul>" if said else "")
     )  # fmt: skip
 
 
-def _loop(run: ImagerRun, path: Path) -> None:
+def _loop(run: ImagerRun, path: Path) -> Data:
     rule, taken = ExposureRule(), run.frames
     time = np.array([t.ready for t in taken]) / 1e9
     key = np.array([t.state["key"] for t in taken]) > 0
@@ -100,7 +105,7 @@ def _loop(run: ImagerRun, path: Path) -> None:
     for limit in (rule.shortest, rule.longest):
         low.axhline(limit / 1e6, color=INK, linewidth=0.7, linestyle=":")
     style_axes(low, "time at which a frame has been read, ms; shaded: dark frames", "exposure, ms")
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
 def _pair(run: ImagerRun) -> tuple[Any, Any, Any] | None:
@@ -147,18 +152,18 @@ def _residual(model: EbapsModel, run: ImagerRun, darks: Any) -> list[list[str]]:
     one = float(pixels.mean_variance(0.0, seconds)[1])
     theory = np.sqrt(residual_variance(one, one))
     return [
-        ["spread of a dark frame over its pixels", f"{fresh.std():.4g} DN"],
-        ["of the mean of four", f"{darks.std():.4g} DN"],
-        ["of a fresh dark frame less that mean", f"{left.std():.4g} DN"],
+        ["spread of a dark frame over its pixels", f"{number(fresh.std(), 4)} DN"],
+        ["of the mean of four", f"{number(darks.std(), 4)} DN"],
+        ["of a fresh dark frame less that mean", f"{number(left.std(), 4)} DN"],
         [
             "theory: its own noise and a quarter of it, before clipping; a few ion bursts carry "
             "much of it",
-            f"{theory:.4g} DN",
+            f"{number(theory, 4)} DN",
         ],
     ]
 
 
-def _histogram(run: ImagerRun, path: Path) -> None:
+def _histogram(run: ImagerRun, path: Path) -> Data:
     pair = _pair(run)
     figure, axes = subplots(figsize=(9.5, 3), layout="constrained")
     named = (("as read", MARK), ("mean of four darks", INK), ("difference", GREEN))
@@ -166,13 +171,12 @@ def _histogram(run: ImagerRun, path: Path) -> None:
         top = float(max(np.percentile(each, 99.9) for each in pair))
         bins = np.linspace(0, top, 240)
         for (name, colour), values in zip(named, pair, strict=True):
-            axes.hist(
-                values.ravel(), bins=bins, histtype="step", color=colour, label=name, linewidth=1.1
-            )
+            counts, _ = np.histogram(values, bins)
+            axes.stairs(counts, bins, color=colour, label=name, linewidth=1.1)
         axes.set_yscale("log")
         axes.legend(fontsize=8, frameon=False)
     style_axes(axes, "value, DN", "pixels")
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
 def _stands(pixels: EbapsPixels, chart: Values, lux: float) -> float:
@@ -215,20 +219,21 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
             axes.set_xticks([])
             axes.set_yticks([])
             axes.set_title(
-                f"{_named(volts)}, {lux:g} lx, {seconds * 1e3:.3g} ms: {cnr:.3g}", fontsize=8.5,
+                f"{_named(volts)}, {number(lux)} lx, {number(seconds * 1e3)} ms: "
+                f"{number(cnr)}", fontsize=8.5,
                 color=INK if cnr >= ROSE else MARK,
             )  # fmt: skip
             verdict = "recognisable" if cnr >= ROSE else "nothing is recognised"
             rows.append(
-                [_named(volts), f"{lux:g} lx", f"{seconds * 1e3:.4g} ms",
-                 f"{shown.mean():.5g} DN", f"{cnr:.3g}", verdict]
+                [_named(volts), f"{number(lux)} lx", f"{number(seconds * 1e3, 4)} ms",
+                 f"{number(shown.mean(), 5)} DN", number(cnr), verdict]
             )  # fmt: skip
-    save_figure(figure, path)
+    write_figure(figure, path)
     return rows
 
 
 def _named(volts: float) -> str:
-    return f"-{volts:g} V" if volts else "0 V"
+    return f"-{number(volts)} V" if volts else "0 V"
 
 
 def _live(

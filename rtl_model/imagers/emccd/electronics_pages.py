@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from cosim import PS
+from cosim.config.amounts import amount, number
+from cosim.report.drawn import Data, Value, save_figure, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot
 from rtl_model.imagers.emccd.device.potentiometer import SPI_SIGNALS, word_edges
 from rtl_model.imagers.emccd.device.sine_drive import SineDrive
 from rtl_model.imagers.emccd.device.supplies import INTERLOCKS, RAILS, Supplies
 from rtl_model.imagers.emccd.electronics import SETTLED
-from rtl_model.imagers.report.figures import BLUE, GREEN, save_figure, style_axes, waveforms
+from rtl_model.imagers.report.figures import BLUE, GREEN, style_axes, waveforms
 from sensor.imagers.emccd.gain import GAIN_STEPS
 
 __all__ = ["electronics_sections"]
@@ -32,13 +34,14 @@ def electronics_sections(drive: SineDrive, supplies: Supplies, folder: Path) -> 
     _loop(grid[0, 1], drive)
     _phase(grid[1, 0], drive)
     _word(grid[1, 1], drive)
-    save_figure(figure, folder / "drive.png")
-    _supplies(supplies, folder / "supplies.png")
+    drawn = save_figure(figure, folder / "drive.png")
+    rails = _supplies(supplies, folder / "supplies.png")
     up = drive.settled(0, _LAST, SETTLED)
     closed = drive.settling(drive.steady(0), _LAST, SETTLED / drive.voltage.slope(
         drive.steady(_LAST)))  # fmt: skip
     settled = (
-        "does not settle" if up is None else f"settles within 1 % of the gain in {up * 1e6:.4g} us"
+        "does not "
+        "settle" if up is None else f"settles within 1 % of the gain in {amount(up, 's', 4)}"
     )
     rules = "; ".join(f"{first} before {second}" for first, second in INTERLOCKS)
     return (
@@ -47,15 +50,19 @@ def electronics_sections(drive: SineDrive, supplies: Supplies, folder: Path) -> 
         "peak after the potentiometer has moved from one end to the other, up (blue) and down "
         "(green); dotted: the slowest pole of the loop; level lines: 1 % of the gain; dashed: with "
         "a detector of ten times the droop time, which holds the old peak while the loop turns the "
-        f"sine off. From 37 to 45 V it {settled} (closed form: {closed * 1e6:.4g} us). Bottom "
+        f"sine off. From 37 to 45 V it {settled} (closed form: {amount(closed, 's', 4)}). Bottom "
         "left: gain lost where the crest is early or late. Bottom right: the word of "
         f"step {_WORD} on the wires of the potentiometer.</p>"
-        + plot(folder / "drive.png", "sine, loop, phase and word")
+        + plot(
+            folder / "drive.png",
+            "high-voltage drive: sine, settling of the loop, phase, word of the "
+            "potentiometer", drawn,
+        )
         + "<h2>Supplies</h2><p>The rails come up in the order of the scenario, each after the one "
         "before is good, and go down in reverse. The first cycle begins when all are good, after "
-        f"{supplies.switch_time * 1e3:.4g} ms. Interlocks: {rules}. The document prints that the "
-        "order is controlled, and no order: all values are assumed.</p>"
-        + plot(folder / "supplies.png", "rails over time")
+        f"{amount(supplies.switch_time, 's', 4)}. Interlocks: {rules}. The document prints that "
+        "the order is controlled, and no order: all values are assumed.</p>"
+        + plot(folder / "supplies.png", "rails over time", rails)
     )
 
 
@@ -69,7 +76,8 @@ def _pixel(axes: Any, drive: SineDrive) -> None:
     axes.axhline(drive.transfer_mean(peak), color=BLUE, linewidth=0.7, linestyle=":")
     high = np.asarray(time % period >= period / 2, float)
     for name, base, level in (("R1", -12, high), ("R2", -24, 1 - high)):
-        axes.step(time, base + 8 * level, where="post", color=INK, linewidth=0.9)
+        axes.step(time, base + 8 * level, where="post", color=INK, linewidth=0.9,
+                  label="_nolegend_")  # fmt: skip
         axes.text(-1.06 * period, base + 1, name, fontsize=8, color=INK, ha="right")
     half = s.transfer * 1e9 / 2
     for middle in (-period, 0.0, period):
@@ -100,7 +108,7 @@ def _loop(axes: Any, drive: SineDrive) -> None:
     axes.legend(fontsize=7.5, frameon=False, loc="center right", bbox_to_anchor=(1.0, 0.48))
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 50)
-    style_axes(axes, "us after the step", "peak from its end, V")
+    style_axes(axes, "µs after the step", "peak from its end, V")
 
 
 def _phase(axes: Any, drive: SineDrive) -> None:
@@ -127,27 +135,31 @@ def _word(axes: Any, drive: SineDrive) -> None:
     last = max(edge for edge, _, _ in word_edges(0, _WORD))
     names = [s.name for s in SPI_SIGNALS]
     waveforms(axes, changes, names, (-10 * clock, (last + 10) * clock), 1e6)
-    axes.set_xlabel("us", fontsize=9, color=INK)
+    axes.set_xlabel("µs", fontsize=9, color=INK)
 
 
-def _supplies(supplies: Supplies, path: Path) -> None:
+def _supplies(supplies: Supplies, path: Path) -> Data:
     good = supplies.run().good
     off = supplies.switch_time + 5e-3
     course = supplies.run(off=off)
     figure, axes = subplots(figsize=(9.5, 3.8), layout="constrained")
     millis = 1e3 * np.array(course.seconds)
     names = list(supplies.order)[::-1]
+    rows: list[tuple[Value, ...]] = []
     for row, name in enumerate(names):
         level = row + 0.75 * np.array(course.volts[name]) / RAILS[name].volts
         axes.plot(millis, level, color=INK, linewidth=0.9)
+        pairs = zip(millis, course.volts[name], strict=True)
+        rows += [(name, float(at), float(volts)) for at, volts in pairs]
         axes.fill_between(millis, row, level, color=BLUE, alpha=0.18, linewidth=0)
     if good is not None:
         for instant in (good, off):
             axes.axvline(instant * 1e3, color=MARK, linewidth=0.8)
-    labels = [f"{name}, {RAILS[name].volts:g} V" for name in names]
+    labels = [f"{name}, {number(RAILS[name].volts)} V" for name in names]
     axes.set_yticks([n + 0.35 for n in range(len(names))], labels, fontsize=8)
     axes.grid(axis="x", color=LINE, linewidth=0.5)
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.set_xlabel("ms after the switch; lines: all good, switch-off", fontsize=9, color=INK)
-    save_figure(figure, path)
+    write_figure(figure, path)
+    return Data(("rail", "ms after the switch", "V"), rows)

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from cosim import PS
+from cosim.config.amounts import count, number
+from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
@@ -21,7 +23,6 @@ from rtl_model.imagers.report.figures import (
     BLUE,
     GREEN,
     read_vcd,
-    save_figure,
     stretch,
     style_axes,
     waveforms,
@@ -40,27 +41,27 @@ def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
     """Writes the figures and returns the HTML of the sections."""
     folder = run.folder / "figures"
     modes = _modes(run, folder / "modes.png")
-    _course(model, run, folder / "course.png")
-    _gain(model, folder / "gain.png")
+    course = _course(model, run, folder / "course.png")
+    gain = _gain(model, folder / "gain.png")
     _sequence(folder / "sequence.png")
-    _cooling(model, folder / "cooling.png")
+    cooling = _cooling(model, folder / "cooling.png")
     timing = Timing()
     rows = [
-        [f"{size} x {timing.columns}", f"{rate:.4g} frames/s", f"{1e3 / rate:.4g} ms"]
+        [f"{size} x {timing.columns}", f"{number(rate, 4)} frames/s", f"{number(1e3 / rate, 4)} ms"]
         for size, rate in window_table(timing)
     ]
     return (
         "<h2>Modes</h2><p>These are figures 4 and 5 of the document: the first frame with each "
         "setting that the serial line has written. Each frame is stretched to its range, which the "
         "table gives. If the register overflows, charge spills into the columns that follow.</p>"
-        + plot(folder / "modes.png", "a frame of each setting")
+        + plot(folder / "modes.png", "the first frame with each setting")
         + table(
             ["frame", "exposure", "gain", "rows", "sync", "cycle rate", "range, DN"],
             modes,
         )
         + "<h2>Settings over time</h2><p>Vertical lines are register writes. All writes before the "
         "start of a cycle take effect at this start.</p>"
-        + plot(folder / "course.png", "settings and signal over time")
+        + plot(folder / "course.png", "settings and signal over time", course)
         + "<h2>Window and frame rate</h2><p>Table 2 of the document is lost. This table follows "
         "from its sequence at an exposure of 2 ms: two frame transfers of "
         f"{timing.rows} rows, the exposure, a clear of the horizontal register, {timing.rows} - K "
@@ -73,10 +74,11 @@ def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
         "photon transfer under uniform light at four gains. The slope of variance over squared "
         "gain against the mean in electrons is the squared excess noise factor. Lines: F&sup2; = "
         "1 + (1 - 1/g)(1 - p)/(1 + p).</p>"
-        + plot(folder / "gain.png", "gain steps and photon transfer")
+        + plot(folder / "gain.png", "gain at every step, and photon transfer at four gains", gain)
         + electronics_sections(model.drive, model.supplies, folder)
         + "<h2>Cooling</h2><p>Temperature of the chip from power-on. A run begins ten minutes "
-        "later.</p>" + plot(folder / "cooling.png", "temperature over time")
+        "later.</p>"
+        + plot(folder / "cooling.png", "temperature of chip and heat sink over time", cooling)
     )
 
 
@@ -115,21 +117,22 @@ def _modes(run: ImagerRun, path: Path) -> list[list[str]]:
         axes.imshow(for_display(whole), cmap="gray", vmin=0, vmax=255, interpolation="nearest")
         exposure = state["exposure_steps"] * STEP
         axes.set_title(
-            f"frame {frame.number}: {exposure * 1e3:g} ms, gain {state['gain']:.3g}", fontsize=8.5,
+            f"frame {frame.number}: {number(exposure * 1e3)} ms, gain "
+            f"{number(state['gain'])}", fontsize=8.5,
             color=INK,
         )  # fmt: skip
         rate = Timing().clock_hz / state["frame_clocks"]
         rows.append(
-            [str(frame.number), f"{exposure * 1e3:g} ms", f"{state['gain']:.4g}",
+            [str(frame.number), f"{number(exposure * 1e3)} ms", number(state['gain'], 4),
              f"{first} to {first + int(state['rows']) - 1}",
-             "external" if state["external"] else "internal", f"{rate:.4g} /s",
-             f"{low:.0f}, {high:.0f}"]
+             "external" if state["external"] else "internal", f"{number(rate, 4)}/s",
+             f"{count(low)}, {count(high)}"]
         )  # fmt: skip
-    save_figure(figure, path)
+    write_figure(figure, path)
     return rows
 
 
-def _course(model: EmccdModel, run: ImagerRun, path: Path) -> None:
+def _course(model: EmccdModel, run: ImagerRun, path: Path) -> Data:
     taken = run.frames
     time = np.array([t.ready for t in taken]) / 1e9
     named = (
@@ -150,10 +153,10 @@ def _course(model: EmccdModel, run: ImagerRun, path: Path) -> None:
             axes.set_yscale("log")
         style_axes(axes, y=name)
     places[-1].set_xlabel("end of readout, ms", fontsize=9, color=INK)
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
-def _gain(model: EmccdModel, path: Path) -> None:
+def _gain(model: EmccdModel, path: Path) -> Data:
     figure, (left, right) = subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
     voltage = model.voltage
     volts = [voltage.volts(step) for step in range(256)]
@@ -172,11 +175,11 @@ def _gain(model: EmccdModel, path: Path) -> None:
         factor = excess_noise_squared(gain, pixels.stages)
         line = np.array([0.0, 90.0])
         right.plot(line, line * factor, color=colour, linewidth=0.8)
-        label = f"gain {gain:g}: F$^2$ = {factor:.3f}"
+        label = f"gain {number(gain)}: F$^2$ = {factor:.3f}"
         right.plot(points[:, 0], points[:, 1], "o", color=colour, markersize=4, label=label)
     right.legend(fontsize=8, frameon=False)
     style_axes(right, "mean, electrons before multiplication", "variance / gain$^2$, e$^2$")
-    save_figure(figure, path)
+    return save_figure(figure, path)
 
 
 def _transfer(pixels: EmccdPixels, electrons: float) -> tuple[float, float]:
@@ -216,17 +219,17 @@ def _sequence(path: Path) -> None:
         "time, ms; phase: 1 transfer, 2 exposure, 3 transfer, 4 clear, 5 dump, 6 read, 7 dump",
         fontsize=9, color=INK,
     )  # fmt: skip
-    save_figure(figure, path)
+    write_figure(figure, path)
 
 
-def _cooling(model: EmccdModel, path: Path) -> None:
+def _cooling(model: EmccdModel, path: Path) -> Data:
     course = run_cooling(cooler_of(model.section), 600.0)
     figure, (top, low) = subplots(2, 1, figsize=(9.5, 3.8), sharex=True, layout="constrained")
     top.plot(course.seconds, course.chip - 273.15, color=BLUE, linewidth=1.2, label="chip")
     top.plot(course.seconds, course.sink - 273.15, color=MARK, linewidth=0.9, label="heat sink")
     top.axhline(model.section.temperature, color=INK, linewidth=0.7, linestyle=":")
     top.legend(fontsize=8, frameon=False)
-    style_axes(top, y="degC")
+    style_axes(top, y="temperature, °C")
     low.plot(course.seconds, course.amps, color=GREEN, linewidth=1.0)
     style_axes(low, "seconds after power-on", "Peltier current, A")
-    save_figure(figure, path)
+    return save_figure(figure, path)

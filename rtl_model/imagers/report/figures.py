@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.files.whole import whole
 from cosim.report.figures import INK, LINE
 
 __all__ = [
@@ -17,7 +16,6 @@ __all__ = [
     "GREEN",
     "VIOLET",
     "read_vcd",
-    "save_figure",
     "stretch",
     "style_axes",
     "waveforms",
@@ -35,13 +33,6 @@ def style_axes(axes: Any, x: str = "", y: str = "") -> None:
     axes.tick_params(labelsize=8)
     axes.grid(color=LINE, linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def save_figure(figure: Any, path: Path) -> None:
-    """Writes a figure as PNG; the file appears under its name when it is complete."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole(path) as part:
-        figure.savefig(part, dpi=110, format="png")
 
 
 def stretch(values: npt.NDArray[Any], low: float, high: float) -> npt.NDArray[np.float64]:
@@ -78,7 +69,8 @@ def waveforms(
     span: tuple[int, int],
     unit: float = 1e9,
 ) -> None:
-    """Draws signals below one another. A signal with too many edges to resolve becomes a band.
+    """Draws signals below one another; they are not among the data of the figure. A signal with too
+    many edges to resolve becomes a band.
 
     Args:
         axes: of matplotlib.
@@ -98,7 +90,9 @@ def waveforms(
         y = np.array([value for _, value in points] + [points[-1][1]]) / top
         if len(points) > 4000:
             x, y = _thinned(x, y)
-        axes.step(x, base + 0.72 * y, where="post", color=INK, linewidth=0.8)
+        axes.step(
+            x, base + 0.72 * y, where="post", color=INK, linewidth=0.8, label="_nolegend_"
+        )
         axes.fill_between(
             x, base, base + 0.72 * y, step="post", color=BLUE, alpha=0.18, linewidth=0
         )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
-
-from cosim.config.amounts import amount
-from cosim.report.parts import cards, figure, table
+from cosim.config.amounts import UNKNOWN, amount, count, number, percent
+from cosim.report.parts import Card, figure, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page
 from cosim.run.result import Metric
@@ -16,22 +14,34 @@ from rtl_model.imagers.run.store import FRAMES
 __all__ = ["imager_page", "metric_text"]
 
 
-def _cards(run: ImagerRun) -> str:
-    result, error = run.run.result, run.run.result.error
-    high = "" if error.ci is None else f", at most {error.ci[1]:.2g} (99.9 %)"
-    value = "unknown" if error.value is None else f"{error.value:.2g}"
-    spent = time.perf_counter() - run.run.began
-    out = [row["effect"] for row in result.left_out]
-    rows = [
-        ("first", value, f"error of a pixel's mean or noise against full physics{high}; "
-         f"tolerance {result.tolerance:g}"),
-        ("first", f"{spent:.1f} s", f"run time, for {amount(result.simulated_s, 's', 4)} of light"),
-        ("first", str(len(out)), f"effects left out{': ' if out else ''}{', '.join(out)}"),
-        ("", f"{len(run.frames)}", "frames"),
-    ]  # fmt: skip
-    return cards(rows)
+def _simulated(kind: ImagerKind, run: ImagerRun) -> str:
+    """What was simulated, for a newcomer."""
+    rows, columns = run.planned.model.shape
+    return (
+        f"A conventional camera with {columns} x {rows} pixels takes frames of the scene "
+        f"“{run.planned.spec.title}” for {amount(run.run.result.simulated_s, 's', 4)}: "
+        f"{kind.title}. Its digital side was simulated clock by clock, its pixels with the noise "
+        "of the light and of the circuit."
+    )
 
 
+def _cards(run: ImagerRun) -> list[Card]:
+    rows: list[Card] = [("first", count(len(run.frames)), "frames")]
+    for name, text in _MAIN.items():
+        metric = run.run.result.metrics.get(name)
+        if metric is not None and metric.value is not None:
+            value, of = metric_text(name, metric)
+            rows.append(("", value, text or of))
+    return rows
+
+
+_MAIN = {
+    "frame_rate": "frame rate", "exposure": "exposure of the last frame",
+    "dynamic_range": "dynamic range of one frame", "dark_noise": "noise in the dark",
+    "effective_read_noise": "read noise over the gain", "contrast_to_noise": "contrast to noise",
+    "settled_share": "", "saturated": "",
+}  # fmt: skip
+"""Metrics that the summary shows where a run has them, and what they are."""
 _SHARES = {
     "saturated": "of the pixels of the last frame have the largest value",
     "saturated_most": "of the pixels, in the frame with the largest share",
@@ -50,16 +60,18 @@ _COUNTS = {
 
 
 def metric_text(name: str, metric: Metric) -> tuple[str, str]:
-    """Value and unit of a metric as text: a share in per cent, an answer as yes or no, a count with
-    the name of what is counted."""
-    value, unit = metric.value, "" if metric.unit == "1" else metric.unit
+    """Text of a metric with its unit, and what it is a share or a count of: a share is in per cent,
+    an answer yes or no, a count whole."""
+    value = metric.value
     if value is None:
-        return "unknown", unit
+        return UNKNOWN, _COUNTS.get(name, "")
     if name in _SHARES:
-        return f"{100 * value:.4g} %", _SHARES[name]
+        return percent(value), _SHARES[name]
     if name in _ANSWERS:
         return "yes" if value else "no", _ANSWERS[name]
-    return f"{value:.5g}", _COUNTS.get(name, unit)
+    if name in _COUNTS:
+        return count(value), _COUNTS[name]
+    return amount(value, metric.unit, 4), ""
 
 
 def _metrics(run: ImagerRun) -> str:
@@ -67,9 +79,9 @@ def _metrics(run: ImagerRun) -> str:
         [name.replace("_", " "), *metric_text(name, m)]
         for name, m in run.run.result.metrics.items()
     ]
-    page = "<h2>Figures of the run</h2>" + table(["what", "value", "unit"], rows)
+    page = "<h2>Figures of the run</h2>" + table(["what", "value", "of what"], rows)
     delays = [
-        [row.stage, *(f"{us / 1e3:.4g} ms" for us in (row.min_us, row.median_us, row.max_us))]
+        [row.stage, *(amount(us * 1e-6, "s", 4) for us in (row.min_us, row.median_us, row.max_us))]
         for row in run.run.result.latency
     ]
     if delays:
@@ -85,8 +97,8 @@ def _frames(run: ImagerRun) -> str:
     for n in run.pictures:
         frame = run.frames[n]
         caption = (
-            f"frame {frame.number}, read at {frame.ready * 1e-9:.1f} ms, exposed for "
-            f"{frame.seconds * 1e3:.4g} ms, mean {frame.mean:.4g} DN"
+            f"frame {frame.number}, read at {number(frame.ready * 1e-9, 4)} ms, exposed for "
+            f"{amount(frame.seconds, 's', 4)}, mean {number(frame.mean, 4)} DN"
         )
         figures.append(figure(for_display(run.frame(n) / full), caption))
     return (
@@ -108,11 +120,11 @@ def _kept(run: ImagerRun) -> str:
         check = ""
         if row.effect in out:
             state, measured = "left out", patches.measured(row.effect)
-            check = "not measured" if measured is None else f"at most {measured.high:.2g}"
+            check = "not measured" if measured is None else f"at most {number(measured.high, 2)}"
         about = "about" if row.kind == "estimate" else "at most"
-        cost = f"{row.cost_ns:.3g} ns"
+        cost = f"{number(row.cost_ns)} ns"
         rows.append(
-            [row.effect, state, f"{about} {row.bound:.2g}", cost, check, sources[row.effect]]
+            [row.effect, state, f"{about} {number(row.bound, 2)}", cost, check, sources[row.effect]]
         )
     head = ["effect", "", "change if left out", "cost per pixel and frame", "measured", "source"]
     exposures, decisions = run.planned.exposures, run.chain.decisions
@@ -128,12 +140,12 @@ def _kept(run: ImagerRun) -> str:
         "mean of a pixel value, relative to the mean (at least one DN), and that of its noise, "
         "relative to the noise (at least that of rounding). It is the largest one over all light "
         "and exposures foreseen: "
-        f"{exposures.seconds[0] * 1e3:.3g} to {exposures.seconds[1] * 1e3:.3g} ms, "
-        f"{summary.darkest:.3g} to {summary.brightest:.3g} photoelectrons. Estimates are doubled. "
-        f"The check converts {patches.count} patches of the exposures of this run repeatedly, with "
-        "and without the effect and with the same random numbers; the table gives the upper limit "
-        "at 99.9 %. The bounds of a plan add up to at most "
-        f"{0.5 * run.run.result.tolerance:g}.</p>" + text + table(head, rows)
+        f"{number(exposures.seconds[0] * 1e3)} to {number(exposures.seconds[1] * 1e3)} ms, "
+        f"{number(summary.darkest)} to {number(summary.brightest)} photoelectrons. Estimates are "
+        f"doubled. The check converts {patches.count} patches of the exposures of this run "
+        "repeatedly, with and without the effect and with the same random numbers; the table gives "
+        "the upper limit at 99.9 %. The bounds of a plan add up to at most "
+        f"{number(0.5 * run.run.result.tolerance)}.</p>" + text + table(head, rows)
     )
 
 
@@ -149,7 +161,10 @@ def imager_page(kind: ImagerKind, run: ImagerRun) -> Page:
     return Page(
         title=spec.title,
         subtitle=f"{kind.title}, {columns} x {rows} pixels",
+        simulated=_simulated(kind, run),
         cards=_cards(run),
+        quality="A wider dynamic range and less noise are better. What a frame needs beyond these "
+        "figures is told in the sections.",
         sections=[specific, frames, _metrics(run), _kept(run)],
         commands_do="<p>The bits are the same however often the run is interrupted.</p>",
         files=sorted(f"figures/{path.name}" for path in folder.glob("*.png")),

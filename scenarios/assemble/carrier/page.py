@@ -6,7 +6,7 @@ import html
 from collections.abc import Callable
 from dataclasses import replace
 
-from cosim.config.amounts import amount
+from cosim.config.amounts import amount, decibel, number, percent
 from cosim.report.figures import sheet_figure
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
@@ -19,6 +19,10 @@ __all__ = ["carried_page"]
 
 FIGURE = "figures/through-link.png"
 RATES_FIGURE = "figures/rates.png"
+_CARRIED = (
+    "Before they are shown, the spikes cross a room as light: they are coded into packets, a panel "
+    "flashes these, a second spike camera films the panel, and a receiver decodes the packets."
+)
 _RATES = ("stream_bps", "link_bps", "goodput_bps")
 
 
@@ -37,12 +41,15 @@ def carried_page(run: Run, page_of: Callable[[Run], Page]) -> Page:
     if views.rates:
         sections.append(_rates(run, views))
         files.append(RATES_FIGURE)
-    return replace(page, sections=[*sections, *page.sections], files=[*page.files, *files])
+    return replace(
+        page, simulated=f"{page.simulated} {_CARRIED}",
+        sections=[*sections, *page.sections], files=[*page.files, *files],
+    )  # fmt: skip
 
 
 def _ends(run: Run, views: CarrierOutcome) -> str:
     clock = views.carrier.stream.clock
-    heads = [f"{clock.middle(shot.cycle) / 1e9:.2f} ms" for shot in views.direct]
+    heads = [f"{number(clock.middle(shot.cycle) / 1e9, 4)} ms" for shot in views.direct]
     rows = [
         ("TFP, sent", [for_display(shot.tfp) for shot in views.direct]),
         ("TFP, through the link", [for_display(shot.tfp) for shot in views.through]),
@@ -54,14 +61,14 @@ def _ends(run: Run, views: CarrierOutcome) -> str:
     return (
         "<h2>Both ends of the link</h2><p>The stream of spikes was coded, sent by the panel, "
         "filmed by the link's chip and decoded. The images are those of the same instants of the "
-        "stream.</p>" + plot(path, "images of both ends of the link")
+        "stream.</p>" + plot(path, "images of both ends of the link at the same instants")
     )
 
 
 def _rates(run: Run, views: CarrierOutcome) -> str:
     path = run.folder / RATES_FIGURE
     against = "the true light" if views.lit else "that of the stream sent"
-    rates_figure(views.rates, against, path)
+    data = rates_figure(views.rates, against, path)
     return (
         "<h2>Picture and wait against the rate of the link</h2><p>The middle of the picture was "
         "coded again with every code, at rates of the link that are stated for a megapixel: PSNR "
@@ -70,13 +77,13 @@ def _rates(run: Run, views: CarrierOutcome) -> str:
         "wait. Counts over a packet have less noise than a window of TFP, so still light may look "
         "better with fewer layers. Where the link carries less than the code makes, the layered "
         "code sends fewer layers, the others fewer tiles.</p>"
-        + plot(path, "PSNR and wait against rate")
+        + plot(path, "PSNR, wait and packets left out against the rate of the link", data)
     )
 
 
 def _value(run: Run, name: str) -> str:
     metric = run.result.metrics[name]
-    return "unknown" if metric.value is None else amount(metric.value, metric.unit)
+    return decibel(metric.value) if metric.unit == "dB" else amount(metric.value, metric.unit)
 
 
 def _cost(run: Run) -> str:
@@ -106,7 +113,7 @@ def _bits(run: Run, views: CarrierOutcome) -> str:
         spent["packets that arrived in time"] = arrived
         spent["empty, lost, or late"] = max(carried - arrived, 0.0)
     rows = [
-        [html.escape(name), amount(bits, "bit/s"), f"{bits / whole:.1%}"]
+        [name, amount(bits, "bit/s"), percent(bits / whole)]
         for name, bits in [("all cells of the panel", whole), *spent.items()]
     ]
     return (
@@ -117,13 +124,13 @@ def _bits(run: Run, views: CarrierOutcome) -> str:
 
 def _time(run: Run, views: CarrierOutcome) -> str:
     rows = [
-        [html.escape(row.stage), f"{row.min_us:.6g}", f"{row.median_us:.6g}", f"{row.max_us:.6g}"]
+        [row.stage, *(amount(us * 1e-6, "s", 4) for us in (row.min_us, row.median_us, row.max_us))]
         for row in run.outcome.latency
     ]
     clock = views.carrier.stream.clock
     return (
-        "<h2>From light to light</h2><p>Time in the simulated machine, us. A spike is shown "
-        f"{views.carrier.hold / clock.hz * 1e6:.6g} us after its latch, whatever packet carries "
+        "<h2>From light to light</h2><p>Time in the simulated machine. A spike is shown "
+        f"{amount(views.carrier.hold / clock.hz, 's', 4)} after its latch, whatever packet carries "
         "it.</p>" + table(["stage", "minimum", "median", "maximum"], rows)
     )
 

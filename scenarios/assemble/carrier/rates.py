@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from cosim import SpikeStream, Viform
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, subplots
 from cosim.spikes.viform import WORD
 from scenarios.assemble.carrier.coding import Sender
@@ -108,9 +109,9 @@ def code_rates(
     return points
 
 
-def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> None:
+def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> Data:
     """Draws picture, wait and packets left out against the rate. A code that sends nothing has no
-    wait. against: what the picture is compared with."""
+    wait. Returns the points. against: what the picture is compared with."""
     figure, axes = subplots(1, 3, figsize=(12, 3.4))
     for kind in dict.fromkeys(point.kind for point in points):
         mine = [point for point in points if point.kind == kind]
@@ -130,4 +131,13 @@ def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> None:
         ax.tick_params(colors=INK)
     axes[0].legend(fontsize=8)
     figure.tight_layout()
-    figure.savefig(path, dpi=130)
+    write_figure(figure, path, 130)
+    head = (
+        "code", "rate, Gb/s", "PSNR, dB, at most 60", "longest wait, ms", "packets left out, %"
+    )  # fmt: skip
+    rows: list[tuple[Value, ...]] = [
+        (p.kind, p.rate / 1e9, min(p.psnr, 60.0), p.wait_us / 1e3 if p.dropped < 1 else None,
+         100 * p.dropped)
+        for p in points
+    ]  # fmt: skip
+    return Data(head, rows)

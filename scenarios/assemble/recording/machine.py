@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from cosim.config.amounts import count, number
 from cosim.files import Recorder, ZarrStream, ending_of
 from cosim.report.png import write_linear_png
 from cosim.run.chain import STREAM, BlockChain
@@ -155,10 +156,10 @@ class RecordingMachine:
         rows = [
             ["file", str(found.path), "scenario"],
             ["pixels", f"{found.shape[1]} x {found.shape[0]}", f"the {ending_of(found.path)}"],
-            ["clock", f"{found.clock.hz / 1e3:g} kHz", "scenario" if self.scenario.sensor.clock
-             else "the format"],
-            ["cycles", str(found.cycles), "duration" if self.scenario.duration else "the file"],
-            ["white", f"{found.white_rate:.3g} spikes a cycle", "see the notes"],
+            ["clock", f"{number(found.clock.hz / 1e3)} kHz",
+             "scenario" if self.scenario.sensor.clock else "the format"],
+            ["cycles", count(found.cycles), "duration" if self.scenario.duration else "the file"],
+            ["white", f"{number(found.white_rate)} spikes a cycle", "see the notes"],
         ]  # fmt: skip
         return recording_page(self.scenario.title, found.clock, run, rows)
 

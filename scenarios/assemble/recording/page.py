@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-
 from cosim import Clock
-from cosim.report.parts import cards, figure, table
+from cosim.config.amounts import amount, number
+from cosim.report.parts import figure, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page, Run
 
@@ -22,12 +21,8 @@ def recording_page(title: str, clock: Clock, run: Run, facts: list[list[str]]) -
         facts: rows of the table of the recording: what, value, from.
     """
     metrics, shots = run.result.metrics, run.outcome.views
-    spent = time.perf_counter() - run.began
-    rate = metrics["spike_rate"].value
-    head = cards([
-        ("first", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms"),
-        ("first", f"{rate:.3g}", "spikes a pixel and cycle"),
-    ])  # fmt: skip
+    rate = number(metrics["spike_rate"].value)
+    length = amount(run.result.simulated_s, "s", 4)
     parts = [
         "<h2>Images at chosen instants</h2><p>TFP and TFI of the recorded spikes, white of the "
         "notes = white, through the sRGB curve. A recording has no true light to compare with.</p>"
@@ -35,12 +30,17 @@ def recording_page(title: str, clock: Clock, run: Run, facts: list[list[str]]) -
     for cycle, (mean, interval) in shots.items():
         pictures = figure(for_display(mean), "TFP") + figure(for_display(interval), "TFI")
         parts.append(
-            f'<div class="row-title">{clock.middle(cycle) / 1e9:.3f} ms</div>'
+            f'<div class="row-title">{number(clock.middle(cycle) / 1e9, 4)} ms</div>'
             f'<div class="grid by2">{pictures}</div>'
         )
     return Page(
         title,
         "a recorded stream",
-        head,
+        f"No camera was simulated: these spikes were recorded, {length} of them. The images below "
+        "are computed from them.",
+        [("first", rate, "spikes per pixel and cycle, mean")],
         ["".join(parts), "<h2>The recording</h2>" + table(["what", "value", "from"], facts)],
+        good="What the recording holds",
+        quality="No image can be rated: a recording has no true light to compare with.",
+        unmeasured="Nothing to be wrong: the spikes are those of the recording, bit by bit.",
     )

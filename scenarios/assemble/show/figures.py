@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, QUICK, subplots
 from display.chain.outcome import SPIKE, DisplayOutcome
 from display.chain.tap import panel_waves, spike_waves
@@ -43,9 +44,9 @@ def _places(levels: Any, waves: Any) -> list[int]:
     return list(dict.fromkeys([moving, *(int(n) for n in still[:1])]))
 
 
-def wave_figure(shown: Shown, path: Path) -> str:
+def wave_figure(shown: Shown, path: Path) -> tuple[str, Data]:
     """Writes the light of two pixels over time on every display, with the true light; returns the
-    caption."""
+    caption and what was drawn."""
     outcome, clock = shown.outcome, shown.clock
     chain, end = outcome.chain, clock.edge(shown.stream.cycles)
     assert chain.tap is not None
@@ -64,6 +65,7 @@ def wave_figure(shown: Shown, path: Path) -> str:
     size = 5.6 * len(places) + 0.3, 0.95 * len(waves) + 0.9
     figure, axes = subplots(1, len(places), squeeze=False, figsize=size)
     bases = np.arange(len(waves))[::-1]
+    rows_of: list[tuple[Value, ...]] = []
     # One pair of axes a pixel: each further one takes as long as all that is drawn in it.
     for place, ax in zip(places, axes[0], strict=True):
         level = max(float(truth[:, place].max()), 1e-3 / _ROOM)
@@ -81,6 +83,15 @@ def wave_figure(shown: Shown, path: Path) -> str:
         ax.set_ylim(0, len(waves) - 1 + _HIGH)
         ax.tick_params(labelsize=7, color=LINE, labelcolor=INK)
         row_of, column, label = chain.points[place]
+        lights = {"true light": truth} | {outcome.title(n): wave for n, wave in waves.items()}
+        for name, light_of in lights.items():
+            level_of = light_of[:, place]
+            turns = np.flatnonzero(np.diff(level_of))
+            ends = np.unique(np.concatenate([[0], turns, turns + 1, [len(ms) - 1]]))
+            rows_of += [
+                (f"row {row_of}, column {column}", name, float(ms[k]), float(level_of[k]))
+                for k in ends
+            ]  # only where the light changes
         ax.set_title(f"{label} (row {row_of}, column {column})", fontsize=9.5, color=INK)
         ax.set_xlabel("time (ms)", fontsize=9, color=INK)
     across = axes[0, 0].get_yaxis_transform()
@@ -93,16 +104,17 @@ def wave_figure(shown: Shown, path: Path) -> str:
     figure.subplots_adjust(
         1.5 / wide, 0.5 / tall, 1 - 0.1 / wide, 1 - 0.35 / tall, wspace=0.12
     )  # fmt: skip
-    figure.savefig(path, dpi=110, pil_kwargs=QUICK)
+    write_figure(figure, path, pil_kwargs=QUICK)
     return (
         "Light that each display emits at two pixels of the image (blue) and the true light there "
-        "(line), white = 1. Values above the frame are cut off."
+        "(line), white = 1. Values above the frame are cut off.",
+        Data(("pixel", "display", "time, ms", "light, white = 1"), rows_of),
     )
 
 
-def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
+def latency_figure(outcome: DisplayOutcome, path: Path) -> Data:
     """Writes the latencies by stage, for a step out of the dark: one plot for each light, one bar
-    for each display."""
+    for each display. Returns what was drawn, ms."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Rectangle
 
@@ -111,6 +123,7 @@ def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
     rates = list(dict.fromkeys(row.rate for row in rows_on))
     size = 2.6 * len(rates) + 1.2, 3.4
     figure, axes = subplots(1, len(rates), figsize=size, squeeze=False)
+    rows_of: list[tuple[Value, ...]] = []
     for rate, ax in zip(rates, axes[0], strict=True):
         rows = [row for row in rows_on if row.rate == rate][::-1]
         places = np.arange(len(rows))
@@ -125,6 +138,12 @@ def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
             np.array([getattr(row.total, name) for row in rows]) / 1e3
             for name in ("low", "median", "high")
         )
+        rows_of += [
+            (f"spikes, {row.drive}" if row.drive else row.display, float(rate),
+             *(float(x) for x in (*part, low, median, high)))
+            for row, part, low, median, high in zip(
+                rows[::-1], parts[::-1], lows[::-1], medians[::-1], highs[::-1], strict=True)
+        ]  # fmt: skip
         spiking = np.array([bool(row.drive) for row in rows]) & np.isfinite(highs)
         most = 1.1 * float(highs[spiking].max(initial=0.0)) or 1.1
         ax.hlines(places, lows, highs, color=INK, linewidth=1)
@@ -146,4 +165,7 @@ def latency_figure(outcome: DisplayOutcome, path: Path) -> None:
     figure.legend(handles, PARTS, loc="lower center", ncols=4, frameon=False, fontsize=8.5)
     wide, tall = size
     figure.subplots_adjust(1.25 / wide, 0.75 / tall, 1 - 0.15 / wide, 1 - 0.35 / tall, wspace=0.12)
-    figure.savefig(path, dpi=110, pil_kwargs=QUICK)
+    write_figure(figure, path, pil_kwargs=QUICK)
+    ends_of = ("5 % of the total, ms", "median, ms", "95 %, ms")
+    head = ("display", "light, spikes/cycle", *(f"{part}, mean, ms" for part in PARTS), *ends_of)
+    return Data(head, rows_of)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from cosim.config.amounts import amount, number, percent
+from cosim.report.drawn import Data, save_figure
 from cosim.report.figures import INK, LINE, subplots
-from cosim.report.parts import figure, plot
-from cosim.report.pictures import enlarge
+from cosim.report.parts import Card, figure, plot
 from cosim.report.png import for_display, write_linear_png
 from cosim.run.result import Metric
 from display.camera.law import pulse_banding
@@ -77,14 +78,15 @@ class FramesFilmer:
         duty = panel.white_rate * panel.share
         return pulse_banding(duty, frequency, self.camera.section.exposure)
 
-    def cards(self) -> list[tuple[str, str, str]]:
+    def cards(self) -> list[Card]:
         metrics = self.metrics()
         banding, flicker = metrics["camera_banding"].value, metrics["camera_flicker"].value
-        other = "" if flicker is None else f"; flicker from frame to frame {flicker:.2g} %"
-        told = "unknown" if banding is None else f"{banding:.1%}"
-        return [("", told, f"contrast of the bands that the camera sees{other}")]
+        other = ""
+        if flicker is not None:
+            other = f"; flicker from frame to frame {amount(flicker, '%', 2)}"
+        return [("", percent(banding), f"contrast of the bands that the camera sees{other}")]
 
-    def _draw_bands(self, path: Path) -> None:
+    def _draw_bands(self, path: Path) -> Data:
         """Writes the profile of each drawn frame over its rows."""
         drawing, ax = subplots(figsize=(8.5, 3.0))
         _, profiles = self.camera.bands()
@@ -100,36 +102,37 @@ class FramesFilmer:
         if ax.get_legend_handles_labels()[0]:
             ax.legend(frameon=False, fontsize=8.5)
         drawing.tight_layout()
-        drawing.savefig(path, dpi=110)
+        return save_figure(drawing, path)
 
     def section(self, shown: Shown) -> str:
         section, shutter = self.camera.section, self.camera.shutter
         pictures, metrics = self.camera.pictures(), self.metrics()
         drawn = "".join(
-            figure(enlarge(for_display(np.clip(pictures[n], 0, 1))),
-                   f"frame {n}, {shutter.begin(n) / 1e9:.4g} ms", exact=True)
+            figure(for_display(np.clip(pictures[n], 0, 1)),
+                   f"frame {n}, {number(shutter.begin(n) / 1e9, 4)} ms", exact=True)
             for n in self._chosen()[:_DRAWN]
         )  # fmt: skip
         path = shown.run.folder / self.figures[0]
-        self._draw_bands(path)
+        data = self._draw_bands(path)
         banding, flicker = metrics["camera_banding"].value, metrics["camera_flicker"].value
         step = metrics["camera_banding_in_step"].value
-        told = "no row is lit" if banding is None else f"{banding:.2%} in the mean"
+        told = "no row is lit" if banding is None else f"{percent(banding)} in the mean"
         if step is not None:
-            told += f"; white pixels in step would show {step:.2%}"
+            told += f"; white pixels in step would show {percent(step)}"
         flicker_told = (
             "one frame has none" if flicker is None
-            else f"{flicker:.2g} % from the darkest to the brightest frame"
+            else f"{amount(flicker, '%', 2)} from the darkest to the brightest frame"
         )  # fmt: skip
         return (
             "<h2>What a camera with a rolling shutter sees</h2>"
             f"<p>{len(pictures)} frames of {shutter.shape[1]} x {shutter.shape[0]} pixels at "
-            f"{section.frame_rate:g} Hz, exposure {section.exposure * 1e3:g} ms, rows within "
-            f"{section.readout * 1e3:g} ms; full well {section.full_well:g} e, of which the "
-            f"panel's white fills {section.white:.0%}. Pictures in <code>images/</code> are linear."
+            f"{number(section.frame_rate)} Hz, exposure {number(section.exposure * 1e3)} ms, rows "
+            f"within {number(section.readout * 1e3)} ms; full well {number(section.full_well)} e, "
+            f"of which the panel's white fills {percent(section.white)}. Pictures in "
+            "<code>images/</code> are linear."
             f'</p><div class="grid by4">{drawn}</div>'
             "<p>Bands: the mean of each row over the mean light of that row within a period of the "
             "frame. Contrast (root 2 times the standard deviation over the mean; photon noise and "
             f"motion count as well): {told}. Flicker: {flicker_told}.</p>"
-            + plot(path, "bands of the camera's frames")
+            + plot(path, "bands of the camera's frames: light of each row over steady light", data)
         )

@@ -10,8 +10,8 @@ from typing import Any
 
 from cosim import Clock, SpikeStream
 from cosim.compute.opencl import Device
+from cosim.config.amounts import number
 from cosim.light.source import Source
-from cosim.report.parts import cards
 from cosim.run.machine import Outcome, Page, Run
 from cosim.run.result import Metric, Throughput
 from display.chain.display import DisplayChain, make_display_chain
@@ -23,7 +23,12 @@ from scenarios.assemble.schema.filming import CameraSection
 from scenarios.assemble.show.feeds import Feed
 from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.filming import make_camera
-from scenarios.assemble.show.sections import display_cards, display_sections
+from scenarios.assemble.show.sections import (
+    SHOWN,
+    display_cards,
+    display_quality,
+    display_sections,
+)
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import display_lines
 
@@ -132,12 +137,15 @@ class Screen:
         panel = self.chain.panel
         told = (
             f"{page.subtitle}; {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, "
-            f"{panel.drive}, {panel.clock.hz / 1e3:g} kHz, drawn by {run.result.renderer}"
+            f"{panel.drive}, {number(panel.clock.hz / 1e3)} kHz, drawn by {run.result.renderer}"
         )
         return replace(
             page,
             subtitle=told,
-            cards=cards(display_cards(shown)) + page.cards,
+            simulated=f"{page.simulated} {SHOWN}",
+            cards=[*display_cards(shown), *page.cards],
+            good="How good the display is",
+            quality=display_quality(shown),
             sections=[*body, *page.sections],
             files=list(dict.fromkeys([*page.files, *files])),
         )

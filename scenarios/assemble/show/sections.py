@@ -7,7 +7,6 @@ with no delay and no blur; their sections are then absent.
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -15,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Box
+from cosim.config.amounts import UNKNOWN, amount, count, decibel, number
 from cosim.report.beside import beside
 from cosim.report.figures import sheet_figure
-from cosim.report.parts import data, figure, plot
-from cosim.report.pictures import busiest_box, crop, enlarge
+from cosim.report.parts import Card, figure, plot, video
+from cosim.report.pictures import busiest_box, crop
 from cosim.report.png import for_display
 from display.chain.clip import RATE, chosen_tiles, write_display_clip
 from display.chain.outcome import SPIKE, TRUTH, DisplayOutcome
@@ -27,7 +27,7 @@ from scenarios.assemble.show.figures import latency_figure, wave_figure
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import band_tables, display_table, light_table
 
-__all__ = ["display_cards", "display_sections"]
+__all__ = ["SHOWN", "display_cards", "display_quality", "display_sections"]
 
 Images = npt.NDArray[np.float32]
 _SEES = {
@@ -38,7 +38,11 @@ _SEES = {
 _EYES = {"eye": "still eye", "pursuit": "pursuing eye", "camera": "camera"}
 _OVERVIEW = 7
 """Maximum number of displays in the overview."""
-_UNKNOWN = "unknown"
+SHOWN = (
+    "A display shows the spikes as they come, and eyes look at it, beside ordinary displays that "
+    "show the true light."
+)
+"""What a display adds to what is simulated, for a newcomer."""
 
 
 def _middle(images: Images) -> Images:
@@ -58,60 +62,71 @@ def _worst_box(outcome: DisplayOutcome, observer: str) -> Box:
     return busiest_box(away, max(64, min(truth.shape) // 4))
 
 
-def _latency_card(
-    figure_of: Callable[[str, str, str], str], drive: str, name: str
-) -> tuple[str, str, str]:
+def _text(shown: Shown, name: str) -> str:
+    """Text of a metric; unknown if there is none."""
+    metric = shown.run.result.metrics.get(name)
+    if metric is None:
+        return UNKNOWN
+    if metric.unit == "dB":
+        return decibel(metric.value)
+    if name.endswith("_us") and metric.value is not None:
+        return amount(metric.value * 1e-6, "s")
+    return amount(metric.value, metric.unit)
+
+
+def _latency_card(shown: Shown, drive: str, name: str) -> Card:
     """The latency of the whole chain if a link is part of it, otherwise of camera and display."""
-    alone = figure_of(name, ".0f", " µs")
-    through = figure_of("latency_photon_us", ".0f", " µs")
-    if through != _UNKNOWN:
+    alone = _text(shown, name)
+    through = _text(shown, "latency_photon_us")
+    if through != UNKNOWN:
         text = f"photon-to-photon latency through the link; camera and display alone: {alone}"
         return "first", through, text
-    bright = figure_of("latency_bright_us", ".0f", " µs")
+    bright = _text(shown, "latency_bright_us")
     text = f"photon-to-photon latency, {drive}, mid grey; above full scale, impulse: {bright}"
     return "first", alone, text
 
 
-def display_cards(shown: Shown) -> list[tuple[str, str, str]]:
-    """Large figures of the display, for `cards`."""
-    outcome, result = shown.outcome, shown.run.result
-
-    def figure_of(name: str, digits: str, unit: str = "") -> str:
-        metric = result.metrics.get(name)
-        if metric is None or metric.value is None or not np.isfinite(metric.value):
-            return _UNKNOWN
-        return f"{metric.value:{digits}}{unit}"
-
+def display_cards(shown: Shown) -> list[Card]:
+    """Main figures of the display, for `cards`."""
+    outcome = shown.outcome
     frames = [name for name in outcome.displays if name.endswith(" Hz")]
     rival = "120 Hz" if "120 Hz" in frames else next(iter(frames), None)
 
-    def beside(name: str, digits: str, unit: str) -> str:
+    def beside(name: str) -> str:
         if rival is None:
             return ""
-        return f"; {rival}: " + figure_of(f"{name}_{metric_key(rival)}", digits, unit)
+        return f"; a {rival} display: {_text(shown, f'{name}_{metric_key(rival)}')}"
 
-    rows = []
+    rows: list[Card] = []
     if outcome.probes is not None:
         drive = outcome.probes.drive
         suffix = "" if drive == "impulse" else f"_{drive}"
         rows += [
-            ("first", figure_of("ebet_ms_spike", ".2f", " ms"), "blur of the spike display, EBET"
-             + beside("ebet_ms", ".2f", " ms")),
-            _latency_card(figure_of, drive, f"latency_grey_us{suffix}"),
-            ("first", figure_of("flicker_svm_spike", ".2g"),
-             "SVM of the spike display; 1 is just visible"),
+            ("first", _text(shown, "ebet_ms_spike"),
+             f"blur of the spike display, EBET{beside('ebet_ms')}"),
+            _latency_card(shown, drive, f"latency_grey_us{suffix}"),
+            ("first", _text(shown, "flicker_svm_spike"),
+             "flicker of the spike display, SVM; 1 is just visible"),
         ]  # fmt: skip
     else:
         rows.append(
-            ("first", figure_of("total_light", ".4f"), "emitted light over that of the spikes")
+            ("first", _text(shown, "total_light"), "emitted light over that of the spikes")
         )
     if outcome.fidelity:
         rows.append(
-            ("first", figure_of("psnr_spike", ".1f", " dB"),
-             "image of the still eye against that of the true light"
-             + beside("psnr", ".1f", " dB"))
+            ("first", _text(shown, "psnr_spike"),
+             "PSNR of the image in the still eye against that of the true light" + beside("psnr"))
         )  # fmt: skip
     return [*rows, *([] if shown.camera is None else shown.camera.cards())]
+
+
+def display_quality(shown: Shown) -> str:
+    """How to read the cards."""
+    if not shown.outcome.fidelity:
+        return "No image can be rated: the stream has no true light to compare with."
+    if shown.outcome.probes is None:
+        return "A higher PSNR is better."
+    return "Less blur, latency and flicker are better, and a higher PSNR."
 
 
 def _views(shown: Shown, observer: str) -> str:
@@ -120,7 +135,7 @@ def _views(shown: Shown, observer: str) -> str:
     views = {name: _middle(images[observer]) for name, images in outcome.images.items()}
     box = _worst_box(outcome, observer)
     parts = "".join(
-        figure(enlarge(crop(for_display(image), box)), outcome.title(name), exact=True)
+        figure(crop(for_display(image), box), outcome.title(name), exact=True)
         for name, image in views.items()
     )
     wholes = "".join(
@@ -130,14 +145,14 @@ def _views(shown: Shown, observer: str) -> str:
     instant = shown.clock.middle(shown.instants[len(shown.instants) // 2]) / 1e9
     most = "which the displays differ most" if TRUTH in views else "which the contrast is largest"
     moving = (
-        f" The eye moves at {outcome.chain.pursuit.velocity:.4g} pixels/s: objects at that speed "
-        "are sharp if the display is fast enough, and static objects are blurred."
+        f" The eye moves at {number(outcome.chain.pursuit.velocity, 4)} pixels/s: objects at that "
+        "speed are sharp if the display is fast enough, and static objects are blurred."
         if observer == "pursuit" else ""
     )  # fmt: skip
     return (
-        f"<h2>{_SEES[observer]}</h2><p>The images at {instant:.2f} ms; white is the white of the "
-        f"panel. Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the square in "
-        f"{most}.{moving} Linear images are in <code>images/</code>.</p>"
+        f"<h2>{_SEES[observer]}</h2><p>The images at {number(instant, 4)} ms; white is the white "
+        f"of the panel. Rows {box[0]} to {box[1] - 1}, columns {box[2]} to {box[3] - 1}: the "
+        f"square in {most}.{moving} Linear images are in <code>images/</code>.</p>"
         f'<div class="grid by4">{parts}</div><div class="grid by3">{wholes}</div>'
     )
 
@@ -169,10 +184,9 @@ def _clip(outcome: DisplayOutcome, path: Path) -> str:
     motion = outcome.chain.motion
     slower = 1e12 / motion.exposure / RATE
     return (
-        f"<h2>Slow motion</h2><p>Camera frames of each display, {slower:.0f} times slower than "
-        f"real time, {motion.exposure / 1e9:.3g} ms exposure a frame (<code>glass.mp4</code>).</p>"
-        '<figure><video controls loop muted autoplay playsinline style="max-width:1000px" '
-        f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
+        f"<h2>Slow motion</h2><p>Camera frames of each display, {count(slower)} times slower than "
+        f"real time, {number(motion.exposure / 1e9)} ms exposure a frame (<code>glass.mp4</code>)."
+        "</p>" + video(path, "every display in slow motion", 1000)
     )
 
 
@@ -190,14 +204,14 @@ def _table(outcome: DisplayOutcome) -> str:
         return f"<h2>The displays</h2>{display_table(outcome)}<p>{absent}</p>"
     return (
         "<h2>The displays</h2>" + display_table(outcome) +
-        "<p>Blur (EBET): an edge from dark to mid grey (0.18 spikes a cycle) moves at 4 000 "
+        "<p>Blur (EBET): an edge from dark to mid grey (0.18 spikes a cycle) moves at 4000 "
         "pixels/s; its rise time from 10 to 90 % on the retina of a pursuing eye, divided by 0.8. "
         "Flicker: of a patch of 16 x 16 pixels of that grey; SVM and visibility (by elaTCSF, at "
-        f"{luminance:g} cd/m² white and {degree:g} pixels a degree) above 1 are visible. PSNR: the "
-        "image in the eye against the image of the true light in the same eye, white = 1; only for "
-        "the drive of this run. Delay: median time from a step of the light, from dark to mid "
-        "grey, until the display reaches half of it. Frame displays and the projector receive the "
-        "true light, without a camera.</p>"
+        f"{number(luminance)} cd/m² white and {number(degree)} pixels a degree) above 1 are "
+        "visible. PSNR: the image in the eye against the image of the true light in the same eye, "
+        "white = 1; only for the drive of this run. Delay: median time from a step of the light, "
+        "from dark to mid grey, until the display reaches half of it. Frame displays and the "
+        "projector receive the true light, without a camera.</p>"
     )  # fmt: skip
 
 
@@ -214,7 +228,7 @@ def _bands(outcome: DisplayOutcome) -> str:
     pst = ""
     if probes.pst_lm is not None:
         pst = (
-            f" PstLM of a patch of mid grey, over one minute: {probes.pst_lm:.2g} "
+            f" PstLM of a patch of mid grey, over one minute: {number(probes.pst_lm, 2)} "
             "(the EU limit for lamps is 1)."
         )
     return (
@@ -232,23 +246,24 @@ def _bands(outcome: DisplayOutcome) -> str:
 
 def _waves(shown: Shown) -> str:
     path = shown.run.folder / "figures" / "waves.png"
-    caption = wave_figure(shown, path)
+    caption, data = wave_figure(shown, path)
     return (
         f"<h2>Light of single pixels</h2><p>{html.escape(caption)}</p>"
-        + plot(path, "light of single pixels on every display")
+        + plot(path, "light of single pixels on every display, over time", data)
     )  # fmt: skip
 
 
 def _delays(shown: Shown) -> str:
     path = shown.run.folder / "figures" / "latency.png"
-    latency_figure(shown.outcome, path)
+    data = latency_figure(shown.outcome, path)
     return (
         "<h2>From photon to photon</h2><p>The time from a step of the light until the light of the "
         "display crosses half of the step, over all phases of the clock and all rows: mean of each "
         "part (bars), median and 5 to 95 % of the total (lines); a median outside the frame is "
         "written as a number. Interval: until the pixel fires, or, for a frame display, until the "
         "next frame. Readout: until the row is driven. Hold: until the light crosses half; a panel "
-        "that holds intervals waits for a second spike.</p>" + plot(path, "latency by stage")
+        "that holds intervals waits for a second spike.</p>"
+        + plot(path, "time from light to light by stage, for five levels of light", data)
     )
 
 

@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from cosim import Block, InputError, Light, Piece
 from cosim.compute.opencl import Device
+from cosim.config.amounts import count, number
 from cosim.files import Recorder, ZarrStream
-from cosim.report.parts import figure
+from cosim.report.parts import Card, figure
 from cosim.report.png import for_display, write_linear_png
 from cosim.run.result import Metric
 from cosim.spikes.viform import WORD, Viform
@@ -200,22 +201,23 @@ class SpikesFilmer:
             "camera_white_rate": Metric(self.choice.white_rate, "spikes/cycle"),
         }
 
-    def cards(self) -> list[tuple[str, str, str]]:
-        return [("", f"{spike_rate(self.stream):.3g}", "spikes a cycle of the camera that films "
+    def cards(self) -> list[Card]:
+        return [("", number(spike_rate(self.stream)), "spikes a cycle of the camera that films "
                  "the display")]  # fmt: skip
 
     def section(self, shown: Shown) -> str:
         clock = self.setting.clock
         drawn = "".join(
-            figure(for_display(self.picture(cycle)), f"{clock.middle(cycle) / 1e9:.3f} ms")
+            figure(for_display(self.picture(cycle)), f"{number(clock.middle(cycle) / 1e9, 4)} ms")
             for cycle in self._at
         )
         return (
             "<h2>What a spike camera sees of the display</h2>"
-            f"<p>{self.setting.chip.title}, {clock.hz / 1e3:g} kHz, {self.cycles} cycles; a pixel "
-            f"for each of the {self.panel.shape[1]} x {self.panel.shape[0]} pixels of the panel, "
-            f"f/{self.choice.lens.f_number:.3g}: the panel's white, {self.lux:.4g} lux of "
-            f"exitance, fires at {self.choice.white_rate:.3g} a cycle. TFP images of its stream, "
+            f"<p>{self.setting.chip.title}, {number(clock.hz / 1e3)} kHz, {count(self.cycles)} "
+            f"cycles; a pixel for each of the {self.panel.shape[1]} x {self.panel.shape[0]} pixels "
+            f"of the panel, f/{number(self.choice.lens.f_number)}: the panel's white, "
+            f"{number(self.lux, 4)} lux of exitance, fires at {number(self.choice.white_rate)} a "
+            "cycle. TFP images of its stream, "
             f'<code>{CAMERA}</code>.</p><div class="grid by3">{drawn}</div>'
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from cosim.config.amounts import amount, decibel, number, percent
 from cosim.report.parts import table
 from display.chain.outcome import SPIKE, DisplayOutcome
 from display.probes.blur import Blur
@@ -17,26 +18,27 @@ __all__ = [
     "display_rows",
     "display_table",
     "light_table",
-    "number",
-    "percent",
 ]
 
+_LEAST = 1e-3
+"""Percentage below which a figure is the rounding of float32."""
 _LIGHTS = {"sparse": "0.15 % density", "grey": "mid grey", "bright": "above full scale"}
 
 
-def number(value: float | None, digits: str = ".3g", unit: str = "", none: str = "") -> str:
-    """Text of a figure; `none` for None and NaN."""
-    if value is None or math.isnan(value):
-        return none
-    return "exact" if math.isinf(value) else f"{value:{digits}}{unit}"
-
-
-def percent(value: float, sign: str = "") -> str:
-    """Text of a percentage; "" for NaN."""
+def _share(value: float, *, sign: bool = False) -> str:
+    """Text of a percentage to two digits; rounding alone is 0, and NaN ""."""
     if math.isnan(value):
         return ""
-    digits = ".0f" if abs(value) >= 9.5 else ".1f" if abs(value) >= 0.05 else ".0f"
-    return f"{value:{sign}{digits}} %"
+    return percent(value / 100, 2, sign=sign) if abs(value) >= _LEAST else "0 %"
+
+
+def _level(value: float | None) -> str:
+    return "" if value is None or math.isnan(value) else decibel(value)
+
+
+def _plain(value: float, unit: str = "1") -> str:
+    """Text of a figure to two digits; "" for NaN."""
+    return "" if math.isnan(value) else amount(value, unit, 2 if unit == "1" else 3)
 
 
 def _kinds(outcome: DisplayOutcome) -> list[tuple[str, str, str]]:
@@ -81,10 +83,8 @@ def _latency(outcome: DisplayOutcome, display: str, drive: str, rate: float, way
 
 
 def _time(us: float) -> str:
-    """Text of a time, in µs or ms; "never" for NaN."""
-    if math.isnan(us):
-        return "never"
-    return f"{us / 1e3:.3g} ms" if us >= 1000 else f"{us:.3g} µs"
+    """Text of a time; "never" for NaN."""
+    return "never" if math.isnan(us) else amount(us * 1e-6, "s")
 
 
 def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
@@ -97,7 +97,7 @@ def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
         mine = display != SPIKE or probes is None or drive == probes.drive
         if mine and outcome.fidelity:
             views = [
-                number(outcome.fidelity_of(display, who).psnr, ".1f", " dB")
+                _level(outcome.fidelity_of(display, who).psnr)
                 for who in ("eye", "pursuit")
             ]
             jod = outcome.jod.get(display, math.nan)
@@ -106,13 +106,13 @@ def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
             flicker = _flicker(outcome, display, drive, GREY)
             blur = _blur(outcome, display, drive, (0.0, GREY)).ebet
             probed = [
-                number(blur * 1e3, ".3g", " ms"), number(flicker.svm, ".2g"),
-                percent(flicker.percent), number(flicker.visibility, ".2g"),
+                _plain(blur, "s"), _plain(flicker.svm), _share(flicker.percent),
+                _plain(flicker.visibility),
             ]  # fmt: skip
             delay = _time(_latency(outcome, display, drive, GREY, "rise").total.median)
         rows.append([
             title, *probed, *views, delay,
-            *([number(jod, ".2f", " JOD")] if outcome.jod else []),
+            *([_plain(jod, "JOD")] if outcome.jod else []),
         ])  # fmt: skip
     return rows
 
@@ -154,7 +154,7 @@ def light_table(outcome: DisplayOutcome) -> str:
     assert probes is not None
     edges = {(r.ahead, r.behind) for r in probes.blur}
     for rate in dict.fromkeys(r.rate for r in probes.latency):
-        name = f"{rate:g}, {_LIGHTS.get(NAMES[rate], NAMES[rate])}"
+        name = f"{number(rate)}, {_LIGHTS.get(NAMES[rate], NAMES[rate])}"
         kinds = [kind for kind in _kinds(outcome) if not kind[0].endswith(" Hz")]
         for n, (display, drive, title) in enumerate(kinds):
             flicker = _flicker(outcome, display, drive, rate)
@@ -164,10 +164,9 @@ def light_table(outcome: DisplayOutcome) -> str:
                 blur = _blur(outcome, display, drive, (0.0, rate)).ebet
             on, off = (_latency(outcome, display, drive, rate, w) for w in ("rise", "fall"))
             rows.append([
-                "" if n else name, title, number(flicker.svm, ".2g"),
-                percent(flicker.percent), number(flicker.visibility, ".2g"),
-                flicker.ieee.risk, number(single.svm, ".2g"), single.ieee.risk,
-                number(blur * 1e3, ".3g", " ms"), _time(on.total.median),
+                "" if n else name, title, _plain(flicker.svm), _share(flicker.percent),
+                _plain(flicker.visibility), flicker.ieee.risk, _plain(single.svm),
+                single.ieee.risk, _plain(blur, "s"), _time(on.total.median),
                 _time(off.total.median),
             ])  # fmt: skip
     return table(head, rows)
@@ -181,12 +180,12 @@ def band_tables(outcome: DisplayOutcome) -> tuple[str, str]:
     head = ["luminance", "of all pixels", *(outcome.title(name) for name in fidelity)]
     similarity, errors = [], []
     for n, band in enumerate(some.bands):
-        row = [f"{band.low:g} to {band.high:g}", f"{band.share:.1%}"]
+        row = [f"{number(band.low)} to {number(band.high)}", percent(band.share)]
         bands = [one.bands[n] for one in fidelity.values()]
         similarity.append([
-            *row, *(f"{number(b.psnr, '.1f', ' dB')}, {number(b.ssim, '.3f')}" for b in bands)
+            *row, *(f"{_level(b.psnr)}, {number(b.ssim)}" for b in bands)
         ])  # fmt: skip
         errors.append([
-            *row, *(f"{percent(100 * b.bias, '+')}, {percent(100 * b.spread)}" for b in bands)
+            *row, *(f"{_share(100 * b.bias, sign=True)}, {_share(100 * b.spread)}" for b in bands)
         ])  # fmt: skip
     return table(head, similarity), table(head, errors)

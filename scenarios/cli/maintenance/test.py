@@ -67,7 +67,10 @@ def _missing_packages() -> list[str]:
 
     missing = [] if probe() else [*opencl_packages()]
     missing += [] if probe_gl()[0] else gl_packages()
-    programs = {**PACKAGES, "iverilog": "iverilog", "yosys": "yosys"}
+    programs = {
+        **PACKAGES, "iverilog": "iverilog", "yosys": "yosys",
+        "chromium": "chromium", "chromedriver": "chromium-driver",
+    }  # fmt: skip
     missing += [package for name, package in programs.items() if shutil.which(name) is None]
     return [*missing, "zlib1g-dev"] if "verilator" in missing else missing
 

@@ -9,9 +9,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.files.whole import whole
+from cosim.config.amounts import amount, decibel, elapsed, number, percent
+from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, subplots
-from cosim.report.parts import plot, table, write_page
+from cosim.report.page import write_page
+from cosim.report.parts import plot, table
 from cosim.report.png import for_display
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
@@ -32,7 +34,6 @@ HEADS: Final = {
     "skew": "first to last row", "exposure": "exposure", "saturated": "saturated",
     "off": "offset from the instant",
 }  # fmt: skip
-_STEPS: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
 
 def figure_text(name: str, figure: Figure) -> str:
@@ -41,13 +42,12 @@ def figure_text(name: str, figure: Figure) -> str:
     if value is None:
         return "-"
     if figure.unit.startswith("bit/s"):
-        scale, prefix = next((s for s in _STEPS if abs(value) >= s[0]), _STEPS[-1])
-        return f"{value / scale:.3g} {prefix}{figure.unit}"
+        return amount(value, "bit/s") + figure.unit.removeprefix("bit/s")
     if name in ("noise", "saturated"):
-        return f"{100 * value:.2g} %"
+        return percent(value, 2)
     if figure.unit == "dB":
-        return f"{value:.1f} dB"
-    return f"{value:.3g} {figure.unit}"
+        return amount(value, "dB") if name.startswith("dynamic") else decibel(value)
+    return amount(value, figure.unit)
 
 
 def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]) -> None:
@@ -72,12 +72,12 @@ def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float
         ax.set_title(f"{title}\n", fontsize=11, color=INK)
         ax.text(0.5, 1.02, setting, transform=ax.transAxes, ha="center", fontsize=7.5, color=INK)
     figure.tight_layout(pad=0.4, w_pad=0.6)
-    with whole(path) as part:
-        figure.savefig(part, dpi=110, format="png")
+    write_figure(figure, path)
 
 
-def write_snr(path: Path, cameras: list[Camera]) -> None:
-    """Draws signal over noise against reflectance: measured, and lines of the closed forms."""
+def write_snr(path: Path, cameras: list[Camera]) -> Data:
+    """Draws signal over noise against reflectance: measured, and lines of the closed forms.
+    Returns what was drawn."""
     figure, ax = subplots(figsize=(8.8, 4.6), layout="constrained")
     for camera in (camera for camera in cameras if camera.snr):
         at = [point.reflectance for point in camera.snr]
@@ -87,39 +87,42 @@ def write_snr(path: Path, cameras: list[Camera]) -> None:
         )  # fmt: skip
         lines = [(p.reflectance, decibels(p.formula)) for p in camera.snr if p.formula]
         ax.plot(
-            *zip(*lines, strict=True), color=drawn.get_color(), linewidth=0.9
+            *zip(*lines, strict=True), color=drawn.get_color(), linewidth=0.9,
+            label=f"_{camera.title}, closed form",
         ) if lines else None
     ax.set_xscale("log")
     ax.set_xlabel("reflectance", fontsize=9, color=INK)
     ax.set_ylabel("signal over noise, dB", fontsize=9, color=INK)
     ax.legend(fontsize=7.5, frameon=False, ncols=2)
-    with whole(path) as part:
-        figure.savefig(part, dpi=110, format="png")
+    return save_figure(figure, path)
 
 
 def write_compare_report(
-    folder: Path, comparison: SceneComparison, document: dict[str, Any], cameras: list[Camera]
-) -> None:
-    """Writes report.html into the folder."""
+    folder: Path, comparison: SceneComparison, document: dict[str, Any], cameras: list[Camera],
+    snr: Data,
+) -> None:  # fmt: skip
+    """Writes report.html into the folder. snr: what `write_snr` has drawn."""
     head = ["camera", *(HEADS[name] for name in FIGURES)]
     rows = [[c.title, *(figure_text(n, c.figures[n]) for n in FIGURES)] for c in cameras]
     notes = "".join(f"<li>{html.escape(note)}</li>" for note in document["notes"])
     settings = table(
         ["camera", "setting", "note", "run time"],
-        [[c.title, c.setting, c.note, f"{c.seconds:.1f} s" if c.seconds else ""] for c in cameras],
+        [[c.title, c.setting, c.note, elapsed(c.seconds) if c.seconds else ""] for c in cameras],
     )
     title = f"{comparison.name}: the same instant by every camera"
-    write_page(folder, title, "".join([
+    head_of = "".join([
         f"<h1>{html.escape(title)}</h1>",
-        f'<p class="soft">{document["duration_s"] * 1e3:g} ms of the scene, the instant '
-        f'{document["instant_ms"]:.1f} ms, seed {document["seed"]}, viform '
+        f'<p class="soft">{number(document["duration_s"] * 1e3)} ms of the scene, the instant '
+        f'{number(document["instant_ms"], 4)} ms, seed {document["seed"]}, viform '
         f'{document["version"]}.</p><ul>{notes}</ul>',
         plot(folder / PICTURE, "the same instant by every camera"),
+    ])  # fmt: skip
+    write_page(folder, title, head_of, "".join([
         "<h2>Side by side</h2>", table(head, rows), _EXPLAINED,
         "<h2>Signal over noise against light</h2><p>Dots: measured where nothing moves. Lines: the "
         "closed form of the pixels at the setting of power-on, without the noise of a subtracted "
         "dark frame. The signal of the EMCCD is without the smear of frame transfer, whose shot "
-        "noise remains.</p>", plot(folder / SNR, "signal over noise against reflectance"),
+        "noise remains.</p>", plot(folder / SNR, "signal over noise against reflectance", snr),
         "<h2>Cameras</h2>", settings,
         "<h2>The spike camera's scenario</h2>"
         f"<pre>{html.escape(to_toml(comparison.spike))}</pre>",

@@ -106,7 +106,7 @@ def _finish(
     notes: list[str], began: float,
 ) -> dict[str, Any]:  # fmt: skip
     """Writes picture, report and document into the folder; returns the document."""
-    write_snr(folder / SNR, cameras)
+    snr = write_snr(folder / SNR, cameras)
     write_picture(folder / PICTURE, cameras, truth)
     document = {
         "scene": comparison.name,
@@ -121,7 +121,7 @@ def _finish(
                   "compare.json"],
         "run_time_s": time.perf_counter() - began,
     }  # fmt: skip
-    write_compare_report(folder, comparison, document, cameras)
+    write_compare_report(folder, comparison, document, cameras, snr)
     with whole(folder / "compare.json") as part:
         part.write_text(dumps(document) + "\n", encoding="utf-8")
     return document

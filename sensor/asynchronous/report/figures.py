@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from cosim.report.drawn import Data, save_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.recover import WITHIN, Recovered
@@ -21,7 +22,7 @@ Image = npt.NDArray[np.float64]
 
 def view_figure(
     truth: Image, estimate: Image, silent: npt.NDArray[np.bool_], floor: float, path: Path
-) -> None:
+) -> Data:
     """True and recovered illuminance side by side on one logarithmic scale, lux.
 
     Args:
@@ -45,10 +46,10 @@ def view_figure(
         ax.axis("off")
     bar = figure.colorbar(drawn, ax=axes, fraction=0.035, pad=0.01)
     bar.set_label("lux", color=INK)
-    figure.savefig(path, dpi=110)
+    return save_figure(figure, path)
 
 
-def target_figure(recovered: list[Recovered], dark: float, path: Path) -> None:
+def target_figure(recovered: list[Recovered], dark: float, path: Path) -> Data:
     """Recovered against true illuminance with 99.9 % confidence, and the relative error below.
     dark: lux whose electrons equal the mean dark current."""
     figure, (top, low) = subplots(
@@ -60,7 +61,7 @@ def target_figure(recovered: list[Recovered], dark: float, path: Path) -> None:
     ends = np.array([[p.low, p.high] for p in known], float).reshape(-1, 2)
     bars = np.maximum(np.abs(ends.T - value), 0)
     span = np.array([min(p.lux for p in recovered) / 2, max(p.lux for p in recovered) * 2])
-    top.plot(span, span, color=LINE, linewidth=1, zorder=0)
+    top.plot(span, span, color=LINE, linewidth=1, zorder=0, label="_nolegend_")
     top.errorbar(
         lux, value, [np.minimum(bars[0], value * 0.999), bars[1]], fmt="o", ms=4.5, color=BLUE,
         capsize=2.5, linewidth=1, label="maximum likelihood, 99.9 %",
@@ -78,9 +79,12 @@ def target_figure(recovered: list[Recovered], dark: float, path: Path) -> None:
     low.axhspan(-100 * WITHIN, 100 * WITHIN, color=PALE, zorder=0)
     low.errorbar(
         lux, 100 * (value / lux - 1), 100 * bars / lux, fmt="o", ms=4.5, color=BLUE, capsize=2.5,
-        linewidth=1,
+        linewidth=1, label="of maximum likelihood",
     )  # fmt: skip
-    low.plot([p[0] for p in plain], [100 * (p[1] / p[0] - 1) for p in plain], "x", ms=5, color=MARK)
+    low.plot(
+        [p[0] for p in plain], [100 * (p[1] / p[0] - 1) for p in plain], "x", ms=5, color=MARK,
+        label="of the mean",
+    )  # fmt: skip
     low.set(ylim=(-60, 60), ylabel="error (%)", xlabel="true illuminance of the pixels (lux)")
     for ax in (top, low):
         if span[0] < dark < span[1]:
@@ -93,10 +97,10 @@ def target_figure(recovered: list[Recovered], dark: float, path: Path) -> None:
             "dark current", (dark, 0.02), xycoords=("data", "axes fraction"), rotation=90,
             fontsize=8, color="#5c6577", ha="right",
         )  # fmt: skip
-    figure.savefig(path, dpi=110)
+    return save_figure(figure, path)
 
 
-def events_figure(instant: npt.NDArray[np.int64], stop: int, steady: bool, path: Path) -> None:
+def events_figure(instant: npt.NDArray[np.int64], stop: int, steady: bool, path: Path) -> Data:
     """Events in bins of time; logarithmic where the light is steady and dim pixels come late."""
     figure, ax = subplots(figsize=(11, 2.8), layout="constrained")
     seconds = instant / 1e12
@@ -111,10 +115,10 @@ def events_figure(instant: npt.NDArray[np.int64], stop: int, steady: bool, path:
     ax.set_xlabel("time (s)", color=INK)
     ax.set_ylabel("events in a bin", color=INK)
     ax.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=110)
+    return save_figure(figure, path)
 
 
-def delay_figure(delay: npt.NDArray[np.int64], service: int, path: Path) -> None:
+def delay_figure(delay: npt.NDArray[np.int64], service: int, path: Path) -> Data:
     """How long events took from firing to having crossed the channel."""
     figure, ax = subplots(figsize=(5.4, 3), layout="constrained")
     micro = np.maximum(delay, 1) / 1e6
@@ -124,12 +128,12 @@ def delay_figure(delay: npt.NDArray[np.int64], service: int, path: Path) -> None
     ax.axvline(service / 1e6, color=MARK, linewidth=1)
     ax.set_title("delay in the channel; line: the bus alone", fontsize=10, color=INK)
     ax.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=110)
+    return save_figure(figure, path)
 
 
 def width_figure(
     widths: npt.NDArray[np.int64], rate: float, model: EventModel, name: str, path: Path
-) -> None:
+) -> Data:
     """First widths of one patch, and the law at its estimated rate: what the shortest width holds
     back stands in the first bar. rate: electrons a second."""
     from scipy.special import gammainc
@@ -154,4 +158,4 @@ def width_figure(
     ax.spines[["top", "right"]].set_visible(False)
     if not math.isfinite(rate):
         ax.lines[0].remove()
-    figure.savefig(path, dpi=110)
+    return save_figure(figure, path)

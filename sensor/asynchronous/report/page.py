@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import html
-import time
 
 import numpy as np
 
-from cosim.config.amounts import amount
+from cosim.config.amounts import amount, count, decibel, number, percent
 from cosim.report.figures import overview_figure
-from cosim.report.parts import cards, figure, plot, table
+from cosim.report.parts import Card, figure, plot, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page
 from sensor.asynchronous.model import latched
-from sensor.asynchronous.plan.verify import KIND
 from sensor.asynchronous.readout.image import rate_image
 from sensor.asynchronous.readout.recorder import STREAM
 from sensor.asynchronous.readout.recover import WITHIN
@@ -30,52 +28,56 @@ from sensor.sections.provenance import optics_rows
 __all__ = ["events_page"]
 
 
-def _number(value: float | None, digits: str = ".3g") -> str:
-    return "unknown" if value is None else format(value, digits)
-
-
 def _range(low: float | None, high: float | None) -> str:
     if low is None or high is None:
-        return f"below {high:.4g}" if high is not None else f"above {_number(low, '.4g')}"
-    return f"{low:.4g} to {high:.4g}"
+        return f"below {number(high, 4)}" if high is not None else f"above {number(low, 4)}"
+    return f"{number(low, 4)} to {number(high, 4)}"
 
 
-def _lux(value: float | None) -> str:
-    return "unknown" if value is None else amount(value, "lux")
-
-
-def _cards(judged: EventRun) -> str:
+def _cards(judged: EventRun) -> list[Card]:
     metrics = {name: metric.value for name, metric in judged.run.result.metrics.items()}
-    spent = time.perf_counter() - judged.run.began
-    rows: list[tuple[str, str, str]] = [
-        (
-            "first",
-            f"{spent:.1f} s",
-            f"run time, for {amount(judged.run.result.simulated_s, 's', 4)} of light",
-        ),
-        ("first", f"{metrics['events_carried']:,.0f}", "events carried"),
-        (
-            "first",
-            f"{judged.checked.error.value:.2g}",
-            "error against full physics: " + KIND + f", 99.9 % {judged.checked.error.low:.2g} to "
-            f"{judged.checked.error.high:.2g}; tolerance {judged.run.result.tolerance:g}",
-        ),
-    ]
-    if judged.views.recovered:
-        rows += [
-            ("", f"{_number(metrics['dynamic_range'], '.1f')} dB",
-             f"recovered within {WITHIN:.0%}, by single pixels "
-             f"{_number(metrics['dynamic_range_pixel'], '.1f')} dB; the paper's formula gives "
-             f"{_number(metrics['dynamic_range_formula'], '.1f')} dB"),
-            ("", _lux(metrics["brightest"]),
-             f"brightest, error {_number(metrics['brightest_error'], '+.2%')}"),
-            ("", _lux(metrics["dimmest"]),
-             f"dimmest, error {_number(metrics['dimmest_error'], '+.2%')}"),
-        ]  # fmt: skip
-    else:
-        rows.append(("", f"{_number(metrics['tfi_psnr'], '.1f')} dB",
-                     f"TFI against the truth, SSIM {_number(metrics['tfi_ssim'])}"))  # fmt: skip
-    return cards(rows)
+    carried = ("", count(metrics["events_carried"]), "events carried")
+    if not judged.views.recovered:
+        structure = number(metrics["tfi_ssim"])
+        text = f"PSNR of TFI against the true light; SSIM {structure}"
+        return [("first", decibel(metrics["tfi_psnr"]), text), carried]
+
+    def level(name: str) -> str:
+        return amount(metrics[name], "dB", 4)
+
+    def lux(name: str) -> Card:
+        error = percent(metrics[f"{name}_error"], sign=True)
+        return "", amount(metrics[name], "lux"), f"{name} light recovered, error {error}"
+
+    return [
+        ("first", level("dynamic_range"),
+         f"dynamic range recovered within {percent(WITHIN)}, by single pixels "
+         f"{level('dynamic_range_pixel')}; the paper's formula gives "
+         f"{level('dynamic_range_formula')}"),
+        lux("brightest"), lux("dimmest"), carried,
+    ]  # fmt: skip
+
+
+def _quality(judged: EventRun) -> str:
+    if not judged.views.recovered:
+        return "Higher is better."
+    return (
+        "A wider dynamic range is better: how much brighter the brightest light may be than the "
+        "dimmest in one image."
+    )
+
+
+def _simulated(judged: EventRun) -> str:
+    """What was simulated, for a newcomer."""
+    spec = judged.spec
+    height, width = spec.source.shape
+    return (
+        f"A camera with {width} x {height} pixels, {spec.setting.chip.title}, watches the scene "
+        f"“{spec.title}” for {amount(judged.run.result.simulated_s, 's', 4)}. No clock reads it: "
+        f"every pixel sends an event as soon as it has collected {number(spec.model.threshold)} "
+        "electrons of light, with the time that this took; bright pixels need nanoseconds, dim "
+        "ones seconds."
+    )
 
 
 def _view(judged: EventRun) -> str:
@@ -88,34 +90,36 @@ def _view(judged: EventRun) -> str:
     truth *= spec.illuminance * spec.lens.gain
     path = judged.run.folder / "figures" / "view.png"
     floor = min(p.lux for p in views.recovered) / 2
-    view_figure(truth, (rate - spec.mean_dark) / per_lux, rate <= 0, floor, path)
+    data = view_figure(truth, (rate - spec.mean_dark) / per_lux, rate <= 0, floor, path)
     return (
         "<h2>The view</h2><p>One logarithmic scale for both. Grey pixels sent nothing, or a "
         "reading of less than one level; one whose light is no more than the mean dark current is "
-        "black.</p>" + plot(path, "the view")
+        "black.</p>" + plot(path, "true illuminance, and what each pixel's last event tells", data)
     )
 
 
 def _targets(judged: EventRun) -> str:
     spec, views = judged.spec, judged.views
     path = judged.run.folder / "figures" / "patches.png"
-    target_figure(views.recovered, spec.mean_dark / spec.setting.electrons_per_lux, path)
+    data = target_figure(views.recovered, spec.mean_dark / spec.setting.electrons_per_lux, path)
     rows = [
         [
-            p.target.name, f"{p.lux:.4g}", _number(p.estimate, ".4g"), _number(p.error, "+.2%"),
-            _range(p.low, p.high), _number(p.plain, ".4g"), str(p.pixels),
-            str(p.fired), str(p.read), str(p.silent), "yes" if p.good else "",
+            p.target.name, number(p.lux, 4), number(p.estimate, 4), percent(p.error, sign=True),
+            _range(p.low, p.high), number(p.plain, 4), count(p.pixels),
+            count(p.fired), count(p.read), count(p.silent), "yes" if p.good else "",
         ]
         for p in views.recovered
     ]  # fmt: skip
     head = ["patch", "true, lux", "recovered, lux", "error", "99.9 %", "plain mean, lux", "pixels",
-            "fired", "read", "silent", f"within {WITHIN:.0%}"]  # fmt: skip
+            "fired", "read", "silent", f"within {percent(WITHIN)}"]  # fmt: skip
     return (
         "<h2>What was recovered</h2><p>Every pixel of a patch is one observation: its first width, "
         "the reading of its charge, or its silence, which says that fewer electrons came than the "
         "threshold. The estimate is the light under which all of them together are most likely, "
         "less the mean dark current; the plain mean of Q/width and of readings rounded down stands "
-        "beside it.</p>" + plot(path, "recovered against true") + table(head, rows)
+        "beside "
+        "it.</p>" + plot(path, "recovered against true illuminance of every patch", data)
+        + table(head, rows)
     )
 
 
@@ -125,7 +129,7 @@ def _images(judged: EventRun) -> str:
     middle = views.shots[len(views.shots) // 2]
     path = judged.run.folder / "figures" / "overview.png"
     panels = [
-        (f"true light at {(middle.cycle + 0.5) * ms:.2f} ms", for_display(middle.truth)),
+        (f"true light at {number((middle.cycle + 0.5) * ms, 4)} ms", for_display(middle.truth)),
         ("TFI from events", for_display(middle.tfi)),
     ]
     overview_figure(panels, path)
@@ -135,7 +139,7 @@ def _images(judged: EventRun) -> str:
         "<code>images/</code>.</p>"
     ]
     for shot in views.shots:
-        when = f"{(shot.cycle + 0.5) * ms:.3f} ms"
+        when = f"{number((shot.cycle + 0.5) * ms, 4)} ms"
         pictures = figure(for_display(shot.truth), "true light") + figure(
             for_display(shot.tfi), "TFI from events"
         )
@@ -148,44 +152,47 @@ def _traffic(judged: EventRun) -> str:
     spec, views = judged.spec, judged.views
     figures = judged.run.folder / "figures"
     steady = bool(views.recovered)
-    events_figure(views.sent.instant, spec.stop, steady, figures / "events.png")
+    data = events_figure(views.sent.instant, spec.stop, steady, figures / "events.png")
     small = ""
     top = views.recovered[0] if views.recovered else None
     if top is not None and top.fired and top.estimate is not None:
         first = latched(views.sent.instant, spec.model.tick) + 1 == views.sent.width
         mine = first & top.target.mask.ravel()[views.sent.pixel]
         rate = top.estimate * spec.setting.electrons_per_lux + spec.mean_dark
-        width_figure(
+        widths = width_figure(
             views.sent.width[mine], rate, spec.model, top.target.name, figures / "widths.png"
         )
-        small += plot(figures / "widths.png", "widths of the brightest patch")
+        text = "first widths of the brightest patch, and their law"
+        small += plot(figures / "widths.png", text, widths)
     section = spec.section.channel
     text = "There is no shared channel: every event leaves as it fires."
     if section is not None and views.delay is not None and views.delay.size:
         service = round(1e12 / section.rate)
-        delay_figure(views.delay, service, figures / "channel.png")
-        small += plot(figures / "channel.png", "delay in the channel")
+        delays = delay_figure(views.delay, service, figures / "channel.png")
+        small += plot(figures / "channel.png", "delay of events in the channel", delays)
         place = f"{section.buffer} buffer"
         if section.buffer == "fifo":
             place += f" of {section.depth}"
         text = (
-            f"All pixels share one channel of {section.rate:g} events a second, {place}, "
+            f"All pixels share one channel of {number(section.rate)} events a second, {place}, "
             f"arbitration {section.arbitration}; t is taken at the {section.timestamp}."
         )
     rows = [
-        [name.replace("_", " "), f"{metric.value:,.6g}" if metric.value is not None else "unknown"]
+        [name.replace("_", " "), amount(metric.value, metric.unit, 4)]
         for name, metric in judged.run.result.metrics.items()
         if name.startswith(("events", "channel"))
     ]
     rows += [
-        [f"{row.stage}, µs", f"{row.min_us:.4g} min, {row.median_us:.4g} median, "
-         f"{row.max_us:.4g} max"]
+        [row.stage, ", ".join(
+            f"{amount(us * 1e-6, 's', 4)} {name}"
+            for name, us in (("min", row.min_us), ("median", row.median_us), ("max", row.max_us))
+        )]
         for row in judged.run.result.latency
     ]  # fmt: skip
     return (
         f"<h2>Events</h2><p>{html.escape(text)}</p>"
-        + plot(figures / "events.png", "events over time")
-        + f'<div class="grid by2" style="margin:10px 0">{small}</div>'
+        + plot(figures / "events.png", "events over time", data)
+        + f'<div class="grid by2">{small}</div>'
         + table(["what", "value"], rows)
         + f'<pre>events = numpy.load("{STREAM}")   # row, column, time, width, level, ...</pre>'
     )
@@ -194,24 +201,27 @@ def _traffic(judged: EventRun) -> str:
 def _machine(judged: EventRun) -> str:
     spec = judged.spec
     setting, model, chip = spec.setting, spec.model, spec.setting.chip
-    readings = f"{model.longest / 1e12:g} s, {model.levels} levels" if model.longest else "none"
+    readings = "none"
+    if model.longest:
+        readings = f"{number(model.longest / 1e12)} s, {model.levels} levels"
     device = setting.pattern
     numbers = [
         ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
-        ["charge threshold Q", f"{model.threshold} e", "scenario"],
-        ["shortest width", f"{model.shortest / 1e3:g} ns", "scenario"],
+        ["charge threshold Q", f"{number(model.threshold)} e", "scenario"],
+        ["shortest width", f"{number(model.shortest / 1e3)} ns", "scenario"],
         ["longest width, reading", readings, "scenario"],
-        ["timing clock", f"{model.clock.hz / 1e6:g} MHz", "scenario"],
+        ["timing clock", f"{number(model.clock.hz / 1e6)} MHz", "scenario"],
         ["comparator delay, reset dead time", f"{model.delay} ps, {model.reset} ps", "scenario"],
-        ["sent when a width changes by", f"{model.change:g} RSD" if model.change else "every spike",
-         "scenario"],
-        ["dark current, DSNU", f"{device.dark:g} e/s, {device.dsnu:.0%}" if device else "none",
-         "scenario"],
+        ["sent when a width changes by",
+         f"{number(model.change)} RSD" if model.change else "every spike", "scenario"],
+        ["dark current, DSNU",
+         f"{number(device.dark)} e/s, {percent(device.dsnu)}" if device else "none", "scenario"],
         ["PRNU, threshold FPN",
-         f"{device.prnu:.1%}, {device.threshold_fpn:.1%}" if device else "none", "scenario"],
+         f"{percent(device.prnu)}, "
+         f"{percent(device.threshold_fpn)}" if device else "none", "scenario"],
         *optics_rows(setting),
-        ["lens", f"f/{spec.lens.f_number:.3g}, T {spec.lens.transmission:g}: "
-         f"{spec.lens.gain:.3g} lux on the pixel for one on the scene", "scenario"],
+        ["lens", f"f/{number(spec.lens.f_number)}, T {number(spec.lens.transmission)}: "
+         f"{number(spec.lens.gain)} lux on the pixel for one on the scene", "scenario"],
     ]  # fmt: skip
     return "<h2>The machine</h2>" + table(["what", "value", "from"], numbers) + _kept(judged)
 
@@ -223,11 +233,11 @@ def _kept(judged: EventRun) -> str:
     for effect, share in zip(plan.effects, plan.shares(), strict=True):
         row = found.get(effect.name)
         cells = ["", "", ""] if row is None else [
-            f"{row['bound']:.2g}", effect.kind, f"{row['measured']:.2g}"
+            number(row['bound'], 2), effect.kind, number(row['measured'], 2)
         ]  # fmt: skip
-        rows.append([effect.name, f"{share:.0%}", *cells])
+        rows.append([effect.name, percent(share), *cells])
     if "shared channel" in judged.run.result.kept:
-        rows.append(["shared channel", "100%", "", "", ""])
+        rows.append(["shared channel", percent(1), "", "", ""])
     return (
         "<h2>What was kept and what was left out</h2><p>In every tile of 16 x 16 pixels what "
         "changes less than half the tolerance, all together, and costs time is left out. Bound: "
@@ -248,8 +258,10 @@ def events_page(judged: EventRun) -> Page:
     return Page(
         spec.title,
         f"{spec.setting.chip.title}, asynchronous readout",
+        _simulated(judged),
         _cards(judged),
         sections,
+        quality=_quality(judged),
         commands_do="<p>The same bits, however the run is split.</p>",
         files=[f"figures/{name}" for name in figures],
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, InputError
+from cosim.config.amounts import percent
 from cosim.light.charts import CHARTS, draw, regions
 from cosim.run.machine import Options
 from cosim.run.result import Metric
@@ -376,7 +377,7 @@ def test_saturation_is_a_share_of_pixels_in_every_imager_that_says_it():
         for name in ("saturated", "saturated_most"):
             assert metrics[name].unit == "1" and 0.9 < metrics[name].value <= 1
         texts = {name: metric_text(name, metric) for name, metric in metrics.items()}
-        share = f"{100 * metrics['saturated'].value:.4g} %"
+        share = percent(metrics["saturated"].value)
         assert texts["saturated"] == (
             share, "of the pixels of the last frame have the largest value"
         )  # fmt: skip

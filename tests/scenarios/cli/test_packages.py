@@ -16,6 +16,7 @@ import scenarios.cli.maintenance.test
 import scenarios.studies.bench.sensor
 from scenarios.cli.entry import _main
 from scenarios.cli.packages import has_launcher, install_and_restart, read_launcher
+from tests.browser.driver import PROGRAMS
 
 OPENCL = "pocl-opencl-icd ocl-icd-libopencl1"
 EGL = "libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri"
@@ -135,5 +136,6 @@ def test_the_tests_ask_for_everything_at_once(monkeypatch, restarts):
     with pytest.raises(Restarted):
         _main(["test", "-k", "house"])
     assert restarts[0]["VIFORM_INSTALL"].split() == [
-        *OPENCL.split(), *EGL.split(), "verilator", "g++", "iverilog", "yosys", "zlib1g-dev"
+        *OPENCL.split(), *EGL.split(), "verilator", "g++", "iverilog", "yosys",
+        *PROGRAMS.values(), "zlib1g-dev",
     ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cosim.config.amounts import amount, number
 from cosim.report.parts import table
 from scenarios.assemble.camera.judged import LatchedRun
 from sensor.sections.provenance import fault_rows, optics_rows
@@ -17,16 +18,16 @@ def machine(run: LatchedRun) -> str:
     provenance = chip.provenance()
     numbers = [
         ["pixels", f"{chip.width} x {chip.height}", chip.size_origin],
-        ["latch clock", f"{setting.clock.hz / 1e3:g} kHz",
+        ["latch clock", f"{number(setting.clock.hz / 1e3)} kHz",
          provenance["clocks"] if setting.clock.hz in chip.clocks else "not one of this chip's"],
-        ["charge threshold Q", f"{setting.threshold:g} e", "scenario"],
+        ["charge threshold Q", f"{number(setting.threshold)} e", "scenario"],
         ["reset rule", scenario.sensor.reset, "scenario"],
         *optics_rows(setting),
-        ["lens", f"f/{run.lens.f_number:.3g}, T {run.lens.transmission:g}, "
-         f"m {run.lens.magnification:g}, PSF {run.lens.psf}",
+        ["lens", f"f/{number(run.lens.f_number)}, T {number(run.lens.transmission)}, "
+         f"m {number(run.lens.magnification)}, PSF {run.lens.psf}",
          "scenario" if scenario.sensor.lens.f_number else "f-number chosen"],
-        ["white on the sensor", f"{scenario.scene.illuminance * run.lens.gain:.3g} lux, "
-         f"{run.white_rate:.3g} spikes a cycle", "computed"],
+        ["white on the sensor", f"{amount(scenario.scene.illuminance * run.lens.gain, 'lux')}, "
+         f"{number(run.white_rate)} spikes a cycle", "computed"],
     ]  # fmt: skip
     if scenario.sensor.threshold_level < chip.threshold_levels:
         level = f"{scenario.sensor.threshold_level} of {chip.threshold_levels}"
@@ -34,6 +35,6 @@ def machine(run: LatchedRun) -> str:
     numbers += fault_rows(scenario.sensor) + write_rows(scenario.sensor, setting.clock)
     if scenario.sensor.pattern is not None and setting.pattern is not None:
         celsius = scenario.sensor.pattern.temperature
-        dark = f"{setting.pattern.dark:.3g} e/s at {celsius:g} °C"
+        dark = f"{amount(setting.pattern.dark, 'e/s')} at {number(celsius)} °C"
         numbers.append(["dark current at that temperature", dark, "computed"])
     return "<h2>The machine</h2>" + table(["what", "value", "from"], numbers)

@@ -2,42 +2,30 @@
 
 from __future__ import annotations
 
-import time
-
-from cosim.report.parts import cards
+from cosim.config.amounts import count, number
 from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
 from scenarios.assemble.camera.pages.motion import motion_section
-from scenarios.assemble.camera.pages.plan import (
-    error_card,
-    full_physics_card,
-    left_out_card,
-    plan_section,
+from scenarios.assemble.camera.pages.plan import plan_section
+from scenarios.assemble.camera.pages.stream import simulated
+from scenarios.assemble.show.sections import (
+    SHOWN,
+    display_cards,
+    display_quality,
+    display_sections,
 )
-from scenarios.assemble.show.sections import display_cards, display_sections
 from scenarios.assemble.show.shown import Shown
 
 __all__ = ["display_page"]
 
 
-def _cards(run: LatchedRun, shown: Shown) -> str:
-    spent = time.perf_counter() - run.began
-    return cards([
-        *display_cards(shown),
-        ("", f"{spent:.1f} s", f"run time, for {run.result.simulated_s * 1e3:.4g} ms of light"),
-        ("", *error_card(run)),
-        ("", *full_physics_card(run)),
-        ("", *left_out_card(run)),
-    ])  # fmt: skip
-
-
 def _subtitle(run: LatchedRun, shown: Shown) -> str:
     panel = shown.outcome.chain.panel
     return (
-        f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles;"
-        f" {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, {panel.drive}, "
-        f"{panel.luminance:g} cd/m², drawn by {run.result.renderer}"
+        f"{run.setting.chip.title}, {number(run.setting.clock.hz / 1e3)} kHz, "
+        f"{count(run.stream.cycles)} cycles; {panel.shape[1]} x {panel.shape[0]} spike-continuous "
+        f"panel, {panel.drive}, {number(panel.luminance)} cd/m², drawn by {run.result.renderer}"
     )
 
 
@@ -53,6 +41,7 @@ def display_page(run: LatchedRun) -> Page:
         files.append("figures/plan.png")
     sections = [*body, motion_section(run.source), plan_section(run), machine(run)]
     return Page(
-        run.scenario.title, _subtitle(run, shown), _cards(run, shown), sections,
-        files=[overview, *files, clip],
+        run.scenario.title, _subtitle(run, shown), f"{simulated(run)} {SHOWN}",
+        display_cards(shown), sections, good="How good camera and display are together",
+        quality=display_quality(shown), files=[overview, *files, clip],
     )  # fmt: skip

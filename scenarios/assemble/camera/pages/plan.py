@@ -8,47 +8,20 @@ from typing import Any, Final
 
 import numpy as np
 
+from cosim.config.amounts import amount, count, number, percent
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.explorer import explorer, packed
-from cosim.report.figures import INK, LINE, MARK, subplots
+from cosim.report.figures import LINE, MARK, subplots
 from cosim.report.parts import plot, table
 from scenarios.assemble.camera.judged import LatchedRun
 from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 
-__all__ = ["error_card", "full_physics_card", "left_out_card", "plan_section"]
+__all__ = ["plan_section"]
 
 _COLOURS: Final = (
     "#d0d9e8", "#74a7dd", "#2f6db5", "#b7ddb0", "#5fa55a", "#f2d38b", "#c9a2d8", "#8a8f9c",
 )  # fmt: skip
 """Colours of the most frequent sets of effects; all others have the last colour."""
-
-
-def error_card(run: LatchedRun) -> tuple[str, str]:
-    """The error, its upper limit, and its kind."""
-    error = run.result.error
-    if error.value is None:
-        return "unknown", "error against full physics"
-    high = "" if error.ci is None else f", at most {error.ci[1]:.2g} in any tile (99.9 %)"
-    return (
-        f"{error.value:.2g}",
-        f"error against full physics{high}, {error.kind}; tolerance {run.scenario.tolerance:g}",
-    )
-
-
-def full_physics_card(run: LatchedRun) -> tuple[str, str]:
-    """The predicted run time of the camera with the reference."""
-    metric = run.result.metrics.get("full_physics")
-    seconds = None if metric is None else metric.value
-    if seconds is None or not np.isfinite(seconds):
-        return "unknown", "run time of full physics"
-    spent = run.seconds.get("sensor")
-    camera = "" if not spent else f"; the camera took {spent:.3g} s"
-    return f"{seconds:.3g} s", f"full physics for every pixel, predicted from the patches{camera}"
-
-
-def left_out_card(run: LatchedRun) -> tuple[str, str]:
-    """The effects that at least one tile, or the link, leaves out."""
-    names = [row["effect"] for row in run.result.left_out]
-    return str(len(names)), f"effects left out: {', '.join(names)}" if names else "effects left out"
 
 
 def _rows(run: LatchedRun) -> list[list[str]]:
@@ -59,22 +32,21 @@ def _rows(run: LatchedRun) -> list[list[str]]:
     reinstated = {finding.effect for finding in run.reinstated}
     bank, rows = run.bank, []
     for row in run.plan.plan.rows:
-        share = f"{row.kept:.1%}" if row.kept not in (0.0, 1.0) else f"{row.kept:.0%}"
         limit = measured.get(row.effect)
         if row.effect == OWN_DRAWS and bank is not None:
             check = (
-                f"rate {bank.rate:+.1g} +- {bank.rate_width:.1g}, "
-                f"noise {bank.noise:+.1g} +- {bank.noise_width:.1g}"
+                f"rate {number(bank.rate, 1, sign=True)} ± {number(bank.rate_width, 1)}, "
+                f"noise {number(bank.noise, 1, sign=True)} ± {number(bank.noise_width, 1)}"
             )
         elif limit is not None:
-            check = f"at most {limit:.2g}"
+            check = f"at most {number(limit, 2)}"
         elif row.effect in reinstated:
             check = "reinstated"
         else:
             check = "" if row.kept == 1 else "no patch leaves it out"
         rows.append([
-            row.effect, share, f"{row.bound:.2g}", row.kind,
-            f"{row.cost_ns:.2g} ns" if row.cost_ns else "nothing", check,
+            row.effect, percent(row.kept), number(row.bound, 2), row.kind,
+            amount(row.cost_ns, "ns", 2) if row.cost_ns else "nothing", check,
             sources.get(row.effect, ""),
         ])  # fmt: skip
     return rows
@@ -84,28 +56,29 @@ def _summary(run: LatchedRun) -> str:
     """Tolerance, tier, sum of the bounds, kinds of tiles, and checked tiles."""
     plan, survey = run.plan.plan, run.plan.survey
     promised = float(run.plan.promised.max())
-    classes = ", ".join(f"{count} {kind}" for kind, count in survey.classes.items() if count)
+    classes = ", ".join(f"{count(n)} {kind}" for kind, n in survey.classes.items() if n)
     counts = ((int(run.plan.exact.sum()), "in the exact tier"),
               (run.plan.full_physics, "with full physics"))  # fmt: skip
     better = "".join(
-        f" {count} tiles are simulated {how}, because the arithmetic of this tier could use too "
-        "much of the tolerance there." for count, how in counts if count
+        f" {count(n)} tiles are simulated {how}, because the arithmetic of this tier could use too "
+        "much of the tolerance there." for n, how in counts if n
     )  # fmt: skip
     if plan.tolerance == 0:
         opening = f"Tolerance 0 keeps every effect; {run.plan.tier} tier."
     else:
         opening = (
-            f"The tolerance is {plan.tolerance:g}; {run.plan.tier} tier. The bounds of all effects "
-            f"that are left out add up to {promised:.2g} in the worst tile; {plan.tolerance / 2:g} "
+            f"The tolerance is {number(plan.tolerance)}; {run.plan.tier} tier. The bounds of all "
+            f"effects that are left out add up to {number(promised, 2)} in the worst tile; "
+            f"{number(plan.tolerance / 2)} "
             "is allowed."
         )
     return (
-        f"{opening}{better} The plane consists of {len(survey.grid)} tiles of 16 x 16 pixels: "
-        f"{classes}. {len(run.plan.patches(run.scenario.seed))} of them were checked as a whole: "
-        "they were simulated with the reference (every effect), with the planned camera, and "
-        "without one effect at a time, all with the same random numbers. In others a few pixels "
-        "were checked. The upper limit of the error holds for all tiles: for those that were not "
-        "checked as a whole it is the bound of the plan."
+        f"{opening}{better} The plane consists of {count(len(survey.grid))} tiles of 16 x 16 "
+        f"pixels: {classes}. {len(run.plan.patches(run.scenario.seed))} of them were checked as a "
+        "whole: they were simulated with the reference (every effect), with the planned camera, "
+        "and without one effect at a time, all with the same random numbers. In others a few "
+        "pixels were checked. The upper limit of the error holds for all tiles: for those that "
+        "were not checked as a whole it is the bound of the plan."
     )
 
 
@@ -128,7 +101,7 @@ def _reinstated(run: LatchedRun) -> str:
     rows = [
         [
             f.effect, "all patches, with the tolerance" if f.tile is None else f"tile {f.tile}",
-            f"{f.promised:.2g}", f"{f.measured:.2g}",
+            number(f.promised, 2), number(f.measured, 2),
         ]
         for f in run.reinstated
     ]  # fmt: skip
@@ -139,9 +112,9 @@ def _reinstated(run: LatchedRun) -> str:
     )
 
 
-def _map(run: LatchedRun, path: Path) -> list[list[str]]:
+def _map(run: LatchedRun, path: Path) -> tuple[list[list[str]], Data]:
     """Writes figures/plan.png, a map of the effects that each tile leaves out and of the checked
-    tiles; returns the rows of its legend."""
+    tiles; returns the rows of its legend, and the set of each tile."""
     plan, grid = run.plan.plan, run.plan.survey.grid
     names = list(plan.kept)
     kept = np.stack(
@@ -171,7 +144,7 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
         better = "exact tier" if exact else "full physics"
         out = [name for name, k in zip(names, has, strict=True) if not k]
         absent = ", ".join(out) or "nothing"
-        legend.append([str(n + 1), f"{counts[index]}", f"nothing, {better}" if fine else absent])
+        legend.append([str(n + 1), count(counts[index]), f"nothing, {better}" if fine else absent])
         if n < len(_COLOURS):
             short = f"without {absent}" if len(absent) <= 40 else f"without {len(out)}, see table"
             label = better if fine else short if out else "every effect"
@@ -183,9 +156,13 @@ def _map(run: LatchedRun, path: Path) -> list[list[str]]:
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[:].set_color(LINE)
-    axes.set_title("tiles of the plane by the effects left out", fontsize=10, color=INK)
-    figure.savefig(path, dpi=110, bbox_inches="tight", pad_inches=0.08)
-    return legend
+    write_figure(figure, path, bbox_inches="tight", pad_inches=0.08)
+    sets_of = place[which.ravel()] + 1
+    places_of: list[tuple[Value, ...]] = [
+        (float(tile // columns), float(tile % columns), float(set_of))
+        for tile, set_of in enumerate(sets_of)
+    ]
+    return legend, Data(("row of tiles", "column of tiles", "set"), places_of)
 
 
 def _explorer(run: LatchedRun) -> str:
@@ -220,9 +197,10 @@ def plan_section(run: LatchedRun) -> str:
             "tick, without shot noise and without the other effects of simulated pixels.</p>"
         )
     path = run.folder / "figures" / "plan.png"
-    legend = _map(run, path)
+    legend, sets = _map(run, path)
     head = [
-        "effect", "kept in", "leaving it out changes", "", "cost a pixel-cycle", "the check",
+        "effect", "kept in", "leaving it out changes", "known by", "cost a pixel-cycle",
+        "the check",
         "source",
     ]  # fmt: skip
     return (
@@ -233,7 +211,7 @@ def plan_section(run: LatchedRun) -> str:
         "does. Estimates are doubled. The check is the upper 99.9 % limit, measured on the patches "
         f"that leave the effect out.{_bank_text(run)}</p>"
         + _reinstated(run)
-        + plot(path, "effects of each tile")
+        + plot(path, "tiles by the effects left out; squares: checked as a whole", sets)
         + table(["set", "tiles", "left out"], legend)
         + f"<h3>Point at a tile</h3>{_explorer(run)}"
     )

@@ -4,31 +4,26 @@ from __future__ import annotations
 
 import html
 import shlex
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cosim.config.amounts import amount, count, decibel, number
 from cosim.files import streams_kept
 from cosim.light.demosaic import in_colour
 from cosim.light.source import truth_at
 from cosim.report.explorer import INSTANTS, Truths, explorer_part, span_of
 from cosim.report.figures import overview_figure, sheet_figure
-from cosim.report.parts import cards, data, figure, plot, table
-from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, enlarge, mark_pixels
+from cosim.report.parts import Card, figure, plot, table, video
+from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, mark_pixels
 from cosim.report.png import Levels, coloured, for_display, to_linear_bytes, write_png
 from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
 from scenarios.assemble.camera.pages.motion import motion_section
-from scenarios.assemble.camera.pages.plan import (
-    error_card,
-    full_physics_card,
-    left_out_card,
-    plan_section,
-)
+from scenarios.assemble.camera.pages.plan import plan_section
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
@@ -36,37 +31,48 @@ from sensor.reconstruct.fidelity import LEAST_RATE
 from sensor.reconstruct.figure import interval_figure
 from sensor.reconstruct.shots import Shot
 
-__all__ = ["stream_page"]
+__all__ = ["simulated", "stream_page"]
 
 _WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
+_QUALITY = (
+    "Higher is better. TFP and TFI are two ways to make an image of spikes; the true light is "
+    "known because the scene is simulated."
+)
 _CLIP_FRAMES = 75
 _LONG = 800
 """Length of a long exposure, cycles, as in figures 3 and 4 of Huang 2022."""
 
 
-def _cards(run: LatchedRun) -> str:
-    result = run.result
+def simulated(run: LatchedRun) -> str:
+    """What was simulated, for a newcomer."""
+    height, width = run.stream.shape
+    clock, chip = run.stream.clock, run.setting.chip
+    length = amount(run.result.simulated_s, "s", 4)
+    if run.scenario.sensor.source is not None:
+        return (
+            f"A test board gave the spikes of {width} x {height} pixels for {length}: "
+            f"{count(run.stream.cycles)} cycles at {amount(clock.hz / 1e3, 'kHz')}. The images "
+            "below are computed from them."
+        )
+    return (
+        f"A spike camera with {width} x {height} pixels, the {chip.title}, watches the scene "
+        f"“{run.scenario.title}” for {length}. In each of {count(run.stream.cycles)} cycles, "
+        f"{count(clock.hz)} a second, every pixel gives one bit: whether it has collected "
+        f"{number(run.setting.threshold)} more electrons of light. Images are computed from these "
+        "bits, the spikes."
+    )
 
-    def metric(name: str, digits: str) -> str:
-        value = result.metrics[name].value
-        return "exact" if value is None or not np.isfinite(value) else format(value, digits)
 
-    def fidelity(method: str) -> tuple[str, str, str]:
-        structure = metric(f"{method}_ssim", ".3f")
-        decibel = metric(f"{method}_psnr", ".1f")
-        return "", f"{decibel} dB", f"{method.upper()} against the truth, SSIM {structure}"
+def _cards(run: LatchedRun) -> list[Card]:
+    metrics = run.result.metrics
 
-    spent = time.perf_counter() - run.began
-    rows = [
-        ("first", *error_card(run)),
-        ("first", f"{spent:.1f} s", f"run time, for {result.simulated_s * 1e3:.4g} ms of light"),
-        ("first", *full_physics_card(run)),
-        ("first", *left_out_card(run)),
-        fidelity("tfp"),
-        fidelity("tfi"),
-        ("", metric("spike_rate", ".3f"), "spikes per pixel and cycle, mean"),
-    ]
-    return cards(rows)
+    def fidelity(method: str) -> Card:
+        structure = number(metrics[f"{method}_ssim"].value)
+        value = decibel(metrics[f"{method}_psnr"].value)
+        return "first", value, f"PSNR of {method.upper()} against the true light; SSIM {structure}"
+
+    rate = number(metrics["spike_rate"].value)
+    return [fidelity("tfp"), fidelity("tfi"), ("", rate, "spikes per pixel and cycle, mean")]
 
 
 def _instants(run: LatchedRun) -> str:
@@ -78,9 +84,8 @@ def _instants(run: LatchedRun) -> str:
         "the sRGB curve. Linear images are in <code>images/</code>.</p>",
     ]
     for shot in run.shots:
-        parts.append(
-            f'<div class="row-title">cycle {shot.cycle}, {(shot.cycle + 0.5) * ms:.3f} ms</div>'
-        )
+        when = number((shot.cycle + 0.5) * ms, 4)
+        parts.append(f'<div class="row-title">cycle {count(shot.cycle)}, {when} ms</div>')
         triple = (("true light", shot.truth), ("TFP", shot.tfp), ("TFI", shot.tfi))
         pictures = "".join(figure(for_display(plane), name) for name, plane in triple)
         if run.mosaic is not None:
@@ -97,7 +102,7 @@ def _accumulation(run: LatchedRun) -> str:
     pictures = "".join(
         figure(
             accumulation(run.stream, w, run.white_rate),
-            f"{w} cycle{'s' * (w > 1)}, {w * ms:.4g} ms",
+            f"{w} cycle{'s' * (w > 1)}, {number(w * ms, 4)} ms",
             exact=w < 10,
         )
         for w in fitting
@@ -125,7 +130,8 @@ class _Long:
 
     @property
     def name(self) -> str:
-        return f"cycles {self.first} to {self.first + self.cycles - 1} accumulated"
+        last = self.first + self.cycles - 1
+        return f"cycles {count(self.first)} to {count(last)} accumulated"
 
 
 def _expose_long(run: LatchedRun, shot: Shot) -> _Long:
@@ -160,14 +166,14 @@ def _moving_part(run: LatchedRun, shot: Shot, long: _Long) -> str:
     box = busiest_box(change, max(64, min(run.stream.shape) // 4))
 
     def part(plane: Levels) -> Any:
-        return enlarge(crop(for_display(plane), box))
+        return crop(for_display(plane), box)
 
     pictures = "".join(
         (
-            figure(part(shot.truth), f"true light, cycle {shot.cycle}", exact=True),
+            figure(part(shot.truth), f"true light, cycle {count(shot.cycle)}", exact=True),
             figure(part(shot.tfp), "TFP", exact=True),
             figure(part(shot.tfi), "TFI", exact=True),
-            figure(enlarge(crop(long.image, box)), long.name, exact=True),
+            figure(crop(long.image, box), long.name, exact=True),
         )
     )
     return (
@@ -188,9 +194,8 @@ def _playback(run: LatchedRun) -> str:
     slower = 25.0 * every / run.stream.clock.hz
     return (
         f"<h2>Playback</h2><p>TFP every {f'{every} cycles' if every > 1 else 'cycle'}, "
-        f"{1 / slower:.0f} times slower than real time (<code>playback.mp4</code>).</p>"
-        f'<figure><video controls loop muted autoplay playsinline style="max-width:720px" '
-        f'src="{data(path.read_bytes(), "video/mp4")}"></video></figure>'
+        f"{count(1 / slower)} times slower than real time (<code>playback.mp4</code>).</p>"
+        + video(path, "the run in slow motion, TFP", 720)
     )
 
 
@@ -210,7 +215,9 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
     truth *= run.white_rate
     figures = run.folder / "figures"
     instants = [s.cycle for s in run.shots]
-    interval_figure(run.stream, points, truth, span, instants, figures / "intervals.png")
+    drawn = interval_figure(
+        run.stream, points, truth, span, instants, figures / "intervals.png"
+    )  # fmt: skip
     marks = mark_pixels(for_display(shot.tfp), points)
     write_png(figures / "pixels.png", marks)
     marked = figure(marks, f"the pixels, on TFP at cycle {shot.cycle}")
@@ -218,8 +225,11 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
         "<h2>Intervals of single pixels</h2><p>Each bar is one interval: its width is its "
         "duration, its height the estimated light, its area one threshold (after figure 5 of "
         "Huang 2022).</p>"
-        + plot(figures / "intervals.png", "interval plots")
-        + f'<div class="grid by2" style="margin-top:10px">{marked}</div>'
+        + plot(
+            figures / "intervals.png",
+            "light of single pixels over time: 1/ISI (bars) and true light (line)", drawn,
+        )
+        + f'<div class="grid by2">{marked}</div>'
     )
 
 
@@ -235,10 +245,10 @@ def _overview(run: LatchedRun, shot: Shot, long: _Long) -> None:
     """Writes figures/overview.png: the true light, both estimates and a long exposure."""
     ms = 1e3 / run.stream.clock.hz
     panels = [
-        (f"true light at {(shot.cycle + 0.5) * ms:.2f} ms", for_display(shot.truth)),
+        (f"true light at {number((shot.cycle + 0.5) * ms, 4)} ms", for_display(shot.truth)),
         (f"TFP, {run.scenario.image.window} cycles", for_display(shot.tfp)),
         ("TFI, one interval", for_display(shot.tfi)),
-        (f"accumulated over {long.cycles * ms:.3g} ms", long.image),
+        (f"accumulated over {number(long.cycles * ms)} ms", long.image),
     ]
     overview_figure(panels, run.folder / "figures" / "overview.png")
 
@@ -250,9 +260,9 @@ def _sheet(run: LatchedRun) -> None:
     shots, ms = run.shots[::step], 1e3 / run.stream.clock.hz
     rows = [
         (name, [for_display(getattr(shot, kind)) for shot in shots])
-        for name, kind in (("true light", "truth"), ("TFI", "tfi"), ("TFP", "tfp"))
+        for name, kind in (("true light", "truth"), ("TFP", "tfp"), ("TFI", "tfi"))
     ]
-    heads = [f"{(shot.cycle + 0.5) * ms:.2f} ms" for shot in shots]
+    heads = [f"{number((shot.cycle + 0.5) * ms, 4)} ms" for shot in shots]
     sheet_figure(heads, rows, run.folder / "figures" / "instants.png")
 
 
@@ -308,7 +318,8 @@ def stream_page(run: LatchedRun) -> Page:
         "playback.mp4",
     ]
     subtitle = (
-        f"{run.setting.chip.title}, {run.setting.clock.hz / 1e3:g} kHz, {run.stream.cycles} cycles"
+        f"{run.setting.chip.title}, {number(run.setting.clock.hz / 1e3)} kHz, "
+        f"{count(run.stream.cycles)} cycles"
     )
     does = (
         "<p>The first line reproduces one of the linear images from the stream, the second the "
@@ -317,4 +328,7 @@ def stream_page(run: LatchedRun) -> Page:
     lines = [image]
     if not streams_kept():
         does, lines = f"<p>This line reproduces the whole run, with the same bits {where}.</p>", []
-    return Page(run.scenario.title, subtitle, _cards(run), pictures, lines, does, files)
+    return Page(
+        run.scenario.title, subtitle, simulated(run), _cards(run), pictures, quality=_QUALITY,
+        commands=lines, commands_do=does, files=files,
+    )  # fmt: skip

@@ -1,0 +1,128 @@
+"""The summary at the top of every report: the questions of a newcomer, and notes of the run."""
+
+from __future__ import annotations
+
+import html
+import time
+
+from cosim.config.amounts import amount, count, elapsed, number
+from cosim.report.parts import cards
+from cosim.run.machine import Page, Run
+from cosim.run.result import Result
+
+__all__ = ["summary"]
+
+
+def summary(page: Page, run: Run) -> str:
+    """HTML of the heading, and of the answers: what was simulated, how good the machine is, how
+    wrong the simulation may be, how long it took, what was left out."""
+    result = run.result
+    answers = [
+        ("What was simulated", _paragraph(page.simulated)),
+        (page.good, cards(page.cards) + _paragraph(page.quality)),
+        ("How wrong the simulation may be", _wrong(result, page.unmeasured)),
+        ("How long it took", _long(run)),
+        ("What was left out", _out(result)),
+        ("Notes of the run", _notes(run.notes)),
+    ]
+    rows = "".join(
+        f"<div><dt>{question}</dt><dd>{answer}</dd></div>" for question, answer in answers if answer
+    )
+    return (
+        f'<h1>{html.escape(page.title)}</h1><p class="soft">{html.escape(page.subtitle)}, '
+        f"seed {result.seed}, viform {result.version}.</p>"
+        f'{_outcome(result)}<section aria-label="Summary"><dl class="answers">{rows}</dl></section>'
+    )
+
+
+def _paragraph(text: str) -> str:
+    return f"<p>{html.escape(text)}</p>" if text else ""
+
+
+def _big(figure: str, text: str) -> str:
+    return f'<p><b class="big">{html.escape(figure)}</b></p>{_paragraph(text)}'
+
+
+def _exceeds(result: Result) -> bool:
+    """Whether the error of the simulation is known to be above the tolerance."""
+    error = result.error
+    return error.value is not None and (
+        bool(error.tiles_over) or (result.tolerance > 0 and error.value > result.tolerance)
+    )
+
+
+def _outcome(result: Result) -> str:
+    """What an outcome other than "ok" means; it says nothing about the camera."""
+    if result.outcome == "ok":
+        return ""
+    if result.outcome == "failed":
+        text = "A check of the machine did not pass; the notes below say which."
+    elif _exceeds(result):
+        text = (
+            "This is about the simulation, not about the camera or its data: the simulation's own "
+            "error is above the tolerance, so the figures of this page may be off by as much."
+        )
+    else:
+        text = (
+            "The run is complete, but it falls short of what the scenario asks for; the notes "
+            "below say in what. It is no verdict on the data."
+        )
+    return f'<p class="outcome"><b>Outcome: {result.outcome}.</b> {text}</p>'
+
+
+def _wrong(result: Result, unmeasured: str) -> str:
+    error = result.error
+    if error.value is None:
+        return _paragraph(unmeasured)
+    high = ""
+    if error.ci is not None:
+        where = " in any tile" if error.tiles_checked is not None else ""
+        high = f", at most {number(error.ci[1], 2)}{where} (99.9 % confidence)"
+    asked = f"tolerance {number(result.tolerance)}"
+    if result.tolerance == 0:
+        asked = "tolerance 0: every effect is kept"
+    return _big(
+        number(error.value, 2),
+        f"Error of this simulation against full physics{high}: {error.kind}; {asked}. It is the "
+        "price of simulating fast, and no property of the machine.",
+    )
+
+
+def _long(run: Run) -> str:
+    result, spent = run.result, time.perf_counter() - run.began
+    text = ""
+    if result.simulated_s > 0:
+        ratio = spent / result.simulated_s
+        speed = (
+            f"{number(ratio, 2)} times as long as in reality" if ratio >= 1
+            else f"{number(1 / ratio, 2)} times faster than in reality"
+        )  # fmt: skip
+        text = f"Run time for {amount(result.simulated_s, 's', 4)} of simulated time, {speed}."
+    full = result.metrics.get("full_physics")
+    if full is not None and full.value is not None:
+        camera = run.seconds.get("sensor")
+        took = "" if not camera else f"; in this run the camera took {elapsed(camera)}"
+        text += (
+            f" Full physics for every pixel would take the camera about {elapsed(full.value)}, "
+            f"predicted from the patches{took}."
+        )
+    return _big(elapsed(spent), text.strip())
+
+
+def _out(result: Result) -> str:
+    names = [str(row["effect"]) for row in result.left_out]
+    if names:
+        effects = f"{count(len(names))} effect{'s' * (len(names) > 1)}"
+        return _big(
+            effects,
+            f"{', '.join(names)}. Leaving out saves time, and changes less than the tolerance "
+            "allows; the section on what was left out gives the bounds and their check.",
+        )
+    if result.kept:
+        return _paragraph(f"Nothing: all {count(len(result.kept))} effects were simulated.")
+    return _paragraph("Nothing: there was no effect to leave out.")
+
+
+def _notes(notes: list[str]) -> str:
+    items = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
+    return f"<ul>{items}</ul>" if items else ""
