@@ -99,9 +99,13 @@ class Browser:
 
     def open(self, page: Path) -> None:
         """Opens a file and forgets what was logged before."""
+        self.go(page.resolve().as_uri())
+
+    def go(self, address: str) -> None:
+        """Opens an address and forgets what was logged before."""
         self._log("browser")
         self._log("performance")
-        self._ask("POST", "/url", {"url": page.resolve().as_uri()})
+        self._ask("POST", "/url", {"url": address})
 
     def run(self, script: str, *arguments: Any) -> Any:
         """What a JavaScript function body returns; a promise is awaited."""
