@@ -14,15 +14,16 @@ from cosim.report.png import encode, reduced
 
 __all__ = ["beside"]
 
-_LONGEST = 400
-"""Longer side of a picture, pixels; larger ones are reduced."""
+_LONGEST, _EXACT = 400, 256
+"""Longer side of a picture, pixels: larger ones than the first are reduced, and only those up to the
+second are without loss."""
 
 Picture = npt.NDArray[np.uint8]
 
 
 def _source(picture: Picture) -> str:
     """The picture as a data URL: exact if it is small."""
-    if max(picture.shape[:2]) <= _LONGEST:
+    if max(picture.shape[:2]) <= _EXACT:
         return data_url(encode(picture), "image/png")
     return data_url(encode(reduced(picture, _LONGEST), ".jpg"), "image/jpeg")
 

@@ -1,0 +1,57 @@
+"""The reports of all kinds of runs in a real browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scenarios.cli.entry import _main
+from tests.browser.driver import Browser
+from tests.recorded.cases import CASES, EIGHT
+
+WORDS = {case.name: case.words for case in CASES if case.name.startswith("run ")}
+KINDS = {
+    name: WORDS[name if name in WORDS else f"{name} default"]
+    for name in (
+        "run film", "run glass", "run silicon", "run wave", "run shockwave", "run star", "run step",
+        "run sun-and-stars", "run asynchronous", "run continuous", "run light-link",
+        "run adaptive-exposure", "run ebaps-night", "run emccd-window", "run glass-over-light",
+        "run bring-up", "run boards",
+    )
+}  # fmt: skip
+KINDS |= {f"run {name}": ("run", name) for name in ("hardware-chain", "playback")}
+KINDS["run objects"] = ("run", "objects", *EIGHT)
+LARGEST = 12_000_000
+"""Bytes of a page."""
+NARROW = 400
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KINDS)
+def test_a_report_works_alone(name: str, browser: Browser, tmp_path: Path) -> None:
+    if name == "run playback":
+        assert _main([*WORDS["run step default"], "--out", str(tmp_path / "step")]) == 0
+        given = [*KINDS[name], "--set", f"sensor.source=file:{tmp_path / 'step'}"]
+    else:
+        given = list(KINDS[name])
+    assert _main([*given, "--out", str(tmp_path / "run")]) == 0
+    page = tmp_path / "run" / "report.html"
+    assert page.stat().st_size < LARGEST
+    browser.media()
+    browser.resize(1100, 900)
+    browser.open(page)
+    opened = browser.run(
+        "const all = [...document.querySelectorAll('.explorer')].map((root) => root.explorer);"
+        "return Promise.all(all.map((one) => one.opened)).then(() => all.length)"
+    )
+    assert opened == page.read_text().count("class='explorer'")
+    assert browser.run(
+        "return [...document.images].filter((image) => !image.alt && image.id !== 'large-picture')"
+        ".length"
+    ) == 0  # fmt: skip
+    browser.media(prefers_color_scheme="dark")
+    browser.resize(NARROW, 900)
+    assert browser.run("return document.documentElement.scrollWidth") <= NARROW
+    assert browser.requests() == [page.resolve().as_uri()]
+    assert browser.complaints() == []
