@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.compute.opencl import Device
+from cosim.config.amounts import count
 from cosim.spikes.viform import Viform
 from link.coding import BlockReader, Inbox
 from link.detect.catalogue import DETECTORS
@@ -247,8 +248,9 @@ class Receiver:
             return replace(loss, text=loss.text + self._search_text())
         return Verdict(
             Cause.NONE,
-            f"{len(inbox.file.data)} bytes in {inbox.frames_right} frames of {inbox.frames_read}, "
-            f"{inbox.bytes_corrected} bytes mended, whole at tick {session.delivered_tick}",
+            f"{count(len(inbox.file.data))} bytes in {count(inbox.frames_right)} frames of "
+            f"{count(inbox.frames_read)}, {count(inbox.bytes_corrected)} bytes mended, whole at "
+            f"tick {count(session.delivered_tick)}",
         )
 
     def _search_text(self) -> str:

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from cosim.config.amounts import number
 from cosim.report.png import write_png
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
@@ -92,8 +93,8 @@ class ImagerMachine:
         return [
             Finding(
                 worst,
-                f"the error may be {error.high:.2g} without {worst}: it is put back and the run "
-                "done again",
+                f"the error may be {number(error.high, 2)} without {worst}: it is put back and the "
+                "run done again",
                 measured=error.high,
             )
         ]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from cosim import Light
+from cosim.config.amounts import percent
 from cosim.files import write_events
 from cosim.light.steps import light_steps
 from cosim.plan.planner import accepted_error
@@ -214,7 +215,7 @@ def _plan_notes(checked: Checked) -> list[str]:
     """How much of the array does without which effect, and what the check found."""
     plan, pixels = checked.plan, checked.plan.scene.pixels
     shares = [
-        f"{effect.name} in {float(pixels[out].sum() / pixels.sum()):.0%}"
+        f"{effect.name} in {percent(float(pixels[out].sum() / pixels.sum()))}"
         for effect, out in zip(plan.effects, plan.left_out, strict=True)
         if out.any()
     ]

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
+from cosim.config.amounts import number
 from cosim.plan.paired import Measured, Span, TrialCamera, Values, Words, compare, worst
 from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import ESTIMATE_WEIGHT, accepted_error
@@ -50,11 +51,11 @@ def _finding(effect: str, promised: float, measured: float, tile: int | None) ->
     `promised`."""
     remedy = "the exact tier" if effect == ARITHMETIC else f"{effect} kept"
     message = (
-        f"the total error is up to {measured:.2g} where the tolerance is {promised:.2g}: the run "
-        f"is repeated with {remedy}"
+        f"the total error is up to {number(measured, 2)} where the tolerance is "
+        f"{number(promised, 2)}: the run is repeated with {remedy}"
         if tile is None
-        else f"the run is repeated with {remedy}: its absence changes up to {measured:.2g} on tile "
-        f"{tile}, where the bound is {promised:.2g}"
+        else f"the run is repeated with {remedy}: its absence changes up to "
+        f"{number(measured, 2)} on tile {tile}, where the bound is {number(promised, 2)}"
     )
     return Finding(effect, message, promised, measured, tile)
 
@@ -329,14 +330,16 @@ class Verifier(DisplayTrial):
             return []
         if float(np.max(self._end_error)) > accepted / 2 and self.patches_error().high <= accepted:
             return [
-                f"the error is {error.value:.2g} and at most {error.high:.2g} where the tolerance "
-                f"is {tolerance:g}: spikes may be latched across the end of the run, whose last "
-                "plane the observer still sees; make the run longer, or the images earlier"
+                f"the error is {number(error.value, 2)} and at most {number(error.high, 2)} where "
+                f"the tolerance is {number(tolerance)}: spikes may be latched across the end of "
+                "the run, whose last plane the observer still sees; make the run longer, or the "
+                "images earlier"
             ]
-        limit = "" if tolerance > 0 else f" (at most {accepted:g} is accepted)"
+        limit = "" if tolerance > 0 else f" (at most {number(accepted)} is accepted)"
         return [
-            f"the error is {error.value:.2g} (up to {error.high:.2g}) where the tolerance is "
-            f"{tolerance:g}{limit}, with every effect kept: it is the limit of the exact tier"
+            f"the error is {number(error.value, 2)} (up to {number(error.high, 2)}) where the "
+            f"tolerance is {number(tolerance)}{limit}, with every effect kept: it is the limit of "
+            "the exact tier"
         ]
 
     def state(self) -> dict[str, npt.NDArray[Any]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from cosim import InputError
+from cosim.config.amounts import number
 from cosim.files import Recorder
 from cosim.run.machine import Finding
 from cosim.run.progress import Progress
@@ -119,8 +120,8 @@ class Carrier:
         hz = self.stream.clock.hz
         return [
             *self.setup.notes(),
-            f"the link carries {self.setup.rate * hz / 1e9:.3g} Gb/s of packets; the stream is "
-            f"shown {self.hold / hz * 1e3:.3g} ms after it is filmed",
+            f"the link carries {number(self.setup.rate * hz / 1e9)} Gb/s of packets; the stream is "
+            f"shown {number(self.hold / hz * 1e3)} ms after it is filmed",
         ]
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
+from cosim.config.amounts import number
 from cosim.files import ZarrStream
 from cosim.run.machine import Outcome
 from cosim.run.result import Latency, Metric, Throughput, latency_rows
@@ -306,7 +307,7 @@ def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> 
         causes.append(f"nothing arrived over the link: {verdict}")
     elif lost and far.receiver.interruptions:
         spans = ", ".join(
-            f"{carrier.stream_ms(low):.4g} to {carrier.stream_ms(high):.4g} ms"
+            f"{number(carrier.stream_ms(low), 4)} to {number(carrier.stream_ms(high), 4)} ms"
             for low, high in far.receiver.interruptions
         )
         causes.append(f"the light of the link was interrupted at {spans}: {lost} frames were lost")
@@ -322,6 +323,6 @@ def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> 
         causes.append(
             f"{far.missing} tiles of groups were shown dark and "
             f"{sum(held for _, _, held in far.gaps)} with the rate that they had last, between "
-            f"{first / hz * 1e3:.4g} and {last / hz * 1e3:.4g} ms of the stream"
+            f"{number(first / hz * 1e3, 4)} and {number(last / hz * 1e3, 4)} ms of the stream"
         )
     return causes

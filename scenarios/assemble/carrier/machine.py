@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from cosim.config.amounts import number
 from cosim.plan.planner import accepted_error
 from cosim.run.chain import STREAM
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
@@ -88,9 +89,9 @@ class CarriedMachine(LatchedMachine):
         if high <= accepted_error(tolerance):
             return replace(outcome, error=error)
         note = (
-            f"behind the code the error is {error.value:.2g} (up to {high:.2g}) where the "
-            f"tolerance is {tolerance:g}: where layers were left out, each spike stands for "
-            "several, and a spike that the plan has moved for as many"
+            f"behind the code the error is {number(error.value, 2)} (up to {number(high, 2)}) "
+            f"where the tolerance is {number(tolerance)}: where layers were left out, each spike "
+            "stands for several, and a spike that the plan has moved for as many"
         )
         return replace(
             outcome, error=error, notes=[*outcome.notes, note],

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from cosim import Events
 from cosim.compute.memory import check_memory
+from cosim.config.amounts import count
 from cosim.run.result import Metric
 from cosim.stage import section
 from sensor.asynchronous.model import EventModel, Firings, latched
@@ -138,7 +139,7 @@ class Output:
         if not self.lost:
             return []
         return [
-            f"{self.lost} of {self.offered} events ({self.lost / self.offered:.2g}) found their "
+            f"{count(self.lost)} of {count(self.offered)} events found their "
             "place taken and are lost: raise sensor.channel.rate, or send changes alone "
             "(sensor.asynchronous.change)"
         ]
