@@ -15,8 +15,8 @@ from cosim.report.png import encode, reduced
 __all__ = ["beside"]
 
 _LONGEST, _EXACT = 400, 256
-"""Longer side of a picture, pixels: larger ones than the first are reduced, and only those up to the
-second are without loss."""
+"""Longer side of a picture, pixels: larger ones than the first are reduced, and only those up to
+the second are without loss."""
 
 Picture = npt.NDArray[np.uint8]
 

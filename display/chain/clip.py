@@ -97,7 +97,7 @@ def write_display_clip(
     with whole(path) as part, av.open(str(part), "w", format="mp4") as container:
         video: Any = container.add_stream("libx264", rate=RATE)
         video.pix_fmt = "yuv420p"
-        video.options = {"crf": "21", "preset": "superfast", "movflags": "+faststart"}
+        video.options = {"crf": "28", "preset": "superfast", "movflags": "+faststart"}
         for n in range(motion.count):
             ms = (motion.begin + n * motion.exposure + motion.exposure // 2) * 1e3 / PS
             pictures = [_sized(frames[name][n], height, width) for name in frames]
