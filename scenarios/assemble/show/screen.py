@@ -24,10 +24,10 @@ from scenarios.assemble.show.feeds import Feed
 from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.filming import make_camera
 from scenarios.assemble.show.sections import (
-    SHOWN,
     display_cards,
     display_quality,
     display_sections,
+    display_simulated,
 )
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import display_lines
@@ -142,7 +142,7 @@ class Screen:
         return replace(
             page,
             subtitle=told,
-            simulated=f"{page.simulated} {SHOWN}",
+            simulated=f"{page.simulated} {display_simulated(shown)}",
             cards=[*display_cards(shown), *page.cards],
             good="How good the display is",
             quality=display_quality(shown),
