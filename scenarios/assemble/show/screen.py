@@ -150,6 +150,7 @@ class Screen:
             files=list(dict.fromkeys([*page.files, *files])),
         )
 
+
 def make_screen(
     section: DisplaySection,
     camera: CameraSection | None,
@@ -185,9 +186,7 @@ def make_screen(
     if pursued is not None:
         pursuit = pursuit_of(pursued, feed.clock.edge(feed.cycles), section.pursuit)
     elif section.pursuit:
-        pursuit = Pursuit(
-            section.pursuit, f"the pursuing eye follows {section.pursuit:g} pixels/s"
-        )
+        pursuit = Pursuit(section.pursuit, f"the pursuing eye follows {section.pursuit:g} pixels/s")
     setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
     chain = make_display_chain(
         section, feed.shape, white, feed.cycles, instants, setting, pursuit,

@@ -103,8 +103,11 @@ def display_cards(shown: Shown) -> list[Card]:
         ]  # fmt: skip
     else:
         rows.append(
-            ("first", number(shown.run.result.metrics["total_light"].value),
-             "emitted light over that of the spikes")
+            (
+                "first",
+                number(shown.run.result.metrics["total_light"].value),
+                "emitted light over that of the spikes",
+            )
         )
     if outcome.fidelity:
         rows.append(

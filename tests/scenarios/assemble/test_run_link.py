@@ -237,8 +237,7 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
     print_result(result, Path("runs"), [], [], False)
     said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert (
-        said[:3] == ["ber unknown", "raw_bps 5 b/s", "fer unknown"]
-        and said[-2] == "outcome failed"
+        said[:3] == ["ber unknown", "raw_bps 5 b/s", "fer unknown"] and said[-2] == "outcome failed"
     )
 
 
