@@ -62,9 +62,7 @@ def soft_figure(values: SoftValues, path: Path) -> Data:
                 found / max(mine.size, 1), edges, fill=True, color=colour, alpha=0.45, linewidth=0,
                 label=name,
             )  # fmt: skip
-            ax.stairs(
-                found / max(mine.size, 1), edges, color=colour, linewidth=1, label=f"_{name}"
-            )
+            ax.stairs(found / max(mine.size, 1), edges, color=colour, linewidth=1, label=f"_{name}")
         ax.axvline(0, color=INK, linewidth=0.8)
         ax.set_yscale("log")
         ax.set_ylim(0.5 / max(values.soft.size / 2, 1), 1)

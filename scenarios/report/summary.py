@@ -44,11 +44,12 @@ def _big(figure: str, text: str) -> str:
 
 
 def _exceeds(result: Result) -> bool:
-    """Whether the error of the simulation is known to be above the tolerance."""
+    """Whether the error of the simulation is, or may be, above the tolerance."""
     error = result.error
-    return error.value is not None and (
-        bool(error.tiles_over) or (result.tolerance > 0 and error.value > result.tolerance)
-    )
+    if error.value is None:
+        return False
+    high = error.value if error.ci is None else error.ci[1]
+    return bool(error.tiles_over) or 0 < result.tolerance < high
 
 
 def _outcome(result: Result) -> str:
@@ -60,7 +61,8 @@ def _outcome(result: Result) -> str:
     elif _exceeds(result):
         text = (
             "This is about the simulation, not about the camera or its data: the simulation's own "
-            "error is above the tolerance, so the figures of this page may be off by as much."
+            "error is, or may be, above the tolerance, so the figures of this page may be off by "
+            "as much. The notes below say why."
         )
     else:
         text = (

@@ -50,9 +50,7 @@ def pixels_figure(
     when = np.array(light.when) / 1e9
     place, stop = reports.pixel, reports.start + reports.ticks
     rows = len(light.points)
-    figure, axes = subplots(
-        rows, 1, figsize=(11, 0.95 * rows + 0.8), sharex=True, squeeze=False
-    )
+    figure, axes = subplots(rows, 1, figsize=(11, 0.95 * rows + 0.8), sharex=True, squeeze=False)
     for n, ((row, column, label), ax) in enumerate(zip(light.points, axes[:, 0], strict=True), 1):
         mine = place == row * reports.shape[1] + column
         times = np.append(reports.time[mine] + 1, stop) * ms  # known at the tick's end

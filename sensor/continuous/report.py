@@ -106,7 +106,8 @@ def _pixels(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
         "and dark current.</p>"
         + plot(
             figures / "intensities.png",
-            "reports of single pixels over time, and their true light", data,
+            "reports of single pixels over time, and their true light",
+            data,
         )
         + f'<div class="grid by2">{pair}</div>'
     )

@@ -121,11 +121,17 @@ class Browser:
             "Emulation.setDeviceMetricsOverride", width=width, height=height,
             deviceScaleFactor=1, mobile=False,
         )  # fmt: skip
+        self.settle()
+
+    def settle(self) -> None:
+        """Waits until the page has seen a change of its size and is drawn anew: two frames."""
+        self.run("return new Promise(f => requestAnimationFrame(() => requestAnimationFrame(f)))")
 
     def media(self, kind: str = "", **features: str) -> None:
         """Emulates a medium ("print") and features (prefers_color_scheme="dark")."""
         named = [{"name": k.replace("_", "-"), "value": v} for k, v in features.items()]
         self.command("Emulation.setEmulatedMedia", media=kind, features=named)
+        self.settle()
 
     def click(self, selector: str) -> None:
         """Clicks the first element that a CSS selector finds, scrolled into view."""

@@ -80,8 +80,9 @@ def _course(run: ImagerRun, path: Path) -> Data:
     ready = np.array([t.ready for t in taken]) / 1e9
     multiple = np.array([t.state["multiplier"] for t in taken])
     middle.step(ready, multiple, where="post", color=BLUE, linewidth=1.3)
-    middle.plot(ready, multiple, "o", markersize=2, color=BLUE,
-                label="_nolegend_")  # one frame makes no step
+    middle.plot(
+        ready, multiple, "o", markersize=2, color=BLUE, label="_nolegend_"
+    )  # one frame makes no step
     middle.set_yscale("log", base=2)
     style_axes(middle, y="exposure, T = 1 µs")
     largest = np.array([t.state["largest"] for t in taken])
@@ -139,9 +140,7 @@ def _response(model: AdaptiveModel, path: Path) -> Data:
                 points.append((frame.state["multiplier"], float(frame.values.mean())))
                 break
     multiple, value = np.array(points).T
-    figure, (top, low, last) = subplots(
-        3, 1, figsize=(9.5, 7), sharex=True, layout="constrained"
-    )
+    figure, (top, low, last) = subplots(3, 1, figsize=(9.5, 7), sharex=True, layout="constrained")
     top.plot(lux, value, "o-", color=GREEN, markersize=3.5, linewidth=0.9, label="signal, DN")
     combined = value / multiple
     top.set_xscale("log")
@@ -216,6 +215,7 @@ def _signals(model: AdaptiveModel, axes: Any) -> None:
     span = (int(end[0]) - line, int(end[0]) + 4 * line)
     waveforms(axes, signals, names, span, 1e6)
     axes.set_xlabel(
-        f"time, µs; {SMALL} rows of {number(line * 1e-6)} µs, exposed for 40 "
-        "µs", fontsize=9, color=INK
+        f"time, µs; {SMALL} rows of {number(line * 1e-6)} µs, exposed for 40 µs",
+        fontsize=9,
+        color=INK,
     )

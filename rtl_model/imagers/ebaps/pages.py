@@ -197,9 +197,7 @@ def _grid(run: ImagerRun, model: EbapsModel, path: Path) -> list[list[str]]:
     bar = ASPECT * (bar_width("night", SIZE) or 0.0) ** 2
     kept, seed = frozenset(model.pixels.effects), run.planned.spec.seed
     device = replace(model.pixels, shape=SIZE, volts=0.0)
-    figure, places = subplots(
-        len(VOLTAGES), len(LIGHT), figsize=(9.5, 10.4), layout="constrained"
-    )
+    figure, places = subplots(len(VOLTAGES), len(LIGHT), figsize=(9.5, 10.4), layout="constrained")
     rows = []
     for line, volts in zip(places, VOLTAGES, strict=True):
         pixels = device.at(volts=volts)

@@ -40,8 +40,9 @@ def electronics_sections(drive: SineDrive, supplies: Supplies, folder: Path) -> 
     closed = drive.settling(drive.steady(0), _LAST, SETTLED / drive.voltage.slope(
         drive.steady(_LAST)))  # fmt: skip
     settled = (
-        "does not "
-        "settle" if up is None else f"settles within 1 % of the gain in {amount(up, 's', 4)}"
+        "does not settle"
+        if up is None
+        else f"settles within 1 % of the gain in {amount(up, 's', 4)}"
     )
     rules = "; ".join(f"{first} before {second}" for first, second in INTERLOCKS)
     return (
@@ -55,8 +56,8 @@ def electronics_sections(drive: SineDrive, supplies: Supplies, folder: Path) -> 
         f"step {_WORD} on the wires of the potentiometer.</p>"
         + plot(
             folder / "drive.png",
-            "high-voltage drive: sine, settling of the loop, phase, word of the "
-            "potentiometer", drawn,
+            "high-voltage drive: sine, settling of the loop, phase, word of the potentiometer",
+            drawn,
         )
         + "<h2>Supplies</h2><p>The rails come up in the order of the scenario, each after the one "
         "before is good, and go down in reverse. The first cycle begins when all are good, after "

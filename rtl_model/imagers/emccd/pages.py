@@ -142,9 +142,7 @@ def _course(model: EmccdModel, run: ImagerRun, path: Path) -> Data:
         ("1 / cycle, Hz", [Timing().clock_hz / t.state["frame_clocks"] for t in taken]),
         ("mean, DN", [t.mean for t in taken]),
     )
-    figure, places = subplots(
-        len(named), 1, figsize=(9.5, 7.2), sharex=True, layout="constrained"
-    )
+    figure, places = subplots(len(named), 1, figsize=(9.5, 7.2), sharex=True, layout="constrained")
     for axes, (name, values) in zip(places, named, strict=True):
         axes.plot(time, values, "o-", color=BLUE, markersize=3, linewidth=0.9)
         for seconds in sorted({w[0] for w in model.section.writes}):

@@ -90,9 +90,7 @@ def waveforms(
         y = np.array([value for _, value in points] + [points[-1][1]]) / top
         if len(points) > 4000:
             x, y = _thinned(x, y)
-        axes.step(
-            x, base + 0.72 * y, where="post", color=INK, linewidth=0.8, label="_nolegend_"
-        )
+        axes.step(x, base + 0.72 * y, where="post", color=INK, linewidth=0.8, label="_nolegend_")
         axes.fill_between(
             x, base, base + 0.72 * y, step="post", color=BLUE, alpha=0.18, linewidth=0
         )

@@ -273,10 +273,14 @@ class Verifier(DisplayTrial):
         leave it out. Of the bank, whose draws are not paired with others, the lower limit."""
         tiles, change = np.array(self.plane.tiles), self.bank()
         bank = {} if change is None else {OWN_DRAWS: change.least}
-        return bank | {
-            name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
-            for name in self._left_out
-        } | {name: float(high.max()) for name, high in self._display_changes().items()}
+        return (
+            bank
+            | {
+                name: float(self._changed(name, self.spans)[:, ~self._plan.kept[name][tiles]].max())
+                for name in self._left_out
+            }
+            | {name: float(high.max()) for name, high in self._display_changes().items()}
+        )
 
     def shortfall(self, tier: Tier) -> list[Finding]:
         """Findings if the error of the patches exceeds the tolerance, or that of a sample the bound

@@ -86,9 +86,7 @@ class Carrier:
     def probe(self, camera: ProbeCamera) -> CodedProbeCamera:
         """A camera of probes behind the code."""
         height, width = self.stream.shape
-        return CodedProbeCamera(
-            camera, self.section, self.code, self.setup.rate / (height * width)
-        )
+        return CodedProbeCamera(camera, self.section, self.code, self.setup.rate / (height * width))
 
     @property
     def device(self) -> str:
@@ -173,8 +171,12 @@ class Carrier:
         recorder = Recorder(folder / LINK_STREAM, sensor.shape, setup.cycles, clock)
         modem = setup.scenario.link.modem
         receiver = PacketReceiver(
-            sensor.shape, setup.cycles, detector=modem.detector, interleave=modem.interleave,
-            begin=self.joins, device=setup.device,
+            sensor.shape,
+            setup.cycles,
+            detector=modem.detector,
+            interleave=modem.interleave,
+            begin=self.joins,
+            device=setup.device,
         )
         schedule = Schedule(setup.lead, self.hold, self.section.cycles, cycles, clock)
         decoder = Decoder(code, shape)

@@ -222,7 +222,8 @@ def judge_carrier(
     }
     rows = [
         Latency(stage, part.low, part.median, part.high)
-        for row in watched if row.rate == GREY
+        for row in watched
+        if row.rate == GREY
         for stage, part in zip(PARTS, row.parts, strict=True)
     ]
     latency = [*watch.before, *_latency(carrier, near, far, 1e12 / clock.hz)]
@@ -245,9 +246,7 @@ def judge_carrier(
         "recovery_us": Metric(_recovery(carrier, far), "us"),
         "buffer_peak_bytes": Metric(count.peak_bytes, "bytes"),
         "latency_us": Metric(hold_us, "us"),
-        "latency_photon_us": photon.get(
-            f"latency_photon_{NAMES[GREY]}_us", Metric(None, "us")
-        ),
+        "latency_photon_us": photon.get(f"latency_photon_{NAMES[GREY]}_us", Metric(None, "us")),
         **photon,
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),
@@ -276,7 +275,15 @@ def judge_carrier(
         files=[*outcome.files, LINK_STREAM, RECEIVED],
         notes=[*outcome.notes, *worse, *carrier.link.beyond],
         views=CarrierOutcome(
-            carrier, lit, direct, through, received, near, far, rates, rated.cycle,
+            carrier,
+            lit,
+            direct,
+            through,
+            received,
+            near,
+            far,
+            rates,
+            rated.cycle,
             outcome.views,
         ),
     )

@@ -145,7 +145,8 @@ def _plan(views: CarrierOutcome) -> str:
         "The patches have fewer bits: a single bit that differs there weighs more.</p>"
     )
     return (
-        "<h2>What the simulation of the link left out</h2>" + (head if rows else "")
+        "<h2>What the simulation of the link left out</h2>"
+        + (head if rows else "")
         + left_out_table(rows, alone)
         + f"<p>Kept: {html.escape(', '.join(link.plan.simulated))}.</p>"
     )

@@ -181,6 +181,4 @@ def _write(folder: Path, shots: dict[int, tuple[Estimate, Estimate]]) -> list[st
 def assemble_recording(name: str, scenario: RecordingScenario) -> RecordingMachine:
     """The machine of a scenario. Raises InputError."""
     recording = open_recording(scenario)
-    return RecordingMachine(
-        name, scenario, recording, choose_windows(scenario, recording.cycles)
-    )
+    return RecordingMachine(name, scenario, recording, choose_windows(scenario, recording.cycles))

@@ -24,10 +24,10 @@ from scenarios.assemble.show.feeds import Feed
 from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.filming import make_camera
 from scenarios.assemble.show.sections import (
-    SHOWN,
     display_cards,
     display_quality,
     display_sections,
+    display_simulated,
 )
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import display_lines
@@ -142,13 +142,14 @@ class Screen:
         return replace(
             page,
             subtitle=told,
-            simulated=f"{page.simulated} {SHOWN}",
+            simulated=f"{page.simulated} {display_simulated(shown)}",
             cards=[*display_cards(shown), *page.cards],
             good="How good the display is",
             quality=display_quality(shown),
             sections=[*body, *page.sections],
             files=list(dict.fromkeys([*page.files, *files])),
         )
+
 
 def make_screen(
     section: DisplaySection,
@@ -185,9 +186,7 @@ def make_screen(
     if pursued is not None:
         pursuit = pursuit_of(pursued, feed.clock.edge(feed.cycles), section.pursuit)
     elif section.pursuit:
-        pursuit = Pursuit(
-            section.pursuit, f"the pursuing eye follows {section.pursuit:g} pixels/s"
-        )
+        pursuit = Pursuit(section.pursuit, f"the pursuing eye follows {section.pursuit:g} pixels/s")
     setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
     chain = make_display_chain(
         section, feed.shape, white, feed.cycles, instants, setting, pursuit,

@@ -27,7 +27,7 @@ from scenarios.assemble.show.figures import latency_figure, wave_figure
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import band_tables, display_table, light_table
 
-__all__ = ["SHOWN", "display_cards", "display_quality", "display_sections"]
+__all__ = ["display_cards", "display_quality", "display_sections", "display_simulated"]
 
 Images = npt.NDArray[np.float32]
 _SEES = {
@@ -38,11 +38,6 @@ _SEES = {
 _EYES = {"eye": "still eye", "pursuit": "pursuing eye", "camera": "camera"}
 _OVERVIEW = 7
 """Maximum number of displays in the overview."""
-SHOWN = (
-    "A display shows the spikes as they come, and eyes look at it, beside ordinary displays that "
-    "show the true light."
-)
-"""What a display adds to what is simulated, for a newcomer."""
 
 
 def _middle(images: Images) -> Images:
@@ -110,7 +105,11 @@ def display_cards(shown: Shown) -> list[Card]:
         ]  # fmt: skip
     else:
         rows.append(
-            ("first", _text(shown, "total_light"), "emitted light over that of the spikes")
+            (
+                "first",
+                number(shown.run.result.metrics["total_light"].value),
+                "emitted light over that of the spikes",
+            )
         )
     if outcome.fidelity:
         rows.append(
@@ -118,6 +117,14 @@ def display_cards(shown: Shown) -> list[Card]:
              "PSNR of the image in the still eye against that of the true light" + beside("psnr"))
         )  # fmt: skip
     return [*rows, *([] if shown.camera is None else shown.camera.cards())]
+
+
+def display_simulated(shown: Shown) -> str:
+    """What a display adds to what is simulated, for a newcomer."""
+    beside = ""
+    if TRUTH in shown.outcome.images:
+        beside = ", beside ordinary displays that show the true light"
+    return f"A display shows the spikes as they come, and eyes look at it{beside}."
 
 
 def display_quality(shown: Shown) -> str:

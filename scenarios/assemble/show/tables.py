@@ -96,10 +96,7 @@ def display_rows(outcome: DisplayOutcome) -> list[list[str]]:
         views, jod = ["", ""], math.nan
         mine = display != SPIKE or probes is None or drive == probes.drive
         if mine and outcome.fidelity:
-            views = [
-                _level(outcome.fidelity_of(display, who).psnr)
-                for who in ("eye", "pursuit")
-            ]
+            views = [_level(outcome.fidelity_of(display, who).psnr) for who in ("eye", "pursuit")]
             jod = outcome.jod.get(display, math.nan)
         probed, delay = ["", "", "", ""], ""
         if probes is not None:

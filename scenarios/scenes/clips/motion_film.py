@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import PS, Block, Clock, InputError, Light, Piece, Plane
+from cosim.config.amounts import number, percent
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Points, Sketch
 from cosim.run.result import Metric
@@ -122,11 +123,11 @@ class MotionFilm(FilmSource):
             "motion_difference": Metric(course.difference, "1"),
         }
         note = (
-            f"the flows forward and backward disagree for {course.share:.2%} of the pixels, which "
-            "are interpolated linearly; elsewhere light moves by at most "
-            f"{course.longest:.3g} pixels a frame, drawn every {MOTION_STEP:g} pixel; midway "
-            f"between frames it differs from linear interpolation by {course.difference:.2g} RMS, "
-            "white = 1"
+            f"the flows forward and backward disagree for {percent(course.share)} of the pixels, "
+            "which are interpolated linearly; elsewhere light moves by at most "
+            f"{number(course.longest)} pixels a frame, drawn every {MOTION_STEP:g} pixel; midway "
+            "between frames it differs from linear interpolation by "
+            f"{number(course.difference, 2)} RMS, white = 1"
         )
         if course.cuts:
             note += f"; pairs of frames without common motion, as across a cut: {course.cuts}"

@@ -87,7 +87,9 @@ def write_snr(path: Path, cameras: list[Camera]) -> Data:
         )  # fmt: skip
         lines = [(p.reflectance, decibels(p.formula)) for p in camera.snr if p.formula]
         ax.plot(
-            *zip(*lines, strict=True), color=drawn.get_color(), linewidth=0.9,
+            *zip(*lines, strict=True),
+            color=drawn.get_color(),
+            linewidth=0.9,
             label=f"_{camera.title}, closed form",
         ) if lines else None
     ax.set_xscale("log")

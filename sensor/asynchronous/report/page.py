@@ -118,7 +118,8 @@ def _targets(judged: EventRun) -> str:
         "threshold. The estimate is the light under which all of them together are most likely, "
         "less the mean dark current; the plain mean of Q/width and of readings rounded down stands "
         "beside "
-        "it.</p>" + plot(path, "recovered against true illuminance of every patch", data)
+        "it.</p>"
+        + plot(path, "recovered against true illuminance of every patch", data)
         + table(head, rows)
     )
 

@@ -10,10 +10,10 @@ from scenarios.assemble.camera.pages.motion import motion_section
 from scenarios.assemble.camera.pages.plan import plan_section
 from scenarios.assemble.camera.pages.stream import simulated
 from scenarios.assemble.show.sections import (
-    SHOWN,
     display_cards,
     display_quality,
     display_sections,
+    display_simulated,
 )
 from scenarios.assemble.show.shown import Shown
 
@@ -41,7 +41,7 @@ def display_page(run: LatchedRun) -> Page:
         files.append("figures/plan.png")
     sections = [*body, motion_section(run.source), plan_section(run), machine(run)]
     return Page(
-        run.scenario.title, _subtitle(run, shown), f"{simulated(run)} {SHOWN}",
+        run.scenario.title, _subtitle(run, shown), f"{simulated(run)} {display_simulated(shown)}",
         display_cards(shown), sections, good="How good camera and display are together",
         quality=display_quality(shown), files=[overview, *files, clip],
     )  # fmt: skip

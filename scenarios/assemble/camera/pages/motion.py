@@ -23,9 +23,7 @@ def motion_section(source: Source) -> str:
     difference = np.abs(example.motion - example.linear)
     box = busiest_box(difference, max(64, min(source.shape) // 2))
     top = max(float(difference.max()), 1e-6)
-    linear, motion = (
-        crop(for_display(plane), box) for plane in (example.linear, example.motion)
-    )
+    linear, motion = (crop(for_display(plane), box) for plane in (example.linear, example.motion))
     share, rms = (source.metrics[f"motion_{name}"].value for name in ("linear", "difference"))
     pictures = (
         figure(linear, "linear interpolation", exact=True)

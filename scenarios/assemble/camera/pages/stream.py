@@ -227,7 +227,8 @@ def _intervals(run: LatchedRun, shot: Shot, long: _Long) -> str:
         "Huang 2022).</p>"
         + plot(
             figures / "intervals.png",
-            "light of single pixels over time: 1/ISI (bars) and true light (line)", drawn,
+            "light of single pixels over time: 1/ISI (bars) and true light (line)",
+            drawn,
         )
         + f'<div class="grid by2">{marked}</div>'
     )

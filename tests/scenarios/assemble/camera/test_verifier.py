@@ -20,6 +20,7 @@ from scenarios.assemble.schema.loading import load
 from scenarios.report import write_report
 from sensor.latched.effects.dead_time import DEAD_TIME
 from sensor.latched.effects.fixed_pattern import PRNU
+from tests.scenarios.pages import page_of
 
 LIES = {
     "reset dead time": ("sensor.dead_time=2 us", DEAD_TIME),
@@ -48,7 +49,7 @@ def test_a_false_bound_is_caught_named_and_put_back(film, tmp_path, monkeypatch,
     start = f"the run is repeated with {name} kept: its absence changes up to "
     assert sum(note.startswith(start) for note in told.notes) == 1
     assert result.error.ci[1] <= result.tolerance and result.outcome == "ok"
-    page = (folder / "report.html").read_text()
+    page = page_of(folder)
     assert start in page and "<h3>Reinstated effects</h3>" in page and "reinstated</td>" in page
     assert not (folder / "put_back.json").exists()
 
@@ -162,4 +163,4 @@ def test_an_error_that_a_looser_tolerance_refuses_is_not_ok_at_tolerance_0(
         f"tolerance={tolerance}", report=write_report,
     )  # fmt: skip
     assert result.error.ci[1] > 1e-3 and result.outcome == "degraded"
-    assert "it is the limit of the exact tier" in (folder / "report.html").read_text()
+    assert "it is the limit of the exact tier" in page_of(folder)

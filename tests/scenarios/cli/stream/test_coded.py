@@ -10,6 +10,7 @@ import pytest
 import scenarios.studies.codes.measure
 import scenarios.studies.codes.scenes
 from cosim import Clock, Viform
+from cosim.config.amounts import count, number
 from cosim.files import open_stream
 from cosim.files.npz import write_npz
 from scenarios.studies.codes import draw, markdown
@@ -26,6 +27,7 @@ from sensor.codec.size import (
     zstd_size,
 )
 from sensor.codec.stream import recode
+from tests.scenarios.pages import page_of
 
 CLOCK = Clock(40_000)
 
@@ -179,7 +181,7 @@ def test_sizes_are_those_of_the_frames_and_of_zstd(stream):
     assert metrics["size_first_spike"].value == min(sizes.line, sizes.repeat)
     assert {m.unit for m in metrics.values()} == {"bit/pixel-cycle"}
     rows = size_rows(sizes)
-    assert [row[1] for row in rows[:3]] == ["1.0000", f"{sizes.zstd:.4f}", f"{sizes.repeat:.4f}"]
+    assert [row[1] for row in rows[:3]] == ["1", number(sizes.zstd), number(sizes.repeat)]
     assert "the whole stream" in size_text(sizes)
 
 
@@ -196,9 +198,10 @@ def test_a_run_tells_the_size_of_its_stream(step_run):
     stream = open_stream(step_run.folder)
     part = sampled(stream)
     assert metrics["size_line"].value == coded_size(part, Code("line"))[0]
-    page = (step_run.folder / "report.html").read_text(encoding="utf-8")
-    assert "Size of the stream" in page and "a sample, 16384 of its 100000 pixels" in page
-    assert f"{metrics['size_zstd'].value:.4f}" in page
+    page = page_of(step_run.folder)
+    assert "Size of the stream" in page
+    assert f"a sample, {count(16_384)} of its {count(100_000)} pixels" in page
+    assert f"<td>{number(metrics['size_zstd'].value)}</td>" in page
 
 
 # The bench.

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock, Interrupted
+from cosim.config.amounts import percent
 from cosim.light.mosaic import Mosaic
 from cosim.light.survey import survey
 from cosim.run.loop import run_blocks
@@ -19,6 +20,7 @@ from scenarios.cli.output import SilentProgress
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.motion_film import MotionFilm
+from tests.scenarios.pages import page_of
 
 CLOCK = Clock(40_000)
 SHAPE = (60, 100)
@@ -191,10 +193,10 @@ def test_a_run_says_for_what_share_of_the_pixels_light_is_linear(path, viform, t
     assert answer.code == 0, answer.err
     source = MotionFilm(path, (250, 400), 700.0, CLOCK, 120)
     share = source.metrics["motion_linear"].value
-    said = f"disagree for {share:.2%} of the pixels, which are interpolated linearly"
+    said = f"disagree for {percent(share)} of the pixels, which are interpolated linearly"
     assert said in answer.err
-    page = (out / "report.html").read_text()
-    assert said in page and "<h2>Motion between frames</h2>" in page
+    page = page_of(out)
+    assert said in page and ">Motion between frames</h2>" in page
 
 
 def test_resumed_or_with_one_stage_after_another_the_bits_are_the_same(
