@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 from cosim import Clock, InputError
+from cosim.errors import quote
 from cosim.files import write_stream
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
 from scenarios.python.words import in_python
@@ -49,6 +51,11 @@ def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = Non
     Raises:
         InputError: there is no such stream, or it cannot be read.
     """
+    pair = isinstance(size, (tuple, list)) and len(size) == 2
+    if size is not None and not (pair and all(isinstance(n, Integral) and n > 0 for n in size)):
+        raise InputError(
+            "size", "(width, height) in whole pixels", quote(size), "write size=(400, 250)"
+        )
     return Stream(Path(path), size)
 
 

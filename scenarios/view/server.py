@@ -12,6 +12,7 @@ import hmac
 import html
 import json
 import secrets
+import sys
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
@@ -103,6 +104,11 @@ class ViewServer(ThreadingHTTPServer):
             f"<title>{title}</title></head><body><main><h1>{title}</h1>{explorer(given)}</main>"
             "</body></html>\n"
         ).encode()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Passes over a browser that has ended its connection, as it does while a user scrolls."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
