@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from numbers import Integral
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +51,16 @@ def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = Non
     Raises:
         InputError: there is no such stream, or it cannot be read.
     """
-    pair = isinstance(size, (tuple, list)) and len(size) == 2
-    if size is not None and not (pair and all(isinstance(n, Integral) and n > 0 for n in size)):
+    given: Any = size
+    try:
+        pair = None if given is None else tuple(map(index, given))
+    except TypeError:
+        pair = ()
+    if pair is not None and (len(pair) != 2 or min(pair) < 1):
         raise InputError(
-            "size", "(width, height) in whole pixels", quote(size), "write size=(400, 250)"
+            "size", "(width, height) in whole pixels", quote(given), "write size=(400, 250)"
         )
-    return Stream(Path(path), size)
+    return Stream(Path(path), pair)
 
 
 def as_stream(given: Any) -> SpikeStream:
