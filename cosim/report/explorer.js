@@ -334,6 +334,7 @@ class Explorer {
     if (!Number.isFinite(cycle)) return;
     this.at = Math.min(Math.max(Math.round(cycle), first), stop - 1);
     this.scrub.value = this.number.value = this.at;
+    if (this.playing) this.restart();  // goes on from here
     this.draw();
   }
 
@@ -344,14 +345,15 @@ class Explorer {
     let begun = performance.now(), from = this.at >= this.given.stop - 1 ? this.given.first : this.at;
     const step = async (now) => {
       if (!this.playing) return;
-      const cycle = from + ((now - begun) / 1000) * this.given.hz / Number(this.speed.value);
+      const cycle = from + (Math.max(now - begun, 0) / 1000) * this.given.hz / Number(this.speed.value);
       if (cycle >= this.given.stop - 1) this.toggle();
       this.at = Math.min(Math.floor(cycle), this.given.stop - 1);
       this.scrub.value = this.number.value = this.at;
       await this.draw();
       requestAnimationFrame(step);
     };
-    this.speed.onchange = () => { begun = performance.now(); from = this.at; };
+    this.restart = () => { begun = performance.now(); from = this.at; };
+    this.speed.onchange = this.restart;
     requestAnimationFrame(step);
   }
 

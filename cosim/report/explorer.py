@@ -110,7 +110,7 @@ def explorer_part(
         word = stream.read_words(first // WORD + k, first // WORD + k + 1)[0]
         for (y0, y1, x0, x1), n, into in zip(boxes, steps, words, strict=False):
             into[k] = word[y0:y1:n, x0:x1:n]
-    every = "whole chip" if step == 1 else f"whole chip, every {step}th pixel"
+    every = "whole chip" if step == 1 else f"whole chip, one pixel of {step} x {step}"
     names = [every, f"{side} x {side} pixels, all"]
     with ThreadPoolExecutor(2) as pool:  # zlib releases the interpreter
         made = [

@@ -24,9 +24,9 @@ REINSTATED = "put_back.json"
 _GIB = 2**30
 
 
-def output_folder(name: str, out: Path | None, resume: bool) -> Path:
+def output_folder(name: str, out: Path | None, resume: bool, *, goes_on: bool = True) -> Path:
     """The folder of a run: `out`, or else the first free runs/<name>-<n>. It is not created
-    here."""
+    here. goes_on: whether the command has --resume, for the message."""
     if out is None:
         if resume:
             raise InputError("--resume", "given with --out", "alone", "add --out and the folder")
@@ -39,8 +39,9 @@ def output_folder(name: str, out: Path | None, resume: bool) -> Path:
             raise InputError("--out", "a folder", f"the file {out}", "choose another name")
         if out.is_dir() and any(out.iterdir()) and not resume:
             raise InputError(
-                "--out", "a new or empty folder", str(out), "choose another, or add --resume"
-            )
+                "--out", "a new or empty folder", str(out),
+                "choose another, or add --resume" if goes_on else "choose another",
+            )  # fmt: skip
     except OSError as exc:
         raise _bad_out(out, exc) from exc
     return out
@@ -116,9 +117,9 @@ def claim_folder(
         name: short name of the scenario.
         out: folder; runs/<name>-<n> if None.
         resume: whether the run continues in the folder of an interrupted run.
-        goes_on: whether the command has --resume, for the message about a full disk.
+        goes_on: whether the command has --resume, for messages.
     """
-    folder = output_folder(name, out, resume)
+    folder = output_folder(name, out, resume, goes_on=goes_on)
     while True:
         new = not folder.exists()
         try:

@@ -118,9 +118,18 @@ class Sliceable:
         return self.cycles
 
     def between(self: SpikeStream, start_s: float, stop_s: float) -> Viform:
-        """The cycles that begin from `start_s` until `stop_s`, s after the first latch."""
-        first, stop = (round(at * self.clock.hz) for at in (start_s, stop_s))
-        return part_of(self, slice(first, stop))
+        """The cycles that begin from `start_s` until `stop_s`, s after the first latch; times
+        before the first cycle or after the last are taken as those. Raises InputError if no cycle
+        begins in between."""
+        if start_s < stop_s:  # neither is NaN
+            ends = (min(max(at * self.clock.hz, 0), self.cycles) for at in (start_s, stop_s))
+            first, stop = map(round, ends)
+            if first < stop:
+                return part_of(self, slice(first, stop))
+        raise InputError(
+            "times", f"a part of 0 to {self.cycles / self.clock.hz:g} s of a cycle or more",
+            f"{start_s:g} to {stop_s:g} s", "change them",
+        )  # fmt: skip
 
     def planes(self: SpikeStream) -> npt.NDArray[np.uint8]:
         """(T, H, W) uint8 of 0 and 1, in memory."""
@@ -189,7 +198,10 @@ def _bounds(name: str, given: Any, size: int) -> tuple[int, int]:
         raise InputError(name, "a slice without a step, or an index", repr(given), "change it")
     first, stop, _ = part.indices(size)
     if stop <= first:
-        raise InputError(name, f"a part of 0:{size}", repr(given), "change it")
+        text = f"{part.start}:{part.stop}".replace("None", "")
+        raise InputError(
+            name, f"a part of 0:{size}", text if part is given else repr(given), "change it"
+        )
     return first, stop
 
 

@@ -63,6 +63,11 @@ def write_clip(frames: Iterable[npt.ArrayLike], path: Path, frame_rate: float) -
     if not isinstance(frames, Iterable):
         raise InputError("frames", "arrays (H, W)", type(frames).__name__, "give frames or a path")
     rest = iter(frames)
+    if isinstance(frames, np.ndarray) and frames.ndim < 3:
+        raise InputError(
+            "frames", "an array (T, H, W) or (T, H, W, 3), or a list of frames", f"{frames.shape}",
+            "give one frame as frames[None]",
+        )  # fmt: skip
     first = next(rest, None)
     if first is None:
         raise InputError("the clip", "one frame or more", "none", "give frames")

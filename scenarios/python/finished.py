@@ -23,12 +23,23 @@ class Run:
     """The folder of a complete run.
 
     Attributes:
-        folder: of the run.
+        folder: of the run; a text becomes a path.
         notes: lines that the command line would print.
+
+    Raises:
+        InputError: the folder holds no complete run.
     """
 
     folder: Path
     notes: tuple[str, ...] = field(default=(), compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "folder", Path(self.folder))
+        if not (self.folder / "result.json").is_file():
+            raise InputError(
+                "the run", "a folder with a result.json", f"{self.folder}",
+                "check the path, or resume the run",
+            )  # fmt: skip
 
     @cached_property
     def result(self) -> dict[str, Any]:
@@ -62,8 +73,11 @@ class Run:
     def stream(self) -> Stream:
         """The stream of the run. Raises InputError if it was not kept."""
         if "stream" not in self.streams:
-            kept = ", ".join(self.streams) or "none"
-            raise InputError("the run", "one with a stream.zarr", f"streams: {kept}", "see streams")
+            kept = ", ".join(f"{name}.zarr" for name in self.streams)
+            raise InputError(
+                "the run", "one with a stream.zarr", f"one with {kept}" if kept else "one without",
+                "take it from Run.streams" if kept else "run a scenario of a spike camera",
+            )  # fmt: skip
         return self.streams["stream"]
 
     @cached_property

@@ -8,11 +8,13 @@ from operator import index
 import numpy as np
 import numpy.typing as npt
 
+from cosim import InputError
+from cosim.errors import quote
 from cosim.spikes.viform import SpikeStream
 from scenarios.assemble.dim_of_run import dim_of_run
 from scenarios.python.streams import Stream, as_stream
 from scenarios.python.words import in_python
-from sensor.reconstruct import isi, tau_levels
+from sensor.reconstruct import METHODS, isi, tau_levels
 from sensor.reconstruct import reconstruct as image_of
 from sensor.reconstruct.intervals import interval_span
 
@@ -40,7 +42,14 @@ def reconstruct(
     Raises:
         InputError: another method, or an instant or window that the stream does not have.
     """
-    opened, cycle = as_stream(stream), index(at)
+    opened = as_stream(stream)
+    try:
+        cycle = index(at)
+    except TypeError:
+        raise InputError("at", "the number of a cycle", quote(at), "round it") from None
+    names = (*METHODS, "tau")
+    if method not in names:
+        raise InputError("method", f"one of {', '.join(names)}", quote(method), "choose one")
     if method == "tau":
         span = interval_span(opened, cycle, window, preceding=preceding)
         return tau_levels(isi(opened, cycle, span)).astype(np.float32)

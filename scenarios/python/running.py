@@ -27,7 +27,7 @@ def source_file(out: str | os.PathLike[str] | None, folder: str, ending: str) ->
     in use."""
     if out is None:
         return Path(folder) / f"source{ending}"
-    output_folder("run", Path(out), resume=False)
+    output_folder("run", Path(out), resume=False, goes_on=False)
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     return Path(f"{os.fspath(out).rstrip('/')}{ending}")
 

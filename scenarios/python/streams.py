@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from operator import index
 from pathlib import Path
 from typing import Any
 
 from cosim import Clock, InputError
+from cosim.errors import quote
 from cosim.files import write_stream
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
 from scenarios.python.words import in_python
@@ -49,7 +51,16 @@ def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = Non
     Raises:
         InputError: there is no such stream, or it cannot be read.
     """
-    return Stream(Path(path), size)
+    given: Any = size
+    try:
+        pair = None if given is None else tuple(map(index, given))
+    except TypeError:
+        pair = ()
+    if pair is not None and (len(pair) != 2 or min(pair) < 1):
+        raise InputError(
+            "size", "(width, height) in whole pixels", quote(given), "write size=(400, 250)"
+        )
+    return Stream(Path(path), pair)
 
 
 def as_stream(given: Any) -> SpikeStream:

@@ -12,6 +12,7 @@ import hmac
 import html
 import json
 import secrets
+import sys
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
@@ -99,6 +100,11 @@ class ViewServer(ThreadingHTTPServer):
         sections = f"<h2>Images and spikes</h2>{explorer(given)}"
         head = f"<h1>{html.escape(opened.title)}</h1>"
         return whole_page(opened.title, head, sections, policy=_POLICY).encode()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Passes over a browser that has ended its connection, as it does while a user scrolls."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -105,9 +105,11 @@ def pattern_parameters(
         )  # fmt: skip
         out += _separated(fit, common, dark_rate, fit.dark_spread, hertz, whence)
     if fit.dead is None:
+        interval = 1 / (float(fit.light.max()) + (dark_rate or 0.0))  # without dead time: measured
         out.append(Parameter(
-            "dead_time", "dead time", None, (0.0, 1 / hertz), "s", False,
-            "at one light level it scales the rate as the light does",
+            "dead_time", "dead time", None, (0.0, interval / hertz), "s", False,
+            "at one light level it scales the rate as the light does; it is not longer than the "
+            f"mean interval, {interval:.3g} cycles",
             "a second flat, several times brighter: --flat A.dat --flat B.dat",
         ))  # fmt: skip
         return out

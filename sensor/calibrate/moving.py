@@ -57,11 +57,13 @@ def moving_parameters(trains: Trains) -> list[Parameter]:
         "dsnu", "DSNU, relative to the dark current", None, (None, None), "1", False, _WHY,
         "a recording with the lens capped: --dark D.dat",
     ))  # fmt: skip
-    shortest = float(np.min(trains.intervals[trains.spikes > 2], initial=1.0))
+    shortest = _shortest(trains)
     out.append(Parameter(
-        "dead_time", "dead time", None, (0.0, shortest / trains.clock.hz), "s", False,
-        "an interval is not shorter than the dead time; the shortest mean of a pixel is "
-        f"{shortest:.3g} cycles", "two flats of different light: --flat A.dat --flat B.dat",
+        "dead_time", "dead time", None,
+        (0.0, None if shortest is None else shortest / trains.clock.hz), "s", False,
+        "the dead time is not longer than an interval; the least mean of a pixel, with the "
+        f"rounding of the latch, is {'?' if shortest is None else format(shortest, '.3g')} cycles",
+        "two flats of different light: --flat A.dat --flat B.dat",
     ))  # fmt: skip
     silent, stuck = int((trains.spikes == 0).sum()), int((trains.spikes >= trains.cycles).sum())
     out.append(Parameter(
@@ -99,6 +101,15 @@ def _most_noise(trains: Trains) -> float:
         error = float(np.sqrt(((off - value * weight) ** 2).sum())) / float(weight.sum())
         limits.append(float(np.sqrt(max(value + 2 * error, 1e-12))))
     return min(limits)
+
+
+def _shortest(trains: Trains) -> float | None:
+    """Least mean interval of a pixel, cycles, with the rounding of its first and last spike by up
+    to one cycle; None without two spikes in a pixel."""
+    used = trains.spikes > 1
+    if not used.any():
+        return None
+    return float((trains.intervals[used] + 1 / (trains.spikes[used] - 1)).min())
 
 
 def _dimmest(trains: Trains) -> float:

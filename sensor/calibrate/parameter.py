@@ -49,13 +49,16 @@ class Parameter:
 
     @property
     def text(self) -> str:
-        """Value and limits for a table."""
+        """Value and limits for a table; "" without either."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         value = self.value if isinstance(self.value, str) else _text(self.value)
         low, high = self.ci
-        if low is None and high is None:
-            return f"{value}{unit}"
-        return f"{value}{unit}, {_text(low)} to {_text(high)}"
+        if self.value is not None:
+            limits = "" if low is high is None else f", {_text(low)} to {_text(high)}"
+            return f"{value}{unit}{limits}"
+        if high is None:
+            return "" if low is None else f"at least {_text(low)}{unit}"
+        return f"{f'{_text(low)} to' if low else 'at most'} {_text(high)}{unit}"
 
 
 def _text(value: float | None) -> str:

@@ -38,7 +38,9 @@ def reset_rule(trains: Trains, good: npt.NDArray[np.bool_], squared: float) -> P
     variance = np.maximum(squared, 0.0) * mean**2
     two, one = latched_variance(2 * mean, 2 * variance), latched_variance(mean, variance)
     expected = number * (two - 2 * one) / 2
-    return _decided(products[used], expected, "covariance", "constant light at 0.2 to 0.6")
+    return _decided(
+        products[used], expected, "successive intervals", "constant light at 0.2 to 0.6"
+    )
 
 
 def moving_reset_rule(trains: Trains) -> Parameter:
@@ -55,8 +57,8 @@ def moving_reset_rule(trains: Trains) -> Parameter:
     used = (mean > 2) & (mean < 8) & (trains.spikes > 8)
     products, number = trains.differences(used)
     return _decided(
-        products[used], number[used] / 12, "covariance of every other difference",
-        "light at 0.2 to 0.5",
+        products[used], number[used] / 12, "every other difference of intervals",
+        "slower motion, at 0.2 to 0.5",
     )  # fmt: skip
 
 
@@ -70,7 +72,7 @@ def _decided(got: Values, expected: Values, what: str, remedy: str) -> Parameter
     known = error < _CLEAR and not low < 0.5 < high
     return Parameter(
         "reset", "reset rule", rule if known else None, (None, None), "1", known,
-        f"intervals have {share:.2f} +- {2 * error:.2f} of the {what} that a carried residual "
-        "gives; subtract is residual below one threshold a cycle",
+        f"the covariance of {what} is {share:.2f} +- {2 * error:.2f} of that by a carried "
+        "residual, 0 without one; below one threshold a cycle subtract is residual",
         "" if known else f"{remedy} spikes a cycle",
     )  # fmt: skip

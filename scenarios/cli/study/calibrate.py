@@ -51,7 +51,8 @@ def calibrate(
     from sensor.calibrate.page import write_calibration
     from sensor.codec.files import open_any
 
-    output_folder("calibrate", out, False)  # a folder that is taken is refused before the work
+    # A folder that is taken is refused before the work.
+    output_folder("calibrate", out, False, goes_on=False)
     stated = None
     if clock is not None:
         try:
@@ -109,10 +110,10 @@ def _text(result: Calibration, document: dict[str, Any], folder: Path) -> str:
     unknown = [p for p in result.parameters.values() if not p.known]
     lines = [f"{name}: {role}" for name, role in result.roles.items()]
     lines += ["", "known, with limits of 95 %"]
-    lines += [f"  {p.title:<64}{p.text}" for p in known]
+    lines += [f"  {p.title:<64}{p.text}" for p in known] or ["  nothing"]
     lines += ["", "not known, and why"]
     for p in unknown:
-        limits = "" if p.ci == (None, None) else f" [{p.text}]"
+        limits = f", {p.text}" if p.text else ""
         lines.append(f"  {p.title}{limits}: {p.why}; {p.remedy}")
     if result.histograms:
         lines += ["", "what does not fit"]
@@ -122,4 +123,6 @@ def _text(result: Calibration, document: dict[str, Any], folder: Path) -> str:
     lines.append(f"{folder / 'report.html'}")
     if "camera.toml" in document["files"]:
         lines.append(f"viform run film --set sensor.preset={preset}")
+    else:
+        lines.append("no camera.toml: it takes the temporal noise, which is not known")
     return "\n".join(lines)

@@ -73,7 +73,7 @@ def run_compare(
             "duration", f"10 ms to {LONGEST:g} s in a comparison", f"{seconds:g} s", "change it"
         )
     instant = round(AT * seconds_to_ps(seconds))
-    place = output_folder(f"compare-{comparison.name}", out, False)
+    place = output_folder(f"compare-{comparison.name}", out, False, goes_on=False)
     check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * comparison.spike.sensor.clock))
     with claim_folder(f"compare-{comparison.name}", out, False, goes_on=False) as folder:
         cameras, lens, truth = film_spikes(

@@ -13,6 +13,7 @@ from typing import Any
 
 from cosim import InputError, Interrupted
 from cosim.run.folder import claim_folder, how_to_resume
+from cosim.run.inputs import digest
 from cosim.run.progress import Progress
 from scenarios.studies.batch.folder import begin_batch, read_document
 from scenarios.studies.batch.workers import run_jobs
@@ -142,11 +143,15 @@ def _make(
 
 
 def _is_there(item: Item, places: Places) -> bool:
-    """Whether an item is complete: its document states the sums of its files."""
+    """Whether an item is complete: its document states the sums of its files, and that of its clip
+    if that is still there."""
     path = places.document(item)
     if not path.is_file():
         return False
     document = read_document(path, "dataset")
+    clip = getattr(item.scenario.scene, "path", None)
+    if clip is not None and digest(clip) not in (None, document["source_sha256"]):
+        return False
     return all(
         (places.folder / name).is_file() and digest_of(places.folder / name) == digest
         for name, digest in document["files"].items()

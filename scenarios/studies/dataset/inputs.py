@@ -48,11 +48,13 @@ class CameraChoice:
         label: short name for files.
         chip: preset that replaces the chip of the scenario; None to keep it.
         section: a whole [sensor]; None to keep that of the scenario.
+        given: as the user named it; "" for that of the scenario.
     """
 
     label: str
     chip: str | None = None
     section: dict[str, Any] | None = None
+    given: str = ""
 
 
 def _label(text: str) -> str:
@@ -120,7 +122,7 @@ def read_cameras(names: Sequence[str]) -> list[CameraChoice]:
 
 def _camera(name: str) -> CameraChoice:
     if name in CHIPS:
-        return CameraChoice(_label(name), chip=name)
+        return CameraChoice(_label(name), chip=name, given=name)
     path = Path(name)
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -136,4 +138,4 @@ def _camera(name: str) -> CameraChoice:
     section = data.get("sensor")
     if not isinstance(section, dict):
         raise InputError("--camera", "a TOML file with a [sensor]", f"{path}", "add the section")
-    return CameraChoice(_label(path.stem), section=section)
+    return CameraChoice(_label(path.stem), section=section, given=name)

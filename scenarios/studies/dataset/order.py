@@ -146,10 +146,15 @@ class Order:
         if camera.chip is not None:
             given.insert(0, f"sensor.chip={camera.chip}")
         sections = None if camera.section is None else {"sensor": camera.section}
-        _, scenario = load(
-            source.scenario, given, tolerance=self.tolerance, seed=self._number(_NOISE, number),
-            sections=sections,
-        )  # fmt: skip
+        try:
+            _, scenario = load(
+                source.scenario, given, tolerance=self.tolerance,
+                seed=self._number(_NOISE, number), sections=sections,
+            )  # fmt: skip
+        except InputError as exc:
+            place = f"{source.given}, camera {camera.given}" if camera.given else source.given
+            what = f"{exc.what} in {place}"
+            raise InputError(what, exc.must, exc.actual, exc.remedy) from exc
         latched = _latched(filmed(scenario, "dataset"), source.given)
         if "layout" in type(latched.scene).model_fields and not any(
             key == "scene.layout" for key in (*map(_key, given),)

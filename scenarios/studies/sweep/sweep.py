@@ -15,8 +15,9 @@ from typing import Any
 
 from cosim import InputError, Interrupted
 from cosim.run.folder import how_to_resume, room_for
+from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
-from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
 from scenarios.studies.batch.folder import begin_batch, read_document, write_document
@@ -72,8 +73,8 @@ class Sweep:
 
 
 def _identity(scenario: AnyScenario) -> str:
-    """Digest of a scenario."""
-    return hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()
+    """Digest of a scenario and of the files that it names."""
+    return hashlib.sha256(add_digests(to_toml(scenario)).encode()).hexdigest()
 
 
 def run_sweep(

@@ -52,6 +52,7 @@ def test_a_large_stream_is_thinned_and_has_a_square(monkeypatch: pytest.MonkeyPa
     page = given(explorer_part(spikes, 32, 0.6, 41, Truths([0, 32, 63], planes)))
     whole, square = page["views"]
     step = whole["step"]
+    assert whole["name"] == "whole chip, one pixel of 5 x 5"
     assert step == 5 and whole["width"] * whole["height"] * 64 <= 64 * 100
     assert (square["x"], square["y"], square["width"], square["height"]) == (30, 20, 7, 7)
     words = unpacked(whole["data"], "<u4").reshape(whole["height"], whole["width"], 2)

@@ -103,6 +103,11 @@ def test_a_stream_is_sliced_by_time_and_place(tmp_path: Path) -> None:
         assert (corner.planes() == planes[40:-7, 2:5, -3:]).all()
         assert (stream[-1].planes() == planes[-1:]).all()
         assert stream.between(1e-3, 2e-3) == stream[40:80]
+        assert stream.between(-1e-3, 1e-3) == stream[:40]
+        assert stream.between(3e-3, float("inf")) == stream[120:]
+        for times in ((2e-3, 1e-3), (1, 2), (-2, -1), (0, float("nan"))):
+            with pytest.raises(viform.InputError, match="times must be a part of 0 to"):
+                stream.between(*times)
         assert np.allclose(stream.rate(), planes.mean(axis=0))
         assert "150 cycles at 40 kHz (3.75 ms), 9 x 6 pixels" in repr(stream)
         assert len(stream) == 150 and (stream.planes() == planes).all()
@@ -115,7 +120,7 @@ def test_a_stream_is_sliced_by_time_and_place(tmp_path: Path) -> None:
     [
         (slice(0, 10, 2), "cycles must be a slice without a step"),
         (150, "cycles must be a part of 0:150"),
-        ((slice(None), slice(4, 4)), "rows must be a part of 0:6"),
+        ((slice(None), slice(4, 4)), "rows must be a part of 0:6, not 4:4"),
         ((0, 0, "a"), "columns must be a slice without a step, or an index"),
     ],
 )
@@ -152,6 +157,15 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         ),
         "a part must be cycles, rows, columns": lambda: stream[0, 0, 0, 0],
         "the stream must be a file that exists": lambda: viform.open("nothing.npz"),
+        "size must be .width, height. in whole pixels": lambda: viform.open(
+            "nothing.dat", size="9x6"
+        ),
+        "frames must be an array .T, H, W.": lambda: viform.film(frames()[0, ..., 0], frame_rate=9),
+        "at must be the number of a cycle": lambda: viform.reconstruct(stream, 5.5),
+        "^method must be one of tfp, tfi, tfstp, motion-tfp, tau": lambda: viform.reconstruct(
+            stream, 5, "255"
+        ),
+        "the run must be a folder with a result.json": lambda: viform.Run("nothing"),
     }
     for says, call in calls.items():
         with pytest.raises(viform.InputError, match=says):
@@ -200,3 +214,11 @@ def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:
     before = (out / "result.json").stat().st_mtime_ns
     again = viform.run("film", out=out, tolerance=1e-2, duration="2 ms", resume=True, **SMALL)
     assert again == done and (out / "result.json").stat().st_mtime_ns == before
+    assert viform.Run(str(out)) == done
+
+
+def test_what_is_in_memory_is_not_resumed(tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "a").touch()
+    with pytest.raises(viform.InputError, match=r"not .*full; choose another$"):
+        viform.send(b"bytes", out=tmp_path / "full")

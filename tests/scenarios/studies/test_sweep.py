@@ -6,6 +6,7 @@ import errno
 import json
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,22 @@ def test_only_what_is_missing_is_run_again(tmp_path: Path, monkeypatch: pytest.M
         swept(small("sensor.threshold=500 e,600 e"), folder, resume=True)
     assert results(swept(sweep, folder, resume=True)) == results(whole)
     assert ran == [0, 1, 2]
+
+
+def test_a_sweep_does_not_go_on_with_another_clip(
+    tmp_path: Path, make_clip: Callable[..., Path]
+) -> None:
+    frames = np.random.default_rng(1).integers(0, 256, (4, 40, 56), dtype=np.uint8)
+    clip = make_clip(tmp_path / "clip.mkv", frames, rate=1000)
+    sweep = Sweep(
+        "film", (read_axis("sensor.threshold=500 e,600 e"),), (*SMALL, f"scene.path={clip}"),
+        tolerance=1e-2,
+    )  # fmt: skip
+    swept(sweep, tmp_path / "s")
+    swept(sweep, tmp_path / "s", resume=True)
+    make_clip(clip, frames[::-1], rate=1000)
+    with pytest.raises(InputError, match=r"--resume must be the sweep that .* holds, not another"):
+        swept(sweep, tmp_path / "s", resume=True)
 
 
 def test_an_interrupt_within_a_point_says_how_the_sweep_goes_on(

@@ -150,6 +150,17 @@ def test_bad_parameters_are_refused_in_one_line(server: ViewServer, query: str) 
     assert data(server, "rates", at=1, method="tfp", window=1)  # it goes on
 
 
+@pytest.mark.parametrize("error", [ConnectionResetError, BrokenPipeError, KeyError])
+def test_a_browser_that_leaves_says_nothing(
+    server: ViewServer, error: type[Exception], capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        raise error("here")
+    except Exception:
+        server.handle_error(None, ("127.0.0.1", 1))
+    assert ("Traceback" in capsys.readouterr().err) == (error is KeyError)
+
+
 def test_a_stream_without_a_run_has_no_light(tmp_path: Path) -> None:
     write_zarr(stream(), tmp_path / "a.zarr")
     opened = open_run(tmp_path / "a.zarr")

@@ -111,6 +111,15 @@ def test_a_dark_recording_without_spikes_is_a_limit() -> None:
     assert current.ci[1] == pytest.approx(3.689 / (32 * 48 * 0.025), rel=1e-3)
 
 
+def test_one_flat_limits_the_dead_time_by_its_intervals() -> None:
+    truth = replace(a_camera(dark=0.0, dsnu=0.0), dead_time=20e-6)  # 0.8 cycles
+    stream = truth.record(0.25, 1000, 1)
+    found = calibrate(Recording("flat", stream)).parameters["dead_time"]
+    assert not found.known and found.holds(truth.dead_time)
+    # The rate has a spike less, or a part of one, at each end of 25 ms.
+    assert found.ci[1] == pytest.approx(1 / stream.rate().mean() / 40_000, rel=0.01)
+
+
 def test_a_hard_reset_is_named() -> None:
     truth = a_camera()
     flat = Recording("flat", truth.record(0.37, 2000, 1, reset="hard"))

@@ -58,13 +58,13 @@ def refuse_bands(scenario: Scenario) -> None:
     """Raises InputError for a camera whose rows cannot be simulated apart."""
     sensor = scenario.sensor
     for key, given, why in (
-        ("sensor.sub_threshold", sensor.sub_threshold is not None, "the charge is in the workers"),
+        ("sensor.sub_threshold", sensor.sub_threshold is not None, "charge stays in the workers"),
         ("a [link]", scenario.link is not None, "its camera follows the sender"),
         ("sensor.source", sensor.source is not None, "a board has all rows"),
     ):
         if given:
             raise InputError(
-                "--workers and --scheduler", f"given without {key}", f"with it, and {why}",
+                "--workers and --scheduler", f"given without {key}", f"with it, because {why}",
                 "leave one out",
             )  # fmt: skip
 

@@ -76,7 +76,21 @@ def test_bad_input_ends_in_one_line(refused, tmp_path):
     full = tmp_path / "full"
     full.mkdir()
     (full / "x").touch()
-    assert "--out must be" in refused("calibrate", a, "--out", full)
+    said = refused("calibrate", a, "--out", full)
+    assert "--out must be" in said and said.rstrip().endswith("choose another")
+
+
+def test_what_one_moving_recording_cannot_tell(viform, tmp_path):
+    # Spikes in every second cycle, later in every fourth.
+    cycle = np.arange(640)[:, None, None] + np.zeros((1, 8, 8), int)
+    planes = np.where(cycle < 320, cycle % 2 == 0, cycle % 4 == 0).astype(np.uint8)
+    write_stream(Viform.from_planes(planes, Clock(40_000)), tmp_path / "a.npz")
+    code, out, err = viform("calibrate", tmp_path / "a.npz", "--out", tmp_path / "o")
+    assert code == 0, err
+    assert "no camera.toml: it takes the temporal noise" in out
+    found = json.loads((tmp_path / "o/result.json").read_text())["parameters"]["dead_time"]
+    # 240 spikes from cycle 0 to cycle 636: the mean interval, with a cycle of rounding.
+    assert found["ci"] == [0, pytest.approx((636 + 1) / 239 / 40_000)]
 
 
 @pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here: public recording of a scene")

@@ -351,6 +351,11 @@ def test_a_clip_that_is_none_is_left_out_in_one_line(
     make_clip(clips / "bad.mkv", frames[::-1], rate=1000)
     assert viform("dataset", clips, *words, "--resume").code == 0
     assert len(api.SpikeDataset(tmp_path / "d")) == 4
+    # Items of a clip that has changed since are made again.
+    make_clip(clips / "good.mkv", frames[:, ::-1], rate=1000)
+    assert viform("dataset", clips, *words, "--resume").code == 0
+    again = documents(tmp_path / "d")["0001-good-plain"]
+    assert again["source_sha256"] == hashlib.sha256((clips / "good.mkv").read_bytes()).hexdigest()
 
 
 def test_several_sizes_have_a_folder_each(tmp_path: Path) -> None:
@@ -447,6 +452,7 @@ def test_without_pytorch_one_line_says_so(whole: Path, monkeypatch: pytest.Monke
         (("objects", "--workers", "0"), "--workers must be 1 to 1024"),
         (("objects", "--set", "seed=3"), "seed must be given by --seed"),
         (("objects", "--vary", "scene.speeed=1:2"), "scene.speeed"),
+        (("objects", "star", "--vary", "scene.speed=1:2"), "scene.speed in star must be"),
         (("objects", "--vary", "scene.speed=1:2", "--vary", "scene.speed=1:3"), "a key once"),
         (("objects", "--set", "sensor.width=13"), "must be a multiple of 8"),
         (("objects", "--set", "sensor.readout=asynchronous"), "must be synchronous"),
@@ -459,6 +465,12 @@ def test_what_cannot_be_made_is_refused_and_nothing_is_written(
     said = refused("dataset", *words, "--out", tmp_path / "d")
     assert says in said
     assert not (tmp_path / "d").exists()
+
+
+def test_an_error_names_its_camera(tmp_path: Path, refused: Callable[..., str]) -> None:
+    (tmp_path / "mine.toml").write_text("[sensor]\nwidth = 96\nheight = 64\n")
+    said = refused("dataset", "star", "--camera", tmp_path / "mine.toml", "--out", tmp_path / "d")
+    assert f"sensor.threshold in star, camera {tmp_path / 'mine.toml'} must be given" in said
 
 
 def test_the_example_of_the_documentation_runs(
