@@ -116,7 +116,8 @@ def _scene(path: Path, stream: SpikeStream) -> tuple[str, int, Source | None, li
         setup = set_up_camera(scenario, "numba")
         source = setup.source()
     except InputError as exc:
-        return path.parent.name, PLAYED, None, [f"without true light: {exc}"]
+        why = "the run has no scene" if "[scene]" in str(exc) else str(exc)
+        return path.parent.name, PLAYED, None, [f"without true light: {why}"]
     if setup.mosaic is not None or setup.shape != stream.shape:
         note = "without true light: that of a colour filter array is not shown"
         return scenario.title, scenario.image.window, None, [note]
