@@ -107,7 +107,7 @@ class SoftBlocks(Blocks):
         if not self.interleave:
             return used.reshape(self.words, -1)
         out = np.empty((self.words, self.code.word_bits), np.int8)
-        gather_words(used.reshape(-1, self.words), self.order, out)
+        gather_words(used.reshape(-1, self.words), self.order, out.view(np.uint64))
         return out
 
     def cells_of(self, wrong: npt.NDArray[Any]) -> npt.NDArray[np.int64]:

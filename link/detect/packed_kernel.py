@@ -8,10 +8,14 @@ parallelises these loops fully only for plain array arguments.
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
+from typing import Any, Final
 
 import numpy as np
-from numba import njit, prange
+from llvmlite import ir
+from numba import njit, prange, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
 from cosim.compute.cores import all_cores
 from link.detect.counting import CONTEXT, PART, STEEP, WIDE, pattern_of, place_of
@@ -39,6 +43,57 @@ def _either(a, b, most):  # type: ignore[no-untyped-def]
     Written without a branch, so that it is vectorised.
     """
     return max(a, b) + max(most - STEEP * abs(a - b), _ZERO)
+
+
+def _adder(lanes: int) -> Callable[..., Any]:
+    """Returns a compiled function that adds up entries of `lanes` words, in one vector.
+
+    Its arguments are those of `_add_up`, `low` the bits by which the window is late. It returns the
+    `lanes` sums. numba does not join the additions of neighbours to vectors.
+    """
+
+    def typed(context, table, law, window, low, mask, zero):  # type: ignore[no-untyped-def]
+        def build(context, builder, signature, given):  # type: ignore[no-untyped-def]
+            word = ir.IntType(64)
+            many, null = ir.VectorType(word, lanes), ir.Constant(word, 0)
+            entries, laws, windows = (
+                context.make_array(kind)(context, builder, value).data
+                for kind, value in zip(signature.args[:3], given[:3], strict=True)
+            )
+            low, mask, zero = given[3:]
+            total = ir.Constant(many, ir.Undefined)
+            for lane in range(lanes):
+                total = builder.insert_element(total, zero, ir.Constant(ir.IntType(32), lane))
+            before = builder.basic_block
+            head, body, end = (builder.append_basic_block(name) for name in ("head", "body", "end"))
+            builder.branch(head)
+            builder.position_at_end(head)
+            k, sums = builder.phi(word), builder.phi(many)
+            k.add_incoming(null, before)
+            sums.add_incoming(total, before)
+            entry = builder.load(builder.gep(laws, [k]))
+            last = builder.icmp_unsigned("==", entry, ir.Constant(word, int(_END)))
+            builder.cbranch(last, end, body)
+            builder.position_at_end(body)
+            spikes = builder.lshr(builder.load(builder.gep(windows, [k])), low)
+            place = builder.gep(entries, [builder.add(entry, builder.and_(spikes, mask))])
+            words = builder.load(builder.bitcast(place, many.as_pointer()), align=8)
+            k.add_incoming(builder.add(k, ir.Constant(word, 1)), body)
+            sums.add_incoming(builder.add(sums, words), body)
+            builder.branch(head)
+            builder.position_at_end(end)
+            each = [
+                builder.extract_element(sums, ir.Constant(ir.IntType(32), lane))
+                for lane in range(lanes)
+            ]
+            return cgutils.pack_array(builder, each)
+
+        return types.UniTuple(types.uint64, lanes)(table, law, window, low, mask, zero), build
+
+    return intrinsic(typed)
+
+
+_add_two, _add_four = _adder(2), _adder(4)
 
 
 @njit(cache=True)
@@ -73,27 +128,16 @@ def _add_up(  # type: ignore[no-untyped-def]
                 # Times `group`, so that a pattern is the index of an entry.
                 window[k] = (both >> late[k]) << times
                 k += one
-        low, k = np.uint64(bit & 31), np.uint64(0)
-        a, b, c, d = zero, zero, zero, zero
+        low = np.uint64(bit & 31)
         if group == 4:
-            while law[k] != _END:
-                entry = law[k] + ((window[k] >> low) & mask)
-                a += table[entry]
-                b += table[entry + one]
-                c += table[entry + two]
-                d += table[entry + three]
-                k += one
+            a, b, c, d = _add_four(table, law, window, low, mask, zero)
             sums[n], sums[n + one], sums[n + two], sums[n + three] = a, b, c, d
             n += four
         elif group == 2:
-            while law[k] != _END:
-                entry = law[k] + ((window[k] >> low) & mask)
-                a += table[entry]
-                b += table[entry + one]
-                k += one
-            sums[n], sums[n + one] = a, b
+            sums[n], sums[n + one] = _add_two(table, law, window, low, mask, zero)
             n += two
         else:
+            a, k = zero, np.uint64(0)
             while law[k] != _END:
                 a += table[law[k] + ((window[k] >> low) & mask)]
                 k += one

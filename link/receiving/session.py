@@ -25,7 +25,7 @@ from link.receiving.phasing import measure_delay, nudge
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
 from link.receiving.synthesis import Witnesses, choose_witnesses, known_cells
-from link.receiving.tally import tally
+from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
 from link.timing import Registration, Timing
 
@@ -234,8 +234,8 @@ class Session:
                 soft = soft[:-group]
                 if not count:
                     break
-            soft *= np.float32(1.0 if self._confidence is None else self._confidence)
-            self._deliver(first, soft)
+            decided = decide(soft, 1.0 if self._confidence is None else self._confidence)
+            self._deliver(first, soft, decided)
             self._next += count
             if self.inbox.over:
                 recording.forget(recording.stop)
@@ -245,7 +245,7 @@ class Session:
                                       strict=True)
             )  # fmt: skip
             if arrived == 0 or right >= _SOUND * arrived:
-                self._known = self._last_decided(first, soft > 0)
+                self._known = self._last_decided(first, decided)
                 if arrived:
                     self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
                 detector = self._follow(recording, registration, detector, first)
@@ -338,7 +338,9 @@ class Session:
                 return None
         return delay if abs(delay.ticks) < _FAR else None
 
-    def _deliver(self, first: int, soft: npt.NDArray[np.float32]) -> None:
+    def _deliver(
+        self, first: int, soft: npt.NDArray[np.float32], decided: npt.NDArray[np.bool_]
+    ) -> None:
         group = self.layout.group
         for n in range(len(soft) // group):
             number = (first - TRAINING) // group + n
@@ -351,7 +353,7 @@ class Session:
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick
         self.promised += tally(soft, self.quality)
-        for n, row in enumerate(np.packbits(soft > 0, axis=1)):
+        for n, row in enumerate(np.packbits(decided[: len(soft)], axis=1)):
             self.packed[first + n] = row
         self.symbols += len(soft)
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:

@@ -1,4 +1,4 @@
-"""Sums over soft values: how sure the cells are, and how many decisions are expected to be wrong.
+"""Passes over soft values: scale and decisions, how sure the cells are, how many are wrong.
 
 1 / (1 + e^a) is e / (1 + e) with e = e^-a, and e^-a is 2^-k p(r) with a = k ln 2 + r and p the
 Taylor polynomial of e^-r: abs r is at most ln 2 / 2, so that six terms leave 2e-7. The powers of
@@ -15,7 +15,7 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["tally"]
+__all__ = ["decide", "tally"]
 
 _CELLS: Final = 2048
 """Cells that a thread takes at once."""
@@ -60,6 +60,20 @@ def _add_sizes(soft, size, quality):  # type: ignore[no-untyped-def]
         quality[c] += size[c]
 
 
+@njit(cache=True, nogil=True)
+def _decide(soft, factor, decided):  # type: ignore[no-untyped-def]
+    for c in range(len(soft)):
+        soft[c] *= factor
+        decided[c] = soft[c] > 0
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def _decide_all(soft, factor, decided):  # type: ignore[no-untyped-def]
+    for n in prange(len(soft)):
+        _decide(soft[n], factor, decided[n])
+
+
 @all_cores
 @njit(cache=True, parallel=True, nogil=True)
 def _tally(soft, quality, wrong):  # type: ignore[no-untyped-def]
@@ -73,6 +87,14 @@ def _tally(soft, quality, wrong):  # type: ignore[no-untyped-def]
             _powers(size, rest, power)
             _add_chances(rest, power.view(np.float32), total)
         wrong[part] = np.sum(total.astype(np.float64))
+
+
+def decide(soft: npt.NDArray[np.float32], factor: float) -> npt.NDArray[np.bool_]:
+    """Multiplies soft values, (symbols, cells), by a factor in place. Returns the bits, of the same
+    shape."""
+    decided = np.empty(soft.shape, np.bool_)
+    _decide_all(soft, np.float32(factor), decided)
+    return decided
 
 
 def tally(soft: npt.NDArray[np.float32], quality: npt.NDArray[np.float64]) -> float:

@@ -6,7 +6,7 @@ import pytest
 from link.coding import Inbox, Outbox, blocks_of
 from link.coding.ldpc import quantise
 from link.coding.soft_blocks import SoftBlocks
-from link.coding.soft_blocks_compiled import mark_changed
+from link.coding.soft_blocks_compiled import gather_words, mark_changed
 from link.coding.stream_boxes import StreamInbox, StreamOutbox, stream_blocks
 from link.layout import PERIOD, Layout
 from link.mode import RATES, Mode
@@ -85,6 +85,16 @@ def test_only_decisions_of_read_words_are_marked():
     wrong = ((soft > 0) != np.unpackbits(sent, axis=1, bitorder="little")) & (soft != 0)
     wrong[~ok] = False
     assert (np.unpackbits(out, axis=1, bitorder="little") == wrong).all()
+
+
+@pytest.mark.parametrize("words", [1, 7, 8, 13, 194])
+@pytest.mark.parametrize("bits", [8, 520])
+def test_gathered_words_are_those_of_numpy(words: int, bits: int) -> None:
+    rng = np.random.default_rng(1)
+    row = rng.integers(-128, 128, (bits, words)).astype(np.int8)
+    order, out = rng.permutation(bits), np.empty((words, bits), np.int8)
+    gather_words(row, order, out.view(np.uint64))
+    assert (out == row[order].T).all()
 
 
 def test_an_obstacle_takes_as_many_bits_of_every_word():

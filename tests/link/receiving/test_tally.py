@@ -1,11 +1,11 @@
-"""Sums over soft values, beside numpy in float64."""
+"""Passes over soft values, beside numpy."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from link.receiving.tally import tally
+from link.receiving.tally import decide, tally
 
 
 @pytest.mark.parametrize("cells", [1, 2047, 5000])
@@ -25,6 +25,17 @@ def test_a_chance_is_exact_in_float32(size: float) -> None:
     exact = 1 / (1 + np.exp(np.float64(np.float32(size))))
     assert tally(np.float32([[size]]), np.zeros(1)) == pytest.approx(exact, rel=3e-6)
     assert tally(np.float32([[-size]]), np.zeros(1)) == pytest.approx(exact, rel=3e-6)
+
+
+@pytest.mark.parametrize("symbols", [0, 1, 9])
+def test_scale_and_decisions_are_those_of_numpy(symbols: int) -> None:
+    soft = np.random.default_rng(1).normal(0, 12, (symbols, 2050)).astype(np.float32)
+    soft[:, 0] = 0  # nothing received: off
+    expected = soft * np.float32(0.7)
+    decided = decide(soft, 0.7)
+    assert decided.dtype == np.bool_
+    assert (soft == expected).all()
+    assert (decided == (expected > 0)).all()
 
 
 def test_certain_values_promise_nothing() -> None:
