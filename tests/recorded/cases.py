@@ -71,8 +71,8 @@ LATCHED = (
 """Those of a latched chip, which has two tiers, an OpenCL form and a compiled one."""
 
 QUICK = {
-    "run glass default", "run film 0", "run silicon 0.1", "run continuous default",
-    "run asynchronous default", "run emccd-window default",
+    "run glass default", "run film 0", "run silicon 0.1",
+    "run emccd-window default",
     "run step numba", "plan film", "plan light-link", "plan ebaps-night", "accuracy step",
     "list schema", "paper",
 }  # fmt: skip

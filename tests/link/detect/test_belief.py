@@ -224,6 +224,7 @@ def information(made: scenes.Scene, place: Registration, name: str, count: int) 
     return found.bits
 
 
+@pytest.mark.slow
 def test_large_cells_have_the_information_of_the_joint_detector(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -233,6 +234,7 @@ def test_large_cells_have_the_information_of_the_joint_detector(
     assert information(made, place, "belief-propagation", 4) > joint - 0.003
 
 
+@pytest.mark.slow
 def test_cells_of_one_pixel_gain_much_also_from_a_registration_that_is_off(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

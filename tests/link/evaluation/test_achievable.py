@@ -46,6 +46,7 @@ def test_the_search_finds_the_best_of_all_and_tries_few(side: float) -> None:
         assert len(some.found) <= 0.6 * len(every.found)
 
 
+@pytest.mark.slow
 def test_large_cells_in_long_symbols_carry_a_bit_each_and_the_rate_is_that_of_the_panel() -> None:
     found = CellInformation(setting("link.panel.phase=0"), MODE, "packed", 8, 1).of(8, 4)
     rows = 128 // 8

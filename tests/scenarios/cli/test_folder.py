@@ -33,8 +33,8 @@ def test_a_name_taken_between_looking_and_making_is_not_shared(
 
     found, asked = cosim.run.folder.output_folder, []
 
-    def slow(*words: object) -> Path:
-        place = found(*words)  # type: ignore[arg-type]
+    def slow(*words: object, **named: object) -> Path:
+        place = found(*words, **named)  # type: ignore[arg-type]
         if not asked:
             place.mkdir(parents=True)  # by another run
         asked.append(place)

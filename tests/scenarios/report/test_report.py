@@ -94,7 +94,8 @@ def odd(film, tmp_path_factory) -> tuple[Page, Path]:
 @pytest.mark.parametrize("which", ["page", "tiny"])
 def test_the_page_needs_no_network_and_no_other_file(which, request):
     page = request.getfixturevalue(which)
-    assert not re.search(r"https?:|//[a-z]|@import|url\(", page.source)
+    text = re.sub(r'"[A-Za-z0-9+/=]{40,}"', '""', page.source)  # without the data of explorers
+    assert not re.search(r"https?:|//[a-z]|@import|url\(", text)
     names = {name for name, _ in page.elements}
     assert not names & {"link", "iframe", "object", "embed", "base", "form"}
     policy = "default-src 'none'; img-src data:; media-src data:; "
@@ -102,7 +103,7 @@ def test_the_page_needs_no_network_and_no_other_file(which, request):
     for name, attributes in page.elements:
         assert not any(key in attributes for key in ("srcset", "poster", "data"))
         assert not any(key.startswith("on") for key in attributes)
-        assert name != "script" or attributes == {}
+        assert name != "script" or attributes in ({}, {"type": "application/json"})
         if "href" in attributes:
             assert re.fullmatch(r"#[\w-]+|data:text/csv;base64,\d+", attributes["href"])
         if "src" in attributes:
@@ -128,7 +129,8 @@ def test_the_title_is_text_and_never_markup(page):
     title = "A step <script>alert(1)</script> & more"
     assert page.text["title"] == [title]
     assert page.text["h1"] == [title]
-    assert page.source.count("<script") == 1 and "alert(1)</script>" not in page.source
+    code = [name for name, given in page.elements if name == "script" and not given]
+    assert len(code) == 2 and "alert(1)</script>" not in page.source  # of page and explorers
 
 
 def test_the_page_holds_the_resolved_scenario_and_how_to_make_it_again(page, step_run):

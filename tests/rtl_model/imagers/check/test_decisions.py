@@ -158,6 +158,7 @@ def test_an_ebaps_flips_where_full_physics_does(seed):
             assert decided.differs_at is not None and decided.differs_at < differs
 
 
+@pytest.mark.slow
 def test_a_run_puts_back_what_changes_a_decision(tmp_path):
     """White just below half scale, which noise that is left out decides about: the one run is then
     exposed half as long as the other. The error says so, and is mended where that is too much."""

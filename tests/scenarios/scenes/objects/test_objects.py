@@ -158,6 +158,7 @@ def test_occlusion_is_what_the_closed_form_covers() -> None:
     assert occlusion[125, 200] == SEEN
 
 
+@pytest.mark.slow
 def test_plates_keep_their_order_and_their_speed() -> None:
     for layout in range(20):
         scene = Objects((60, 90), layout, count=12, pace=30.0)
