@@ -618,7 +618,7 @@ class Cells {
     canvas.width = columns;
     canvas.height = rows;
     const context = canvas.getContext("2d"), image = context.createImageData(columns, rows);
-    const pixels = new Uint32Array(image.data.buffer), most = Math.max(1, ...this.most(count));
+    const pixels = new Uint32Array(image.data.buffer), most = count.reduce((a, b) => Math.max(a, b), 1);
     const errors = this.shown.value === "wrong";
     for (let n = 0; n < pixels.length; n++) {
       const grey = wrong[n] < 0 ? 235 : errors ? 24 : this.sure[n] * 0.8;
@@ -640,12 +640,6 @@ class Cells {
     context.lineWidth = Math.max(1, columns / 250);
     context.strokeRect(x - 3.5, y - 3.5, 8, 8);
     this.tell(x, y, count);
-  }
-
-  *most(count) {
-    let most = 0;
-    for (const n of count) if (n > most) most = n;
-    yield most;
   }
 
   tell(x, y, count) {

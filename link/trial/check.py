@@ -279,7 +279,7 @@ def check_link(
     run = against(decided[_RUN])
     return LinkCheck(
         run,
-        {name: against(decided.get(name, decided[_RUN])) for name in plan.left_out},
+        {name: against(decided[name]) if name in decided else run for name in plan.left_out},
         goodput_change(full.rate, decided[_RUN].rate, sent.mode),
         count, full.air_ns + full.camera_ns,
     )  # fmt: skip

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from sensor.calibrate.defects import Defects, dark_rates
 from sensor.calibrate.noise import Noise
@@ -190,7 +191,6 @@ def defect_parameters(
     defects: Defects, dark: Trains | None, fit: PatternFit | None, hertz: float
 ) -> list[Parameter]:
     """Shares of hot, dead and stuck pixels, and the current of hot ones."""
-    total = defects.stuck.size
     out = []
     if defects.hot is None or dark is None:
         out.append(Parameter(
@@ -198,13 +198,8 @@ def defect_parameters(
             "a bright pixel may be hot, or have a high gain", _DARK,
         ))  # fmt: skip
     else:
-        count = int(defects.hot.sum())
-        share, ci = proportion(count, total)
-        out.append(Parameter(
-            "hot_pixels", "hot pixels, share", share, ci, "1", True,
-            f"{count} of {total} pixels, beyond six spreads of the dark rate",
-        ))  # fmt: skip
-        if count and fit is not None and fit.dark is not None:
+        out.append(_share("hot", defects.hot, ", beyond six spreads of the dark rate"))
+        if defects.hot.any() and fit is not None and fit.dark is not None:
             out.append(_hot_current(defects, dark, fit, hertz))
     if defects.dead is None:
         out.append(Parameter(
@@ -212,19 +207,17 @@ def defect_parameters(
             "a dark pixel may see a dark place", "a flat: --flat FLAT.dat",
         ))  # fmt: skip
     else:
-        count = int(defects.dead.sum())
-        share, ci = proportion(count, total)
-        out.append(Parameter(
-            "dead_pixels", "dead pixels, share", share, ci, "1", True,
-            f"{count} of {total} pixels, less than half the median response to light",
-        ))  # fmt: skip
-    count = int(defects.stuck.sum())
-    share, ci = proportion(count, total)
-    out.append(Parameter(
-        "stuck_pixels", "stuck pixels, share", share, ci, "1", True,
-        f"{count} of {total} pixels fire in every cycle of the dimmest recording",
-    ))  # fmt: skip
-    return out
+        out.append(_share("dead", defects.dead, ", less than half the median response to light"))
+    what = " fire in every cycle of the dimmest recording"
+    return [*out, _share("stuck", defects.stuck, what)]
+
+
+def _share(kind: str, marked: npt.NDArray[np.bool_], what: str) -> Parameter:
+    """The share of the marked pixels. what: goes on after "3 of 100 pixels"."""
+    count = int(marked.sum())
+    share, ci = proportion(count, marked.size)
+    why = f"{count} of {marked.size} pixels{what}"
+    return Parameter(f"{kind}_pixels", f"{kind} pixels, share", share, ci, "1", True, why)
 
 
 def _hot_current(defects: Defects, dark: Trains, fit: PatternFit, hertz: float) -> Parameter:

@@ -152,6 +152,17 @@ def _sums(words, cycles, k, blocks, used, variance, third):  # type: ignore[no-u
             third[pixel] = (off * off * off).sum() * blocks / ((blocks - 1) * (blocks - 2))
 
 
+@njit(cache=True, inline="always")
+def _spikes(words, cycles, at):  # type: ignore[no-untyped-def]
+    """Writes the cycles in which a pixel has spikes to `at`; returns their number."""
+    n = 0
+    for cycle in range(cycles):
+        if (words[cycle >> 5] >> np.uint32(cycle & 31)) & np.uint32(1):
+            at[n] = cycle
+            n += 1
+    return n
+
+
 @njit(cache=True)
 def _successive(words, cycles, used, squares, products):  # type: ignore[no-untyped-def]
     """See `Trains.successive`; squares and products are written."""
@@ -159,11 +170,7 @@ def _successive(words, cycles, used, squares, products):  # type: ignore[no-unty
     for pixel in range(words.shape[0]):
         if not used[pixel]:
             continue
-        n = 0
-        for cycle in range(cycles):
-            if (words[pixel, cycle >> 5] >> np.uint32(cycle & 31)) & np.uint32(1):
-                at[n] = cycle
-                n += 1
+        n = _spikes(words[pixel], cycles, at)
         mean = (at[n - 1] - at[0]) / (n - 1)
         last = 0.0
         for i in range(n - 1):
@@ -180,11 +187,7 @@ def _differences(words, cycles, used, products, number):  # type: ignore[no-unty
     for pixel in range(words.shape[0]):
         if not used[pixel]:
             continue
-        n = 0
-        for cycle in range(cycles):
-            if (words[pixel, cycle >> 5] >> np.uint32(cycle & 31)) & np.uint32(1):
-                at[n] = cycle
-                n += 1
+        n = _spikes(words[pixel], cycles, at)
         for i in range(n - 4):
             early = at[i + 2] - 2 * at[i + 1] + at[i]
             late = at[i + 4] - 2 * at[i + 3] + at[i + 2]
