@@ -153,7 +153,7 @@ def test_error_run_time_and_what_was_left_out_come_first(page, step_run):
         "tolerance 0.001"
     )
     assert said in page.plain
-    assert re.fullmatch(r"\d+\.?\d* s", figures[1])
+    assert re.fullmatch(r"\d+\.?\d* m?s", figures[1])
     full = step_run.result.metrics["full_physics"].value
     assert f"take the camera about {elapsed(full)}, predicted from the patches" in page.plain
     assert figures[2].startswith(f"{len(step_run.result.left_out)} ")
