@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, ValidationInfo
 
 from cosim import Clock, InputError, seconds_to_ps
 from cosim.config.choice import Choice
@@ -26,6 +27,28 @@ FrameRate = Annotated[float, Quantity("frequency", least=1, most=20e3)]
 PlaneRate = Annotated[float, Quantity("frequency", least=100, most=100e3, none=True)]
 PlaneClock = Annotated[float, Quantity("frequency", least=100, most=1e6)]
 Size = Annotated[int, Field(ge=1, le=8192)]
+
+
+_LENGTH = Quantity("length", above=0, most=1e10)
+
+
+def _per_degree(value: object, info: ValidationInfo) -> object:
+    """Pixels per degree of a distance that is a length: 2 d tan(1/2 degree) / pitch."""
+    if not isinstance(value, str) or not value.strip()[-1:].isalpha():  # no unit
+        return value
+    pitch = info.data.get("pitch")
+    if pitch is None:
+        raise ValueError(
+            "must be pixels per degree, or with display.pitch a length such as '60 cm'"
+        )
+    return 2 * _LENGTH.read(value) * math.tan(math.radians(0.5)) / pitch
+
+
+Distance = Annotated[
+    float,
+    Field(ge=1, le=1000),
+    BeforeValidator(_per_degree, json_schema_input_type=float | Annotated[float, _LENGTH]),
+]
 
 
 class DisplaySection(Section):
@@ -82,8 +105,15 @@ class DisplaySection(Section):
     fill: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a pixel's area that emits"
     )
-    distance: Annotated[float, Field(ge=1, le=1000)] = Field(
-        default=60.0, description="pixels per degree of visual angle"
+    pitch: Annotated[float, Quantity("length", above=0, most=1e5)] | None = Field(
+        default=None,
+        examples=["250 um"],
+        description="of the panel's pixels, for a distance that is a length",
+    )
+    distance: Distance = Field(
+        default=60.0,
+        examples=[60.0],
+        description="of the observer: pixels per degree of visual angle, or a length with pitch",
     )
     pursuit: Annotated[float, Quantity("speed", least=-1e6, most=1e6)] | None = Field(
         default=None,

@@ -206,9 +206,14 @@ def validate(data: dict[str, Any]) -> AnyScenario:
 
     The section [board] or [imager] selects the kind of scenario, a recorded stream as
     sensor.source, or a [link] without a [scene]; without one of them, it is the scenario of a spike
-    camera. Raises InputError with
-    the first error in one line.
+    camera. Raises InputError with one error in one line: the first wrong value, else the first key
+    that is missing.
     """
+    if not data:
+        raise InputError(
+            "the scenario", "a title and sections such as [scene] and [sensor]", "empty",
+            "begin with the scenario.toml of a run",
+        )  # fmt: skip
     check_order(data)
     whole: type[AnyScenario] = Scenario
     if "board" in data:
@@ -222,7 +227,9 @@ def validate(data: dict[str, Any]) -> AnyScenario:
     try:
         return whole.model_validate(data)
     except ValidationError as exc:
-        raise _one_line(exc.errors()[0], whole) from None
+        # what is wrong says more than what is missing: a kind that does not exist, not the title
+        error = min(exc.errors(), key=lambda error: error["type"] == "missing")
+        raise _one_line(error, whole) from None
 
 
 def first_fault(exc: ValidationError, whole: type[BaseModel], remedy: str) -> InputError:

@@ -84,6 +84,7 @@ def convert(
     Notes on standard error name the data that the new format cannot hold.
     """
     from cosim import InputError
+    from cosim.config.amounts import count
     from cosim.files import FORMATS, ending_of, locate_stream, notes_of, write_stream
     from sensor.codec.files import choose_code, is_coded, left, open_any, write_coded
     from sensor.reconstruct.clip import CLIPS, write_clip
@@ -112,6 +113,7 @@ def convert(
     coded = choose_code(out, *astuple(coding))
     pixels = size_option(size)
     lost: list[str] = []
+    replaced = out.exists()
     progress = make_progress()
     try:
         opened, notes = open_any(source, pixels)
@@ -133,3 +135,9 @@ def convert(
             {"in": str(source), "out": str(out), "cycles": opened.cycles,
              "height": opened.shape[0], "width": opened.shape[1], "clock_hz": opened.clock.hz}
         )  # fmt: skip
+        return
+    height, width = opened.shape
+    print(
+        f"{out}: {count(opened.cycles)} cycles of {width} x {height}"
+        f"{', in place of an earlier one' if replaced else ''}"
+    )

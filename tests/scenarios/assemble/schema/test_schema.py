@@ -431,3 +431,32 @@ def test_a_scenario_written_as_toml_reads_back_the_same(data):
     assert again == scenario
     assert isinstance(again, Scenario)
     assert to_toml(again) == to_toml(scenario)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({}, "the scenario must be a title and sections such as [scene] and [sensor], not empty"),
+        ({"kind": "film"}, "kind must be one of title, duration, "),
+        ({"scene": {"kind": "filme"}}, "scene.kind must be one of 'film', "),
+    ],
+)
+def test_what_is_wrong_is_said_before_what_is_missing(data: dict[str, Any], said: str) -> None:
+    assert message(data).startswith(said)
+
+
+def glass(**display: Any) -> dict[str, Any]:
+    return {**GOOD, "display": display}
+
+
+def test_a_viewing_distance_is_a_length_with_the_pitch() -> None:
+    per_degree = validate(glass(pitch="250 um", distance="60 cm")).display.distance
+    assert per_degree == pytest.approx(2 * 0.6 * math.tan(math.pi / 360) / 250e-6)
+    assert validate(glass(distance=40)).display.distance == 40
+    said = (
+        "display.distance must be pixels per degree, or with display.pitch a length such as '60 cm'"
+    )
+    assert message(glass(distance="60 cm")).startswith(said)
+    assert "display.distance must be at most 1000" in message(
+        glass(pitch="250 um", distance="2 km")
+    )

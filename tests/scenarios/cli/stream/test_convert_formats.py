@@ -99,7 +99,7 @@ def test_every_pair_keeps_all_that_both_hold(
         assert name in answer.err
         assert list(tmp_path.iterdir()) == []
         return
-    assert (answer.code, answer.out) == (0, "")
+    assert answer.code == 0 and answer.out.startswith(f"{out}: ")
     stream, kept = streams[name], FORMATS[one].keeps and FORMATS[two].keeps
     again_size = size_of(two, name)
     pixels = tuple(int(n) for n in again_size.split("x")) if again_size else None
@@ -199,7 +199,8 @@ def test_events_of_an_asynchronous_chip_stay_events(viform, refused, tmp_path) -
     )  # fmt: skip
     source = tmp_path / "a.events.npz"
     write_events(events, source)
-    assert viform("convert", source, tmp_path / "b.events.npz") == (0, "", "")
+    answer = viform("convert", source, tmp_path / "b.events.npz")
+    assert (answer.code, answer.err) == (0, "")
     assert read_events(tmp_path / "b.events.npz") == events
     for out in ("c.npz", "c.zarr", "c.dat", "c.mp4"):
         assert refused("convert", source, tmp_path / out).startswith(
@@ -217,7 +218,8 @@ def test_widths_that_are_lost_are_said(viform, tmp_path) -> None:
     source = tmp_path / "a.events.npz"
     write_events(events, source)
     assert viform("convert", source, tmp_path / "b.zarr") == (
-        0, "", f"viform: 1 of 2 events of {source} have a width that is not the interval between "
+        0, f"{tmp_path / 'b.zarr'}: 20 cycles of 4 x 2\n",
+        f"viform: 1 of 2 events of {source} have a width that is not the interval between "
         "spikes, which is all that planes keep\n",
     )  # fmt: skip
 
@@ -229,7 +231,8 @@ def test_a_raw_capture_says_what_it_leaves_out_and_where_it_is_damaged(
     path = tmp_path / "a.raw"
     path.write_bytes(content[640:-64])
     assert viform("convert", path, tmp_path / "b.raw") == (
-        0, "", f"viform: bytes of {path} left out: 127360 before the first whole frame, 127936 "
+        0, f"{tmp_path / 'b.raw'}: 3 cycles of 1000 x 1000\n",
+        f"viform: bytes of {path} left out: 127360 before the first whole frame, 127936 "
         "after the last\n",
     )  # fmt: skip
     assert (tmp_path / "b.raw").read_bytes() == content[128_000:-128_000]
@@ -243,3 +246,11 @@ def test_a_raw_capture_says_what_it_leaves_out_and_where_it_is_damaged(
     line = refused("convert", path, tmp_path / "c.dat")
     assert "at byte 256000 in frame 2, not channel 1 line 500, a damaged marker; keep what" in line
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.raw", "b.raw"]
+
+
+def test_it_says_what_it_wrote_and_what_it_replaced(viform, tmp_path: Path) -> None:
+    source, out = tmp_path / "a.npz", tmp_path / "b.zarr"
+    write_stream(Viform(np.zeros((1, 4, 8), np.uint32), 20, Clock(40_000)), source)
+    assert viform("convert", source, out).out == f"{out}: 20 cycles of 8 x 4\n"
+    again = viform("convert", source, out).out
+    assert again == f"{out}: 20 cycles of 8 x 4, in place of an earlier one\n"
