@@ -76,3 +76,41 @@ const SIGNED = colours((n) => {
   const off = (n - 128) / 127;
   return [255 * Math.min(1 + off, 1), 255 * (1 - Math.abs(off)), 255 * Math.min(1 - off, 1)];
 });
+
+/** A canvas to draw lines and text on, in CSS pixels. */
+class Plot {
+  constructor(canvas, height) {
+    const ratio = devicePixelRatio || 1;
+    canvas.hidden = false;
+    this.width = canvas.clientWidth || 600;
+    this.height = height;
+    canvas.width = this.width * ratio;
+    canvas.height = height * ratio;
+    canvas.style.height = `${height}px`;
+    this.c = canvas.getContext("2d");
+    this.c.scale(ratio, ratio);
+    this.c.font = "12px system-ui, sans-serif";
+    this.ink = getComputedStyle(canvas).color;
+  }
+
+  line(points, colour = this.ink, dash = []) {
+    const { c } = this;
+    c.strokeStyle = colour;
+    c.setLineDash(dash);
+    c.beginPath();
+    points.forEach(([u, v], n) => (n ? c.lineTo(u, v) : c.moveTo(u, v)));
+    c.stroke();
+    c.setLineDash([]);
+  }
+
+  text(words, u, v, align = "left", colour = this.ink) {
+    this.c.fillStyle = colour;
+    this.c.textAlign = align;
+    this.c.fillText(words, u, v);
+  }
+}
+
+function csv(name, rows) {
+  const text = rows.map((row) => `${row.join(",")}\n`).join("");
+  saved(name, new Blob([text], { type: "text/csv" }));
+}

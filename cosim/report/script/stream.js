@@ -369,27 +369,9 @@ class Explorer {
   /** The raster of spikes, 1 / interval and true light over time, and the charge since the last
    * spike as the true light collects it. */
   chart(from, to, spikes, light, cycles) {
-    const { plot } = this, ratio = devicePixelRatio || 1, style = getComputedStyle(plot);
-    const width = plot.clientWidth || 600, height = 280;
-    plot.width = width * ratio;
-    plot.height = height * ratio;
-    const c = plot.getContext("2d"), ink = style.color, left = 52, right = width - 8;
-    c.scale(ratio, ratio);
-    c.font = "12px system-ui, sans-serif";
+    const plot = new Plot(this.plot, 280), { ink } = plot, left = 52, right = plot.width - 8;
     const x = (cycle) => left + (cycle + 0.5 - from) / (to - from) * (right - left);
-    const line = (points, colour, dash = []) => {
-      c.strokeStyle = colour;
-      c.setLineDash(dash);
-      c.beginPath();
-      points.forEach(([u, v], n) => (n ? c.lineTo(u, v) : c.moveTo(u, v)));
-      c.stroke();
-      c.setLineDash([]);
-    };
-    const text = (words, u, v, align = "left") => {
-      c.fillStyle = ink;
-      c.textAlign = align;
-      c.fillText(words, u, v);
-    };
+    const line = plot.line.bind(plot), text = plot.text.bind(plot);
     text("spikes", 2, 24);
     for (const spike of spikes) line([[x(spike), 10], [x(spike), 32]], ink);
     const rates = [];
@@ -406,8 +388,7 @@ class Explorer {
     line(rates.map(([u, v]) => [u, y(v)]), "#2f7ed8");
     text("1 / interval, spikes/cycle", left, 52);
     if (light) {
-      c.fillStyle = "#d9480f";
-      c.fillText("true light", left + 170, 52);
+      text("true light", left + 170, 52, "left", "#d9480f");
       const at = (n) => light[Math.min(Math.floor((n - from) / (to - from) * 128), 128)];
       const charge = [];
       let sum = null, next = 0;
@@ -434,9 +415,8 @@ class Explorer {
 
   saveSpikes() {
     const { x, y, spikes } = this.listed, { hz } = this.given;
-    const rows = spikes.map((cycle) => `${x},${y},${cycle},${(cycle + 1) / hz}`);
-    const text = ["x,y,cycle,latched_s", ...rows, ""].join("\n");
-    saved(`pixel-${x}-${y}.csv`, new Blob([text], { type: "text/csv" }));
+    const rows = spikes.map((cycle) => [x, y, cycle, (cycle + 1) / hz]);
+    csv(`pixel-${x}-${y}.csv`, [["x", "y", "cycle", "latched_s"], ...rows]);
   }
 }
 
