@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from link.layout import Layout
 
-__all__ = ["VALUES", "Watched", "Watcher"]
+__all__ = ["CELLS", "VALUES", "Watched", "Watcher"]
 
+CELLS: Final = 2000
+"""Cells of each of the two sets, at most."""
 VALUES: Final = 2_000_000
 """Soft values that are stored, at most: those of the first symbols."""
-FEWEST: Final = 1000
-"""Cells of each of the two sets, unless there are fewer: of a short transmission there are more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,13 @@ class Watched:
     soft: npt.NDArray[np.float16]
 
 
-def _lattice(layout: Layout, most: int) -> npt.NDArray[np.intp]:
-    """Data cells at every n-th row and column, at most `most`."""
+def _lattice(layout: Layout) -> npt.NDArray[np.intp]:
+    """Data cells at every n-th row and column, at most `CELLS`."""
     rows, columns = layout.shape
-    step = int(np.ceil(np.sqrt(rows * columns / most)))
+    step = int(np.ceil(np.sqrt(rows * columns / CELLS)))
     row, column = np.divmod(layout.data, columns)
     on = (row % step == step // 2) & (column % step == step // 2)
-    return np.flatnonzero(on)[:most]
+    return np.flatnonzero(on)[:CELLS]
 
 
 class Watcher:
@@ -60,11 +60,10 @@ class Watcher:
         if not len(soft):
             return
         if self._cells is None:
-            most = max(FEWEST, VALUES // 2 // len(soft))
-            fewest = min(most, soft.shape[1])
+            fewest = min(CELLS, soft.shape[1])
             certain = np.abs(soft).mean(axis=0)
             least = np.argpartition(certain, fewest - 1)[:fewest]
-            self._cells = np.union1d(_lattice(self._layout, most), least)
+            self._cells = np.union1d(_lattice(self._layout), least)
         left = VALUES // self._cells.size - sum(len(part) for _, part in self._parts)
         if left > 0:
             self._parts.append((first, soft[:left, self._cells].astype(np.float16)))

@@ -53,7 +53,8 @@ def _map(link: LinkEvaluation, quality: npt.NDArray[np.float64]) -> dict[str, An
         "whole": len(places) == errors.wrong, "side": link.mode.cell,
         "homography": None if matrix is None else matrix.tolist(),
         "sure": packed(np.rint(255 * np.clip(quality / top, 0, 1)).astype(np.uint8)),
-        "wrong": packed(errors.by_cell.astype(np.int32)), "places": packed(places), "watched": soft_values(link),
+        "wrong": packed(errors.by_cell.astype(np.int32)), "places": packed(places),
+        "watched": soft_values(link),
     }  # fmt: skip
 
 

@@ -212,8 +212,8 @@ class Cells {
     const first = samples[0].symbol, last = samples.at(-1).symbol + 1;
     const at = (one) => [left + (one.symbol + 0.5 - first) / (last - first) * (right - left),
       middle - one.soft / top * (low - upper) / 2];
-    plot.text("soft value, nats, over the symbols; ring: wrong decision", left, 13);
-    plot.text("sent on", right - 70, 13, "right", ON);
+    plot.text("soft value, nats; ring: wrong", left, 13);
+    plot.text("sent on", right - 54, 13, "right", ON);
     plot.text("sent off", right, 13, "right", OFF);
     plot.line([[left, upper], [left, low], [right, low]]);
     plot.line([[left, middle], [right, middle]], plot.ink, [3, 3]);
@@ -240,13 +240,18 @@ class Cells {
   count() {
     const history = this.against.value === "history", top = this.eyeTop;
     const counts = Array.from({ length: history ? 4 : 16 }, () => new Uint32Array(2 * LEVELS));
+    const all = this.of.value === "cell" ? [this.samples] : Array.from(this.watched.cells, (_, n) => this.watched.samples(n));
+    let from = 1, to = 0;
+    for (const { phase } of all.flat()) [from, to] = [Math.min(from, phase), Math.max(to, phase)];
+    to = Math.max(to, from + 1e-6);
+    this.phases = [from, to];
     const add = (one) => {
-      const column = history ? 2 * one.before + one.after : Math.min(Math.floor(16 * one.phase), 15);
+      const share = (one.phase - from) / (to - from);
+      const column = history ? 2 * one.before + one.after : Math.min(Math.floor(16 * share), 15);
       const level = Math.min(Math.max(Math.floor((1 - one.soft / top) / 2 * LEVELS), 0), LEVELS - 1);
       counts[column][2 * level + one.sent]++;
     };
-    if (this.of.value === "cell") this.samples.forEach(add);
-    else this.watched.cells.forEach((_, n) => this.watched.samples(n).forEach(add));
+    all.flat().forEach(add);
     return counts;
   }
 
@@ -259,7 +264,7 @@ class Cells {
     const [left, upper] = [this.left, this.upper] = [46, 22], right = width - 8, low = 250;
     const wide = this.wide = (right - left) / counts.length, high = this.high = (low - upper) / LEVELS;
     plot.text("soft value, nats", 2, 13);
-    plot.text("sent on", right - 70, 13, "right", ON);
+    plot.text("sent on", right - 54, 13, "right", ON);
     plot.text("sent off", right, 13, "right", OFF);
     counts.forEach((of, column) => {
       for (let n = 0; n < of.length; n++) {
@@ -276,7 +281,10 @@ class Cells {
     for (const [value, y] of [[top, upper + 8], [0, (upper + low) / 2 + 4], [-top, low]]) plot.text(value.toFixed(1), left - 4, y, "right");
     const name = (column) => `${column >> 1 ? "on" : "off"} _ ${column & 1 ? "on" : "off"}`;
     if (history) counts.forEach((_, column) => plot.text(name(column), left + (column + 0.5) * wide, 266, "center"));
-    else ["0", "0.25", "0.5", "0.75", "1"].forEach((words, k) => plot.text(words, left + k / 4 * (right - left), 266, "center"));
+    else {
+      plot.text(this.phase(0), left, 266);
+      plot.text(this.phase(16), right, 266, "right");
+    }
     plot.text(history ? "bits sent before and after this one" : "where in a tick the symbol begins, ticks", (left + right) / 2, 284, "center");
     this.counted.textContent = "Point at the diagram, or focus it and use the arrow keys, for counts.";
     if (!this.bin) return;
@@ -284,9 +292,15 @@ class Cells {
     c.strokeStyle = plot.ink;
     c.strokeRect(left + column * wide, upper + level * high, wide, high);
     const where = history ? `between ${name(column).replace(" _ ", " and ")}`
-      : `begun at ${column / 16} to ${(column + 1) / 16} of a tick`;
+      : `begun at ${this.phase(column)} to ${this.phase(column + 1)} of a tick`;
     this.counted.textContent = `Soft value ${at(level + 1)} to ${at(level)}, ${where}: ` +
       `${counts[column][2 * level]} symbols sent off, ${counts[column][2 * level + 1]} sent on.`;
+  }
+
+  /** Where in a tick column n of the diagram begins. */
+  phase(n) {
+    const [from, to] = this.phases;
+    return (from + n / 16 * (to - from)).toFixed(4);
   }
 
   save() {

@@ -15,7 +15,7 @@ LAYOUT = Layout(Mode(256, 192, 2, 2, "8b10b", 32))
 
 def test_the_least_certain_cells_and_a_lattice_are_kept(monkeypatch):
     monkeypatch.setattr(watched, "VALUES", 4000)
-    monkeypatch.setattr(watched, "FEWEST", 10)
+    monkeypatch.setattr(watched, "CELLS", 200)
     soft = np.random.default_rng(1).normal(20, 2, (10, LAYOUT.cells)).astype(np.float32)
     weak = np.array([7, 500, 3001])
     soft[:, weak] = 0.5
