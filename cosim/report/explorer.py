@@ -81,8 +81,9 @@ def _part(
 
 
 def explorer_part(
-    stream: SpikeStream, at: int, white: float, window: int, truths: Truths | None
-) -> str:
+    stream: SpikeStream, at: int, white: float, window: int, truths: Truths | None, *,
+    told: bool = True,
+) -> str:  # fmt: skip
     """The HTML of the explorer in a page.
 
     Args:
@@ -91,6 +92,7 @@ def explorer_part(
         white: rate that is white, spikes a cycle.
         window: of TFP, cycles.
         truths: true light, None without any.
+        told: whether the page names `viform view`, which needs a run that records planes.
     """
     first, stop = span_of(stream.cycles, at)
     height, width = stream.shape
@@ -124,7 +126,7 @@ def explorer_part(
     note += f"the true light at {len(truths.cycles)} instants. " if truths is not None else ""
     given = {
         "hz": stream.clock.hz, "first": first, "stop": stop, "at": at, "white": white,
-        "window": window, "views": views, "note": f"{note}viform view has all pixels and cycles.",
+        "window": window, "views": views, "note": f"{note}{'viform view has all pixels and cycles.' if told else ''}",
     }  # fmt: skip
     return explorer(given)
 

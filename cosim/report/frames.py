@@ -61,19 +61,21 @@ def _split(values: Frame) -> npt.NDArray[np.uint8]:
 def frames_part(
     shapes: Sequence[tuple[int, int]], read: Callable[[int], Frame], full_scale: int,
     numbers: Sequence[int], ready_ms: Sequence[float], columns: Sequence[FrameColumn],
-    texts: Mapping[str, str],
+    texts: Mapping[str, str], *, unit: str = "DN", drawn: str = "exposure",
 ) -> str:  # fmt: skip
     """The HTML of the explorer.
 
     Args:
         shapes: rows and columns of each frame.
-        read: values of the n-th frame, DN; what it has beyond the shape is not shown.
-        full_scale: largest possible value, DN.
+        read: values of the n-th frame; what it has beyond the shape is not shown.
+        full_scale: largest possible value.
         numbers: of the frames.
         ready_ms: instants at which the frames have left the imager, ms.
         columns: figures of the frames; among them `least` and `most`, the smallest and largest
-            value, DN, and `exposure`.
+            value, and `drawn`.
         texts: what a figure is, by its name.
+        unit: of the values.
+        drawn: name of the figure that is drawn first over the frames.
     """
     shown = _evenly(len(shapes), FRAMES)
     height, width = (max(shapes[n][k] for n in shown) for k in (0, 1))
@@ -91,7 +93,8 @@ def frames_part(
     place = {n: k for k, n in enumerate(told)}
     given: dict[str, Any] = {
         "count": len(shapes), "step": step, "off": off, "height": size[0], "width": size[1],
-        "full": full_scale, "shown": [place[n] for n in shown], "sizes": sizes,
+        "full": full_scale, "unit": unit, "drawn": drawn,
+        "shown": [place[n] for n in shown], "sizes": sizes,
         "values": packed(_split(values)), "numbers": [numbers[n] for n in told],
         "ready": [ready_ms[n] for n in told],
         "columns": [

@@ -23,7 +23,7 @@ class Frames {
     this.save = element("button", { type: "button" }, "Save picture (PNG)");
     this.table = element("button", { type: "button" }, "Save figures of all frames (CSV)");
     this.values = element("button", { type: "button", disabled: true }, "Save values of the pixel (CSV)");
-    this.drawn = choice(columns.map((one, n) => [n, one.name]), columns.findIndex((one) => one.name === "exposure"));
+    this.drawn = choice(columns.map((one, n) => [n, one.name]), columns.findIndex((one) => one.name === given.drawn));
     this.canvas = element("canvas", { tabIndex: 0, role: "img", "aria-label": "frame" });
     this.facts = element("div", { class: "facts" });
     this.told = element("p", { "aria-live": "polite" }, "Click a pixel, or focus the picture and use the arrow keys. " +
@@ -70,7 +70,7 @@ class Frames {
     this.draw();
   }
 
-  /** Value of a pixel in the n-th frame shown, DN; null beyond a smaller frame. */
+  /** Value of a pixel in the n-th frame shown; null beyond a smaller frame. */
   value(n, x, y) {
     const { width, height, sizes } = this.given, [rows, columns] = sizes[n];
     if (y >= rows || x >= columns) return null;
@@ -133,7 +133,7 @@ class Frames {
     this.trace();
   }
 
-  /** Values that are black and white, DN. */
+  /** Values that are black and white. */
   range() {
     const [least, most] = ["least", "most"].map((name) => this.given.columns.find((one) => one.name === name).values);
     const of = this.given.shown[this.at];
@@ -167,9 +167,9 @@ class Frames {
       const [x, y] = pixel, [u, v] = this.place(), list = shown.map((_, n) => this.value(n, x, y));
       const now = list[this.at], known = list.filter((value) => value !== null);
       const mean = known.reduce((a, b) => a + b, 0) / Math.max(known.length, 1);
-      this.told.textContent = `Pixel x ${u}, y ${v}: ` + (now === null ? "not in this frame" : `${now} DN in this frame`) +
-        `; mean of the ${known.length} frames shown ${figure(mean)} DN.`;
-      this.chart(this.course, `pixel x ${u}, y ${v}, DN`, shown.map((of, n) => [of, list[n]]));
+      this.told.textContent = `Pixel x ${u}, y ${v}: ` + (now === null ? "not in this frame" : `${now} ${given.unit} in this frame`) +
+        `; mean of the ${known.length} frames shown ${figure(mean)} ${given.unit}.`;
+      this.chart(this.course, `pixel x ${u}, y ${v}, ${given.unit}`, shown.map((of, n) => [of, list[n]]));
     }
     const { name, unit, values } = given.columns[Number(this.drawn.value)];
     this.chart(this.other, `${name.replaceAll("_", " ")}${unit ? `, ${unit}` : ""}`, values.map((value, n) => [n, value]));
@@ -208,7 +208,7 @@ class Frames {
 
   savePixel() {
     const { shown, numbers, ready } = this.given, [x, y] = this.pixel, [u, v] = this.place();
-    csv(`pixel-${u}-${v}.csv`, [["x", "y", "frame", "ready_ms", "value_DN"],
+    csv(`pixel-${u}-${v}.csv`, [["x", "y", "frame", "ready_ms", `value_${this.given.unit.replaceAll(" ", "_")}`],
       ...shown.map((of, n) => [u, v, numbers[of], ready[of], this.value(n, x, y) ?? ""])]);
   }
 }
