@@ -122,11 +122,12 @@ def explorer_part(
             for n in range(len(boxes))
         ]
         views = [one.result() for one in made]
+    more = "viform view has all pixels and cycles." if told else ""
     note = f"Cycles {first} to {stop - 1} of {stream.cycles} are in this page; "
     note += f"the true light at {len(truths.cycles)} instants. " if truths is not None else ""
     given = {
         "hz": stream.clock.hz, "first": first, "stop": stop, "at": at, "white": white,
-        "window": window, "views": views, "note": f"{note}{'viform view has all pixels and cycles.' if told else ''}",
+        "window": window, "views": views, "note": f"{note}{more}",
     }  # fmt: skip
     return explorer(given)
 

@@ -60,6 +60,11 @@ def _explorers(kinds: Sequence[str]) -> str:
     return f'(() => {{\n"use strict";\n{"".join(parts)}}})();'
 
 
+def _unbroken(part: str) -> str:
+    """Powers of ten stay in one line with their number."""
+    return part.replace(" × 10", "\u00a0×\u00a010")
+
+
 def whole_page(
     title: str,
     head: str,
@@ -77,6 +82,7 @@ def whole_page(
         scripts: further JavaScript, as text, which runs when all of the page is there.
         policy: its Content-Security-Policy.
     """
+    head, sections = (_unbroken(part) for part in (head, sections))
     head, first = explained(head)
     sections, rest = explained(sections)
     sections, contents = _contents(sections + terms_list({*first, *rest}))

@@ -197,6 +197,17 @@ def test_two_pictures_beside_each_other(browser: Browser, tmp_path: Path) -> Non
     assert browser.complaints() == []
 
 
+def test_one_picture_stands_alone(browser: Browser, tmp_path: Path) -> None:
+    shots = [[np.zeros((12, 20), np.uint8), np.ones((12, 20), np.uint8)]]
+    browser.open(write(tmp_path, beside(["a"], "eye", {"still": shots}, ["1", "2"])))
+    seen = browser.run(
+        EXPLORER + "return e.opened.then(() => [...document.querySelectorAll('select, canvas')]"
+        ".map((one) => one.checkVisibility()))"
+    )
+    assert seen == [False, False, True, True, True, False, False]
+    assert browser.complaints() == []
+
+
 def cells() -> dict[str, Any]:
     wrong = np.zeros((4, 6), np.int32)
     wrong[1, 2], wrong[3, 5], wrong[0] = 2, 1, -1

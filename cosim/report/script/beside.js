@@ -18,6 +18,10 @@ class Beside {
         labelled(given.viewed, this.view), labelled("instant", this.instant)),
       element("div", { class: "pictures" }, ...this.canvases.map((pair) => element("figure", {}, ...pair)))
     );
+    if (given.names.length === 1) {
+      for (const one of [this.left, this.right]) one.parentElement.hidden = true;
+      for (const [canvas] of this.canvases.slice(1)) canvas.parentElement.hidden = true;
+    }
     for (const control of [this.left, this.right, this.view, this.instant]) {
       control.addEventListener("change", () => this.draw());
     }

@@ -33,11 +33,14 @@ def _clock(judged: EventRun, clock: Clock) -> tuple[Clock, int]:
 
 
 def events_explorer(judged: EventRun) -> str:
-    """Returns the HTML of the section."""
+    """Returns the HTML of the section; "" for targets of steady light, whose decades no planes of
+    one clock can show."""
+    if judged.views.recovered:
+        return ""
     spec, events = judged.spec, judged.views.events
     clock, cycles = _clock(judged, spec.setting.clock)
     light = spec.illuminance * spec.lens.gain * spec.setting.electrons_per_lux
-    white = min(light / spec.model.threshold / clock.hz, 1.0)
+    white = float(f"{min(light / spec.model.threshold / clock.hz, 1.0):.4g}")
     told = [f"The page has spikes latched at {amount(clock.hz, 'Hz')}."]
     stage: ClockedEvents | HeldPlanes
     if spec.model.change > 0:
