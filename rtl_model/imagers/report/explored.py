@@ -31,17 +31,28 @@ def frames_explorer(kind: ImagerKind, run: ImagerRun) -> str:
     for name in sorted({name for one in frames for name in one.state}):
         values = [one.state.get(name) for one in frames]
         columns.append(FrameColumn("Controller", name, "", values))
-    for name, held in registers.items():
-        columns.append(FrameColumn("Registers", name, "", held))
     specific = kind.design().specific if registers else ()
     texts = {"begin": "of the first row's exposure", **_TEXTS}
-    texts |= {entry.name: entry.text for entry in specific}
-    part = frames_part(
+    for entry in specific:
+        held = registers.get(entry.name)
+        if held is None:
+            continue
+        texts[entry.name] = entry.text
+        if not entry.fields:
+            columns.append(FrameColumn("Registers", entry.name, "", held))
+        for part in entry.fields:
+            name, mask = f"{entry.name}.{part.name}", (1 << (part.high - part.low + 1)) - 1
+            columns.append(
+                FrameColumn("Registers", name, "", [value >> part.low & mask for value in held])
+            )
+            texts[name] = part.text
+    explorer = frames_part(
         [one.shape for one in frames], run.frame, (1 << run.planned.pixels.bits) - 1,
         [one.number for one in frames], [one.ready * 1e-9 for one in frames], columns, texts,
     )  # fmt: skip
     about = ", and what a host reads in each register once the frame is ready" if registers else ""
     return (
         f"<h3>Frame by frame</h3><p>Each frame with its exposure, the state of its controllers"
-        f"{about}. What differs from the frame before is marked.</p>{part}"
+        f"{about}. What differs from the frame before is marked. Pictures show the values as they "
+        f"are.</p>{explorer}"
     )
