@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim import Intensities
 from cosim.config.amounts import amount
 from cosim.report.frames import FRAMES, FrameColumn, frames_part
-from cosim.spikes.intensities import intensity_image
 from sensor.continuous.run import ContinuousRun
 
 __all__ = ["reports_explorer"]
@@ -18,29 +18,47 @@ _FULL: Final = 65_535
 """Largest value shown."""
 
 
+class _Last:
+    """The last reports as whole numbers of a step, at instants that are asked for in order."""
+
+    def __init__(self, reports: Intensities, until: npt.NDArray[np.intp], step: float) -> None:
+        self._reports, self._until, self._step = reports, until, step
+        self._image = np.zeros(reports.shape, np.uint16)
+        self._done = 0
+
+    def read(self, n: int) -> npt.NDArray[np.uint16]:
+        """The image of the n-th instant, black where nothing was reported; it is changed by the
+        next."""
+        new = slice(self._done, int(self._until[n]))
+        value = np.minimum(np.rint(self._reports.value[new] / self._step), _FULL)
+        # Of several reports of a pixel the last one stays.
+        self._image.ravel()[self._reports.pixel[new]] = value.astype(np.uint16)
+        self._done = new.stop
+        return self._image
+
+
 def reports_explorer(judged: ContinuousRun) -> str:
     """Returns the HTML of the section."""
     spec, reports = judged.spec, judged.views.reports
     clock, cycles = reports.clock, reports.ticks
     instants = np.unique(np.linspace(0, cycles - 1, min(cycles, FRAMES)).round().astype(np.int64))
     step = max(float(reports.value.max(initial=0.0)), spec.white) / _FULL
-
-    def read(n: int) -> npt.NDArray[np.uint16]:
-        value = np.nan_to_num(intensity_image(reports, int(instants[n])))
-        return np.minimum(np.rint(value / step), _FULL).astype(np.uint16)
-
-    pictures = [read(n) for n in range(len(instants))]
-    until = np.searchsorted(reports.time, instants, side="right")
+    until = np.searchsorted(reports.time, reports.start + instants, side="right")
+    last = _Last(reports, until, step)
+    figures = [(float(one.mean()), int(one.min()), int(one.max())) for one in map(
+        last.read, range(len(instants))
+    )]  # fmt: skip
+    mean, least, most = zip(*figures, strict=True)
     columns = [
-        FrameColumn("Frame", "mean", "", [float(one.mean()) for one in pictures]),
-        FrameColumn("Frame", "least", "", [int(one.min()) for one in pictures]),
-        FrameColumn("Frame", "most", "", [int(one.max()) for one in pictures]),
-        FrameColumn("Reports", "so_far", "", [int(n) for n in until]),
-        FrameColumn("Reports", "new", "", [int(n) for n in np.diff(until, prepend=0)]),
+        FrameColumn("Frame", "mean", "", mean),
+        FrameColumn("Frame", "least", "", least),
+        FrameColumn("Frame", "most", "", most),
+        FrameColumn("Reports", "so_far", "", until.tolist()),
+        FrameColumn("Reports", "new", "", np.diff(until, prepend=0).tolist()),
     ]
     unit = f"x {amount(step, 'e/s')}"
     part = frames_part(
-        [reports.shape] * len(instants), pictures.__getitem__, _FULL,
+        [reports.shape] * len(instants), _Last(reports, until, step).read, _FULL,
         [int(t) for t in instants], [clock.middle(int(t)) / 1e9 for t in instants], columns,
         {"new": "since the instant before"}, unit=unit, drawn="new",
     )  # fmt: skip
