@@ -82,6 +82,14 @@ def test_keys_go_to_other_frames_and_pixels(opened: Browser) -> None:
     assert changed == 2
 
 
+def test_plots_follow_the_width_of_the_page(opened: Browser) -> None:
+    wide = EXPLORER + "return [e.other.width, Math.round(e.other.getBoundingClientRect().width)]"
+    before = opened.run(wide)
+    opened.resize(500, 900)
+    after = opened.run(wide)
+    assert before[0] == before[1] and after[0] == after[1] < before[0] / 2
+
+
 def test_it_plays_to_the_end(opened: Browser) -> None:
     opened.run(EXPLORER + "e.speed.value = 1; e.canvas.focus()")
     opened.press("Space")
