@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import re
 import zlib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -24,14 +25,15 @@ from cosim.report.pictures import busiest_box
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import WORD, SpikeStream, Words
 
-__all__ = ["EXPLORER", "INSTANTS", "Truths", "explorer", "explorer_part", "packed", "span_of"]
+__all__ = [
+    "INSTANTS", "Truths", "explorer", "explorer_part", "kinds_in", "packed", "span_of",
+]  # fmt: skip
 
 CYCLES: Final = 4096
 """Cycles in a page, at most."""
 WHOLE, REGION = 30_000_000, 20_000_000
 """Bits of the two parts, at most, before compression to a third."""
-EXPLORER: Final = "class='explorer'"
-"""What the elements of explorers have."""
+_ELEMENT: Final = re.compile(r"<section class='explorer' data-kind='(\w+)'")
 INSTANTS: Final = 17
 """Instants of the true light in a page, linear in between."""
 _LEVEL: Final = 1
@@ -79,8 +81,9 @@ def _part(
 
 
 def explorer_part(
-    stream: SpikeStream, at: int, white: float, window: int, truths: Truths | None
-) -> str:
+    stream: SpikeStream, at: int, white: float, window: int, truths: Truths | None, *,
+    told: bool = True,
+) -> str:  # fmt: skip
     """The HTML of the explorer in a page.
 
     Args:
@@ -89,6 +92,7 @@ def explorer_part(
         white: rate that is white, spikes a cycle.
         window: of TFP, cycles.
         truths: true light, None without any.
+        told: whether the page names `viform view`, which needs a run that records planes.
     """
     first, stop = span_of(stream.cycles, at)
     height, width = stream.shape
@@ -118,20 +122,26 @@ def explorer_part(
             for n in range(len(boxes))
         ]
         views = [one.result() for one in made]
+    more = "viform view has all pixels and cycles." if told else ""
     note = f"Cycles {first} to {stop - 1} of {stream.cycles} are in this page; "
     note += f"the true light at {len(truths.cycles)} instants. " if truths is not None else ""
     given = {
         "hz": stream.clock.hz, "first": first, "stop": stop, "at": at, "white": white,
-        "window": window, "views": views, "note": f"{note}viform view has all pixels and cycles.",
+        "window": window, "views": views, "note": f"{note}{more}",
     }  # fmt: skip
     return explorer(given)
 
 
 def explorer(given: dict[str, Any], kind: str = "stream") -> str:
     """The element of an explorer, with what it shows as JSON; its page adds style and script.
-    kind: of `KINDS` in the script."""
+    kind: name of its file in `script/`."""
     data = json.dumps(given).replace("<", "\\u003c")
     return (
-        f"<section {EXPLORER} data-kind='{kind}' aria-label='explorer'>"
+        f"<section class='explorer' data-kind='{kind}' aria-label='explorer'>"
         f"<script type='application/json'>{data}</script></section>"
     )
+
+
+def kinds_in(page: str) -> list[str]:
+    """The kinds of the explorers in the HTML of a page, each once."""
+    return sorted(set(_ELEMENT.findall(page)))

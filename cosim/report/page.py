@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from cosim.files.whole import whole
-from cosim.report.explorer import EXPLORER
+from cosim.report.explorer import kinds_in
 from cosim.report.glossary import explained, terms_list
 
 __all__ = ["whole_page", "write_page"]
@@ -49,6 +49,22 @@ def _contents(body: str) -> tuple[str, str]:
     return anchored, f'<nav aria-label="Sections"><ul>{"".join(links)}</ul></nav>'
 
 
+def _own(name: str) -> str:
+    """A file of this package's style and script."""
+    return (files("cosim.report") / "script" / name).read_text(encoding="utf-8")
+
+
+def _explorers(kinds: Sequence[str]) -> str:
+    """The script of explorers of these kinds: one scope, for they share names."""
+    parts = [_own(f"{name}.js") for name in ("shared", *kinds, "start")]
+    return f'(() => {{\n"use strict";\n{"".join(parts)}}})();'
+
+
+def _unbroken(part: str) -> str:
+    """Powers of ten stay in one line with their number."""
+    return part.replace(" × 10", "\u00a0×\u00a010")
+
+
 def whole_page(
     title: str,
     head: str,
@@ -66,13 +82,13 @@ def whole_page(
         scripts: further JavaScript, as text, which runs when all of the page is there.
         policy: its Content-Security-Policy.
     """
+    head, sections = (_unbroken(part) for part in (head, sections))
     head, first = explained(head)
     sections, rest = explained(sections)
     sections, contents = _contents(sections + terms_list({*first, *rest}))
-    own = files("cosim.report")
-    names = ["page", "explorer"] if EXPLORER in head + sections else ["page"]
-    css = [(own / f"{name}.css").read_text(encoding="utf-8") for name in names]
-    js = [*((own / f"{name}.js").read_text(encoding="utf-8") for name in names), *scripts]
+    kinds = kinds_in(head + sections)
+    css = [_own(f"{name}.css") for name in ("page", "explorer")[: 2 if kinds else 1]]
+    js = [_own("page.js"), *([_explorers(kinds)] if kinds else []), *scripts]
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'

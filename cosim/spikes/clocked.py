@@ -188,6 +188,8 @@ class Reported:
     def between(self, start: int, stop: int) -> Sequence[Change]:
         """See `Changes`."""
         first, last = np.searchsorted(self._cycle, [start, stop])
+        if first == last:
+            return []
         cycles = self._cycle[first:last]
         places = np.flatnonzero(np.diff(cycles, prepend=-1)) + first
         ends = [*places[1:].tolist(), last]

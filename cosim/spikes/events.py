@@ -16,7 +16,9 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, unpack_planes, words_for
 
-__all__ = ["COLUMNS", "Events", "event_blocks", "events_of", "mark_planes", "viform_of"]
+__all__ = [
+    "COLUMNS", "Events", "event_blocks", "events_of", "mark_planes", "only_full", "viform_of",
+]  # fmt: skip
 
 _PIXELS = 2**20
 """Pixel-cycles that `event_blocks` converts at a time."""
@@ -152,3 +154,15 @@ def viform_of(events: Events) -> Viform:
     if not full or int(np.bitwise_count(words).sum(dtype=np.int64)) != len(events):
         raise ValueError("planes hold full spikes alone, at most one a pixel and tick")
     return Viform(words, events.ticks, events.clock, events.start)
+
+
+def only_full(events: Events) -> tuple[Events, int]:
+    """The events that are full spikes, and the number of the others."""
+    if events.level is None:
+        return events, 0
+    full = events.level == events.levels
+    kept = Events(
+        events.row[full], events.column[full], events.time[full], events.width[full], events.shape,
+        events.ticks, events.clock, events.start,
+    )  # fmt: skip
+    return kept, int((~full).sum())

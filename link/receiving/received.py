@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from link.layout import Layout
 from link.mode import Mode
+from link.receiving.watched import Watched
 from link.timing import Registration, Timing
 from link.verdict import Cause, Verdict
 
@@ -59,6 +60,7 @@ class Received:
         promise: mean of 1 / (1 + exp |soft|) over all soft values, the error rate that they
             predict.
         packed: decisions of the last symbols, packed bits.
+        watched: soft values of some cells over the symbols.
     """
 
     verdict: Verdict
@@ -87,6 +89,7 @@ class Received:
     soft_at: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     promise: float | None = None
     packed: dict[int, npt.NDArray[np.uint8]] = field(default_factory=dict, repr=False)
+    watched: Watched | None = field(default=None, repr=False)
 
     @property
     def whole(self) -> bool:

@@ -152,6 +152,7 @@ class Receiver:
             if session.symbols
             else None,
             packed=session.packed,
+            watched=session.watcher.result(),
         )  # fmt: skip
 
     def _work(self) -> None:

@@ -27,6 +27,7 @@ from link.receiving.recording import Recording
 from link.receiving.synthesis import Witnesses, choose_witnesses, known_cells
 from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
+from link.receiving.watched import Watcher
 from link.timing import Registration, Timing
 
 if TYPE_CHECKING:
@@ -103,6 +104,7 @@ class Session:
         packed: decisions of the last symbols, packed bits.
         promised: number of wrong decisions that all soft values predict.
         soft, soft_at: samples of soft values, and their symbol and cell.
+        watcher: soft values of some cells over the symbols.
         quality: (cells,) sum of the magnitudes of the soft values.
         symbols: number of decoded symbols.
         lit_stop: tick at which the panel goes dark.
@@ -124,6 +126,7 @@ class Session:
         self.promised = 0.0
         self.soft: list[npt.NDArray[np.float32]] = []
         self.soft_at: list[npt.NDArray[np.int64]] = []
+        self.watcher = Watcher(self.layout)
         self.quality = np.zeros(self.layout.cells)
         self.symbols = 0
         self.lit_stop = acquired.lit[1]
@@ -148,6 +151,7 @@ class Session:
         self.drift, self.instants = old.drift, old.instants
         self.promised, self.soft, self.soft_at = old.promised, old.soft, old.soft_at
         self.quality, self.symbols, self.packed = old.quality, old.symbols, old.packed
+        self.watcher = old.watcher
 
     def symbol_ends(self, symbol: int) -> float:
         """Returns the tick by which all rows have received all of a symbol."""
@@ -356,6 +360,7 @@ class Session:
         for n, row in enumerate(np.packbits(decided[: len(soft)], axis=1)):
             self.packed[first + n] = row
         self.symbols += len(soft)
+        self.watcher.add(first, soft)
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]
         if sum(len(part) for part in self.soft) < _SAMPLES:

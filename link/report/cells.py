@@ -14,6 +14,7 @@ from cosim.report.explorer import explorer, packed
 from cosim.report.parts import plot
 from link.evaluation.record import LinkEvaluation
 from link.layout import TRAINING
+from link.report.cell_soft import soft_values
 from link.report.signal_figures import cells_figure
 
 __all__ = ["cells_section"]
@@ -53,6 +54,7 @@ def _map(link: LinkEvaluation, quality: npt.NDArray[np.float64]) -> dict[str, An
         "homography": None if matrix is None else matrix.tolist(),
         "sure": packed(np.rint(255 * np.clip(quality / top, 0, 1)).astype(np.uint8)),
         "wrong": packed(errors.by_cell.astype(np.int32)), "places": packed(places),
+        "watched": soft_values(link),
     }  # fmt: skip
 
 

@@ -79,7 +79,9 @@ class ImagerMachine:
         return replace(self, planned=self.planned.keep(effects))
 
     def chain(self, folder: Path) -> FrameChain:
-        return FrameChain(self.planned, folder, self.trace)
+        specific = self.kind.design().specific if self.kind.number is not None else ()
+        readable = [entry.name for entry in specific if entry.mode != "wo"]
+        return FrameChain(self.planned, folder, self.trace, readable)
 
     def shortfall(self, recording: Recording) -> list[Finding]:
         """The omitted effect with the largest measured error, if the upper limit of the run's

@@ -13,6 +13,7 @@ from cosim.report.parts import Card, figure, plot, table
 from cosim.report.pictures import mark_pixels
 from cosim.report.png import for_display, write_png
 from cosim.run.machine import Page
+from sensor.continuous.explored import reports_explorer
 from sensor.continuous.figures import pixels_figure, rate_figure
 from sensor.continuous.run import STREAM, ContinuousRun
 from sensor.sections.continuous import ContinuousSection
@@ -79,8 +80,8 @@ def _images(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
             for_display(shot.continuous), f"last reports; their age: {old}"
         )
         parts.append(
-            f'<div class="row-title">cycle {count(shot.cycle)}, '
-            f"{number((shot.cycle + 0.5) * ms, 4)} ms</div>"
+            f"<h3>cycle {count(shot.cycle)}, "
+            f"{number((shot.cycle + 0.5) * ms, 4)} ms</h3>"
             f'<div class="grid by2">{pictures}</div>'
         )
     return "".join(parts)
@@ -200,6 +201,7 @@ def continuous_page(judged: ContinuousRun) -> Page:
     """Writes the figures, and makes the page's parts."""
     spec, reports, counts = judged.spec, judged.views.reports, _counts(judged)
     sections = [
+        reports_explorer(judged),
         _images(judged, counts),
         _pixels(judged, counts),
         _traffic(judged),

@@ -197,6 +197,17 @@ def test_two_pictures_beside_each_other(browser: Browser, tmp_path: Path) -> Non
     assert browser.complaints() == []
 
 
+def test_one_picture_stands_alone(browser: Browser, tmp_path: Path) -> None:
+    shots = [[np.zeros((12, 20), np.uint8), np.ones((12, 20), np.uint8)]]
+    browser.open(write(tmp_path, beside(["a"], "eye", {"still": shots}, ["1", "2"])))
+    seen = browser.run(
+        EXPLORER + "return e.opened.then(() => [...document.querySelectorAll('select, canvas')]"
+        ".map((one) => one.checkVisibility()))"
+    )
+    assert seen == [False, False, True, True, True, False, False]
+    assert browser.complaints() == []
+
+
 def cells() -> dict[str, Any]:
     wrong = np.zeros((4, 6), np.int32)
     wrong[1, 2], wrong[3, 5], wrong[0] = 2, 1, -1
@@ -225,6 +236,55 @@ def test_the_cells_of_a_link(browser: Browser, tmp_path: Path) -> None:
     )
     red = np.array(pixels).reshape(4, 6, 4)[..., 0] == 255
     assert np.argwhere(red).tolist() == [[1, 2], [3, 5]]
+    assert browser.complaints() == []
+
+
+def test_the_soft_values_and_the_eye_of_a_cell(browser: Browser, tmp_path: Path) -> None:
+    """Symbols 60, 61 and 63 of cells 8 and 20; cell 8 is wrong in symbol 61."""
+    soft = np.array([[127, 64, -64], [-127, 127, -127]], np.int8)
+    bits = np.array([[0, 1, 0, 1, 0, 1], [1, 0, 1, 1, 0, 0]], np.bool_)  # of symbols 59 to 64
+    given = cells() | {
+        "watched": {
+            "cells": packed(np.array([8, 20], np.int32)),
+            "top": 20.0,
+            "period": 2.25,
+            "symbols": packed(np.array([60, 61, 63], np.int32)),
+            "soft": packed(soft),
+            "sent": packed(np.packbits(bits, axis=1)),
+            "start": packed(np.array([0.5, 0.75], np.float32)),
+        }
+    }
+    browser.resize(1100, 900)
+    browser.open(write(tmp_path, explorer(given, "cells")))
+    got = browser.run(
+        EXPLORER + "return e.opened.then(() => { e.cell = [3, 1]; e.draw(); return ["
+        "e.samples, e.softly.textContent, e.counts.map((one) => [...one])] })"
+    )
+    samples, told, counts = got
+    assert told == (
+        "Soft values of the nearest cell that has them in this page, row 1, column 2: 3 symbols, 1 "
+        "wrong. Above 0 the cell is decided as on."
+    )
+    assert [one["symbol"] for one in samples] == [60, 61, 63]
+    assert [(one["before"], one["sent"], one["after"]) for one in samples] == [
+        (0, 1, 0), (1, 0, 1), (1, 0, 1),
+    ]  # fmt: skip
+    want = [20.0, 20 * (64 / 127) ** 2, -20 * (64 / 127) ** 2]
+    assert [one["soft"] for one in samples] == pytest.approx(want)
+    assert [one["phase"] for one in samples] == [0.5, 0.75, 0.25]
+    assert [sum(one) for one in counts] == [1, 0, 0, 2]  # off _ off, and on _ on
+    browser.run("document.querySelectorAll('.raster')[2].focus()")
+    browser.press("Right", "Right", "Right")
+    column, level = browser.run(EXPLORER + "return e.bin")
+    said = browser.run(EXPLORER + "return e.counted.textContent")
+    assert column == 3 and "between on and on" in said
+    assert f"{counts[3][2 * level]} symbols sent off, {counts[3][2 * level + 1]} sent on" in said
+    moved = browser.run(
+        EXPLORER + "e.against.value = 'phase'; e.of.value = 'all'; e.drawEye();"
+        "return e.counts.map((one) => one.reduce((a, b) => a + b))"
+    )
+    phases = np.array([(start + 2.25 * n) % 1 for start in (0.5, 0.75) for n in (60, 61, 63)])
+    assert moved == np.histogram(phases, 16)[0].tolist()
     assert browser.complaints() == []
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from cosim.report.explorer import kinds_in
 from scenarios.cli.entry import _main
 from tests.browser.driver import Browser
 from tests.recorded.cases import CASES, EIGHT
@@ -22,9 +23,32 @@ KINDS = {
 }  # fmt: skip
 KINDS |= {f"run {name}": ("run", name) for name in ("hardware-chain", "playback")}
 KINDS["run objects"] = ("run", "objects", *EIGHT)
+FRAMES = ("adaptive-exposure", "ebaps-night", "emccd-window", "hardware-chain")
+STREAMS = ("film", "silicon", "wave", "shockwave", "star", "step", "objects")
+EXPLORERS = {
+    **{f"run {name}": ["frames"] for name in (*FRAMES, "continuous")},
+    **{f"run {name}": ["stream", "tiles"] for name in STREAMS},
+    "run glass": ["beside", "tiles"], "run glass-over-light": ["beside", "tiles"],
+    "run asynchronous": ["stream"], "run playback": ["beside", "stream"], "run boards": ["stream"],
+    "run light-link": ["cells"], "run bring-up": [], "run sun-and-stars": [],
+}  # fmt: skip
+"""Kinds of the explorers of each page. A bring-up and steady discs over decades have none."""
 LARGEST = 12_000_000
 """Bytes of a page."""
 NARROW = 400
+POINT = """
+const waits = [];
+for (const one of [...document.querySelectorAll(".explorer")].map((root) => root.explorer)) {
+  const canvas = one.canvas ?? one.pictures?.spikes.canvas;
+  if (!canvas) continue;
+  const box = canvas.getBoundingClientRect();
+  canvas.dispatchEvent(new MouseEvent("click", {
+    clientX: box.left + arguments[0] * box.width, clientY: box.top + arguments[1] * box.height,
+  }));
+  waits.push(one.drawing);
+}
+return Promise.all(waits).then(() => null)
+"""
 
 
 @pytest.mark.slow
@@ -45,13 +69,16 @@ def test_a_report_works_alone(name: str, browser: Browser, tmp_path: Path) -> No
         "const all = [...document.querySelectorAll('.explorer')].map((root) => root.explorer);"
         "return Promise.all(all.map((one) => one.opened)).then(() => all.length)"
     )
-    assert opened == page.read_text().count("class='explorer'")
+    assert kinds_in(page.read_text()) == EXPLORERS[name]
+    assert opened == len(EXPLORERS[name])
     assert browser.run(
         "return [...document.images].filter((image) => !image.alt && image.id !== 'large-picture')"
         ".length"
     ) == 0  # fmt: skip
     browser.media(prefers_color_scheme="dark")
     browser.resize(NARROW, 900)
+    for x, y in ((0.5, 0.5), (0.3, 0.6)):  # what is pointed at is drawn on a narrow screen, too
+        browser.run(POINT, x, y)
     assert browser.run("return document.documentElement.scrollWidth") <= NARROW
     assert browser.requests() == [page.resolve().as_uri()]
     assert browser.complaints() == []

@@ -8,6 +8,7 @@ from cosim.report.png import for_display
 from cosim.run.machine import Page
 from cosim.run.result import Metric
 from rtl_model.imagers.interface.kind import ImagerKind
+from rtl_model.imagers.report.explored import frames_explorer
 from rtl_model.imagers.report.imager_run import ImagerRun
 from rtl_model.imagers.run.store import FRAMES
 
@@ -158,6 +159,7 @@ def imager_page(kind: ImagerKind, run: ImagerRun) -> Page:
     specific, frames = "", ""
     if run.frames:
         specific, frames = kind.sections(run.planned.model, run), _frames(run)
+        frames += frames_explorer(kind, run)
     return Page(
         title=spec.title,
         subtitle=f"{kind.title}, {columns} x {rows} pixels",

@@ -6,7 +6,7 @@ The tape of the converted pixel values (`tape`) is the checkpoint.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import rmtree
@@ -59,11 +59,20 @@ class FrameChain:
         frames: figures of every frame, in order, after the run.
         patches, decisions: the check of the plan; decisions is None if no frame affects a later
             exposure.
+        registers: what a host reads in each register once a frame is ready, by name, one value for
+            each frame; {} for an imager without registers.
         imager: the imager in its state after the run.
+
+    Args:
+        readable: names of the registers that a host can read.
     """
 
-    def __init__(self, planned: PlannedRun, folder: Path, trace: Path | None = None) -> None:
+    def __init__(
+        self, planned: PlannedRun, folder: Path, trace: Path | None = None,
+        readable: Sequence[str] = (),
+    ) -> None:  # fmt: skip
         self.planned, self._folder, self._trace = planned, folder, trace
+        self.registers: dict[str, list[int]] = {name: [] for name in readable}
         self._resume = False
         effects = list(planned.pixels.effects)
         out = [name for name in effects if name not in planned.kept]
@@ -128,9 +137,11 @@ class FrameChain:
                     begin = time.perf_counter()
                     store.append(frame)
                     self.frames.append(measure_frame(frame))
+                    for name, values in self.registers.items():
+                        values.append(imager.read(name))
                     storing += time.perf_counter() - begin
                     progress.advance(min(len(self.frames), total))
-                store.finish()
+                store.finish(self.registers)
         except KeyboardInterrupt:
             tape.sync()
             raise Interrupted(

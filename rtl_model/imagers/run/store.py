@@ -2,12 +2,14 @@
 
 Arrays: `values` (n, H, W) uint16, DN, padded with zeros below and to the right of smaller frames;
 `rows` (n,) int64, filled rows; `begin`, `end` (n, H) int64, exposure of each row, ps; `ready` (n,)
-int64, end of readout, ps. Attributes: `bits`; `time`, the unit; and `state`, the figures of the
-controllers as one list for each name. All but `values` are written at the end of the run.
+int64, end of readout, ps. Attributes: `bits`; `time`, the unit; `state`, the figures of the
+controllers as one list for each name; and `registers`, likewise, what a host reads in each register
+once a frame is ready. All but `values` are written at the end of the run.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +62,9 @@ class FrameStore:
         values[count - len(block) :] = block
         self._waiting = []
 
-    def finish(self) -> None:
-        """Writes the remaining frames, the times and the figures of the controllers."""
+    def finish(self, registers: Mapping[str, Sequence[int]]) -> None:
+        """Writes the remaining frames, the times, the figures of the controllers, and what the
+        registers hold, one value for each frame."""
         if not self._state:
             return
         if self._waiting or self._group is None:
@@ -77,7 +80,10 @@ class FrameStore:
             self._group.create_array(name, data=data)
         names = sorted({name for state in self._state for name in state})
         figures = {name: [state.get(name) for state in self._state] for name in names}
-        self._group.attrs.update({"bits": self._bits, "time": "ps", "state": figures})
+        held = {name: [int(value) for value in values] for name, values in registers.items()}
+        self._group.attrs.update(
+            {"bits": self._bits, "time": "ps", "state": figures, "registers": held}
+        )
 
 
 def read_frame(path: Path, n: int) -> npt.NDArray[np.uint16]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim.config.amounts import count, number
 from cosim.files import Recorder, ZarrStream, ending_of
+from cosim.report.explorer import explorer_part
 from cosim.report.png import write_linear_png
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.inputs import add_digests
@@ -161,7 +162,10 @@ class RecordingMachine:
             ["cycles", count(found.cycles), "duration" if self.scenario.duration else "the file"],
             ["white", f"{number(found.white_rate)} spikes a cycle", "see the notes"],
         ]  # fmt: skip
-        return recording_page(self.scenario.title, found.clock, run, rows)
+        stream = run.recording.chain.stages["recorder"].recorded()
+        at = self.instants[len(self.instants) // 2]
+        part = explorer_part(stream, at, found.white_rate, self.scenario.image.window, None)
+        return recording_page(self.scenario.title, found.clock, run, rows, part)
 
     def close(self) -> None:
         """Nothing is open."""

@@ -11,7 +11,9 @@ from cosim.run.machine import Page, Run
 __all__ = ["recording_page"]
 
 
-def recording_page(title: str, clock: Clock, run: Run, facts: list[list[str]]) -> Page:
+def recording_page(
+    title: str, clock: Clock, run: Run, facts: list[list[str]], explorer: str
+) -> Page:
     """The page.
 
     Args:
@@ -19,6 +21,7 @@ def recording_page(title: str, clock: Clock, run: Run, facts: list[list[str]]) -
         clock: of the stream.
         run: the run; its views are the images (TFP, TFI) by cycle, white = 1.
         facts: rows of the table of the recording: what, value, from.
+        explorer: of its spikes.
     """
     metrics, shots = run.result.metrics, run.outcome.views
     rate = number(metrics["spike_rate"].value)
@@ -30,7 +33,7 @@ def recording_page(title: str, clock: Clock, run: Run, facts: list[list[str]]) -
     for cycle, (mean, interval) in shots.items():
         pictures = figure(for_display(mean), "TFP") + figure(for_display(interval), "TFI")
         parts.append(
-            f'<div class="row-title">{number(clock.middle(cycle) / 1e9, 4)} ms</div>'
+            f"<h3>{number(clock.middle(cycle) / 1e9, 4)} ms</h3>"
             f'<div class="grid by2">{pictures}</div>'
         )
     return Page(
@@ -39,7 +42,11 @@ def recording_page(title: str, clock: Clock, run: Run, facts: list[list[str]]) -
         f"No camera was simulated: these spikes were recorded, {length} of them. The images below "
         "are computed from them.",
         [("first", rate, "spikes per pixel and cycle, mean")],
-        ["".join(parts), "<h2>The recording</h2>" + table(["what", "value", "from"], facts)],
+        [
+            f"<h2>Explore the stream</h2>{explorer}",
+            "".join(parts),
+            "<h2>The recording</h2>" + table(["what", "value", "from"], facts),
+        ],
         good="What the recording holds",
         quality="No image can be rated: a recording has no true light to compare with.",
         unmeasured="Nothing to be wrong: the spikes are those of the recording, bit by bit.",

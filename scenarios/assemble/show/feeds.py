@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -30,11 +30,11 @@ from cosim.spikes.clocked import (
     Change,
     ClockedEvents,
     HeldPlanes,
-    Reported,
     latching_cycles,
-    tick_ends,
 )
+from cosim.spikes.events import only_full
 from cosim.spikes.excerpt import StreamStage
+from cosim.spikes.held import held_events, held_reports
 from cosim.stage import Stage
 from rtl_model.imagers.interface.model import FrameFigures, ImagerModel
 from rtl_model.imagers.machine import ImagerMachine
@@ -44,12 +44,8 @@ from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.continuous.machine import ContinuousMachine
 
 __all__ = [
-    "ContinuousFeed", "EventFeed", "Feed", "FrameFeed", "Planes", "RecordedFeed", "held_events",
-    "held_reports", "only_full",
+    "ContinuousFeed", "EventFeed", "Feed", "FrameFeed", "Planes", "RecordedFeed",
 ]  # fmt: skip
-
-FINE: Final = 2**30
-"""Value of a spike in every cycle where values are no integers: they are rounded to 2^-30."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,29 +131,6 @@ class _Plain:
     white: str
 
 
-def only_full(events: Events) -> tuple[Events, int]:
-    """The events that are full spikes, and the number of the others."""
-    if events.level is None:
-        return events, 0
-    full = events.level == events.levels
-    kept = Events(
-        events.row[full], events.column[full], events.time[full], events.width[full], events.shape,
-        events.ticks, events.clock, events.start,
-    )  # fmt: skip
-    return kept, int((~full).sum())
-
-
-def held_events(events: Events, clock: Clock, cycles: int) -> HeldPlanes:
-    """The planes of events that are sent only where a width has changed: until its next event a
-    pixel fires at the rate of the last width, or of the last reading of its charge."""
-    share = np.ones(len(events)) if events.level is None else events.level / events.levels
-    a_cycle = events.clock.hz / clock.hz  # ticks
-    value = np.rint(np.minimum(FINE * share * a_cycle / events.width, 2.0 * FINE))
-    cycle = latching_cycles(tick_ends(events.time, events.clock), clock, cycles)
-    pixel = events.row.astype(np.int64) * events.shape[1] + events.column
-    return HeldPlanes(Reported(cycle, pixel, value.astype(np.int64)), events.shape, clock, FINE)
-
-
 class EventFeed(_Plain):
     """The events of asynchronous pixels."""
 
@@ -188,19 +161,6 @@ class EventFeed(_Plain):
             return Planes(held_events(events, self.clock, self.cycles))
         full, partial = only_full(events)
         return Planes(ClockedEvents(full, self.clock, self.cycles), partial=partial)
-
-
-def held_reports(reports: Any, white: float, white_rate: float) -> HeldPlanes:
-    """The planes of the reports of continuous pixels.
-
-    Args:
-        reports: `Intensities`, electrons a second.
-        white: value of white, electrons a second.
-        white_rate: spikes a cycle of white.
-    """
-    value = np.rint(np.minimum(reports.value * (FINE * white_rate / white), 2.0 * FINE))
-    held = Reported(reports.time, reports.pixel, value.astype(np.int64))
-    return HeldPlanes(held, reports.shape, reports.clock, FINE)
 
 
 class ContinuousFeed(_Plain):

@@ -10,9 +10,10 @@ import numpy.typing as npt
 from cosim import Clock, Light, Viform
 from cosim.spikes.clocked import latching_cycles
 from cosim.spikes.events import mark_planes
+from cosim.spikes.held import held_events, held_reports
 from cosim.spikes.viform import Words, words_for
 from cosim.stage import Block
-from scenarios.assemble.show.feeds import ContinuousFeed, held_events, held_reports
+from scenarios.assemble.show.feeds import ContinuousFeed
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.asynchronous.model import EventModel, latched
 from sensor.asynchronous.pixel.array import AsynchronousPixels

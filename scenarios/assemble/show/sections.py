@@ -288,6 +288,11 @@ def _beside(shown: Shown) -> str:
         ]
     instants = [f"{shown.clock.middle(n) / 1e9:.2f} ms" for n in shown.instants]
     part = beside([outcome.title(name) for name in names], "eye", views, instants)
+    if len(names) == 1:
+        return (
+            "<h2>The display at any instant</h2><p>What an observer sees at the instants of the "
+            f"images. The whole is reduced; the square has all of its pixels.</p>{part}"
+        )
     return (
         "<h2>Any display beside any other</h2><p>What an observer sees at the instants of the "
         "images. The whole is reduced; the square is the one in which the displays differ most, "

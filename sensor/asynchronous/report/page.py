@@ -15,6 +15,7 @@ from sensor.asynchronous.model import latched
 from sensor.asynchronous.readout.image import rate_image
 from sensor.asynchronous.readout.recorder import STREAM
 from sensor.asynchronous.readout.recover import WITHIN
+from sensor.asynchronous.report.explored import events_explorer
 from sensor.asynchronous.report.figures import (
     delay_figure,
     events_figure,
@@ -144,7 +145,7 @@ def _images(judged: EventRun) -> str:
         pictures = figure(for_display(shot.truth), "true light") + figure(
             for_display(shot.tfi), "TFI from events"
         )
-        parts.append(f'<div class="row-title">{when}</div><div class="grid by2">{pictures}</div>')
+        parts.append(f'<h3>{when}</h3><div class="grid by2">{pictures}</div>')
     return "".join(parts)
 
 
@@ -254,7 +255,7 @@ def events_page(judged: EventRun) -> Page:
     """Writes the figures, and makes the page's parts."""
     spec = judged.spec
     pictures = [_view(judged), _targets(judged)] if judged.views.recovered else [_images(judged)]
-    sections = [*pictures, _traffic(judged), _machine(judged)]
+    sections = [*pictures, events_explorer(judged), _traffic(judged), _machine(judged)]
     figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
     return Page(
         spec.title,

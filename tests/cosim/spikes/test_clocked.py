@@ -118,3 +118,10 @@ def test_equal_pixels_do_not_fire_in_step():
 def test_a_white_that_does_not_fit_is_refused(white):
     with pytest.raises(ValueError, match=f"white must be 1 to {2**30}, not {white}"):
         HeldPlanes(Given(), (1, 1), CLOCK, white)
+
+
+def test_a_span_without_reports_has_no_changes():
+    reported = Reported(np.array([0, 90]), np.array([0, 1]), np.array([5, 6]))
+    assert [change.cycle for change in reported.between(0, 64)] == [0]
+    assert list(reported.between(64, 80)) == []
+    assert [change.cycle for change in reported.between(80, 128)] == [90]

@@ -10,12 +10,13 @@ import pytest
 from cosim import Block, Clock, Events, InputError, Intensities, Interrupted, Viform
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
+from cosim.spikes.events import only_full
+from cosim.spikes.held import held_events, held_reports
 from display.probes import metrics
 from rtl_model.imagers.catalogue import IMAGERS
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.show import assembling
-from scenarios.assemble.show.feeds import held_events, held_reports, only_full
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario

@@ -85,7 +85,7 @@ def _instants(run: LatchedRun) -> str:
     ]
     for shot in run.shots:
         when = number((shot.cycle + 0.5) * ms, 4)
-        parts.append(f'<div class="row-title">cycle {count(shot.cycle)}, {when} ms</div>')
+        parts.append(f"<h3>cycle {count(shot.cycle)}, {when} ms</h3>")
         triple = (("true light", shot.truth), ("TFP", shot.tfp), ("TFI", shot.tfi))
         pictures = "".join(figure(for_display(plane), name) for name, plane in triple)
         if run.mosaic is not None:

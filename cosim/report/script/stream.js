@@ -1,12 +1,7 @@
-// The explorers of a page.
-//
-// `Beside` shows any two of several pictures of one thing, and their difference. `Explorer` shows a
-// spike stream: images at any cycle, side by side with the true light, and the spikes of one pixel.
-// The same code of it runs in report.html, where it computes images from spikes inside the page, and in
-// `viform view`, where a local server sends the rates of an image. Levels follow `viform image`:
-// round(255 clip(x / scale, 0, 1)) with halves to even, from rates in single precision.
-(() => {
-"use strict";
+// The explorer of a spike stream: images at any cycle, side by side with the true light, and the spikes
+// of one pixel. The same code runs in report.html, where it computes images from spikes inside the
+// page, and in `viform view`, where a local server sends the rates of an image. Levels follow
+// `viform image`: round(255 clip(x / scale, 0, 1)) with halves to even, from rates in single precision.
 
 const WORD = 32;
 
@@ -38,12 +33,6 @@ function tauLevels(tau, longest) {
   for (let n = 0; n < tau.length; n++) out[n] = Math.min(tau[n], longest) * share;
   for (let n = 0; n < tau.length; n++) out[n] = tau[n] > 0 ? 255 - out[n] : 0;
   return out;
-}
-
-async function unpacked(text) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Response(stream).arrayBuffer();
 }
 
 /** Spikes of some pixels inside the page: words (pixel, word), cycles `first` to `stop`. */
@@ -179,72 +168,6 @@ class Served {
     return (await this.fetched("course", { x, y, cycles: cycles.join(" ") })).json();
   }
 }
-
-function element(name, given = {}, ...inner) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(given)) {
-    if (key in made && key !== "list") made[key] = value;
-    else made.setAttribute(key, value);
-  }
-  made.append(...inner);
-  return made;
-}
-
-function labelled(text, control) {
-  return element("label", {}, element("span", {}, text), control);
-}
-
-function choice(options, chosen) {
-  const made = element("select");
-  for (const [value, text] of options) made.append(element("option", { value }, text));
-  made.value = chosen;
-  return made;
-}
-
-/** Calls `pick` with the place in a map of cells that is clicked, or moved to by arrow keys from the
- * place that `now` returns. */
-function pointing(canvas, now, pick) {
-  const within = (x, y) => pick(
-    Math.min(Math.max(x, 0), canvas.width - 1), Math.min(Math.max(y, 0), canvas.height - 1)
-  );
-  canvas.addEventListener("click", (event) => {
-    const box = canvas.getBoundingClientRect();
-    within(Math.floor((event.clientX - box.left) / box.width * canvas.width),
-      Math.floor((event.clientY - box.top) / box.height * canvas.height));
-  });
-  canvas.addEventListener("keydown", (event) => {
-    const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    if (!by) return;
-    const [x, y] = now() ?? [canvas.width >> 1, canvas.height >> 1];
-    within(x + by[0], y + by[1]);
-    event.preventDefault();
-  });
-}
-
-function saved(name, blob) {
-  const link = element("a", { href: URL.createObjectURL(blob), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-}
-
-/** A table of colours for the pixels of a canvas: [red, green, blue] of each of 256 levels. */
-function colours(of) {
-  const bytes = new Uint8ClampedArray(1024);
-  for (let n = 0; n < 256; n++) bytes.set([...of(n), 255], 4 * n);
-  return new Uint32Array(bytes.buffer);
-}
-
-function srgb(n) {
-  const v = n / 255;
-  return 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
-}
-
-const LINEAR = colours((n) => [n, n, n]), CURVE = colours((n) => [srgb(n), srgb(n), srgb(n)]);
-/** Blue below the true light, red above it; full colour at a quarter of white. */
-const SIGNED = colours((n) => {
-  const off = (n - 128) / 127;
-  return [255 * Math.min(1 + off, 1), 255 * (1 - Math.abs(off)), 255 * Math.min(1 - off, 1)];
-});
 
 class Explorer {
   constructor(root, given) {
@@ -446,27 +369,9 @@ class Explorer {
   /** The raster of spikes, 1 / interval and true light over time, and the charge since the last
    * spike as the true light collects it. */
   chart(from, to, spikes, light, cycles) {
-    const { plot } = this, ratio = devicePixelRatio || 1, style = getComputedStyle(plot);
-    const width = plot.clientWidth || 600, height = 280;
-    plot.width = width * ratio;
-    plot.height = height * ratio;
-    const c = plot.getContext("2d"), ink = style.color, left = 52, right = width - 8;
-    c.scale(ratio, ratio);
-    c.font = "12px system-ui, sans-serif";
+    const plot = new Plot(this.plot, 280), { ink } = plot, left = 52, right = plot.width - 8;
     const x = (cycle) => left + (cycle + 0.5 - from) / (to - from) * (right - left);
-    const line = (points, colour, dash = []) => {
-      c.strokeStyle = colour;
-      c.setLineDash(dash);
-      c.beginPath();
-      points.forEach(([u, v], n) => (n ? c.lineTo(u, v) : c.moveTo(u, v)));
-      c.stroke();
-      c.setLineDash([]);
-    };
-    const text = (words, u, v, align = "left") => {
-      c.fillStyle = ink;
-      c.textAlign = align;
-      c.fillText(words, u, v);
-    };
+    const line = plot.line.bind(plot), text = plot.text.bind(plot);
     text("spikes", 2, 24);
     for (const spike of spikes) line([[x(spike), 10], [x(spike), 32]], ink);
     const rates = [];
@@ -483,8 +388,7 @@ class Explorer {
     line(rates.map(([u, v]) => [u, y(v)]), "#2f7ed8");
     text("1 / interval, spikes/cycle", left, 52);
     if (light) {
-      c.fillStyle = "#d9480f";
-      c.fillText("true light", left + 170, 52);
+      text("true light", left + 170, 52, "left", "#d9480f");
       const at = (n) => light[Math.min(Math.floor((n - from) / (to - from) * 128), 128)];
       const charge = [];
       let sum = null, next = 0;
@@ -511,240 +415,9 @@ class Explorer {
 
   saveSpikes() {
     const { x, y, spikes } = this.listed, { hz } = this.given;
-    const rows = spikes.map((cycle) => `${x},${y},${cycle},${(cycle + 1) / hz}`);
-    const text = ["x,y,cycle,latched_s", ...rows, ""].join("\n");
-    saved(`pixel-${x}-${y}.csv`, new Blob([text], { type: "text/csv" }));
+    const rows = spikes.map((cycle) => [x, y, cycle, (cycle + 1) / hz]);
+    csv(`pixel-${x}-${y}.csv`, [["x", "y", "cycle", "latched_s"], ...rows]);
   }
 }
 
-/** Pictures of several things in several views at several instants: two of them side by side. */
-class Beside {
-  constructor(root, given) {
-    this.given = given;
-    const names = given.names.map((name, n) => [n, name]);
-    this.left = choice(names, 0);
-    this.right = choice(names, Math.min(1, names.length - 1));
-    this.view = choice(given.views.map((view, n) => [n, view]), 0);
-    this.instant = choice(given.instants.map((text, n) => [n, text]), given.instants.length >> 1);
-    this.canvases = ["left", "right", "right − left"].map((title) => {
-      const canvas = element("canvas", { role: "img", "aria-label": title });
-      return [canvas, element("figcaption")];
-    });
-    root.append(
-      element("div", { class: "controls" }, labelled("left", this.left), labelled("right", this.right),
-        labelled(given.viewed, this.view), labelled("instant", this.instant)),
-      element("div", { class: "pictures" }, ...this.canvases.map((pair) => element("figure", {}, ...pair)))
-    );
-    for (const control of [this.left, this.right, this.view, this.instant]) {
-      control.addEventListener("change", () => this.draw());
-    }
-  }
-
-  async open() {
-    await this.draw();
-  }
-
-  async picture(name) {
-    const image = new Image();
-    image.src = this.given.pictures[this.view.value][name][this.instant.value];
-    await image.decode();
-    return image;
-  }
-
-  async draw() {
-    const chosen = [Number(this.left.value), Number(this.right.value)];
-    const images = await Promise.all(chosen.map((name) => this.picture(name)));
-    const data = images.map((image, n) => {
-      const [canvas, caption] = this.canvases[n];
-      canvas.width = image.width;
-      canvas.height = image.height;
-      caption.textContent = this.given.names[chosen[n]];
-      const context = canvas.getContext("2d", { willReadFrequently: true });
-      context.drawImage(image, 0, 0);
-      return context.getImageData(0, 0, image.width, image.height);
-    });
-    const [canvas, caption] = this.canvases[2], off = data[1];
-    const codes = data.map((one) => new Uint8Array(one.data.buffer).slice());
-    const pixels = new Uint32Array(off.data.buffer), level = new Uint8ClampedArray(1);
-    for (let n = 0; n < pixels.length; n++) {
-      level[0] = 128 + 2 * (codes[1][4 * n] - codes[0][4 * n]);
-      pixels[n] = SIGNED[level[0]];
-    }
-    canvas.width = off.width;
-    canvas.height = off.height;
-    canvas.getContext("2d").putImageData(off, 0, 0);
-    caption.textContent = "right − left: red where the right one is brighter, blue where it is darker";
-  }
-}
-
-/** The cells of a link: wrong decisions and certainty on a map, and those of one cell over time. */
-class Cells {
-  constructor(root, given) {
-    this.given = given;
-    const { first, stop } = given, limits = { type: "number", min: first, max: stop };
-    this.shown = choice([["wrong", "wrong decisions"], ["sure", "certainty, mean |soft value|"]], "wrong");
-    this.from = element("input", { ...limits, value: first });
-    this.to = element("input", { ...limits, value: stop });
-    this.canvas = element("canvas", { tabIndex: 0, role: "img", "aria-label": "map of cells" });
-    this.facts = element("p", { "aria-live": "polite" }, "Click a cell, or focus the map and use the arrow keys.");
-    this.scale = element("p", { class: "soft" });
-    this.time = element("canvas", { class: "raster", role: "img", "aria-label": "wrong decisions of the cell over time" });
-    this.time.hidden = true;
-    root.append(
-      element("div", { class: "controls" }, labelled("shown", this.shown), labelled("from symbol", this.from),
-        labelled("to symbol", this.to)),
-      element("figure", { class: "map" }, this.canvas), this.scale, this.facts, this.time
-    );
-    for (const control of [this.shown, this.from, this.to]) control.addEventListener("change", () => this.draw());
-    pointing(this.canvas, () => this.cell, (x, y) => {
-      this.cell = [x, y];
-      this.draw();
-    });
-  }
-
-  async open() {
-    this.sure = new Uint8Array(await unpacked(this.given.sure));
-    this.wrong = new Int32Array(await unpacked(this.given.wrong));
-    this.places = new Int32Array(await unpacked(this.given.places));
-    this.draw();
-  }
-
-  draw() {
-    const { columns, rows, top, whole } = this.given, { canvas, wrong } = this;
-    const from = Number(this.from.value), to = Number(this.to.value), count = new Int32Array(wrong.length);
-    for (let n = 0; n < this.places.length; n += 2) {
-      if (this.places[n] >= from && this.places[n] < to) count[this.places[n + 1]]++;
-    }
-    canvas.width = columns;
-    canvas.height = rows;
-    const context = canvas.getContext("2d"), image = context.createImageData(columns, rows);
-    const pixels = new Uint32Array(image.data.buffer), most = count.reduce((a, b) => Math.max(a, b), 1);
-    const errors = this.shown.value === "wrong";
-    for (let n = 0; n < pixels.length; n++) {
-      const grey = wrong[n] < 0 ? 235 : errors ? 24 : this.sure[n] * 0.8;
-      pixels[n] = 0xff000000 | (grey << 16) | (grey << 8) | grey;
-    }
-    if (errors) {
-      for (let n = 0; n < pixels.length; n++) {
-        if (count[n]) pixels[n] = 0xff000000 | ((60 + 140 * count[n] / most) << 8) | 255;
-      }
-    }
-    context.putImageData(image, 0, 0);
-    this.scale.textContent = errors
-      ? `Red to yellow: 1 to ${most} wrong decisions of a cell in these symbols. Pale: tags and pilots.` +
-        (whole ? "" : " Only the first wrong decisions of the run are listed.")
-      : `Black to white: 0 to ${top.toFixed(1)} nats over the whole run.`;
-    if (!this.cell) return;
-    const [x, y] = this.cell;
-    context.strokeStyle = "#38c0ff";
-    context.lineWidth = Math.max(1, columns / 250);
-    context.strokeRect(x - 3.5, y - 3.5, 8, 8);
-    this.tell(x, y, count);
-  }
-
-  tell(x, y, count) {
-    const { columns, symbols, top, first, stop, homography: h, side } = this.given, n = y * columns + x;
-    const u = (x + 0.5) * side - 0.5, v = (y + 0.5) * side - 0.5;
-    const parts = [`Cell in row ${y}, column ${x}`];
-    if (this.wrong[n] < 0) parts.push("carries a tag or a pilot");
-    else {
-      parts.push(`wrong in ${this.wrong[n]} of ${symbols} symbols, ${count[n]} of them in those shown`);
-      parts.push(`mean |soft value| ${(this.sure[n] / 255 * top).toFixed(1)} nats`);
-    }
-    if (h) {
-      const w = h[6] * u + h[7] * v + h[8];
-      const at = [(h[0] * u + h[1] * v + h[2]) / w, (h[3] * u + h[4] * v + h[5]) / w];
-      parts.push(`its image is around camera pixel x ${at[0].toFixed(1)}, y ${at[1].toFixed(1)}`);
-    }
-    this.facts.textContent = `${parts.join("; ")}.`;
-    const { time } = this, ratio = devicePixelRatio || 1;
-    time.hidden = false;
-    const width = time.clientWidth || 600;
-    time.width = width * ratio;
-    time.height = time.clientHeight * ratio;
-    const c = time.getContext("2d"), ink = getComputedStyle(time).color;
-    c.scale(ratio, ratio);
-    c.font = "12px system-ui, sans-serif";
-    c.fillStyle = c.strokeStyle = ink;
-    c.strokeRect(8, 20, width - 16, 24);
-    c.fillText("wrong decisions over the symbols of the run", 8, 12);
-    c.fillText(`${first}`, 8, 60);
-    c.textAlign = "right";
-    c.fillText(`${stop}`, width - 8, 60);
-    c.fillStyle = "#d9480f";
-    for (let k = 0; k < this.places.length; k += 2) {
-      if (this.places[k + 1] !== n) continue;
-      c.fillRect(8 + (this.places[k] - first + 0.5) / (stop - first) * (width - 16) - 1, 20, 2, 24);
-    }
-  }
-}
-
-/** The tiles of a plan: where an effect is kept, what leaving it out could change, and all that is
- * known of the tile pointed at. */
-class Tiles {
-  constructor(root, given) {
-    this.given = given;
-    this.effect = choice(given.effects.map((one, n) => [n, one.name]), given.first);
-    this.canvas = element("canvas", { tabIndex: 0, role: "img", "aria-label": "map of tiles" });
-    this.scale = element("p", { class: "soft" });
-    this.facts = element("ul", { "aria-live": "polite" });
-    root.append(
-      element("div", { class: "controls" }, labelled("effect", this.effect)),
-      element("figure", { class: "map" }, this.canvas), this.scale, this.facts
-    );
-    this.effect.addEventListener("change", () => this.draw());
-    pointing(this.canvas, () => this.tile, (x, y) => {
-      this.tile = [x, y];
-      this.draw();
-    });
-  }
-
-  async open() {
-    for (const one of this.given.effects) {
-      one.keeps = new Uint8Array(await unpacked(one.kept));
-      one.bounds = new Float32Array(await unpacked(one.bound));
-    }
-    this.tiers = new Uint8Array(await unpacked(this.given.tier));
-    this.checked = new Set(this.given.checked);
-    this.draw();
-  }
-
-  draw() {
-    const { columns, rows, effects } = this.given, { canvas } = this;
-    const { keeps, bounds } = effects[Number(this.effect.value)];
-    const out = bounds.filter((_, n) => !keeps[n]), most = out.reduce((a, b) => Math.max(a, b), 0);
-    canvas.width = columns;
-    canvas.height = rows;
-    const context = canvas.getContext("2d"), image = context.createImageData(columns, rows);
-    for (let n = 0; n < columns * rows; n++) {
-      const share = most > 0 ? Math.min(bounds[n] / most, 1) : 0;
-      const colour = keeps[n] ? [40, 70, 120] : [255, 245 - 150 * share, 220 - 190 * share];
-      image.data.set([...colour, 255], 4 * n);
-    }
-    context.putImageData(image, 0, 0);
-    const number = keeps.length - out.length;
-    this.scale.textContent = `Blue: kept, in ${number} of ${keeps.length} tiles.` + (out.length
-      ? ` Pale to orange: left out, where that changes the rate by at most 0 to ${most.toPrecision(2)}.` : "");
-    if (!this.tile) return;
-    const [x, y] = this.tile, n = y * columns + x;
-    context.strokeStyle = "#38c0ff";
-    context.strokeRect(x - 0.5, y - 0.5, 2, 2);
-    const lines = [
-      `Tile in row ${y}, column ${x}: ${this.given.tiers[this.tiers[n]]}${this.checked.has(n) ? ", checked as a whole" : ""}`,
-      ...effects.map((one) => one.keeps[n] ? `${one.name}: kept`
-        : `${one.name}: left out, at most ${one.bounds[n].toPrecision(2)}`),
-    ];
-    this.facts.replaceChildren(...lines.map((line) => element("li", {}, line)));
-  }
-}
-
-const KINDS = { stream: Explorer, beside: Beside, cells: Cells, tiles: Tiles };
-
-for (const root of document.querySelectorAll(".explorer")) {
-  if (root.explorer) continue;
-  const given = JSON.parse(root.querySelector("script").textContent);
-  const explorer = new KINDS[root.dataset.kind](root, given);
-  root.explorer = explorer;
-  explorer.opened = explorer.open();
-}
-})();
+KINDS.stream = Explorer;

@@ -1,0 +1,47 @@
+"""A stream whose planes a stage makes when they are read."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from cosim.clock import Clock
+from cosim.spikes.viform import WORD, Viform, Words
+from cosim.stage import Block, blocks
+
+__all__ = ["StagedStream"]
+
+
+class _Maker(Protocol):
+    def step(self, data: Any, block: Block) -> Viform: ...
+
+
+class StagedStream:
+    """See `SpikeStream`; its words are read once, in ascending order, for some stages depend on
+    what they have made before.
+
+    Args:
+        stage: makes the planes of consecutive blocks.
+        shape: (H, W).
+        cycles, clock: of the planes, which begin at the instant 0.
+    """
+
+    def __init__(
+        self, stage: _Maker, shape: tuple[int, int], cycles: int, clock: Clock
+    ) -> None:  # fmt: skip
+        self._stage, self.shape, self.cycles, self.clock = stage, shape, cycles, clock
+        self._made = 0
+
+    def read_words(self, first: int, stop: int) -> Words:
+        """Words `first` to `stop`, (n, H, W) uint32. Raises ValueError for words before the last
+        ones that were read."""
+        start, last = first * WORD, min(stop * WORD, self.cycles)
+        if last <= start:
+            return np.zeros((0, *self.shape), np.uint32)
+        if start < self._made:
+            raise ValueError(f"words must be read from cycle {self._made} on, not {start}")
+        for block in blocks(start, start=self._made):
+            self._stage.step(None, block)
+        self._made = last
+        return self._stage.step(None, Block(start, last - start)).words
