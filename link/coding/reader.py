@@ -107,8 +107,9 @@ class BlockReader(ABC):
         return self._read(block, missing)
 
     def _read(self, block: int, missing: Sequence[int]) -> int:
-        form, each = self._blocks, self._blocks.frame_words
         words = self._words.read(block, missing)
+        form = words.form or self._blocks
+        each = form.frame_words
         used = form.frames * each
         data = words.data[:used].reshape(form.frames, form.frame_bytes)
         whole = np.all(words.ok[:used].reshape(form.frames, each), axis=1)

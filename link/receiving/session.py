@@ -18,6 +18,7 @@ from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.counting import PHASES
 from link.detect.detector import Detector
+from link.detect.joint import Joint
 from link.layout import TRAINING, closing, training
 from link.receiving.acquiring import Acquired, lit_span
 from link.receiving.pacing import Delay
@@ -138,6 +139,8 @@ class Session:
         self._learned = 0.0
         self._timed = self.timing
         """Timing of the detector."""
+        self._delayed = 0.0
+        """Ticks by which the detector counts symbols as later (`Joint.delay`)."""
         self._classes: set[tuple[int, int]] = set()
         """Rows, of _ROWS, and their classes of phase that the detector has learned."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
@@ -226,6 +229,7 @@ class Session:
             if not count:
                 break
             before = self.inbox.frames_read, self.inbox.frames_right
+            self._learn_ahead(recording, detector, first, count * group)
             soft = detector.soft(
                 recording.words, recording.first, first, count * group, recording.stop
             )
@@ -275,6 +279,7 @@ class Session:
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
         self._timed = self.timing
+        self._delayed = detector.delay if isinstance(detector, Joint) else 0.0
         if self._known is not None:
             begin, known = self._known
             detector.learn(recording.words, recording.first, known, begin)
@@ -293,9 +298,23 @@ class Session:
     def _classes_of(self, first: int, count: int) -> set[tuple[int, int]]:
         """Returns the rows, of _ROWS, and their classes of phase in `count` symbols."""
         row = np.linspace(0, self.rows, _ROWS)[:, None]
-        start = self._timed.start(first + np.arange(count), row)
+        start = self._timed.start(first + np.arange(count), row) + self._delayed
         phase = np.floor((start - np.floor(start)) * PHASES).astype(int)
         return {(n, int(each)) for n, some in enumerate(phase) for each in np.unique(some)}
+
+    def _learn_ahead(
+        self, recording: Recording, detector: Detector, first: int, count: int
+    ) -> None:
+        """Has a detector with classes of phase learn those that `count` symbols fall into and that
+        it has not met: from the last known symbols, as if they came as much later."""
+        classes = self._classes_of(first, count)
+        if self._known is None or not isinstance(detector, Joint) or classes <= self._classes:
+            return
+        begin, known = self._known
+        end = first + count
+        late = (self.timing.period - self.layout.mode.ticks) * (end - begin - len(known))
+        detector.learn(recording.words, recording.first, known, begin, late)
+        self._classes |= classes
 
     def _follow(
         self, recording: Recording, registration: Registration, detector: Any, first: int
