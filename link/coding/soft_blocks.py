@@ -122,6 +122,11 @@ class SoftBlocks(Blocks):
         gather_words(used.reshape(-1, self.words), self.order, out)
         return out
 
+    def bits_of(self, marked: _Bytes) -> _Bytes:
+        """Returns marked bits of words, (words, word bytes) uint8, at their cells: (groups,
+        symbols, cells) uint8."""
+        return self._row(marked)
+
     def cells_of(self, wrong: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
         """Returns the number of marked bits, (words, word bytes) uint8, on each data cell."""
         out = np.zeros(self.layout.cells, np.int64)

@@ -80,8 +80,8 @@ class Joint:
         place, (first, *rest) = cells.places, self._time
         count_patterns(
             words, start_tick, known, first_symbol, self.shifts(first_symbol, len(known) - 1),
-            (first + late, *rest), self.ticks, order, ends, cells.x, cells.y, place.count, place.dx, place.dy,
-            place.share, self._counts,
+            (first + late, *rest), self.ticks, order, ends, cells.x, cells.y, place.count,
+            place.dx, place.dy, place.share, self._counts,
         )  # fmt: skip
         self._tables = None
 

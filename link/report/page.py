@@ -108,7 +108,7 @@ def _decoding(link: LinkEvaluation) -> list[list[str]]:
     if not r.codewords:
         return []
     text = f"{r.codewords_wrong:,} of {r.codewords:,} lost, {r.bytes_corrected:,} bytes corrected"
-    if r.mode is not None and r.mode.rate is not None:
+    if r.mode is not None and r.mode.parity is None:
         text += f", {r.rounds / r.codewords:.3g} rounds of decoding a word"
     return [["words", text]]
 

@@ -41,7 +41,7 @@ def test_every_mode_has_tags_of_its_own() -> None:
 def test_what_is_no_mode() -> None:
     with pytest.raises(ValueError, match="not None, None and False"):
         Mode(960, 960, 2, 1, "scrambled", None)
-    with pytest.raises(ValueError, match=r"parity or rate, not 16 and 0\.8"):
+    with pytest.raises(ValueError, match=r"not 16, 0\.8 and False"):
         Mode(960, 960, 2, 1, "scrambled", 16, 0.8)
     with pytest.raises(ValueError, match=r"rate must be one of 0\.75, .*, not 0\.9"):
         Mode(960, 960, 2, 1, "scrambled", None, 0.9)
