@@ -15,7 +15,7 @@ most the probability (4 p (1 - p))^64 (Bhattacharyya): 1e-12 at p = .2.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
@@ -48,6 +48,26 @@ def _rows() -> npt.NDArray[np.uint8]:
     place = np.arange(HEADER)
     number = np.arange(1, _ROWS + 1)
     return np.asarray(np.bitwise_count(number[:, None] & place) & 1, np.uint8)
+
+
+def _frames(bits: int, rate: float, words: int, data_bits: int) -> int:
+    """Returns the frames of so many words that a block of a rate has room for."""
+    return int(bits // (words * -(-data_bits // (8 * rate)) * 8))
+
+
+@lru_cache
+def _fullest(bits: int, most_words: int) -> tuple[int, int]:
+    """Returns the words of a frame and the bits of data in a word that leave most of the blocks of
+    all rates to the file."""
+
+    def filled(shape: tuple[int, int]) -> int:
+        words, data_bits = shape
+        size = (words * data_bits // 8 - FRAME_SPENT) // 8
+        return sum(size * _frames(bits, rate, words, data_bits) for rate in EVERY_RATE)
+
+    shorter = range(_MOST_DATA, _MOST_DATA - 8 * _SHORTER, -8)
+    shapes = ((words, each) for words in range(1, most_words + 1) for each in shorter)
+    return max(shapes, key=filled)
 
 
 @dataclass(frozen=True)
@@ -88,42 +108,25 @@ class AdaptiveBlocks(SoftBlocks):
     def _bits(self) -> int:
         return self.groups * self._group_bits
 
-    def _frames_of(self, number: int, words: int, data_bits: int) -> int:
-        """Frames in a block of a rate, of so many words."""
-        return int(self._bits // (words * -(-data_bits // (8 * EVERY_RATE[number])) * 8))
-
     @cached_property
     def _shape(self) -> tuple[int, int]:
-        """Words of a frame, and bits of data in a word: those that leave most of the blocks of all
-        rates to the file."""
-
-        def filled(shape: tuple[int, int]) -> int:
-            words, data_bits = shape
-            size = words * data_bits // 8 - FRAME_SPENT
-            return sum(
-                size // 8 * self._frames_of(n, words, data_bits) for n in range(len(EVERY_RATE))
-            )
-
-        shorter = range(_MOST_DATA, _MOST_DATA - 8 * _SHORTER, -8)
-        return max(
-            ((words, bits) for words in range(1, self.most_words + 1) for bits in shorter),
-            key=filled,
-        )
+        """Words of a frame, and bits of data in a word."""
+        return _fullest(self._bits, self.most_words)
 
     @property
     def data_bytes(self) -> int:
         return self._shape[1] // 8
 
     @property
-    def frame_words(self) -> int:  # type: ignore[override]
+    def frame_words(self) -> int:
         return self._shape[0]
 
     @cached_property
     def frames(self) -> int:
-        return self._frames_of(self.number, *self._shape)
+        return _frames(self._bits, self.rate, *self._shape)
 
     @property
-    def words(self) -> int:  # type: ignore[override]
+    def words(self) -> int:
         return self.frames * self.frame_words
 
     @cached_property

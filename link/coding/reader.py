@@ -143,9 +143,9 @@ class BlockReader(ABC):
         self.codewords_wrong += int((~words.sound).sum())
         self.bytes_corrected += words.bytes_changed
         self.rounds += words.rounds
-        if isinstance(form, SoftBlocks):
-            if words.bytes_changed > _MANY * form.words * form.word_bytes:
-                self._keep(block, form.bits_of(words.changed))
+        many = words.bytes_changed > _MANY * form.words * form.word_bytes
+        if many and isinstance(form, SoftBlocks):
+            self._keep(block, form.bits_of(words.changed))
         if words.bytes_changed:
             self.cell_errors += form.cells_of(words.changed)
         return sum(right)

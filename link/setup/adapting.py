@@ -29,6 +29,8 @@ _OFF: Final = 0.03
 """Ticks by which the phase may be another than foreseen: errors of a receiver's timing in runs."""
 _SURE: Final = 4.75
 """Standard deviations of the frames lost that are allowed for: one file in a million lacks some."""
+_LOST: Final = 0.01
+"""Largest share of a block's frames that a rate may lose, where there is such a rate."""
 _BEYOND: Final = 2
 """Frames beyond the file's own, as in the sender."""
 
@@ -109,7 +111,8 @@ def plan_rates(
         wrong = np.array([ldpc_word_error(rate, information) for rate in EVERY_RATE])
         fails = -np.expm1(each * np.log1p(-np.minimum(wrong, 1 - 1e-12)))
         count = np.array([one.frames for one in forms])
-        best = int(np.argmax(count * (1 - fails)))
+        held = fails <= max(_LOST, float(fails.min()))
+        best = int(np.argmax(held * count * (1 - fails)))
         rates.append(best)
         sent.append(sent[-1] + count[best])
         lost += count[best] * fails[best]

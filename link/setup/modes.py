@@ -105,11 +105,15 @@ def _candidates(
         for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
         for ticks in (ticks_chosen(line) if modem.ticks == "auto" else [modem.ticks])
     ]
-    of_one = [Mode(*size, *one, *code) for one in symbols for code in _codes(modem, one[2])]
-    if not adaptive:
-        return of_one
-    return of_one + [
-        Mode(*size, *one, None, adaptive=True) for one in symbols if one[2] == "scrambled"
+    modes = [
+        Mode(*size, cell, ticks, line, parity, rate)
+        for cell, ticks, line in symbols
+        for parity, rate in _codes(modem, line)
+    ]
+    return modes + [
+        Mode(*size, cell, ticks, line, None, adaptive=True)
+        for cell, ticks, line in symbols
+        if adaptive and line == "scrambled"
     ]
 
 
