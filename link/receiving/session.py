@@ -16,11 +16,10 @@ import numpy.typing as npt
 
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
-from link.detect.counting import PHASES
 from link.detect.detector import Detector
-from link.detect.joint import Joint
 from link.layout import TRAINING, closing, training
 from link.receiving.acquiring import Acquired, lit_span
+from link.receiving.classes_met import ClassesMet
 from link.receiving.pacing import Delay
 from link.receiving.phasing import measure_delay, nudge
 from link.receiving.received import Instant
@@ -49,8 +48,6 @@ _MEASURED: Final = 24
 _SHIFTED: Final = 0.01
 """Change of the timing after which the detector learns again, ticks. With .03, a timing .023 off
 brought the symbols to a class of phase that the detector had not learned: ten times the errors."""
-_ROWS: Final = 5
-"""Rows, from the first to the last, whose classes of phase are followed."""
 _SHARP, _FAR = 0.05, 0.45
 """_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
 ticks."""
@@ -143,12 +140,8 @@ class Session:
         self._learned = 0.0
         self._made = 0.0
         """Phase for which the detector was made."""
-        self._timed = self.timing
-        """Timing of the detector."""
-        self._delayed = 0.0
-        """Ticks by which the detector counts symbols as later (`Joint.delay`)."""
-        self._classes: set[tuple[int, int]] = set()
-        """Rows, of _ROWS, and their classes of phase that the detector has learned."""
+        self._met: ClassesMet | None = None
+        """What the detector has learned; None without one."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
         self.lost = False
 
@@ -235,7 +228,8 @@ class Session:
             if not count:
                 break
             before = self.inbox.frames_read, self.inbox.frames_right
-            self._learn_ahead(recording, detector, first, count * group)
+            if self._known is not None and self._met is not None:
+                self._met.learn_ahead(recording, detector, self._known, first, count * group)
             soft = detector.soft(
                 recording.words, recording.first, first, count * group, recording.stop
             )
@@ -275,9 +269,7 @@ class Session:
         known = closing(self.layout)[: len(soft)]
         return float(np.mean((soft[: len(known)] > 0) == known)) > _ALIKE
 
-    def _mended(
-        self, first: int, decided: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.bool_]:
+    def _mended(self, first: int, decided: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Returns decisions without those that the code of the words has found wrong."""
         group = self.layout.group
         for n in range(len(decided) // group):
@@ -295,8 +287,6 @@ class Session:
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
-        self._timed = self.timing
-        self._delayed = detector.delay if isinstance(detector, Joint) else 0.0
         if self._known is not None:
             begin, known = self._known
             detector.learn(recording.words, recording.first, known, begin)
@@ -310,36 +300,15 @@ class Session:
             detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
         self._learned = 0.0
         self._made = (self.timing.period - round(self.timing.period)) * (begin + _KNOWN)
-        self._classes = self._classes_of(begin, _KNOWN)
+        self._met = ClassesMet(detector, self.timing, self.rows, begin, _KNOWN)
         return detector
-
-    def _classes_of(self, first: int, count: int) -> set[tuple[int, int]]:
-        """Returns the rows, of _ROWS, and their classes of phase in `count` symbols."""
-        row = np.linspace(0, self.rows, _ROWS)[:, None]
-        start = self._timed.start(first + np.arange(count), row) + self._delayed
-        phase = np.floor((start - np.floor(start)) * PHASES).astype(int)
-        return {(n, int(each)) for n, some in enumerate(phase) for each in np.unique(some)}
-
-    def _learn_ahead(
-        self, recording: Recording, detector: Detector, first: int, count: int
-    ) -> None:
-        """Has a detector with classes of phase learn those that `count` symbols fall into and that
-        it has not met: from the last known symbols, as if they came as much later."""
-        classes = self._classes_of(first, count)
-        if self._known is None or not isinstance(detector, Joint) or classes <= self._classes:
-            return
-        begin, known = self._known
-        end = first + count
-        late = (self.timing.period - self.layout.mode.ticks) * (end - begin - len(known))
-        detector.learn(recording.words, recording.first, known, begin, late)
-        self._classes |= classes
 
     def _follow(
         self, recording: Recording, registration: Registration, detector: Any, first: int
     ) -> Any:
         """Returns the detector for the next chunk, after a chunk whose decisions are known to be
         correct."""
-        assert self._known is not None
+        assert self._known is not None and self._met is not None
         begin, decided = self._known
         now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
         phase = (self.timing.period - round(self.timing.period)) * (begin + len(decided))
@@ -355,17 +324,20 @@ class Session:
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                if abs(float(self.timing.start(*middle) - self._timed.start(*middle))) > _SHIFTED:
+                if (
+                    abs(float(self.timing.start(*middle) - self._met.timing.start(*middle)))
+                    > _SHIFTED
+                ):
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
         if abs(phase - self._made) > _FRESH:
             return self._detector(recording, registration, (recording.first, recording.stop))
-        classes = self._classes_of(begin, len(decided))
-        if abs(phase - self._learned) > _MOVED or not classes <= self._classes:
+        met = self._met.has(begin, len(decided))
+        if abs(phase - self._learned) > _MOVED or not met:
             detector.learn(recording.words, recording.first, decided, begin)
             self._learned = phase
-            self._classes |= classes
+            self._met.add(begin, len(decided))
         return detector
 
     def _delay(self, w: Witnesses) -> Delay | None:
