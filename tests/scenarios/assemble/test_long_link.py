@@ -37,13 +37,13 @@ def test_a_whole_turn_of_phase_is_received(tmp_path: Path) -> None:
             "link.panel.width": 256, "link.panel.height": 256, "sensor.width": 300,
             "sensor.height": 300, "link.panel.phase": 0.1, "link.panel.clock_offset": 400,
             "sensor.clock_steering": "false", "link.modem.cell": 2, "link.modem.code": "ldpc",
-            "link.size": 3_400_000,
+            "link.size": 3_600_000,
         },
     )  # fmt: skip
     assert done.outcome == "ok"
     metrics = done.metrics
     goodput, raw = metrics["goodput_bps"], metrics["raw_bps"]
     assert metrics["ticks"] == 1 and goodput is not None and raw is not None
-    assert 8 * 3_400_000 / goodput > 2500 / 40_000  # a turn and more
+    assert 8 * 3_600_000 / goodput > 2500 / 40_000  # a turn and more
     assert goodput > 0.68 * raw  # one tick of one rate: at most the information at the worst phase
     assert (metrics["words_lost"] or 0) < 50 and 0.7 < (metrics["code_rate"] or 0) < 0.9
