@@ -54,7 +54,7 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
         "cell": Metric(setup.mode.cell, "panel pixels"),
         "ticks": Metric(setup.mode.ticks, "panel planes"),
         "parity": Metric(setup.mode.parity, "bytes"),
-        "code_rate": Metric(setup.mode.word_rate, "1"),
+        "code_rate": Metric(setup.sent.outbox.word_rate, "1"),
         "words": Metric(received.codewords, "words"),
         "words_lost": Metric(received.codewords_wrong, "words"),
         "decoder_rounds": Metric(_rounds(received), "rounds/word"),
@@ -78,7 +78,7 @@ def lock_metrics(lock: ClockLock | None) -> dict[str, Metric]:
 
 def _rounds(received: Received) -> float | None:
     """Returns the mean number of decoding rounds of a word; None for a code without rounds."""
-    if received.mode is None or received.mode.rate is None or not received.codewords:
+    if received.mode is None or received.mode.parity is not None or not received.codewords:
         return None
     return received.rounds / received.codewords
 

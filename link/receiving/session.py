@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
-from link.detect.counting import PHASES
 from link.detect.detector import Detector
 from link.layout import TRAINING, closing, training
 from link.receiving.acquiring import Acquired, lit_span
+from link.receiving.classes_met import ClassesMet
 from link.receiving.pacing import Delay
 from link.receiving.phasing import measure_delay, nudge
 from link.receiving.received import Instant
@@ -48,13 +48,15 @@ _MEASURED: Final = 24
 _SHIFTED: Final = 0.01
 """Change of the timing after which the detector learns again, ticks. With .03, a timing .023 off
 brought the symbols to a class of phase that the detector had not learned: ten times the errors."""
-_ROWS: Final = 5
-"""Rows, from the first to the last, whose classes of phase are followed."""
 _SHARP, _FAR = 0.05, 0.45
 """_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
 ticks."""
 _MOVED: Final = 1 / 16
 """Change of the phase after which the detector learns again, ticks."""
+_FRESH: Final = 1 / 64
+"""Change of the phase after which a new detector is made: one that learns on keeps what it has
+learned at other phases of the class. At 400 parts per million a class lasts 312 ticks, at whose end
+the information of a bit was .1 lower than that of a fresh one."""
 _SLACK: Final = 4.0
 """Ticks after the tags go dark that may belong to the last symbol."""
 _ALIKE: Final = 0.9
@@ -136,10 +138,10 @@ class Session:
         self._next: int | None = None
         self._checked = self.pace.at
         self._learned = 0.0
-        self._timed = self.timing
-        """Timing of the detector."""
-        self._classes: set[tuple[int, int]] = set()
-        """Rows, of _ROWS, and their classes of phase that the detector has learned."""
+        self._made = 0.0
+        """Phase for which the detector was made."""
+        self._met: ClassesMet | None = None
+        """What the detector has learned; None without one."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
         self.lost = False
 
@@ -226,6 +228,8 @@ class Session:
             if not count:
                 break
             before = self.inbox.frames_read, self.inbox.frames_right
+            if self._known is not None and self._met is not None:
+                self._met.learn_ahead(recording, detector, self._known, first, count * group)
             soft = detector.soft(
                 recording.words, recording.first, first, count * group, recording.stop
             )
@@ -245,7 +249,7 @@ class Session:
                                       strict=True)
             )  # fmt: skip
             if arrived == 0 or right >= _SOUND * arrived:
-                self._known = self._last_decided(first, decided)
+                self._known = self._last_decided(first, self._mended(first, decided))
                 if arrived:
                     self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
                 detector = self._follow(recording, registration, detector, first)
@@ -265,6 +269,15 @@ class Session:
         known = closing(self.layout)[: len(soft)]
         return float(np.mean((soft[: len(known)] > 0) == known)) > _ALIKE
 
+    def _mended(self, first: int, decided: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Returns decisions without those that the code of the words has found wrong."""
+        group = self.layout.group
+        for n in range(len(decided) // group):
+            wrong = self.inbox.mended.get((first - TRAINING) // group + n)
+            if wrong is not None:
+                decided[n * group : (n + 1) * group] ^= wrong.astype(np.bool_)
+        return decided
+
     def _last_decided(
         self, first: int, decided: npt.NDArray[np.bool_]
     ) -> tuple[int, npt.NDArray[np.bool_]]:
@@ -274,7 +287,6 @@ class Session:
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
-        self._timed = self.timing
         if self._known is not None:
             begin, known = self._known
             detector.learn(recording.words, recording.first, known, begin)
@@ -287,22 +299,16 @@ class Session:
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
             detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
         self._learned = 0.0
-        self._classes = self._classes_of(begin, _KNOWN)
+        self._made = (self.timing.period - round(self.timing.period)) * (begin + _KNOWN)
+        self._met = ClassesMet(detector, self.timing, self.rows, begin, _KNOWN)
         return detector
-
-    def _classes_of(self, first: int, count: int) -> set[tuple[int, int]]:
-        """Returns the rows, of _ROWS, and their classes of phase in `count` symbols."""
-        row = np.linspace(0, self.rows, _ROWS)[:, None]
-        start = self._timed.start(first + np.arange(count), row)
-        phase = np.floor((start - np.floor(start)) * PHASES).astype(int)
-        return {(n, int(each)) for n, some in enumerate(phase) for each in np.unique(some)}
 
     def _follow(
         self, recording: Recording, registration: Registration, detector: Any, first: int
     ) -> Any:
         """Returns the detector for the next chunk, after a chunk whose decisions are known to be
         correct."""
-        assert self._known is not None
+        assert self._known is not None and self._met is not None
         begin, decided = self._known
         now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
         phase = (self.timing.period - round(self.timing.period)) * (begin + len(decided))
@@ -318,15 +324,20 @@ class Session:
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                if abs(float(self.timing.start(*middle) - self._timed.start(*middle))) > _SHIFTED:
+                if (
+                    abs(float(self.timing.start(*middle) - self._met.timing.start(*middle)))
+                    > _SHIFTED
+                ):
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
-        classes = self._classes_of(begin, len(decided))
-        if abs(phase - self._learned) > _MOVED or not classes <= self._classes:
+        if abs(phase - self._made) > _FRESH:
+            return self._detector(recording, registration, (recording.first, recording.stop))
+        met = self._met.has(begin, len(decided))
+        if abs(phase - self._learned) > _MOVED or not met:
             detector.learn(recording.words, recording.first, decided, begin)
             self._learned = phase
-            self._classes |= classes
+            self._met.add(begin, len(decided))
         return detector
 
     def _delay(self, w: Witnesses) -> Delay | None:
@@ -344,12 +355,14 @@ class Session:
         group = self.layout.group
         for n in range(len(soft) // group):
             number = (first - TRAINING) // group + n
+            before = self.inbox.frames_read
             right = self.inbox.put(number, soft[n * group : (n + 1) * group])
             if self.inbox.over:
                 soft = soft[: n * group]
                 break
             tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1) - _CUT))
-            self.instants.append(Instant(number, tick, right))
+            frames = self.inbox.frames_read - before
+            self.instants.append(Instant(number, tick, right, frames))
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick
         self.promised += tally(soft, self.quality)

@@ -91,7 +91,8 @@ def explain_loss(
             f"{why}; a cell is {cell:.2g} camera pixels wide; step nearer or send larger cells",
         )
     ppm = (layout.mode.ticks / session.timing.period - 1) * 1e6
-    if abs(ppm) > WRONG_PPM:
+    gap = gap_text(session, ends=abs(ppm) > WRONG_PPM)  # missing ticks bend the period too
+    if gap is None and abs(ppm) > WRONG_PPM:
         return Verdict(
             Cause.WRONG_CLOCK,
             f"{why}; the panel's clock is {ppm:+.0f} parts per million off the camera's; set both "
@@ -103,7 +104,6 @@ def explain_loss(
             f"{frames}, {loss}, and the panel sends nothing after tick {session.lit_stop}; send "
             "the file again, with more overhead",
         )
-    gap = gap_text(session)
     if gap is not None:
         return Verdict(Cause.INTERRUPTED, f"{why}; {gap}")
     wrong = session.promised / max(session.symbols * layout.cells, 1)
