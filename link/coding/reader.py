@@ -115,6 +115,16 @@ class BlockReader(ABC):
             return 0
         return self._read(block, missing)
 
+    def mend(self, first: int, decided: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Returns decisions from a group on, (symbols, cells), turned over in place where `mended`
+        has them as wrong."""
+        size = self.layout.group
+        for n in range(len(decided) // size):
+            wrong = self.mended.get(first + n)
+            if wrong is not None:
+                decided[n * size : (n + 1) * size] ^= wrong.astype(np.bool_)
+        return decided
+
     def _keep(self, block: int, wrong: Bytes) -> None:
         """Keeps the last groups of a block's wrong decisions, (groups, symbols, cells)."""
         first = block * len(wrong)

@@ -29,7 +29,9 @@ from link.receiving.synthesis import (
 )
 from link.timing import Timing
 
-__all__ = ["Fit", "fit_levels", "fit_phase", "fit_timing", "measure_delay", "nudge"]
+__all__ = ["Fit", "fit_levels", "fit_phase", "fit_timing", "measure_delay", "nudge",
+    "plausible_delay",
+]  # fmt: skip
 
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = (-1.0, 1.0, 0.125)
@@ -56,6 +58,9 @@ _REACH, _TRIED = 0.5, 17
 time."""
 _HOLD: Final = 3.0
 """Nats below the most likely phase within which the current phase is held."""
+_SHARP, _FAR = 0.05, 0.45
+"""_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
+ticks."""
 _LIKELY: Final = 10.0
 """Nats below the most likely phase within which others count."""
 
@@ -313,3 +318,13 @@ def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
         low, high = float(likely[0] - step), float(likely[-1] + step)
     weight = np.exp(nats)
     return float(weight @ delay / weight.sum())
+
+
+def plausible_delay(w: Witnesses, timing: Timing, levels: Levels) -> Delay | None:
+    """Returns the delay of the symbols; None if the spikes do not determine it."""
+    delay = measure_delay(w, timing, levels)
+    if delay.error > _SHARP:  # many phases may explain the spikes, the current one too
+        delay = Delay(nudge(w, timing, levels), _SHARP)
+        if delay.ticks == 0:
+            return None
+    return delay if abs(delay.ticks) < _FAR else None

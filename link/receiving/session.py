@@ -17,14 +17,14 @@ import numpy.typing as npt
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
-from link.layout import TRAINING, closing, training
+from link.layout import TRAINING, is_closing, training
 from link.receiving.acquiring import Acquired, lit_span
+from link.receiving.ahead import Ahead
 from link.receiving.classes_met import ClassesMet
-from link.receiving.pacing import Delay
-from link.receiving.phasing import measure_delay, nudge
+from link.receiving.phasing import plausible_delay
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
-from link.receiving.synthesis import Witnesses, choose_witnesses, known_cells
+from link.receiving.synthesis import choose_witnesses, known_cells
 from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
 from link.timing import Registration, Timing
@@ -48,9 +48,6 @@ _MEASURED: Final = 24
 _SHIFTED: Final = 0.01
 """Change of the timing after which the detector learns again, ticks. With .03, a timing .023 off
 brought the symbols to a class of phase that the detector had not learned: ten times the errors."""
-_SHARP, _FAR = 0.05, 0.45
-"""_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
-ticks."""
 _MOVED: Final = 1 / 16
 """Change of the phase after which the detector learns again, ticks."""
 _FRESH: Final = 1 / 64
@@ -59,9 +56,6 @@ learned at other phases of the class. At 400 parts per million a class lasts 312
 the information of a bit was .1 lower than that of a fresh one."""
 _SLACK: Final = 4.0
 """Ticks after the tags go dark that may belong to the last symbol."""
-_ALIKE: Final = 0.9
-"""Share of decisions equal to the closing from which a group is the closing; for data it is
-half."""
 _CUT: Final = 0.1
 """Ticks of a group that the recording may lack: the timing is not accurate enough to decide that a
 group ends exactly with the recording."""
@@ -136,6 +130,7 @@ class Session:
         self._confidence: float | None = None
         """Factor on soft values, learned from the training; None before."""
         self._next: int | None = None
+        self._ahead = Ahead()
         self._checked = self.pace.at
         self._learned = 0.0
         self._made = 0.0
@@ -216,67 +211,87 @@ class Session:
     def decode(self, recording: Recording, section: Section) -> None:
         """Decodes the groups of a section that `begin` returned, and drops words that are not
         needed."""
+        with self._ahead.running():
+            self._decode(recording, section)
+        if self.inbox.over:
+            recording.forget(recording.stop)
+        elif recording.ticks > _LONGEST and self.lost:
+            self._known = None
+            recording.forget(recording.stop - _LONGEST // 2)
+        elif self._known is not None:
+            recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
+
+    def _groups_until(self, first: int, last: float) -> int:
+        """Returns the number of groups from a symbol on that end until a tick, up to _CHUNK."""
+        group, count = self.layout.group, 0
+        many = max(1, _CHUNK // group)
+        while count < many and self.symbol_ends(first + (count + 1) * group - 1) <= last:
+            count += 1
+        return count
+
+    def _decode(self, recording: Recording, section: Section) -> None:
+        """Decodes the groups of a section."""
         assert self._next is not None
         registration, detector, last = section.registration, section.detector, section.last
         group = self.layout.group
-        many = max(1, _CHUNK // group)
         while True:
             first = TRAINING + self._next * group
-            count = 0
-            while count < many and self.symbol_ends(first + (count + 1) * group - 1) <= last:
-                count += 1
+            count = self._groups_until(first, last)
             if not count:
-                break
+                return
+            number = self._next
             before = self.inbox.frames_read, self.inbox.frames_right
             if self._known is not None and self._met is not None:
+                if not self._met.has(first, count * group):
+                    self._ahead.stop()
                 self._met.learn_ahead(recording, detector, self._known, first, count * group)
-            soft = detector.soft(
-                recording.words, recording.first, first, count * group, recording.stop
-            )
-            if self._closes(soft[-group:]):
+            soft = self._ahead.soft(recording, detector, first, count * group)
+            following = first + count * group
+            more = self._groups_until(following, last) * group
+            if more and self._stays(first, count * group, more):
+                self._ahead.start(recording, detector, following, more)
+            if is_closing(self.layout, soft[-group:] > 0):
                 count -= 1
                 soft = soft[:-group]
                 if not count:
-                    break
+                    return
             decided = decide(soft, 1.0 if self._confidence is None else self._confidence)
             self._deliver(first, soft, decided)
             self._next += count
             if self.inbox.over:
-                recording.forget(recording.stop)
                 return
             arrived, right = (
                 a - b for a, b in zip((self.inbox.frames_read, self.inbox.frames_right), before,
                                       strict=True)
             )  # fmt: skip
             if arrived == 0 or right >= _SOUND * arrived:
-                self._known = self._last_decided(first, self._mended(first, decided))
+                self._known = self._last_decided(first, self.inbox.mend(number, decided))
                 if arrived:
                     self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
-                detector = self._follow(recording, registration, detector, first)
+                detector = self._follow(recording, registration, detector)
             else:
                 self.lost = True
-        if recording.ticks > _LONGEST and self.lost:
-            self._known = None
-            recording.forget(recording.stop - _LONGEST // 2)
-        elif self._known is not None:
-            recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
 
-    def _closes(self, soft: npt.NDArray[np.float32]) -> bool:
-        """Whether the last group is the beginning of the transmission's closing.
+    def _stays(self, first: int, count: int, more: int) -> bool:
+        """Whether the detector will probably learn nothing from `count` symbols from `first` on
+        before it detects `more` after them."""
+        if self._met is None:
+            return False
+        stop = first + count
+        begin = stop - min(count, _KNOWN)
+        learns = self._must_learn(self._phase(stop), begin, stop)
+        return not learns and self._met.has(stop, more)
 
-        With short groups the closing is almost as long as a group.
-        """
-        known = closing(self.layout)[: len(soft)]
-        return float(np.mean((soft[: len(known)] > 0) == known)) > _ALIKE
+    def _must_learn(self, phase: float, begin: int, stop: int) -> bool:
+        """Whether a detector has to be made for this phase, or to learn from symbols `begin` to
+        `stop`."""
+        assert self._met is not None
+        moved = abs(phase - self._made) > _FRESH or abs(phase - self._learned) > _MOVED
+        return moved or not self._met.has(begin, stop - begin)
 
-    def _mended(self, first: int, decided: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Returns decisions without those that the code of the words has found wrong."""
-        group = self.layout.group
-        for n in range(len(decided) // group):
-            wrong = self.inbox.mended.get((first - TRAINING) // group + n)
-            if wrong is not None:
-                decided[n * group : (n + 1) * group] ^= wrong.astype(np.bool_)
-        return decided
+    def _phase(self, symbol: int) -> float:
+        """Returns how far symbols have moved within the tick until a symbol, ticks."""
+        return (self.timing.period - round(self.timing.period)) * symbol
 
     def _last_decided(
         self, first: int, decided: npt.NDArray[np.bool_]
@@ -299,19 +314,17 @@ class Session:
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
             detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
         self._learned = 0.0
-        self._made = (self.timing.period - round(self.timing.period)) * (begin + _KNOWN)
+        self._made = self._phase(begin + _KNOWN)
         self._met = ClassesMet(detector, self.timing, self.rows, begin, _KNOWN)
         return detector
 
-    def _follow(
-        self, recording: Recording, registration: Registration, detector: Any, first: int
-    ) -> Any:
+    def _follow(self, recording: Recording, registration: Registration, detector: Any) -> Any:
         """Returns the detector for the next chunk, after a chunk whose decisions are known to be
         correct."""
         assert self._known is not None and self._met is not None
         begin, decided = self._known
         now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
-        phase = (self.timing.period - round(self.timing.period)) * (begin + len(decided))
+        phase = self._phase(begin + len(decided))
         if now - self._checked >= _CHECK:
             self._checked = now
             some = slice(max(len(decided) - _MEASURED, 0), None)
@@ -320,7 +333,7 @@ class Session:
                 recording, self.layout, registration, self.timing,
                 known_cells(self.layout, at, decided[some]),
             )  # fmt: skip
-            delay = self._delay(w) if w is not None else None
+            delay = plausible_delay(w, self.timing, self.levels) if w is not None else None
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
@@ -333,21 +346,12 @@ class Session:
                     )
         if abs(phase - self._made) > _FRESH:
             return self._detector(recording, registration, (recording.first, recording.stop))
-        met = self._met.has(begin, len(decided))
-        if abs(phase - self._learned) > _MOVED or not met:
+        if self._must_learn(phase, begin, begin + len(decided)):
+            self._ahead.stop()
             detector.learn(recording.words, recording.first, decided, begin)
             self._learned = phase
             self._met.add(begin, len(decided))
         return detector
-
-    def _delay(self, w: Witnesses) -> Delay | None:
-        """Returns the delay of the symbols; None if the spikes do not determine it."""
-        delay = measure_delay(w, self.timing, self.levels)
-        if delay.error > _SHARP:  # many phases may explain the spikes, the current one too
-            delay = Delay(nudge(w, self.timing, self.levels), _SHARP)
-            if delay.ticks == 0:
-                return None
-        return delay if abs(delay.ticks) < _FAR else None
 
     def _deliver(
         self, first: int, soft: npt.NDArray[np.float32], decided: npt.NDArray[np.bool_]
