@@ -61,9 +61,9 @@ _CUT: Final = 0.1
 group ends exactly with the recording."""
 _STORED: Final = 2048
 """Number of symbols whose decisions are stored."""
-_SAMPLED: Final = 16_384
+_SAMPLED: Final = 65_536
 """Soft values of a chunk that are kept, and of them all at most."""
-_SAMPLES: Final = 200_000
+_SAMPLES: Final = 800_000
 """Largest number of stored soft values: _SAMPLED of a chunk, _SAMPLES of all."""
 _SOUND: Final = 0.5
 """Share of a chunk's frames that must be correct for its decisions to be used as training."""
