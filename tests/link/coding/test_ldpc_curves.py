@@ -72,7 +72,7 @@ def test_words_of_high_rates_fail_as_published(key, device):
     data_bits, word_bits, lifting, graph = key
     code = Ldpc(data_bits, word_bits, lifting=lifting, graph=graph)
     for energy, share in HIGH_RATES[key]:
-        at, count = energy - 10 * np.log10(2 * code.rate), round(40 / share**0.5) * 100
+        at, count = energy - 10 * np.log10(2 * code.rate), round(400 / share**0.5)
         for decibel, above in ((at - WITHIN, True), (at + WITHIN, False)):
             wrong, _ = failures(code, count, noise_of(decibel, code.rate), 1, 50, device)
             assert (wrong > share * count) == above
