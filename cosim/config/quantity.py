@@ -9,7 +9,13 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import CoreSchema, core_schema
 
-from cosim.config.units import KINDS, Kind, format_quantity, parse_quantity
+from cosim.config.units import (
+    KINDS,
+    Kind,
+    format_quantity,
+    parse_quantity,
+    readable_quantity,
+)
 
 __all__ = [
     "Capacitance",
@@ -87,7 +93,14 @@ class Quantity:
         )
 
     def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        return {"type": "string", "description": str(self.kind), "examples": [self.kind.example]}
+        limits = {"exclusiveMinimum": self.above, "minimum": self.least, "maximum": self.most}
+        known = {
+            word: readable_quantity(x, self.kind) for word, x in limits.items() if x is not None
+        }
+        return {
+            "type": "string", "description": str(self.kind), "examples": [self.kind.example],
+            "quantity": {"kind": self.kind_name, "none": self.none, **known},
+        }  # fmt: skip
 
 
 DAY = 86_400.0

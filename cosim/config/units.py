@@ -19,7 +19,7 @@ from cosim.config.unit_table import UNITS
 if TYPE_CHECKING:
     import pint
 
-__all__ = ["KINDS", "Kind", "format_quantity", "parse_quantity"]
+__all__ = ["KINDS", "Kind", "format_quantity", "parse_quantity", "readable_quantity"]
 
 
 @dataclass(frozen=True)
@@ -133,3 +133,22 @@ def format_quantity(value: float, kind: Kind) -> str:
     if float(number) != value:
         number = repr(float(value))
     return f"{number} {kind.unit}"
+
+
+_BASE = {"um": ("m", 1e-6), "nm": ("m", 1e-9), "fF": ("F", 1e-15)}
+"""Base unit and size of the units that have a prefix themselves."""
+_PREFIXED = frozenset({"s", "Hz", "bit/s", "m", "F", "V", "ohm", "Pa", "W"})
+"""Units that are read with an SI prefix."""
+_PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "u", 1e-9: "n", 1e-15: "f"}
+
+
+def readable_quantity(value: float, kind: Kind) -> str:
+    """The quantity with the prefix that leaves few digits ("2 m", not "2000000 um").
+    `parse_quantity` returns the same float, else the text is that of `format_quantity`."""
+    unit, size = _BASE.get(kind.unit, (kind.unit, 1.0))
+    base = abs(value) * size
+    if unit not in _PREFIXED or not base:
+        return format_quantity(value, kind)
+    prefix = max((p for p in _PREFIXES if p <= base * (1 + 1e-9)), default=min(_PREFIXES))
+    text = f"{value * size / prefix:.12g} {_PREFIXES[prefix]}{unit}"
+    return text if parse_quantity(text, kind) == value else format_quantity(value, kind)

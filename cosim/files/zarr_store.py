@@ -236,6 +236,12 @@ class Recorder:
             compressors=Crc32cCodec() if level is None else ZstdCodec(level=level, checksum=True),
         )
 
+    def _store_of(self) -> Any:
+        """The store to write to: large chunks that are not compressed pass by the file cache."""
+        from cosim.files.direct import DirectStore
+
+        return DirectStore(self._path) if STORES[self._store] is None else self._path
+
     def _open(self, resumed: bool) -> Any:
         """The array of words, of a new store unless the run is resumed."""
         import zarr
@@ -243,7 +249,7 @@ class Recorder:
         if not resumed:
             self._create()
         try:
-            words = zarr.open_group(self._path, mode="r+")["words"]
+            words = zarr.open_group(self._store_of(), mode="r+")["words"]
         except Exception as exc:  # zarr raises many types for what is no store
             remedy = f"start afresh: remove {self._path.parent}"
             raise _bad(self._path, "missing or damaged", remedy) from exc

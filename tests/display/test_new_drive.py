@@ -25,8 +25,8 @@ from display.render.golden import GoldenRenderer
 from display.render.opencl import OpenCLRenderer
 from display.render.renderer import Renderer
 from display.trial.pixels import PanelPixels
-from scenarios.assemble.schema import scenario
-from scenarios.assemble.schema.scenario import export
+from scenarios.assemble.schema import export as exporting
+from scenarios.assemble.schema.export import export
 from scenarios.cli.entry import _main
 
 FADE = 0.75
@@ -64,9 +64,9 @@ def fading(monkeypatch: pytest.MonkeyPatch) -> Iterator[SpikePanel]:
     """The catalogue has one drive more; the panel shows it. The exported schema is cached, so it
     is forgotten before and after."""
     monkeypatch.setitem(DRIVES, "fading", FADING)
-    scenario._export.cache_clear()
+    exporting._export.cache_clear()
     yield replace(PANEL, drive="fading")
-    scenario._export.cache_clear()
+    exporting._export.cache_clear()
 
 
 @pytest.fixture

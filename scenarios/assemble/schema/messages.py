@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from cosim import InputError
 from cosim.errors import quote, shorten
+from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.order import check_order, is_recording
 from scenarios.assemble.schema.scenario import (
     AnyScenario,
@@ -19,7 +20,6 @@ from scenarios.assemble.schema.scenario import (
     LinkScenario,
     RecordingScenario,
     Scenario,
-    export,
     imager_scenario,
 )
 
@@ -103,7 +103,7 @@ def _example(name: str) -> Any:
 def _remedy(name: str) -> str:
     """An instruction that shows a valid value of a key."""
     example = _example(name)
-    return "see `viform list --schema`" if example is None else f"write --set {name}={example!r}"
+    return "see `viform list --keys`" if example is None else f"write --set {name}={example!r}"
 
 
 def _with_example(must: str, name: str) -> str:

@@ -1,4 +1,4 @@
-"""The schemas of the five kinds of scenarios, and their JSON Schema."""
+"""The schemas of the five kinds of scenarios."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import cache, reduce
 from operator import or_
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, TypeAdapter, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from cosim import InputError
 from cosim.config.quantity import Duration, Section
@@ -29,7 +29,6 @@ __all__ = [
     "LinkScenario",
     "RecordingScenario",
     "Scenario",
-    "export",
     "imager_scenario",
 ]
 
@@ -175,15 +174,3 @@ def _with_sections(sections: tuple[type[ImagerSection], ...]) -> type[ImagerScen
     return create_model(
         "ImagerScenario", __base__=ImagerScenario, __doc__=ImagerScenario.__doc__, imager=(one, ...)
     )
-
-
-def export() -> dict[str, Any]:
-    """The JSON Schema of all kinds of scenarios."""
-    return _export(imager_scenario())
-
-
-@cache
-def _export(imager: type[ImagerScenario]) -> dict[str, Any]:
-    kinds: Any = Scenario | LinkScenario | BoardScenario | imager | RecordingScenario
-    whole: TypeAdapter[Any] = TypeAdapter(kinds)
-    return whole.json_schema(mode="validation")

@@ -20,8 +20,8 @@ import cosim.run.loop
 import scenarios.run
 from cosim import Interrupted
 from cosim.files import open_stream
+from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.loading import load, shipped
-from scenarios.assemble.schema.scenario import export
 
 PROGRAM = Path(sys.executable).with_name("viform")
 SET_SMALL = ("--set", "sensor.chip=spikeone", "--set", "duration=2.5 ms", "--set", "image.at=[50]")
@@ -63,9 +63,9 @@ def words(folder: Path) -> np.ndarray:
         (["run", "film", "--set", "title"],
          "--set must be KEY=VALUE such as sensor.clock='20 kHz', not 'title'; add it"),
         (["run", "film", "--tolerance", "inf"],
-         "tolerance must be a finite number, not inf; see `viform list --schema`"),
+         "tolerance must be a finite number, not inf; see `viform list --keys`"),
         (["run", "film", "--seed", "-1"],
-         "seed must be at least 0, not -1; see `viform list --schema`"),
+         "seed must be at least 0, not -1; see `viform list --keys`"),
         (["run", "nosuch"],
          f"the scenario must be one of {', '.join(shipped())} or a TOML file, not 'nosuch'; "
          "see `viform list`"),
@@ -388,3 +388,21 @@ def test_a_run_stores_its_stream_as_it_is_told(viform, refused, tmp_path):
     said = refused("run", "step", "--store", "tiny", "--out", tmp_path / "no")
     assert said == "--store must be one of raw, fast, small, none, not tiny; change it"
     assert not (tmp_path / "no").exists()
+
+
+def test_keys_are_listed_by_their_beginning(viform: Any) -> None:
+    lines = viform("list", "--keys", "link.panel.p").out.splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["link.panel.phase", "link.panel.pitch"]
+    (key,) = json.loads(viform("list", "--keys", "link.panel.pitch", "--json").out)["keys"]
+    assert (key["name"], key["default"]) == ("link.panel.pitch", '"500 um"')
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--keys", "zz"], "PREFIX must be the beginning of a key, such as link.panel, not zz"),
+        (["link"], "PREFIX must be given with --keys alone, not link"),
+    ],
+)
+def test_a_wrong_beginning_is_refused(refused: Any, words: list[str], message: str) -> None:
+    assert refused("list", *words).startswith(message)

@@ -182,7 +182,7 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         ("--dark-limit", "dark_limit"),
         ("go on with the same command and --out '/a b' --resume",
          'go on with the same command and out="/a b" resume=True'),
-        ("see `viform list --schema`", "see `viform list --schema`"),
+        ("see `viform list --keys`", "see `viform list --keys`"),
         ("finish it: viform run x --resume --out x", "finish it: viform run x --resume --out x"),
         ("an en--dash", "an en--dash"),
     ],

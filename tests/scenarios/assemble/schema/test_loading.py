@@ -76,7 +76,7 @@ def test_the_options_of_seed_and_tolerance_come_last():
          "--set title.x must be a key of a section, which title is, not below a value; "
          "set title itself"),
         ("image.at=[1,",
-         "image.at must be a list such as [100, 200], not '[1,'; see `viform list --schema`"),
+         "image.at must be a list such as [100, 200], not '[1,'; see `viform list --keys`"),
     ],
 )  # fmt: skip
 def test_a_wrong_assignment_is_told_what_to_write(assignment, said):

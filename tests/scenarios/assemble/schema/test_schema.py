@@ -16,9 +16,10 @@ from pydantic import BaseModel
 
 from cosim import InputError
 from cosim.config.quantity import Quantity
+from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.loading import load, shipped, to_toml
 from scenarios.assemble.schema.messages import validate
-from scenarios.assemble.schema.scenario import AnyScenario, Scenario, export
+from scenarios.assemble.schema.scenario import AnyScenario, Scenario
 
 GOOD: dict[str, Any] = {
     "title": "A clip",
@@ -30,7 +31,7 @@ GOOD: dict[str, Any] = {
 TIME, CLOCK = "a time such as '64 ms'", "a frequency such as '40 kHz'"
 LUX, CHARGE = "an illuminance such as '700 lux'", "a charge such as '1000 e'"
 NM = "a wavelength such as '555 nm'"
-SCHEMA = "see `viform list --schema`"
+SCHEMA = "see `viform list --keys`"
 
 
 def changed(key: str, value: object) -> dict[str, Any]:
@@ -208,7 +209,7 @@ LIMITS = {
     "minItems": lambda x, limit: len(x) >= limit,
     "multipleOf": lambda x, unit: x % unit == 0,
 }
-SAID_ONLY = {"title", "description", "default", "examples", "$defs", "discriminator"}
+SAID_ONLY = {"title", "description", "default", "examples", "$defs", "discriminator", "quantity"}
 
 
 def faults(node: dict[str, Any], data: Any, at: str = "") -> Iterator[str]:
