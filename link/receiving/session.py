@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -18,7 +19,7 @@ from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
 from link.layout import TRAINING, closing, training
-from link.receiving.acquiring import Acquired, lit_span
+from link.receiving.acquiring import Acquired, lit_spans
 from link.receiving.classes_met import ClassesMet
 from link.receiving.pacing import Delay
 from link.receiving.phasing import measure_delay, nudge
@@ -110,6 +111,7 @@ class Session:
         lit_stop: tick at which the panel goes dark.
         sound_until: tick until which the decisions are known to be correct.
         lost: whether the last frames were wrong.
+        dark: longest time for which the panel was dark between two groups, ticks.
     """
 
     def __init__(
@@ -144,12 +146,14 @@ class Session:
         """What the detector has learned; None without one."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
         self.lost = False
+        self.dark = 0
 
     def go_on_from(self, old: Session) -> None:
         """Takes over the results of an earlier session of the same transmission."""
         self.drift, self.instants = old.drift, old.instants
         self.promised, self.soft, self.soft_at = old.promised, old.soft, old.soft_at
         self.quality, self.symbols, self.packed = old.quality, old.symbols, old.packed
+        self.dark = old.dark
 
     def symbol_ends(self, symbol: int) -> float:
         """Returns the tick by which all rows have received all of a symbol."""
@@ -190,12 +194,17 @@ class Session:
     def begin(self, recording: Recording) -> Section | None:
         """Measures the image's motion in a recording and makes a detector for it, which has
         learned. Returns None, with the words dropped, if nothing in it can be decoded."""
-        lit = None
+        spans: list[tuple[int, int]] = []
         if not self.inbox.over:
-            lit = lit_span(recording, self.layout, self.refined.homography)
-        if lit is None:
+            spans = lit_spans(recording, self.layout, self.refined.homography)
+            # Before the first group the panel need not have been on.
+            begun = [] if self._next is None else [(0, recording.first)]
+            for (_, off), (on, _) in pairwise([*begun, *spans]):
+                self.dark = max(self.dark, on - off)
+        if not spans:
             recording.forget(recording.stop)
             return None
+        lit = spans[0][0], spans[-1][1]
         self.lit_stop = lit[1]
         drift = drift_by_tags(recording, self.layout, self.refined, lit)
         self.drift.append(drift)
@@ -228,7 +237,9 @@ class Session:
             if not count:
                 break
             before = self.inbox.frames_read, self.inbox.frames_right
-            if self._known is not None and self._met is not None:
+            # After wrong frames the timing is in doubt: laws of foreseen classes would delay the
+            # search for the pilots.
+            if self._known is not None and self._met is not None and not self.lost:
                 self._met.learn_ahead(recording, detector, self._known, first, count * group)
             soft = detector.soft(
                 recording.words, recording.first, first, count * group, recording.stop
