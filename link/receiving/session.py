@@ -300,6 +300,7 @@ class Session:
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
         if self._known is not None:
             begin, known = self._known
+            count = len(known)
             detector.learn(recording.words, recording.first, known, begin)
             if self._confidence is None and begin < TRAINING:
                 soft = detector.soft(recording.words, recording.first, begin, len(known))
@@ -308,10 +309,11 @@ class Session:
             begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)
                                 / self.timing.period)) + 1  # fmt: skip
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
-            detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
+            count = max(stop - begin, 1)
+            detector.learn_pilots(recording.words, recording.first, begin, count)
         self._learned = 0.0
-        self._made = (self.timing.period - round(self.timing.period)) * (begin + _KNOWN)
-        self._met = ClassesMet(detector, self.timing, self.rows, begin, _KNOWN)
+        self._made = (self.timing.period - round(self.timing.period)) * (begin + count)
+        self._met = ClassesMet(detector, self.timing, self.rows, begin, count)
         return detector
 
     def _follow(
