@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -18,13 +19,12 @@ from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
 from link.layout import TRAINING, is_closing, training
-from link.receiving.acquiring import Acquired, lit_span
+from link.receiving.acquiring import Acquired, lit_spans
 from link.receiving.ahead import Ahead
 from link.receiving.classes_met import ClassesMet
-from link.receiving.phasing import plausible_delay
+from link.receiving.phasing import followed_delay
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
-from link.receiving.synthesis import choose_witnesses, known_cells
 from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
 from link.timing import Registration, Timing
@@ -43,8 +43,6 @@ _LONGEST: Final = 4096
 """Stored ticks from which a transmission whose frames stay wrong is followed by pilots alone."""
 _CHECK: Final = 128.0
 """Ticks after which the timing is measured again."""
-_MEASURED: Final = 24
-"""Symbols of a measurement of the timing."""
 _SHIFTED: Final = 0.01
 """Change of the timing after which the detector learns again, ticks. With .03, a timing .023 off
 brought the symbols to a class of phase that the detector had not learned: ten times the errors."""
@@ -104,6 +102,7 @@ class Session:
         lit_stop: tick at which the panel goes dark.
         sound_until: tick until which the decisions are known to be correct.
         lost: whether the last frames were wrong.
+        dark: longest time for which the panel was dark between two groups, ticks.
     """
 
     def __init__(
@@ -139,12 +138,14 @@ class Session:
         """What the detector has learned; None without one."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
         self.lost = False
+        self.dark = 0
 
     def go_on_from(self, old: Session) -> None:
         """Takes over the results of an earlier session of the same transmission."""
         self.drift, self.instants = old.drift, old.instants
         self.promised, self.soft, self.soft_at = old.promised, old.soft, old.soft_at
         self.quality, self.symbols, self.packed = old.quality, old.symbols, old.packed
+        self.dark = old.dark
 
     def symbol_ends(self, symbol: int) -> float:
         """Returns the tick by which all rows have received all of a symbol."""
@@ -185,12 +186,17 @@ class Session:
     def begin(self, recording: Recording) -> Section | None:
         """Measures the image's motion in a recording and makes a detector for it, which has
         learned. Returns None, with the words dropped, if nothing in it can be decoded."""
-        lit = None
+        spans: list[tuple[int, int]] = []
         if not self.inbox.over:
-            lit = lit_span(recording, self.layout, self.refined.homography)
-        if lit is None:
+            spans = lit_spans(recording, self.layout, self.refined.homography)
+            # Before the first group the panel need not have been on.
+            begun = [] if self._next is None else [(0, recording.first)]
+            for (_, off), (on, _) in pairwise([*begun, *spans]):
+                self.dark = max(self.dark, on - off)
+        if not spans:
             recording.forget(recording.stop)
             return None
+        lit = spans[0][0], spans[-1][1]
         self.lit_stop = lit[1]
         drift = drift_by_tags(recording, self.layout, self.refined, lit)
         self.drift.append(drift)
@@ -241,7 +247,9 @@ class Session:
                 return
             number = self._next
             before = self.inbox.frames_read, self.inbox.frames_right
-            if self._known is not None and self._met is not None:
+            # After wrong frames the timing is in doubt: laws of foreseen classes would delay the
+            # search for the pilots.
+            if self._known is not None and self._met is not None and not self.lost:
                 if not self._met.has(first, count * group):
                     self._ahead.stop()
                 self._met.learn_ahead(recording, detector, self._known, first, count * group)
@@ -265,7 +273,8 @@ class Session:
                                       strict=True)
             )  # fmt: skip
             if arrived == 0 or right >= _SOUND * arrived:
-                self._known = self._last_decided(first, self.inbox.mend(number, decided))
+                part = self.inbox.mend(number, decided)[-_KNOWN:]
+                self._known = first + len(decided) - len(part), part
                 if arrived:
                     self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
                 detector = self._follow(recording, registration, detector)
@@ -293,17 +302,11 @@ class Session:
         """Returns how far symbols have moved within the tick until a symbol, ticks."""
         return (self.timing.period - round(self.timing.period)) * symbol
 
-    def _last_decided(
-        self, first: int, decided: npt.NDArray[np.bool_]
-    ) -> tuple[int, npt.NDArray[np.bool_]]:
-        """Returns the first symbol and the decisions of the last symbols, for learning."""
-        part = decided[-_KNOWN:]
-        return first + len(decided) - len(part), part
-
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
         if self._known is not None:
             begin, known = self._known
+            count = len(known)
             detector.learn(recording.words, recording.first, known, begin)
             if self._confidence is None and begin < TRAINING:
                 soft = detector.soft(recording.words, recording.first, begin, len(known))
@@ -312,10 +315,11 @@ class Session:
             begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)
                                 / self.timing.period)) + 1  # fmt: skip
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
-            detector.learn_pilots(recording.words, recording.first, begin, max(stop - begin, 1))
+            count = max(stop - begin, 1)
+            detector.learn_pilots(recording.words, recording.first, begin, count)
         self._learned = 0.0
-        self._made = self._phase(begin + _KNOWN)
-        self._met = ClassesMet(detector, self.timing, self.rows, begin, _KNOWN)
+        self._made = self._phase(begin + count)
+        self._met = ClassesMet(detector, self.timing, self.rows, begin, count)
         return detector
 
     def _follow(self, recording: Recording, registration: Registration, detector: Any) -> Any:
@@ -327,13 +331,9 @@ class Session:
         phase = self._phase(begin + len(decided))
         if now - self._checked >= _CHECK:
             self._checked = now
-            some = slice(max(len(decided) - _MEASURED, 0), None)
-            at = begin + some.start
-            w = choose_witnesses(
-                recording, self.layout, registration, self.timing,
-                known_cells(self.layout, at, decided[some]),
-            )  # fmt: skip
-            delay = plausible_delay(w, self.timing, self.levels) if w is not None else None
+            delay = followed_delay(
+                recording, self.layout, registration, self.timing, self.levels, self._known
+            )
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2

@@ -23,13 +23,16 @@ def gap_text(session: Session, ends: bool = False) -> str | None:
     """Returns the evidence of missing or dark ticks; None if frames were lost in another way.
 
     A gap is one sequence of blocks that are lost completely, and correct blocks before it, behind
-    it or on both sides. ends: whether blocks behind it must be correct.
+    it or on both sides. If they are on both sides in the same timing, no ticks are missing: the
+    panel was dark, or noise is the cause. ends: whether blocks behind it must be correct.
     """
     blocks = _blocks(session)
     lost = [n for n, block in enumerate(blocks) if block.right == 0]
     if not lost or len(lost) == len(blocks) or lost[-1] - lost[0] + 1 > len(lost):
         return None
     if ends and lost[-1] == len(blocks) - 1:
+        return None
+    if lost[0] > 0 and lost[-1] < len(blocks) - 1 and not session.dark:
         return None
     # Blocks at the ends of the gap may be partly correct.
     far = [b for n, b in enumerate(blocks) if not lost[0] - 1 <= n <= lost[-1] + 1]
