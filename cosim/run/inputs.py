@@ -36,17 +36,25 @@ def with_path(section: str, key: str, path: str) -> str:
 
 
 def digest(path: str | Path) -> str | None:
-    """SHA-256 of a file in hexadecimal; None if it cannot be read."""
+    """SHA-256 of a file in hexadecimal, or of the names and contents of the files of a folder; None
+    if it cannot be read."""
     try:
-        status = Path(path).stat()
-        return (
-            _digest(str(path), status.st_size, status.st_mtime_ns) if Path(path).is_file() else None
-        )
+        where = Path(path)
+        if not where.is_dir():
+            return _of_file(where)
+        files = sorted(file for file in where.iterdir() if file.is_file() and file.name[0] != ".")
+        parts = "".join(f"{file.name}\0{_of_file(file)}\n" for file in files)
+        return hashlib.sha256(parts.encode("utf-8", "surrogateescape")).hexdigest()
     except (OSError, ValueError):
         return None
 
 
-@lru_cache(maxsize=8)
+def _of_file(path: Path) -> str | None:
+    status = path.stat()
+    return _digest(str(path), status.st_size, status.st_mtime_ns) if path.is_file() else None
+
+
+@lru_cache(maxsize=4096)
 def _digest(path: str, size: int, modified: int) -> str:
     """SHA-256 of a file. size, modified: for the cache, so that a changed file is read again."""
     with open(path, "rb") as file:

@@ -126,7 +126,9 @@ def take_shots(
 
 
 def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) -> list[str]:
-    """Writes truth and estimates of each instant, linear, 8-bit grey; their names in the folder."""
+    """Writes truth and estimates of each instant, linear, 8-bit grey; and, as 8 bits round and cut
+    it at white, the truth as floats too: truth-CYCLE.npy, (H, W) float32, white = 1. Returns their
+    names in the folder."""
     if shots:
         (folder / "images").mkdir(exist_ok=True)
     pictures = {
@@ -136,7 +138,10 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
     }
     with ThreadPoolExecutor(_THREADS) as pool:
         list(pool.map(write_linear_png, (folder / name for name in pictures), pictures.values()))
-    return list(pictures)
+    floats = {f"images/truth-{shot.cycle:05d}.npy": shot.truth for shot in shots}
+    for name, truth in floats.items():
+        np.save(folder / name, np.asarray(truth, np.float32))
+    return [*pictures, *floats]
 
 
 def write_colour(folder: Path, shots: Sequence[Imaged], mosaic: Mosaic) -> list[str]:

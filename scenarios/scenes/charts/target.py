@@ -11,9 +11,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Block, Light, Piece, Plane, seconds_to_ps
+from cosim import Block, InputError, Light, Piece, Plane, seconds_to_ps
 from cosim.light.charts import PAPER, draw
-from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.clips.pictures import open_clip
 from scenarios.scenes.drawing.points import spread_points
 from sensor.imagers import Course
 
@@ -49,8 +49,13 @@ class ChartScene(Protocol):
 def target_plane(scene: ChartScene, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
     """Reflectance of the chart or picture on a grid of `shape`, (H, W) in [0, 1]."""
     if scene.path is not None:
-        frame = Clip(Path(scene.path), shape).frame(0)
+        frame = open_clip(Path(scene.path), shape).frame(0)
         plane = np.asarray(frame, np.float64)
+        if plane.max() > 1:
+            raise InputError(
+                "scene.path", "a picture of reflectances up to 1 in a scene of kind target",
+                f"{scene.path} (up to {plane.max():.3g})", "film it: --set scene.kind=film",
+            )  # fmt: skip
     else:
         plane = draw(scene.chart, shape)
     if scene.contrast == 1.0:

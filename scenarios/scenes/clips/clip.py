@@ -2,11 +2,13 @@
 
 A frame is decoded to RGB, rotated upright, linearised by its transfer curve, reduced to luminance
 (Rec. ITU-R BT.709), scaled to cover the sensor, and cropped at the centre. Under a filter array it
-keeps its colours until each pixel takes that of its filter.
+keeps its colours until each pixel takes that of its filter. Pictures of floats (Radiance HDR,
+OpenEXR, PFM, TIFF) are linear light already, with white at 1 and no upper limit.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -17,30 +19,30 @@ import numpy.typing as npt
 
 from cosim import InputError, Plane
 from cosim.light.mosaic import Mosaic
+from scenarios.scenes.clips.fitted import LUMINANCE, Fit
 from scenarios.scenes.clips.timeline import Timeline
 
-__all__ = ["Clip"]
-
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
+__all__ = ["SRGB", "Clip", "transfer_curve"]
 
 # Transfer characteristics: code point (ITU-T H.273, table 3) -> exponent of the display. Clips are
 # made for displays, so BT.709 and unspecified characteristics use the sRGB curve.
 _POWER = {4: 2.2, 5: 2.8, 8: 1.0}
 _AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
 
+SRGB = 13
+"""Transfer characteristic "sRGB" (ITU-T H.273, table 3)."""
+_FLOATS = re.compile(r"f(16|32)(le|be)?$")
+"""The end of FFmpeg's names of pixel formats with floats."""
 _FAR = 8
 """Number of frames ahead from which on a seek to a key frame saves time."""
 _BAND = 1 << 14
 """Pixels of a picture that are converted at once."""
-_CROPPED = 0.9
-"""Share of the picture below which a note states that it is cropped."""
 # Code values of white. FFmpeg's 16-bit RGB is exact for RGB and grey, but for YUV it has white at
 # 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is accurate to one code.
 _WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
 
 
-def _curve(code: int, white: int) -> npt.NDArray[np.float32]:
+def transfer_curve(code: int, white: int) -> npt.NDArray[np.float32]:
     """Linear light of each code value, white = 1."""
     v = np.minimum(np.arange(256 if white == _WHITE_8 else 65536) / white, 1)
     if code in _POWER:
@@ -65,7 +67,7 @@ def _luminance(
 
     height, width, channels = picture.shape
     curves = np.stack([curve, curve, curve, np.arange(256, dtype=np.float32) / 255], axis=1)
-    weights = np.append(_LUMINANCE, np.float32(0))[None, :channels]
+    weights = np.append(LUMINANCE, np.float32(0))[None, :channels]
     luminance = np.empty((height, width), np.float32)
     step = max(_BAND // width, 1)
     for top in range(0, height, step):
@@ -77,6 +79,20 @@ def _luminance(
     return luminance
 
 
+def _values(frame: Any) -> npt.NDArray[Any]:
+    """The floats of a frame, (H, W) or (H, W, 3). FFmpeg's own conversion would clip them."""
+    name = frame.format.name
+    if not name.startswith(("gbrpf16", "gbrapf16", "grayf16")):
+        values: npt.NDArray[Any] = frame.to_ndarray()
+        return values[..., :3] if values.ndim == 3 else values
+    kind = np.dtype(np.float16).newbyteorder(">" if name.endswith("be") else "<")
+    planes = [
+        np.frombuffer(plane, kind).reshape(plane.height, -1)[:, : plane.width]
+        for plane in frame.planes
+    ]  # green, blue, red
+    return planes[0] if len(planes) < 3 else np.stack([planes[2], planes[0], planes[1]], axis=2)
+
+
 def _is_still(name: str) -> bool:
     """Whether a container of FFmpeg, by its name, holds a single picture."""
     return name.endswith("_pipe") or name == "image2"
@@ -85,13 +101,14 @@ def _is_still(name: str) -> bool:
 class Clip:
     """Frames of a clip or image on a (height, width) grid, by number, in any order.
 
-    `frame(n)` is (H, W) float32 in [0, 1]; behind a mosaic that is not `mixed`, (H, W, 3) in linear
-    red, green and blue. For a frame far ahead, or behind, decoding starts at the
-    last key frame before it, or, without a timeline, at the start of the file. The frames in
-    between are decoded but not converted.
+    `frame(n)` is (H, W) float32, white = 1: in [0, 1], or from 0 on for pictures of floats; behind
+    a mosaic that is not `mixed`, (H, W, 3) in linear red, green and blue. For a frame far ahead, or
+    behind, decoding starts at the last key frame before it, or, without a timeline, at the start of
+    the file. The frames in between are decoded but not converted.
 
     Attributes:
         notes: notes for the user.
+        size: (height, width) of a picture, its pixels.
         rate: frame rate, 1/s; 0 for a still image.
         count: number of frames decoded so far.
         ended: whether the clip has no more frames.
@@ -101,8 +118,9 @@ class Clip:
     def __init__(
         self, path: Path, shape: tuple[int, int], mosaic: Mosaic | None = None, mixed: bool = True
     ) -> None:
-        self._path, self._shape, self._mosaic, self._mixed = path, shape, mosaic, mixed
+        self._path, self._mosaic = path, mosaic
         self.notes: list[str] = []
+        self._fit = Fit(path, shape, mosaic, mixed, self.notes)
         self._strict = True  # damaged pictures are refused first, so that they can be noted
         self._iterator: Iterator[Any] | None = None
         self._next = 0
@@ -116,7 +134,7 @@ class Clip:
         self._first_stamps: list[int | None] = []
         self._start()
         if self.frame(0) is None:
-            raise self._bad("no picture in it")
+            raise self._fit.bad("no picture in it")
         if self.frame(1) is None:
             self.rate = Fraction(0)
         elif (timeline := Timeline.opened(path, self.rate)) is not None:
@@ -124,38 +142,29 @@ class Clip:
             if None not in stamps and stamps == self._first_stamps:
                 self.timeline = timeline
 
-    def _note(self, text: str) -> None:
-        if text not in self.notes:
-            self.notes.append(text)
-
-    def _bad(self, actual: str) -> InputError:
-        return InputError(
-            "scene.path", "a clip or image that can be decoded", f"{self._path} ({actual})",
-            "check the file, or leave scene.path out for the built-in scene",
-        )  # fmt: skip
-
     def _undecodable(self, exc: Exception) -> InputError:
         """The refusal of a file in which decoding failed. FFmpeg reports sizes beyond its limits,
         which a damaged file states, as a lack of memory."""
         if isinstance(exc, MemoryError):
-            return self._bad("damaged: it states more data than a clip can have")
-        return self._bad(str(getattr(exc, "strerror", None) or exc))
+            return self._fit.bad("damaged: it states more data than a clip can have")
+        return self._fit.bad(str(getattr(exc, "strerror", None) or exc))
 
     def _start(self) -> None:
         import av
 
         try:
             if not self._path.is_file():
-                raise self._bad("not a file" if self._path.exists() else "no such file")
+                raise self._fit.bad("not a file" if self._path.exists() else "no such file")
             container = av.open(str(self._path))
             if not container.streams.video or container.format.name == "tty":  # a text file
                 container.close()
-                raise self._bad("no picture in it")
+                raise self._fit.bad("no picture in it")
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
             if self._strict and _is_still(container.format.name):
                 stream.codec_context.options = {"err_detect": "explode"}
             self._aspect = float(stream.sample_aspect_ratio or 1)
+            self.size = stream.codec_context.height, stream.codec_context.width
             self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
         except (av.FFmpegError, OSError, ValueError) as exc:
             raise self._undecodable(exc) from None
@@ -177,11 +186,13 @@ class Clip:
                 self._strict = False
                 self._start()
                 if self._decode():
-                    self._note(f"{self._path.name} is damaged: only a part of it can be decoded")
+                    self._fit.note(
+                        f"{self._path.name} is damaged: only a part of it can be decoded"
+                    )
                     return True
             if self._next == 0:
                 raise self._undecodable(exc) from None
-            self._note(f"{self._path.name} cannot be decoded beyond frame {self._next - 1}")
+            self._fit.note(f"{self._path.name} cannot be decoded beyond frame {self._next - 1}")
             self.ended = True
             return False
         if self.timeline is None:
@@ -202,7 +213,9 @@ class Clip:
         elif (
             self._next > 1 and abs((frame.time - self._zero) * float(self.rate) - self._next) > 0.5
         ):
-            self._note(f"{self._path.name}: frames are not evenly spaced; a uniform rate is used")
+            self._fit.note(
+                f"{self._path.name}: frames are not evenly spaced; a uniform rate is used"
+            )
 
     def _plane(self) -> Plane:
         """The latest frame as linear light; a few planes are cached."""
@@ -214,55 +227,36 @@ class Clip:
         return self._planes[number]
 
     def _linear(self, frame: Any) -> Plane:
-        import cv2
+        turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
+        if _FLOATS.search(frame.format.name):
+            return self._fit.floats(_values(frame), self._aspect, turns)
+        return self._fit.on(self._decoded(frame), self._aspect, turns, most=1)
 
+    def _decoded(self, frame: Any) -> npt.NDArray[np.float32]:
+        """Linear light of a picture of code values."""
         code = int(frame.color_trc or 2)
         if code not in _POWER and code not in _AS_SRGB:
-            self._note(f"transfer characteristics {code} (H.273) are treated as sRGB")
+            self._fit.note(f"transfer characteristics {code} (H.273) are treated as sRGB")
         parts = frame.format.components
         deep = max(part.bits for part in parts) > 8
         grey_or_rgb = len(parts) < 3 or frame.format.is_rgb
         white = (_WHITE_16 if grey_or_rgb else _WHITE_16_FROM_YUV) if deep else _WHITE_8
         if (code, white) not in self._curves:
-            self._curves[code, white] = _curve(code, white)
+            self._curves[code, white] = transfer_curve(code, white)
         curve, clear = self._curves[code, white], any(part.is_alpha for part in parts)
         luminance: npt.NDArray[np.float32]
         if deep or self._mosaic is not None:
             luminance = curve[frame.to_ndarray(format="rgb48le" if deep else "rgb24")]
             if self._mosaic is None:
-                luminance = luminance @ _LUMINANCE
+                luminance = luminance @ LUMINANCE
             if clear:
                 alpha = frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
                 luminance *= alpha if self._mosaic is None else alpha[..., None]
         else:
             luminance = _luminance(frame.to_ndarray(format="rgba" if clear else "rgb24"), curve)
         if clear:
-            self._note(f"{self._path.name}: transparent parts are black")
-        turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
-        height, width = luminance.shape[:2]
-        wide = max(1, round(width * self._aspect)) if 0.1 < self._aspect < 10 else width
-        if turns:
-            luminance = np.rot90(luminance, turns)
-        if turns % 2:
-            height, wide = wide, height
-        rows, columns = self._shape
-        scale = max(rows / height, columns / wide)
-        size = (max(columns, round(wide * scale)), max(rows, round(height * scale)))
-        shrinks = size[0] < luminance.shape[1] and size[1] < luminance.shape[0]
-        method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        scaled = cv2.resize(np.ascontiguousarray(luminance), size, interpolation=method)
-        share = rows * columns / (size[0] * size[1])
-        if share < _CROPPED:
-            self._note(
-                f"{self._path.name}: {share:.0%} of the picture is filmed, cropped at the centre "
-                f"to the sensor's {columns} x {rows}"
-            )
-        top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
-        cropped = scaled[top : top + rows, left : left + columns]
-        clipped = np.clip(cropped, 0, 1)
-        if self._mosaic is not None and self._mixed:
-            clipped = self._mosaic.mixed(clipped)
-        return np.ascontiguousarray(clipped, dtype=np.float32)
+            self._fit.note(f"{self._path.name}: transparent parts are black")
+        return luminance
 
     def frame(self, n: int) -> Plane | None:
         """Frame n, (H, W) float32; None if the clip ends before it."""

@@ -15,7 +15,7 @@ import numpy as np
 from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Points
-from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.clips.pictures import open_clip
 from scenarios.scenes.drawing.points import spread_points
 
 __all__ = ["FilmSource"]
@@ -57,7 +57,7 @@ class FilmSource:
     ) -> None:
         self.shape = shape
         self.coloured = mosaic is not None
-        self._clip = Clip(path, shape, mosaic, self._MIXED)
+        self._clip = open_clip(path, shape, mosaic, self._MIXED, rate)
         self._lux = np.float32(illuminance * (1.0 if mosaic is None else mosaic.white))
         self._clock = clock
         self._start = seconds_to_ps(start)

@@ -17,11 +17,12 @@ __all__ = ["FilmScene"]
 
 
 class FilmScene(Section):
-    """A video clip or an image that PyAV opens; without a path, the built-in moving scene."""
+    """A clip or pictures, see `open_clip`; without a path, the built-in moving scene."""
 
     kind: Literal["film"] = "film"
     path: str | None = Field(
-        default=None, description="clip or image; by default the built-in scene"
+        default=None,
+        description="clip, image, folder of images, or .npy file; by default the built-in scene",
     )
     drawn: Literal["chart", "colour-chart"] = Field(
         default="chart",
@@ -29,7 +30,9 @@ class FilmScene(Section):
     )
     start: Time = 0.0
     frame_rate: Frequency | None = Field(
-        default=None, examples=["240 Hz"], description="replaces the frame rate of the clip"
+        default=None,
+        examples=["240 Hz"],
+        description="replaces the frame rate of the clip; a folder and an array need it",
     )
     interpolation: Literal["linear", "motion"] = Field(
         default="linear",

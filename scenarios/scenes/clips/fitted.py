@@ -1,0 +1,115 @@
+"""Pictures of linear light on the pixels of a sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import InputError, Plane
+from cosim.light.mosaic import Mosaic
+
+__all__ = ["LUMINANCE", "Fit"]
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
+_CROPPED = 0.9
+"""Share of the picture below which a note states that it is cropped."""
+
+
+class Fit:
+    """Fits the pictures of a file to a (height, width) grid of pixels.
+
+    Args:
+        path: the file, for messages.
+        shape: (height, width).
+        mosaic: filter array on the pixels; None for one colour.
+        mixed: whether each pixel takes the colour of its filter.
+        notes: takes notes for the user.
+    """
+
+    def __init__(
+        self, path: Path, shape: tuple[int, int], mosaic: Mosaic | None, mixed: bool,
+        notes: list[str],
+    ) -> None:  # fmt: skip
+        self._path, self._shape, self._notes = path, shape, notes
+        self._mosaic, self._mixed = mosaic, mixed
+
+    def note(self, text: str) -> None:
+        """A note for the user, once."""
+        if text not in self._notes:
+            self._notes.append(text)
+
+    def bad(self, actual: str) -> InputError:
+        """The refusal of the file."""
+        return InputError(
+            "scene.path", "a clip or image that can be decoded", f"{self._path} ({actual})",
+            "check the file, or leave scene.path out for the built-in scene",
+        )  # fmt: skip
+
+    def on(
+        self, light: npt.NDArray[np.float32], aspect: float = 1.0, turns: int = 0,
+        most: float | None = None,
+    ) -> Plane:  # fmt: skip
+        """Light turned upright, scaled to cover the grid, and cropped at the centre: (H, W), or
+        (H, W, 3) behind a mosaic that is not mixed.
+
+        Args:
+            light: (h, w), or (h, w, 3) behind a mosaic; white = 1.
+            aspect: width of a picture's pixel over its height.
+            turns: quarter turns, counterclockwise.
+            most: upper limit of the light, None for none.
+        """
+        import cv2
+
+        height, width = light.shape[:2]
+        wide = max(1, round(width * aspect)) if 0.1 < aspect < 10 else width
+        if turns:
+            light = np.rot90(light, turns)
+        if turns % 2:
+            height, wide = wide, height
+        rows, columns = self._shape
+        scale = max(rows / height, columns / wide)
+        size = (max(columns, round(wide * scale)), max(rows, round(height * scale)))
+        shrinks = size[0] < light.shape[1] and size[1] < light.shape[0]
+        method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        scaled = cv2.resize(np.ascontiguousarray(light), size, interpolation=method)
+        share = rows * columns / (size[0] * size[1])
+        if share < _CROPPED:
+            self.note(
+                f"{self._path.name}: {share:.0%} of the picture is filmed, cropped at the centre "
+                f"to the sensor's {columns} x {rows}"
+            )
+        top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
+        plane = scaled[top : top + rows, left : left + columns]
+        if most is not None:
+            plane = np.clip(plane, 0, most)
+        if self._mosaic is not None and self._mixed:
+            plane = self._mosaic.mixed(plane)
+        return np.ascontiguousarray(plane, dtype=np.float32)
+
+    def floats(self, values: npt.NDArray[Any], aspect: float = 1.0, turns: int = 0) -> Plane:
+        """`on` for floats that are linear light, white = 1, without upper limit.
+
+        Args:
+            values: (h, w), or (h, w, 3) in linear red, green and blue (BT.709).
+            aspect, turns: see `on`.
+
+        Raises:
+            InputError: a value is no finite number.
+        """
+        light = values.astype(np.float32)
+        if not np.isfinite(light).all():
+            raise self.bad("a value that is no finite number")
+        if light.min(initial=0) < 0:
+            self.note(f"{self._path.name}: values below 0 are black")
+            light = np.maximum(light, 0)
+        if self._mosaic is None:
+            light = light @ LUMINANCE if light.ndim == 3 else light
+        elif light.ndim == 2:
+            light = np.repeat(light[..., None], 3, axis=2)
+        if light.max(initial=0) > 1:
+            self.note(f"{self._path.name}: light above white (1) is filmed as it is")
+        return self.on(light, aspect, turns)
