@@ -283,8 +283,7 @@ class Session:
                 self.lost = True
 
     def _stays(self, first: int, count: int, more: int) -> bool:
-        """Whether the detector will probably learn nothing from `count` symbols from `first` on
-        before it detects `more` after them."""
+        """Whether the detector will probably not learn between `count` symbols and `more`."""
         if self._met is None:
             return False
         stop = first + count
