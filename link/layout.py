@@ -24,7 +24,7 @@ from link.mode import Mode
 
 __all__ = [
     "PERIOD", "TAG_MODULES", "TRAINING", "Layout", "closing",
-    "pilots", "training",
+    "is_closing", "pilots", "training",
 ]  # fmt: skip
 
 TRAINING: Final = 48
@@ -44,6 +44,9 @@ _FEWEST, _MOST, _PILOT = 2, 16, 32
 cells."""
 _SPARSE: Final = 5
 """Pilot columns of format 2, at most; a small panel has as many as in format 1."""
+_ALIKE: Final = 0.9
+"""Share of a group's bits equal to the closing from which it is the closing; for data it is
+half."""
 
 
 @cache
@@ -81,6 +84,15 @@ def training(layout: Layout) -> npt.NDArray[np.bool_]:
 def closing(layout: Layout) -> npt.NDArray[np.bool_]:
     """Returns the bits of the data cells after the last group, (`Layout.closing`, cells)."""
     return training(layout)[: layout.closing]
+
+
+def is_closing(layout: Layout, group: npt.NDArray[np.bool_]) -> bool:
+    """Whether the bits of a group, (symbols, cells), are the beginning of the closing.
+
+    With short groups the closing is almost as long as a group.
+    """
+    known = closing(layout)[: len(group)]
+    return float(np.mean(group[: len(known)] == known)) > _ALIKE
 
 
 @dataclass(frozen=True)

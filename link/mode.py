@@ -14,8 +14,8 @@ from link.line_codes import CATALOGUE
 from link.line_codes.code import LineCode
 
 __all__ = [
-    "CELLS", "CODES", "LINE_CODES", "PARITIES", "RATES", "STEP", "TICKS", "Mode", "codes_of",
-    "ticks_chosen", "word_code",
+    "CELLS", "CODES", "EVERY_RATE", "LINE_CODES", "PARITIES", "RATES", "STEP", "TICKS", "Mode",
+    "codes_of", "ticks_chosen", "word_code",
 ]  # fmt: skip
 
 LINE_CODES: Final = tuple(CATALOGUE)
@@ -31,6 +31,9 @@ CODES: Final = ("reed-solomon", "ldpc")
 RATES: Final = (0.75, 0.8, 0.84, 0.88, 0.91, 0.935, 0.955, 0.97)
 """Rates of the low-density parity-check codes. From one to the next, the information that a code
 needs of a bit grows by .02 to .05 (`link.theory.ldpc_words`)."""
+EVERY_RATE: Final = (0.4, 0.5, 0.55, 0.6, 0.65, 0.7, *RATES)
+"""Rates of a mode with a rate for each block, in the order of their numbers in a block's header, so
+a new one goes to the end."""
 _WORD: Final = 255
 """Bytes of a Reed-Solomon codeword."""
 STEP: Final = 32
@@ -39,6 +42,8 @@ _DIGITS: Final = 146
 """Values of a digit: 587 ids for four corners."""
 _LDPC: Final = 64
 """Value of the fourth digit for the first of RATES. Line codes and parities are below it."""
+_ADAPTIVE: Final = 96
+"""Value of the fourth digit for a rate for each block."""
 
 
 def ticks_chosen(line: str) -> tuple[int, ...]:
@@ -55,9 +60,11 @@ def codes_of(line: str) -> list[tuple[int | None, float | None]]:
 
 
 def word_code(parity: int | None, rate: float | None) -> str:
-    """Returns the name of a code of words, for people."""
+    """Returns the name of a code of words, for people. Without both, each block has a rate."""
     if parity is not None:
         return f"Reed-Solomon ({_WORD}, {_WORD - parity})"
+    if rate is None:
+        return "LDPC of a rate for each block"
     return f"LDPC of rate {rate:g}"
 
 
@@ -79,6 +86,8 @@ class Mode:
         parity: parity bytes of 255 of a Reed-Solomon code; None for the other code.
         rate: of a low-density parity-check code, which needs scrambled symbols; None for the other
             code.
+        adaptive: whether each block has a low-density parity-check code of its own rate, one of
+            EVERY_RATE; then parity and rate are None.
     """
 
     width: int
@@ -88,6 +97,7 @@ class Mode:
     line: str
     parity: int | None
     rate: float | None = None
+    adaptive: bool = False
 
     def __post_init__(self) -> None:
         for name in ("width", "height"):
@@ -100,14 +110,17 @@ class Mode:
         _index("cell", self.cell, CELLS)
         _index("ticks", self.ticks, TICKS)
         _index("line", self.line, LINE_CODES)
-        if (self.parity is None) == (self.rate is None):
-            raise ValueError(f"a mode must have parity or rate, not {self.parity} and {self.rate}")
-        if self.rate is None:
+        if [self.parity is None, self.rate is None, not self.adaptive].count(False) != 1:
+            raise ValueError(
+                f"a mode must have parity or rate, or a rate for each block, not {self.parity}, "
+                f"{self.rate} and {self.adaptive}"
+            )
+        if self.parity is not None:
             _index("parity", self.parity, PARITIES)
-        else:
+        elif self.line != "scrambled":
+            raise ValueError(f"line must be scrambled with a rate, not {self.line}")
+        elif self.rate is not None:
             _index("rate", self.rate, RATES)
-            if self.line != "scrambled":
-                raise ValueError(f"line must be scrambled with a rate, not {self.line}")
 
     @property
     def format(self) -> int:
@@ -131,11 +144,10 @@ class Mode:
 
     @property
     def word_rate(self) -> float:
-        """Share of data in the words."""
+        """Share of data in the words; with a rate for each block, the largest."""
         if self.parity is not None:
             return (_WORD - self.parity) / _WORD
-        assert self.rate is not None
-        return self.rate
+        return EVERY_RATE[-1] if self.rate is None else self.rate
 
     @property
     def tags(self) -> tuple[int, int, int, int]:
@@ -152,6 +164,8 @@ class Mode:
     @property
     def _codes(self) -> int:
         """The fourth digit."""
+        if self.adaptive:
+            return _ADAPTIVE
         if self.rate is not None:
             return _LDPC + RATES.index(self.rate)
         assert self.parity is not None
@@ -164,10 +178,12 @@ class Mode:
             raise ValueError(f"tags must be of corners 0, 1, 2 and 3, not {tags}")
         wide, high, size, code = (tag // 4 for tag in tags)
         of_ldpc = _LDPC <= code < _LDPC + len(RATES)
-        known = of_ldpc or code < len(LINE_CODES) * len(PARITIES)
+        known = of_ldpc or code == _ADAPTIVE or code < len(LINE_CODES) * len(PARITIES)
         if size >= len(CELLS) * len(TICKS) or not known:
             raise ValueError(f"tags must be those of a mode, not {tags}")
         shape = wide * STEP, high * STEP, CELLS[size // len(TICKS)], TICKS[size % len(TICKS)]
         if of_ldpc:
             return cls(*shape, "scrambled", None, RATES[code - _LDPC])
+        if code == _ADAPTIVE:
+            return cls(*shape, "scrambled", None, adaptive=True)
         return cls(*shape, LINE_CODES[code // len(PARITIES)], PARITIES[code % len(PARITIES)])

@@ -153,8 +153,10 @@ class ModemSection(Section):
     parity: Literal[("auto", *PARITIES)] = Field(  # type: ignore[valid-type]
         default="auto", description="bytes of a Reed-Solomon codeword of 255 that are parity"
     )
-    rate: Literal[("auto", *RATES)] = Field(  # type: ignore[valid-type]
-        default="auto", description="of the ldpc code, data bits to a bit sent"
+    rate: Literal[("auto", "adaptive", *RATES)] = Field(  # type: ignore[valid-type]
+        default="auto",
+        description="of the ldpc code, data bits to a bit sent; adaptive: of each block its own, "
+        "by the phase of the clocks, only where the link sends a file",
     )
     interleave: bool = Field(default=True, description="spread each codeword over the panel")
     overhead: Annotated[float, Field(ge=0, le=10)] = Field(

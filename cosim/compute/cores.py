@@ -1,7 +1,8 @@
-"""Compiled functions that use all cores run one at a time.
+"""Compiled functions that use all cores may be called by several threads.
 
 numba's own thread pool, which it takes where the machine has no OpenMP, ends the process if two
-threads enter it at once. With any pool, two such functions at once only share the same cores.
+threads enter it at once: with it such functions run one at a time. With another pool they run at
+once, so that one takes the cores that the other leaves.
 
 OpenMP reads its settings when numba first enters it. By default its threads wait for work in a busy
 loop: between the blocks of a run they would take the cores from OpenCL and from all other stages.
@@ -13,12 +14,16 @@ import os
 import threading
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
+
+import numba
 
 __all__ = ["all_cores", "cores"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _BUSY = threading.RLock()
+_SAFE: Final = ("omp", "tbb")
+"""numba's thread pools that several threads may enter at once."""
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
@@ -30,11 +35,21 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+def _shared() -> bool:
+    """Whether several threads may enter numba's thread pool. It is not known before the first."""
+    try:
+        return numba.threading_layer() in _SAFE
+    except ValueError:
+        return False
+
+
 def all_cores(function: _Function) -> _Function:
     """Decorator, above `njit(parallel=True)`, of a function that threads may call."""
 
     @wraps(function)
     def alone(*given: Any) -> Any:
+        if _shared():
+            return function(*given)
         with _BUSY:
             return function(*given)
 

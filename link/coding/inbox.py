@@ -8,8 +8,8 @@ from typing import Final
 from cosim.compute.opencl import Device
 from link.coding.fountain import Gathering
 from link.coding.frames import Frame, read_frame
+from link.coding.kinds import blocks_of
 from link.coding.reader import BlockReader, Bytes
-from link.coding.soft_blocks import blocks_of
 from link.layout import Layout
 
 __all__ = ["Inbox"]

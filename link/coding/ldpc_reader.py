@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
+from link.coding.adaptive_blocks import AdaptiveBlocks
 from link.coding.soft_blocks import SoftBlocks
 from link.coding.soft_blocks_compiled import mark_changed
 from link.coding.word_reader import ReadWords
@@ -24,7 +25,7 @@ class LdpcReader:
     """
 
     def __init__(self, form: SoftBlocks, device: Device | None = None) -> None:
-        self._form, self._code, self._device = form, form.code, device
+        self._form, self._device = form, device
         self._soft = np.zeros((form.groups, form.layout.group, form.layout.cells), np.int8)
 
     def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
@@ -32,10 +33,14 @@ class LdpcReader:
 
     def read(self, block: int, missing: Sequence[int]) -> ReadWords:
         self._soft[missing] = 0
-        soft = self._form.collect(self._soft)
-        data, ok, rounds = self._code.decode(soft, device=self._device)
-        sent = self._code.encode(data)
+        form = self._form
+        if isinstance(form, AdaptiveBlocks):
+            number = form.read_header(self._soft)
+            form = form.at(form.number if number is None else number)
+        soft = form.collect(self._soft)
+        data, ok, rounds = form.code.decode(soft, device=self._device)
+        sent = form.code.encode(data)
         changed = np.empty_like(sent)
         mark_changed(soft.view(np.uint64), sent, ok, changed)
         count = int(np.count_nonzero(changed))
-        return ReadWords(data, ok, ok.copy(), changed, count, int(rounds.sum()))
+        return ReadWords(data, ok, ok.copy(), changed, count, int(rounds.sum()), form)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
 
+from link.coding.adaptive_blocks import AdaptiveBlocks
+from link.coding.blocks import Blocks
 from link.coding.fountain import pack_file, packets, source_symbols
 from link.coding.frames import Frame, write_frame
-from link.coding.soft_blocks import blocks_of
+from link.coding.kinds import blocks_of
 from link.coding.writer import BlockWriter
 from link.layout import Layout
 
@@ -31,6 +35,8 @@ class Outbox(BlockWriter):
         interleave: whether codewords are interleaved.
         overhead: frames beyond the file's own, as a share of them; the last block is filled with
             more.
+        rates: with a rate for each block, their numbers in `link.mode.EVERY_RATE`, from the first
+            block on; the last one is that of all later blocks too.
 
     Attributes:
         frames_needed: frames that the file fills; any so many, and rarely one or two more, recover
@@ -44,7 +50,7 @@ class Outbox(BlockWriter):
 
     def __init__(
         self, data: bytes, name: str, layout: Layout, *, interleave: bool = True,
-        overhead: float = 0.05,
+        overhead: float = 0.05, rates: Sequence[int] = (),
     ) -> None:  # fmt: skip
         if not (math.isfinite(overhead) and overhead >= 0):
             raise ValueError(f"overhead must be 0 or more, not {overhead}")
@@ -54,15 +60,53 @@ class Outbox(BlockWriter):
         symbol = form.symbol_bytes
         self.frames_needed = source_symbols(self._length, symbol)
         wanted = max(math.ceil(self.frames_needed * (1 + overhead)), self.frames_needed + _BEYOND)
-        super().__init__(form, -(-wanted // form.frames))
-        self._wanted = wanted
+        if isinstance(form, AdaptiveBlocks) != bool(rates):
+            raise ValueError(
+                "rates must be given for a mode with a rate for each block, and for no other"
+            )
+        self._forms: list[Blocks] = []
+        self._ends = [0]
+        while self._ends[-1] < wanted:
+            if isinstance(form, AdaptiveBlocks):
+                form = form.at(rates[min(len(self._forms), len(rates) - 1)])
+            self._forms.append(form)
+            self._ends.append(self._ends[-1] + form.frames)
+        super().__init__(form, len(self._forms))
+        self.frames, self._wanted = self._ends[-1], wanted
         most = min(int(self.frames / (1 + overhead)), self.frames - _BEYOND)
         self.room = len(data) + most * symbol - self._length
         self._packets = packets(packed, symbol, self.frames)
 
     def frames_by(self, groups: int) -> int:
         """Returns the number of frames that the first `groups` groups carry whole."""
-        return min(groups, self.groups) // self._blocks.groups * self._blocks.frames
+        return self._ends[min(groups, self.groups) // self._blocks.groups]
+
+    def words_by(self, groups: int) -> int:
+        """Returns the number of words that the first `groups` groups carry whole."""
+        blocks = min(groups, self.groups) // self._blocks.groups
+        return sum(form.words for form in self._forms[:blocks])
+
+    def groups_for(self, frames: float) -> int | None:
+        """Returns the number of groups that carry so many frames whole; None if there are fewer."""
+        block = bisect_left(self._ends, frames)
+        return block * self._blocks.groups if block < len(self._ends) else None
+
+    @property
+    def word_rate(self) -> float:
+        """Data bits per bit sent, in the mean of the blocks' codes."""
+        if not self.layout.mode.adaptive:
+            return self.layout.mode.word_rate
+        return sum(rate * blocks for rate, blocks in self.runs) / len(self._forms)
+
+    @property
+    def runs(self) -> list[tuple[float, int]]:
+        """Rates of the blocks in turn, each with the number of blocks in a row that have it; empty
+        for a mode of one code."""
+        rates = [form.rate for form in self._forms if isinstance(form, AdaptiveBlocks)]
+        return [(rate, len(list(some))) for rate, some in groupby(rates)]
+
+    def _form(self, block: int) -> Blocks:
+        return self._forms[block]
 
     def frames_beyond(self, groups: int) -> tuple[int, int]:
         """Returns the frames beyond the file's own in the first `groups` groups.
@@ -75,8 +119,7 @@ class Outbox(BlockWriter):
         return max(sent - fill - self.frames_needed, 0), fill
 
     def _frames(self, block: int) -> Sequence[npt.NDArray[np.uint8]]:
-        form = self._blocks
-        first = block * form.frames
+        form, first = self._forms[block], self._ends[block]
         return [
             write_frame(Frame(self._session, self._length, packet), form.frame_bytes)
             for packet in self._packets[first : first + form.frames]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,11 @@ from link.coding.word_reader import WordReader
 __all__ = ["BlockReader"]
 
 Bytes = npt.NDArray[np.uint8]
+_MANY: Final = 0.05
+"""Share of bytes with a wrong decision from which wrong decisions are kept: fewer do no harm to a
+detector that learns from decisions."""
+_KEPT: Final = 8
+"""Number of groups whose wrong decisions are kept: more than a receiver decodes at a time."""
 
 
 def _word_reader(form: Blocks, device: Device | None) -> WordReader:
@@ -45,6 +51,8 @@ class BlockReader(ABC):
         bytes_corrected: bytes corrected in the others.
         rounds: rounds of decoding in all codewords; 0 for a code without rounds.
         cell_errors: (cells,) int64, bytes corrected by data cell, or bits of a code of bits.
+        mended: by group, the decisions that a code of bits found wrong, (symbols, cells) uint8, for
+            the last groups of blocks that had many of them.
     """
 
     def __init__(self, form: Blocks, device: Device | None = None) -> None:
@@ -57,6 +65,7 @@ class BlockReader(ABC):
         self.over = False
         self.frames_read = self.frames_right = 0
         self.codewords = self.codewords_wrong = self.bytes_corrected = self.rounds = 0
+        self.mended: dict[int, Bytes] = {}
         self.cell_errors: npt.NDArray[np.int64] = np.zeros(form.layout.cells, np.int64)
 
     @property
@@ -106,9 +115,28 @@ class BlockReader(ABC):
             return 0
         return self._read(block, missing)
 
+    def mend(self, first: int, decided: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Returns decisions from a group on, (symbols, cells), turned over in place where `mended`
+        has them as wrong."""
+        size = self.layout.group
+        for n in range(len(decided) // size):
+            wrong = self.mended.get(first + n)
+            if wrong is not None:
+                decided[n * size : (n + 1) * size] ^= wrong.astype(np.bool_)
+        return decided
+
+    def _keep(self, block: int, wrong: Bytes) -> None:
+        """Keeps the last groups of a block's wrong decisions, (groups, symbols, cells)."""
+        first = block * len(wrong)
+        for n, part in list(enumerate(wrong))[-_KEPT:]:
+            self.mended[first + n] = part
+        for group in sorted(self.mended)[:-_KEPT]:
+            del self.mended[group]
+
     def _read(self, block: int, missing: Sequence[int]) -> int:
-        form, each = self._blocks, self._blocks.frame_words
         words = self._words.read(block, missing)
+        form = words.form or self._blocks
+        each = form.frame_words
         used = form.frames * each
         data = words.data[:used].reshape(form.frames, form.frame_bytes)
         whole = np.all(words.ok[:used].reshape(form.frames, each), axis=1)
@@ -125,6 +153,9 @@ class BlockReader(ABC):
         self.codewords_wrong += int((~words.sound).sum())
         self.bytes_corrected += words.bytes_changed
         self.rounds += words.rounds
+        many = words.bytes_changed > _MANY * form.words * form.word_bytes
+        if many and isinstance(form, SoftBlocks):
+            self._keep(block, form.bits_of(words.changed))
         if words.bytes_changed:
             self.cell_errors += form.cells_of(words.changed)
         return sum(right)

@@ -21,9 +21,9 @@ from link.coding.blocks import Blocks
 from link.coding.ldpc import STEPS, Ldpc
 from link.coding.ldpc_numpy import SOFT
 from link.coding.soft_blocks_compiled import count_by_cell, gather_words, store_group
-from link.layout import PERIOD, Layout
+from link.layout import PERIOD
 
-__all__ = ["SoftBlocks", "blocks_of"]
+__all__ = ["SoftBlocks"]
 
 _LEAST: Final = 4096
 """Bits of a word at least. Shorter ones need more information of a bit."""
@@ -71,16 +71,28 @@ class SoftBlocks(Blocks):
     def order(self) -> npt.NDArray[np.intp]:
         """p(b) of each bit of a word, (word bits,)."""
         size = self.code.word_bits
-        step = next(n for n in range(round(_GOLDEN * size), 2 * size) if gcd(n, size) == 1)
-        return np.arange(size) * step % size
+        return np.arange(size) * self._golden(size) % size
+
+    @staticmethod
+    def _golden(size: int) -> int:
+        """Returns a step whose multiples, modulo `size`, are all numbers, far from each other."""
+        return next(n for n in range(round(_GOLDEN * size), 2 * size) if gcd(n, size) == 1)
 
     def lay(self, words: _Bytes, block: int) -> _Bytes:
         """Returns the values of the cells, (groups, cells) uint8, for words (words, word bytes).
 
         Unused places carry the keystream.
         """
+        return self._values(self._row(words), block)
+
+    def _row(self, words: _Bytes) -> _Bytes:
+        """Returns the bits of a block without the keystream, (groups, symbols, cells) uint8."""
         row = np.zeros((self.groups, self.layout.group, self.layout.cells), np.uint8)
         self._put(np.unpackbits(words, axis=1, bitorder="little"), row)
+        return row
+
+    def _values(self, row: _Bytes, block: int) -> _Bytes:
+        """Returns the values of the cells for the bits of a block."""
         out = np.packbits(row, axis=1, bitorder="little")[:, 0]
         for n, values in enumerate(out):
             values ^= self.keystream(block * self.groups + n)[: self.layout.cells]
@@ -110,15 +122,14 @@ class SoftBlocks(Blocks):
         gather_words(used.reshape(-1, self.words), self.order, out.view(np.uint64))
         return out
 
+    def bits_of(self, marked: _Bytes) -> _Bytes:
+        """Returns marked bits of words, (words, word bytes) uint8, at their cells: (groups,
+        symbols, cells) uint8."""
+        return self._row(marked)
+
     def cells_of(self, wrong: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
         """Returns the number of marked bits, (words, word bytes) uint8, on each data cell."""
         out = np.zeros(self.layout.cells, np.int64)
         order = self.order if self.interleave else self.order[:0]
         count_by_cell(wrong, order, self.words, out)
         return out
-
-
-def blocks_of(layout: Layout, interleave: bool = True, period: int | None = None) -> Blocks:
-    """Returns the blocks of a layout, by the code of its mode."""
-    kind = Blocks if layout.mode.rate is None else SoftBlocks
-    return kind(layout, interleave, period)

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from link.coding.blocks import Blocks
+from link.coding.kinds import blocks_of
 from link.coding.reader import BlockReader, Bytes
-from link.coding.soft_blocks import blocks_of
 from link.coding.stream_frames import (
     PacketRow,
     StreamFrame,

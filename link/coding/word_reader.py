@@ -9,6 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from link.coding.blocks import Blocks
+
 __all__ = ["Flags", "ReadWords", "WordReader"]
 
 Flags = npt.NDArray[np.bool_]
@@ -25,6 +27,7 @@ class ReadWords:
         changed: what was corrected, as `Blocks.cells_of` takes it: (words, bytes) bool, or bits.
         bytes_changed: number of bytes corrected in sound words.
         rounds: rounds of decoding in all words, 0 for a code without rounds.
+        form: of the block, where each has its own; else None.
     """
 
     data: npt.NDArray[np.uint8]
@@ -33,6 +36,7 @@ class ReadWords:
     changed: npt.NDArray[Any]
     bytes_changed: int
     rounds: int
+    form: Blocks | None = None
 
 
 class WordReader(Protocol):

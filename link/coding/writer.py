@@ -38,6 +38,10 @@ class BlockWriter(ABC):
         self.groups = blocks * form.groups
         self._cache: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
 
+    def _form(self, block: int) -> Blocks:
+        """Returns the form of a block; all have the same number of groups."""
+        return self._blocks
+
     @abstractmethod
     def _frames(self, block: int) -> Sequence[npt.NDArray[np.uint8]]:
         """Returns the frames of a block, (`Blocks.frame_bytes`,) uint8 each."""
@@ -55,7 +59,7 @@ class BlockWriter(ABC):
         return self._cache[block][within]
 
     def _make(self, block: int) -> npt.NDArray[np.uint8]:
-        form = self._blocks
+        form = self._form(block)
         data = np.zeros((form.words, form.data_bytes), np.uint8)
         framed = data[: form.frames * form.frame_words].reshape(form.frames, form.frame_bytes)
         for row, frame in zip(framed, self._frames(block), strict=True):

@@ -71,16 +71,17 @@ class Joint:
         return self._registration.shifts(middle)
 
     def _learn(
-        self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int
-    ) -> None:
+        self, cells: CellImages, words: Words, start_tick: int, known: Bits, first_symbol: int,
+        late: float = 0.0,
+    ) -> None:  # fmt: skip
         """Counts patterns. `known` begins with the symbol before the first one."""
         order = np.argsort(cells.region, kind="stable")
         ends = np.searchsorted(cells.region[order], np.arange(cells.regions), side="right")
-        place = cells.places
+        place, (first, *rest) = cells.places, self._time
         count_patterns(
             words, start_tick, known, first_symbol, self.shifts(first_symbol, len(known) - 1),
-            self._time, self.ticks, order, ends, cells.x, cells.y, place.count, place.dx, place.dy,
-            place.share, self._counts,
+            (first + late, *rest), self.ticks, order, ends, cells.x, cells.y, place.count,
+            place.dx, place.dy, place.share, self._counts,
         )  # fmt: skip
         self._tables = None
 
@@ -92,13 +93,15 @@ class Joint:
             self._tables = learned.tables(self._counts, self.ticks)
         return self._tables
 
-    def learn(self, words: Words, start_tick: int, known: Bits, first_symbol: int) -> None:
+    def learn(
+        self, words: Words, start_tick: int, known: Bits, first_symbol: int, late: float = 0.0
+    ) -> None:
         if known.ndim != 2 or known.shape[1] != self.cells.x.size:
             raise ValueError(f"known must be of {self.cells.x.size} cells, not {known.shape}")
         if first_symbol == 0:  # before first light all are off
             known = np.concatenate([np.zeros((1, known.shape[1]), np.bool_), known])
             first_symbol = -1
-        self._learn(self.cells, words, start_tick, known, first_symbol + 1)
+        self._learn(self.cells, words, start_tick, known, first_symbol + 1, late)
 
     def learn_pilots(self, words: Words, start_tick: int, first_symbol: int, count: int) -> None:
         places = np.flatnonzero(self._layout.pilot)

@@ -137,8 +137,9 @@ class Packed(Joint):
 
     def soft(
         self, words: Words, start_tick: int, first_symbol: int, count: int,
-        stop_tick: int | None = None,
+        stop_tick: int | None = None, out: Soft | None = None,
     ) -> Soft:  # fmt: skip
+        """See `Detector`. out: memory for the result, (count, cells) float32; None to take some."""
         cells, place, group = self.cells, self.cells.places, self.group
         begin, groups = self.window(first_symbol, count)
         looks = self.looks(begin, groups, words.shape[1])
@@ -149,7 +150,8 @@ class Packed(Joint):
         low = np.clip(-(bits // advance), 0, lengths)
         top = np.clip((stop - CONTEXT - bits) // advance, low, lengths)
         scale, bias = self.steps
-        out = np.empty((count, cells.x.size), np.float32)
+        if out is None:
+            out = np.empty((count, cells.x.size), np.float32)
         soft_values(
             np.ascontiguousarray(words), stop, bits, looks.phase,
             tables_of.reshape(looks.phase.shape), begins[:, None] + np.stack([low, top], axis=-1),

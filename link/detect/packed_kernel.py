@@ -218,7 +218,7 @@ def _in_part(  # type: ignore[no-untyped-def]
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def soft_values(  # type: ignore[no-untyped-def]
     words, stop, bits, phases, tables_of, held, ends, shift, ticks, group, width, region_of, x0, y0,
     count, dx, dy, share, table, single, zero, bias, step, skipped, limit, out,

@@ -183,7 +183,10 @@ def _evaluated(
         received=received,
         errors=errors,
         theory=_theory(setup, closed, scene, errors, received, verdict.cause),
-        rates=link_rates(layout, setting.panel.clock, len(setup.payload.data), seconds),
+        rates=link_rates(
+            layout, setting.panel.clock, len(setup.payload.data), seconds,
+            setup.sent.outbox.word_rate,
+        ),
         soft=_soft(setup, received),
         image=_image(stream),
         outline=outline,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.run.result import Metric
+from link.coding import blocks_of
+from link.evaluation.lost_words import LostShare, lost_share
 from link.evaluation.record import LinkEvaluation
 from link.receiving import Received
 from link.setup.locking.loop import ClockLock
@@ -22,6 +24,7 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
     low, high = theory.interval or (None, None)
     repair, fill = setup.sent.outbox.frames_beyond(setup.sent.groups)
     information, least, most = link.information_bps
+    words_lost, frames_lost = _expected(link, sent)
     delays, eye, full_ns = link.delays, link.eye, link.check.full_ns
     full_s = None if full_ns is None else full_ns * 1e-9 * setup.pixel_cycles
     return {
@@ -41,6 +44,7 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
         "ber_soft": Metric(theory.soft, "1"),
         "bits_compared": Metric(link.errors.bits, "bits"),
         "fer": Metric(lost / sent if sent else None, "1"),
+        **_limits("fer_theory", frames_lost),
         "frames_sent": Metric(setup.sent.outbox.frames_by(setup.sent.groups), "frames"),
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(lost, "frames"),
@@ -54,9 +58,10 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
         "cell": Metric(setup.mode.cell, "panel pixels"),
         "ticks": Metric(setup.mode.ticks, "panel planes"),
         "parity": Metric(setup.mode.parity, "bytes"),
-        "code_rate": Metric(setup.mode.word_rate, "1"),
+        "code_rate": Metric(setup.sent.outbox.word_rate, "1"),
         "words": Metric(received.codewords, "words"),
         "words_lost": Metric(received.codewords_wrong, "words"),
+        **_limits("words_theory", words_lost),
         "decoder_rounds": Metric(_rounds(received), "rounds/word"),
         "f_number": Metric(setup.setting.optics.f_number, "1"),
         "goodput_error": Metric(link.check.goodput if link.delivered else None, "1"),
@@ -76,9 +81,30 @@ def lock_metrics(lock: ClockLock | None) -> dict[str, Metric]:
     }
 
 
+def _expected(link: LinkEvaluation, frames: int) -> tuple[LostShare, LostShare]:
+    """Returns the expected shares of lost words, and of lost frames of `frames`."""
+    received, mode, timing = link.received, link.mode, link.received.timing
+    if timing is None or received.mode != mode or mode.rate is None:
+        return LostShare(), LostShare()
+    form = blocks_of(link.layout)
+    drift = (timing.period - mode.ticks) * link.setup.sent.symbols
+    given = mode, 8 * form.data_bytes, link.information, drift
+    words = lost_share(*given, received.codewords)
+    return words, lost_share(*given, frames, form.frame_words)
+
+
+def _limits(name: str, share: LostShare) -> dict[str, Metric]:
+    """Returns the metrics of an expected share."""
+    return {
+        name: Metric(share.value, "1"),
+        f"{name}_low": Metric(share.low, "1"),
+        f"{name}_high": Metric(share.high, "1"),
+    }
+
+
 def _rounds(received: Received) -> float | None:
     """Returns the mean number of decoding rounds of a word; None for a code without rounds."""
-    if received.mode is None or received.mode.rate is None or not received.codewords:
+    if received.mode is None or received.mode.parity is not None or not received.codewords:
         return None
     return received.rounds / received.codewords
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -150,5 +150,5 @@ class LinkEvaluation:
             "cause": self.verdict.cause.name.lower(), "said": self.verdict.cause.value,
             "told": self.verdict.text, "delivered": self.delivered,
             "file": self.setup.payload.name, "bytes": len(self.setup.payload.data),
-            "mode": asdict(self.mode),
+            "mode": self.setup.mode_document(),
         }  # fmt: skip

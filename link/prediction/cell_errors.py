@@ -6,8 +6,9 @@ does the sum of their log likelihood ratios. The positions of cells between the 
 grid, and the bits of neighbouring and previous cells are drawn at random. This is a semi-analytic
 estimate (Jeruchim, IEEE J. Sel. Areas Commun. 2:153, 1984): it counts no errors, so few draws
 suffice for rare ones. The ratios are those that the joint detector learns: of single ticks, by
-share of the light, the cell's bit and the previous one, and the pixel's two preceding spikes,
-averaged over the bits of other cells. The bits before and after are taken as known.
+class of phase, share of the light, the cell's bit and the previous one, and the pixel's two
+preceding spikes, averaged over the bits of other cells. The bits before and after are taken as
+known.
 
 Included: shot and threshold noise, blur, crosstalk, position of cells between the pixels, light of
 neighbouring cells (common to all pixels and ticks of a symbol), carried charge, ticks shared by two
@@ -25,6 +26,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from link.detect.counting import PHASES
 from link.detect.geometry import PLACES, SHARES
 from link.detect.tables import LEAST_CHANCE
 from link.mode import Mode
@@ -95,6 +97,7 @@ class _Drawn:
         weight: (cells,) mean 1.
         bit, before, after: (cells,) bits of the decided, the previous and the next symbol.
         share: (pixels,) class of share.
+        phase: (cells,) class of the phase at which symbols begin in a tick.
     """
 
     patterns: Values
@@ -103,6 +106,7 @@ class _Drawn:
     before: Flags
     after: Flags
     share: npt.NDArray[np.intp]
+    phase: npt.NDArray[np.intp]
 
 
 def _draw(
@@ -128,27 +132,26 @@ def _draw(
         scene.background + scene.on * means, _CONTEXT + ticks + 1, scene.threshold, scene.noise
     )
     mine = own_bits(bits)
-    return _Drawn(patterns, weight, mine[:, -2], mine[:, -3], mine[:, -1], seen.share)
+    phase = np.minimum((delay[:, 0] * PHASES).astype(np.intp), PHASES - 1)
+    return _Drawn(patterns, weight, mine[:, -2], mine[:, -3], mine[:, -1], seen.share, phase)
 
 
 def _tables(drawn: list[_Drawn], ticks: int) -> Values:
     """Returns ln P(spike) as the detector learns it.
 
-    The shape is (ticks, shares, before, bit, contexts, spike).
+    The shape is (PHASES, ticks, shares, before, bit, contexts, spike).
     """
     patterns = np.arange(1 << (_CONTEXT + ticks + 1))
-    counts = np.zeros((ticks, SHARES, 2, 2, 1 << _CONTEXT, 2))
+    counts = np.zeros((PHASES, ticks, SHARES, 2, 2, 1 << _CONTEXT, 2))
     for each in drawn:
-        for before in (False, True):
-            for bit in (False, True):
-                these = (each.before == before) & (each.bit == bit)
-                law = np.einsum("n,nps->ps", each.weight[these], each.patterns[these])
-                for j in range(ticks):
-                    at = 2 * ((patterns >> j) & 3) + ((patterns >> (j + _CONTEXT)) & 1)
-                    for k, s in enumerate(each.share):
-                        counts[j, s, int(before), int(bit)] += np.bincount(
-                            at, law[k], 2 << _CONTEXT
-                        ).reshape(-1, 2)
+        law = np.zeros((PHASES, 2, 2, *each.patterns.shape[1:]))  # by phase, before and bit
+        place = each.phase, each.before.astype(int), each.bit.astype(int)
+        np.add.at(law, place, each.weight[:, None, None] * each.patterns)
+        for j in range(ticks):
+            at = 2 * ((patterns >> j) & 3) + ((patterns >> (j + _CONTEXT)) & 1)
+            told = law @ np.eye(2 << _CONTEXT)[at]  # by context and spike
+            for k, s in enumerate(each.share):
+                counts[:, j, s] += told[..., k, :].reshape(PHASES, 2, 2, -1, 2)
     every = counts.sum(axis=-2, keepdims=True)  # prior of rare contexts
     prior = (every[..., 1] + 1e-9 / 2) / (every.sum(-1) + 1e-9)
     chance = (counts[..., 1] + _PRIOR * prior) / (counts.sum(-1) + _PRIOR)
@@ -159,16 +162,16 @@ def _tables(drawn: list[_Drawn], ticks: int) -> Values:
 def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
     """Returns P(wrong decision) and the rate according to the soft values, (cells,) each."""
     patterns = np.arange(1 << (_CONTEXT + ticks + 1))
-    ratio = np.zeros((2, 2, each.share.size, patterns.size))  # by before and after
+    ratio = np.zeros((PHASES, 2, 2, each.share.size, patterns.size))  # by before and after
     for j in range(ticks + 1):
         context, spike = (patterns >> j) & 3, (patterns >> (j + _CONTEXT)) & 1
         for before in range(2):
             for after in range(2):
                 if j < ticks:
-                    on, off = tables[j, each.share, before, 1], tables[j, each.share, before, 0]
+                    on, off = (tables[:, j, each.share, before, bit] for bit in (1, 0))
                 else:  # the next symbol begins
-                    on, off = tables[0, each.share, 1, after], tables[0, each.share, 0, after]
-                ratio[before, after] += (on - off)[:, context, spike]
+                    on, off = (tables[:, 0, each.share, bit, after] for bit in (1, 0))
+                ratio[:, before, after] += (on - off)[..., context, spike]
     most = (_BINS // 2 - 1) // each.share.size  # sums do not wrap around
     bins = np.clip(np.rint(ratio / _STEP), -most, most).astype(np.intp) + most
     value = np.fft.ifftshift(np.arange(_BINS) - _BINS // 2) * _STEP
@@ -183,16 +186,16 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
     # Of each ratio, (ratios, 2 frequencies): real and imaginary parts.
     turn = np.exp(np.arange(-most, most + 1.0)[:, None] * wave).view(np.float64)
     wrong, promise = np.empty(each.bit.size), np.empty(each.bit.size)
-    for before in range(2):
-        for after in range(2):
-            these = np.flatnonzero((each.before == before) & (each.after == after))
-            spectrum = np.ones((these.size, below.size), np.complex128)
-            for k in range(each.share.size):
-                law = each.patterns[these, k] @ turn[bins[before, after, k]]
-                spectrum *= law.view(np.complex128)
-            sums = (spectrum @ (twice * np.stack([above, below, doubt]).conj()).T).real
-            wrong[these] = np.where(each.bit[these], sums[:, 1], sums[:, 0])
-            promise[these] = sums[:, 2]
+    kinds = np.stack([each.phase, each.before, each.after], axis=1).astype(np.intp)
+    for kind in np.unique(kinds, axis=0):
+        these = np.flatnonzero((kinds == kind).all(axis=1))
+        spectrum = np.ones((these.size, below.size), np.complex128)
+        for k, at in enumerate(bins[tuple(kind)]):
+            law = each.patterns[these, k] @ turn[at]
+            spectrum *= law.view(np.complex128)
+        sums = (spectrum @ (twice * np.stack([above, below, doubt]).conj()).T).real
+        wrong[these] = np.where(each.bit[these], sums[:, 1], sums[:, 0])
+        promise[these] = sums[:, 2]
     return np.maximum(wrong, 0.0) * each.weight, promise * each.weight
 
 

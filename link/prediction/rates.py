@@ -26,7 +26,10 @@ class Rates:
     goodput: float | None
 
 
-def link_rates(layout: Layout, clock: Clock, file_bytes: int, seconds: float | None) -> Rates:
+def link_rates(
+    layout: Layout, clock: Clock, file_bytes: int, seconds: float | None,
+    word_rate: float | None = None,
+) -> Rates:  # fmt: skip
     """Returns the bit rates.
 
     Args:
@@ -34,8 +37,9 @@ def link_rates(layout: Layout, clock: Clock, file_bytes: int, seconds: float | N
         clock: of the panel.
         file_bytes: size of the file.
         seconds: from first light to the last verified byte, None without one.
+        word_rate: share of data in the words; None for that of the mode.
     """
     raw = layout.cells * clock.hz / layout.mode.ticks
     line = layout.mode.code.bits / layout.group
-    coded = raw * line * layout.mode.word_rate
+    coded = raw * line * (layout.mode.word_rate if word_rate is None else word_rate)
     return Rates(raw, coded, 8 * file_bytes / seconds if seconds else None)

@@ -279,9 +279,10 @@ def _time(
                 if better is not None:
                     refined = replace(refined, homography=better)
             return Acquired(layout, refined, pace, levels, lit, (low, high), evidence)
-    # No training: number the symbols so that the first one in the recording belongs to a group.
+    # No training: number the symbols so that the first one in the recording belongs to a group. But
+    # if first light is in the recording, the sequence was interrupted, and continues early.
     count = int(np.ceil((in_view - rough.first) / rough.period))
-    turns = (count - TRAINING) // PERIOD
+    turns = (count - (0 if lit[0] > recording.first + _SMOOTH else TRAINING)) // PERIOD
     begun = replace(rough, first=rough.first + turns * turn)
     begin = count - turns * PERIOD + 2
     known_part = known_pilots(layout, begin, _PILOT_SYMBOLS)

@@ -60,7 +60,7 @@ def _left(charge, rule):  # type: ignore[no-untyped-def]
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def likelihood(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
@@ -105,7 +105,7 @@ def likelihood(  # type: ignore[no-untyped-def]
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def slopes(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
@@ -174,7 +174,7 @@ def _ramp(z):  # type: ignore[no-untyped-def]
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def overlap(distance, blur, side):  # type: ignore[no-untyped-def]
     """Returns the light along one axis between camera pixels and panel pixels at distances, (n, k).
 

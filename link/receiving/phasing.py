@@ -15,8 +15,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from link.layout import Layout
 from link.receiving.kernels import slopes
 from link.receiving.pacing import Delay
+from link.receiving.recording import Recording
 from link.receiving.synthesis import (
     FLOOR,
     NOISE,
@@ -24,12 +26,16 @@ from link.receiving.synthesis import (
     SKIP,
     Levels,
     Witnesses,
+    choose_witnesses,
+    known_cells,
     likelihood,
     likelihoods,
 )
-from link.timing import Timing
+from link.timing import Registration, Timing
 
-__all__ = ["Fit", "fit_levels", "fit_phase", "fit_timing", "measure_delay", "nudge"]
+__all__ = [
+    "Fit", "fit_levels", "fit_phase", "fit_timing", "followed_delay", "measure_delay", "nudge",
+]  # fmt: skip
 
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = (-1.0, 1.0, 0.125)
@@ -56,6 +62,11 @@ _REACH, _TRIED = 0.5, 17
 time."""
 _HOLD: Final = 3.0
 """Nats below the most likely phase within which the current phase is held."""
+_MEASURED: Final = 24
+"""Symbols of a measurement of the timing as it is followed."""
+_SHARP, _FAR = 0.05, 0.45
+"""_SHARP: largest error of a delay at a single maximum, ticks. _FAR: largest plausible delay,
+ticks."""
 _LIKELY: Final = 10.0
 """Nats below the most likely phase within which others count."""
 
@@ -313,3 +324,27 @@ def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
         low, high = float(likely[0] - step), float(likely[-1] + step)
     weight = np.exp(nats)
     return float(weight @ delay / weight.sum())
+
+
+def followed_delay(
+    recording: Recording, layout: Layout, registration: Registration, timing: Timing,
+    levels: Levels, known: tuple[int, npt.NDArray[np.bool_]],
+) -> Delay | None:  # fmt: skip
+    """Returns the delay of the last known symbols; None if the spikes do not determine it.
+
+    Args:
+        recording, layout, registration, timing, levels: of the transmission.
+        known: the first known symbol, and the bits, (symbols, cells).
+    """
+    first, bits = known
+    some = slice(max(len(bits) - _MEASURED, 0), None)
+    cells = known_cells(layout, first + some.start, bits[some])
+    w = choose_witnesses(recording, layout, registration, timing, cells)
+    if w is None:
+        return None
+    delay = measure_delay(w, timing, levels)
+    if delay.error > _SHARP:  # many phases may explain the spikes, the current one too
+        delay = Delay(nudge(w, timing, levels), _SHARP)
+        if delay.ticks == 0:
+            return None
+    return delay if abs(delay.ticks) < _FAR else None

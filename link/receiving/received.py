@@ -25,11 +25,13 @@ class Instant:
         tick: tick at which its last row was latched.
         right: correct frames completed by it (those of a block of several groups come with the last
             of them).
+        frames: those that its block was read as, correct or not.
     """
 
     group: int
     tick: int
     right: int
+    frames: int
 
 
 @dataclass(frozen=True, eq=False)

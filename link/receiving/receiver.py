@@ -88,6 +88,8 @@ class Receiver:
         self.interrupted: tuple[int, float] | None = None
         self.searches = self.searched = 0
         self._limited = False
+        self._unbroken = False
+        """Whether the last search found that the pilots go on without a jump."""
         self._begun: int | None = None
 
     def step(self, data: Viform, block: Any = None) -> None:
@@ -196,7 +198,9 @@ class Receiver:
                 return
             jump = self._jump(old, acquired, until)
             if jump is None and not self._was_dark(old):
+                self._unbroken = True
                 return
+            self._unbroken = False
             self.interrupted = jump or self.interrupted
             acquired = acquired.numbered_as(old.timing)
             self._acquired = acquired
@@ -245,7 +249,9 @@ class Receiver:
         inbox = session.inbox
         if inbox.file is None:
             assert self._evidence is not None
-            loss = explain_loss(session, self._evidence, self.recording.stop, self.interrupted)
+            loss = explain_loss(
+                session, self._evidence, self.recording.stop, self.interrupted, self._unbroken
+            )
             return replace(loss, text=loss.text + self._search_text())
         return Verdict(
             Cause.NONE,

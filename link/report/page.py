@@ -113,9 +113,13 @@ def _decoding(link: LinkEvaluation) -> list[list[str]]:
         return []
     text = f"{count(r.codewords_wrong)} of {count(r.codewords)} lost, "
     text += f"{count(r.bytes_corrected)} bytes corrected"
-    if r.mode is not None and r.mode.rate is not None:
+    if r.mode is not None and r.mode.parity is None:
         text += f", {number(r.rounds / r.codewords)} rounds of decoding a word"
-    return [["words", text]]
+    rows = [["words", text]]
+    runs = link.setup.sent.outbox.runs
+    if runs:
+        rows.append(["rates of the blocks", ", ".join(f"{rate:g}x{many}" for rate, many in runs)])
+    return rows
 
 
 def _frames(result: Result) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from threading import Lock
 from typing import Any, Final, TypeVar
@@ -189,7 +190,7 @@ class FileTransmission(Transmission):
     Args:
         mode: of the transmission.
         data, name: of the file.
-        interleave, overhead: as in `Outbox`.
+        interleave, overhead, rates: as in `Outbox`.
         most_symbols: as in `Transmission`.
 
     Attributes:
@@ -198,9 +199,11 @@ class FileTransmission(Transmission):
 
     def __init__(
         self, mode: Mode, data: bytes, name: str, *, interleave: bool = True,
-        overhead: float = 0.05, most_symbols: int | None = None,
+        overhead: float = 0.05, most_symbols: int | None = None, rates: Sequence[int] = (),
     ) -> None:  # fmt: skip
-        self.outbox = Outbox(data, name, Layout(mode), interleave=interleave, overhead=overhead)
+        self.outbox = Outbox(
+            data, name, Layout(mode), interleave=interleave, overhead=overhead, rates=rates
+        )
         super().__init__(mode, self.outbox, most_symbols)
 
     @property

@@ -22,7 +22,8 @@ from link.coding import WORD_BYTES, blocks_of
 from link.coding.fountain import source_symbols
 from link.layout import TRAINING, Layout
 from link.line_codes import decode_line
-from link.mode import Mode
+from link.mode import EVERY_RATE, Mode
+from link.setup.adapting import Course, plan_rates
 from link.theory import clopper_pearson, ldpc_word_error, longest_off_run, rs_word_error
 from link.theory.soft_information import soft_information
 
@@ -56,6 +57,8 @@ class Trial:
         values, values_wrong: the same for the line code's values.
         information: lower limit of the information of a bit with its soft value, of scrambled
             symbols; None for others.
+        course: of the information along the drift of the phase; None if it was tried at one phase
+            alone.
     """
 
     bits: int
@@ -63,6 +66,7 @@ class Trial:
     values: int
     values_wrong: int
     information: float | None = None
+    course: Course | None = None
 
     @classmethod
     def of(cls, mode: Mode, sent: npt.NDArray[np.bool_], soft: npt.NDArray[np.float32]) -> Trial:
@@ -101,6 +105,7 @@ class Considered:
         words_lost, frames_lost: shares of codewords and of frames lost.
         overhead: frames beyond the file's own, as a share of them.
         goodput: bit/s, 0 if no overhead is enough.
+        rates: of the blocks, where each has its own; see `link.setup.adapting.Plan`.
     """
 
     mode: Mode
@@ -113,6 +118,7 @@ class Considered:
     frames_lost: float | None = None
     overhead: float | None = None
     goodput: float | None = None
+    rates: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -128,6 +134,11 @@ class Choice:
     mode: Mode
     holds: bool
     rows: tuple[Considered, ...]
+
+    @property
+    def rates(self) -> tuple[int, ...]:
+        """Rates of the blocks of the chosen mode, where each has its own."""
+        return next((row.rates for row in self.rows if row.mode == self.mode), ())
 
 
 def longest_run(mode: Mode) -> float:
@@ -200,16 +211,40 @@ class _Assumed:
     words: float
 
 
+def _counted_on(information: float | None) -> float:
+    """Returns the information that is assumed, of that of a pilot."""
+    return max(1 - _MISSING * (1 - (information or 0.0)), 0.0)
+
+
 def _assume(mode: Mode, got: Trial) -> _Assumed:
     if mode.parity is None:
-        assert mode.rate is not None
-        information = max(1 - _MISSING * (1 - (got.information or 0.0)), 0.0)
-        return _Assumed(None, information, ldpc_word_error(mode.rate, information))
+        information = _counted_on(got.information)
+        rate = min(EVERY_RATE) if mode.rate is None else mode.rate
+        return _Assumed(None, information, ldpc_word_error(rate, information))
     wrong = float(clopper_pearson(got.values_wrong, got.values, _LEVEL)[1])
     per_byte = max(8 / mode.code.bits, 1.0)  # values of a byte
     byte = min(-_MARGIN * math.expm1(per_byte * math.log1p(-min(wrong, 1 - 1e-12))), 1.0)
     words = float(rs_word_error(WORD_BYTES, WORD_BYTES - mode.parity, byte))
     return _Assumed(byte, None, words)
+
+
+def _weighed(
+    mode: Mode, ceiling: float, got: Trial, size: int, hz: float, most_overhead: float
+) -> Considered:
+    """Returns what a pilot lets expect of a mode."""
+    assumed, errors = _assume(mode, got), got.errors / got.bits
+    if mode.adaptive:
+        course = got.course or Course((0.0,), (got.information or 0.0,), 0.0)
+        plan = plan_rates(mode, course, _counted_on, size, hz, most_overhead)
+        return Considered(
+            mode, ceiling, "tried", errors, None, assumed.information, plan.words, plan.frames,
+            plan.overhead, plan.goodput, plan.rates,
+        )  # fmt: skip
+    frames, overhead, goodput = foresee(mode, assumed.words, size, hz, most_overhead)
+    return Considered(
+        mode, ceiling, "tried", errors, assumed.byte, assumed.information, assumed.words, frames,
+        overhead, goodput,
+    )  # fmt: skip
 
 
 def _too_long(mode: Mode, threshold: float, background: float, on: float) -> bool:
@@ -291,19 +326,12 @@ def choose(
             if key not in tried:
                 tried[key] = trial(mode)
             got = tried[key]
-            assumed = _assume(mode, got)
-            frames, overhead, goodput = foresee(mode, assumed.words, size, hz, most_overhead)
             alike = [m for m in modes if m.symbols == key]
             if not any(
-                foresee(m, _assume(m, got).words, size, hz, most_overhead)[2] for m in alike
+                _weighed(m, ceiling[m], got, size, hz, most_overhead).goodput for m in alike
             ):
                 failed.append((mode, got.errors / got.bits))
-            rows.append(
-                Considered(
-                    mode, ceiling[mode], "tried", got.errors / got.bits, assumed.byte,
-                    assumed.information, assumed.words, frames, overhead, goodput,
-                )
-            )  # fmt: skip
+            rows.append(_weighed(mode, ceiling[mode], got, size, hz, most_overhead))
     measured = [row for row in rows if row.goodput is not None]
     if not measured:  # none was tried: the slowest mode requires least
         return Choice(modes[-1], False, tuple(rows))

@@ -11,12 +11,13 @@ from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from link.layout import Layout
-from link.mode import CELLS, LINE_CODES, Mode, codes_of, ticks_chosen
+from link.mode import CELLS, LINE_CODES, RATES, Mode, codes_of, ticks_chosen
 from link.prediction.light import cell_scene
 from link.prediction.reach import LEAST_CELL
 from link.receiving.tags import LEAST_MODULE
 from link.section import LinkScenario, ModemSection
 from link.setting import LinkSetting
+from link.setup.adapting import Course
 from link.setup.choosing import Choice, Trial, choose, foresee
 from link.setup.pilot import film_pilot, strip_of
 from link.setup.truth import panel_in_view
@@ -27,8 +28,9 @@ _TRIED = 8
 """Largest number of modes that are tried."""
 _DRIFT = 0.02
 """Drift of the phase while a file is sent, ticks, from which a mode is tried at its end as well."""
-_STEP = 0.25
-"""Largest distance of the phases at which a mode is tried, ticks."""
+_STEP, _FINE = 0.25, 0.0625
+"""Largest distance of the phases at which a mode is tried, ticks; _FINE where blocks may have a
+rate each and symbols have one tick, whose information depends most on the phase."""
 _RESOLVED = 0.5
 """Side of a cell, camera pixels, below which no light of it can be told from its neighbours': the
 receiver does not look for smaller ones."""
@@ -73,7 +75,7 @@ def fixed_mode(scenario: LinkScenario) -> Mode | None:
     modem, panel = scenario.link.modem, scenario.link.panel
     parts = modem.cell, modem.ticks, modem.line
     codes = _codes(modem, modem.line)
-    if "auto" in parts or len(codes) > 1:
+    if "auto" in parts or len(codes) != 1:
         return None
     return Mode(panel.width, panel.height, *parts, *codes[0])
 
@@ -88,23 +90,43 @@ def _codes(modem: ModemSection, line: str) -> list[tuple[int | None, float | Non
     ]  # fmt: skip
 
 
-def _candidates(modem: ModemSection, size: tuple[int, int], setting: LinkSetting) -> list[Mode]:
+def _candidates(
+    modem: ModemSection, size: tuple[int, int], setting: LinkSetting, adaptive: bool
+) -> list[Mode]:
     """Returns the modes that the scenario leaves open, with cells somewhat larger than a camera
-    pixel.
+    pixel. adaptive: whether blocks may have a rate each; such modes are the last ones.
 
     The line code `none`, which is that of earlier recordings, is only chosen on request.
     """
     cells = [c for c in CELLS if c * setting.scale >= LEAST_CELL] or [CELLS[-1]]
-    return [
-        Mode(*size, cell, ticks, line, parity, rate)
+    symbols = [
+        (cell, ticks, line)
         for cell in (cells if modem.cell == "auto" else [modem.cell])
         for line in (LINE_CODES[1:] if modem.line == "auto" else [modem.line])
         for ticks in (ticks_chosen(line) if modem.ticks == "auto" else [modem.ticks])
+    ]
+    modes = [
+        Mode(*size, cell, ticks, line, parity, rate)
+        for cell, ticks, line in symbols
         for parity, rate in _codes(modem, line)
+    ]
+    return modes + [
+        Mode(*size, cell, ticks, line, None, adaptive=True)
+        for cell, ticks, line in symbols
+        if adaptive and line == "scrambled"
     ]
 
 
-def _delays(setting: LinkSetting, mode: Mode, size: int) -> list[int]:
+def _may_adapt(modem: ModemSection, setting: LinkSetting) -> bool:
+    """Whether blocks may have a rate each: where the scenario asks for it, and where it leaves the
+    code open and the phase drifts."""
+    if modem.rate == "adaptive":
+        return True
+    drifts = setting.camera.clock.hz != setting.panel.clock.hz
+    return drifts and modem.rate == modem.parity == "auto" and modem.code in ("auto", "ldpc")
+
+
+def _delays(setting: LinkSetting, mode: Mode, size: int, step: float = _STEP) -> list[int]:
     """Returns how much later the planes come at the phases at which a mode is tried, ps: 0, and
     those that the clocks drift through while a file of `size` bytes is sent, at most a tick."""
     period = setting.camera.clock.edge(1)
@@ -114,13 +136,13 @@ def _delays(setting: LinkSetting, mode: Mode, size: int) -> list[int]:
     drift = float(np.clip((ratio - 1) * ticks, -1, 1))
     if abs(drift) < _DRIFT:
         return [0]
-    steps = max(math.ceil(abs(drift) / _STEP), 1)
+    steps = max(math.ceil(abs(drift) / step), 1)
     return [round(drift * n / steps * period) for n in range(steps + 1)]
 
 
 def choose_mode(
     scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
-    progress: Progress,
+    progress: Progress, adaptive: bool = False,
 ) -> tuple[Mode, Choice | None]:  # fmt: skip
     """Returns the mode, and how it was chosen; None if the scenario gives it, or nothing can
     arrive.
@@ -130,12 +152,24 @@ def choose_mode(
         size: of the file, bytes; an empty file counts as one byte.
         device: OpenCL device, None for numba.
         progress: of the pilots.
+        adaptive: whether blocks can have a rate each.
+
+    Raises:
+        InputError: if the scenario asks for such rates where they cannot be.
     """
     mode = fixed_mode(scenario)
     if mode is not None:
         return mode, None
     modem = scenario.link.modem
-    modes = _candidates(modem, (scenario.link.panel.width, scenario.link.panel.height), setting)
+    if modem.rate == "adaptive" and not adaptive:
+        raise InputError(
+            "link.modem.rate", "a rate, or auto, where the link carries a stream", "adaptive",
+            "leave it out",
+        )  # fmt: skip
+    adapts = adaptive and _may_adapt(modem, setting)
+    modes = _candidates(
+        modem, (scenario.link.panel.width, scenario.link.panel.height), setting, adapts
+    )
     # If nothing can arrive in any mode, take the first one, which takes the shortest time.
     if _tag_share(setting, modes[0]) < _NEVER or not panel_in_view(setting):
         return modes[0], None
@@ -146,14 +180,26 @@ def choose_mode(
     def trial(mode: Mode) -> Trial:
         nonlocal tried
         narrow = replace(mode, width=strip.optics.width)
+        if mode.adaptive:  # the code of the words has no influence
+            narrow = replace(narrow, rate=RATES[0], adaptive=False)
+        step = _FINE if adapts and mode.ticks == 1 else _STEP
+        delays = _delays(setting, mode, max(size, 1), step)
         found = []
-        for late in _delays(setting, mode, max(size, 1)):
+        for late in delays:
             at = replace(strip, first_light=strip.first_light + late)
             pilot = film_pilot(at, narrow, modem.detector, scenario.seed, device)
             found.append(Trial.of(narrow, pilot.sent, pilot.soft))
         tried += 1
         progress.advance(tried)
-        return max(found, key=lambda one: one.values_wrong)
+        worst = max(found, key=lambda one: one.values_wrong)
+        if len(found) == 1 or worst.information is None:
+            return worst
+        clocks = setting.camera.clock.hz / setting.panel.clock.hz
+        course = Course(
+            tuple(late / setting.camera.clock.edge(1) for late in delays),
+            tuple(one.information or 0.0 for one in found), clocks - 1,
+        )  # fmt: skip
+        return replace(worst, course=course)
 
     camera, scene = setting.camera, cell_scene(setting)
     choice = choose(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from cosim import InputError, seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
 from cosim.run.progress import Progress
 from link.layout import TRAINING, Layout
-from link.mode import Mode
+from link.mode import EVERY_RATE, Mode
 from link.section import LinkScenario
 from link.sending import FileTransmission, Transmission
 from link.setting import (
@@ -123,6 +124,11 @@ class FileLinkSetup(LinkSetup):
         hopeful = timed or _hopeful(self.scenario, self.choice)
         return not hopeful and self.sent.groups < self.sent.outbox.groups
 
+    def mode_document(self) -> dict[str, Any]:
+        """Returns the mode, for documents. rates: of the blocks in turn, each with the number of
+        blocks in a row that have it; empty for one code."""
+        return {**asdict(self.mode), "rates": [list(run) for run in self.sent.outbox.runs]}
+
     def shortened_message(self) -> str:
         """Returns why only a part is recorded, and how long it is."""
         rows = () if self.choice is None else self.choice.rows
@@ -185,10 +191,12 @@ def set_up_link(
     opened = choose_device(device)
     spent = Spent()
     mode, choice, locking = choose_and_lock(
-        scenario, setting, len(payload.data), opened, progress, spent
+        scenario, setting, len(payload.data), opened, progress, spent, adaptive=True
     )
     setting = setting if locking is None else locking.setting
-    modem = scenario.link.modem
+    modem, rates = scenario.link.modem, () if choice is None else choice.rates
+    if mode.adaptive and not rates:  # nothing is expected to arrive
+        rates = (EVERY_RATE.index(min(EVERY_RATE)),)
     most = _symbols_in(scenario, setting, mode)
     if most is None and not _hopeful(scenario, choice):
         least = TRAINING + 2 * Layout(mode).group
@@ -197,7 +205,7 @@ def set_up_link(
         with spent.on("sender"):
             sent = FileTransmission(
                 mode, payload.data, payload.name, interleave=modem.interleave,
-                overhead=modem.overhead, most_symbols=most,
+                overhead=modem.overhead, most_symbols=most, rates=rates,
             )  # fmt: skip
     except ValueError as exc:
         raise InputError(

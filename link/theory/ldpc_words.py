@@ -21,6 +21,12 @@ __all__ = ["ldpc_word_error", "sign_information"]
 _BITS: Final = 8448
 """Data bits of the measured words."""
 _MEASURED: Final = {
+    0.4: (0.4518, 0.0065),
+    0.5: (0.5467, 0.0075),
+    0.55: (0.5952, 0.0072),
+    0.6: (0.6469, 0.0071),
+    0.65: (0.6945, 0.0072),
+    0.7: (0.7429, 0.0077),
     0.75: (0.7846, 0.0069),
     0.8: (0.8290, 0.0063),
     0.84: (0.8621, 0.0059),
@@ -38,7 +44,7 @@ def ldpc_word_error(rate: float, information: npt.ArrayLike, data_bits: int = _B
     """Returns the share of words that fail.
 
     Args:
-        rate: of the code, one of `link.mode.RATES`.
+        rate: of the code, one of `link.mode.EVERY_RATE`.
         information: of a bit with its soft value.
         data_bits: of a word.
     """

@@ -3,12 +3,10 @@ but the pilots of the mode."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from cosim import PS
 from cosim.spikes.viform import words_for
-from link.coding import blocks_of
 from link.layout import TRAINING
 from link.prediction.rates import Rates, link_rates
 from link.setup.modes import tag_warning
@@ -45,11 +43,10 @@ class Amounts:
 def amounts(setup: FileLinkSetup) -> Amounts:
     """Returns the amounts of a run."""
     sent, chip = setup.sent, setup.setting.camera.chip
-    form = blocks_of(sent.layout, setup.scenario.link.modem.interleave)
     return Amounts(
         setup.cycles, setup.pixel_cycles, sent.planes, sent.symbols,
         max(sent.data_end - TRAINING, 0), sent.outbox.frames_by(sent.groups),
-        sent.groups // form.groups * form.words, len(setup.payload.data),
+        sent.outbox.words_by(sent.groups), len(setup.payload.data),
         4 * words_for(setup.cycles) * chip.height * chip.width,
     )  # fmt: skip
 
@@ -62,7 +59,8 @@ def carried(setup: FileLinkSetup) -> Rates:
     arrive: a panel out of view, tags too small, no mode that holds, or too few frames.
     """
     return link_rates(
-        setup.sent.layout, setup.setting.panel.clock, len(setup.payload.data), _seconds(setup)
+        setup.sent.layout, setup.setting.panel.clock, len(setup.payload.data), _seconds(setup),
+        setup.sent.outbox.word_rate,
     )
 
 
@@ -77,10 +75,8 @@ def _seconds(setup: FileLinkSetup) -> float | None:
             return None
         mine = [row.frames_lost for row in choice.rows if row.mode == setup.mode]
         lost = mine[0] or 0.0
-    form = blocks_of(sent.layout, setup.scenario.link.modem.interleave)
-    blocks = math.ceil(sent.outbox.frames_needed / (1 - lost) / form.frames)
-    groups = blocks * form.groups
-    if groups > sent.groups:
+    groups = sent.outbox.groups_for(sent.outbox.frames_needed / (1 - lost))
+    if groups is None or groups > sent.groups:
         return None
     planes = (TRAINING + groups * sent.layout.group) * setup.mode.ticks
     clock = setting.camera.clock

@@ -160,7 +160,7 @@ def link_forecast(name: str, setup: FileLinkSetup, progress: Progress) -> dict[s
     document = forecast_document(
         name, planned.plan, tier=planned.tier, device=setup.device_name,
         tier_error=planned.tier_bound, speeds=filmed.speeds, pixel_cycles=setup.pixel_cycles,
-        display=None, error_of=KIND, mode=asdict(setup.mode), amounts=asdict(todo),
+        display=None, error_of=KIND, mode=setup.mode_document(), amounts=asdict(todo),
         carried={f"{key}_bps": value for key, value in asdict(carried(setup)).items()},
     )  # fmt: skip
     document["predicted"] |= stage_document(_stages(setup, planned, filmed, todo, progress))

@@ -26,8 +26,12 @@ def test_every_mode_has_tags_of_its_own() -> None:
         for cell, ticks, line in product((1, 16), (1, 16), LINE_CODES)
         for parity, rate in codes_of(line)
     ]
+    modes += [
+        Mode(960, 640, cell, ticks, "scrambled", None, adaptive=True)
+        for cell, ticks in product((1, 16), (1, 16))
+    ]
     assert len({mode.tags for mode in modes}) == len(modes)
-    assert len(modes) == 4 * (len(LINE_CODES) * len(PARITIES) + len(RATES))
+    assert len(modes) == 4 * (len(LINE_CODES) * len(PARITIES) + len(RATES) + 1)
     for mode in modes:
         assert Mode.from_tags(mode.tags) == mode
         assert max(mode.tags) < 587
@@ -35,14 +39,18 @@ def test_every_mode_has_tags_of_its_own() -> None:
 
 
 def test_what_is_no_mode() -> None:
-    with pytest.raises(ValueError, match="parity or rate, not None and None"):
+    with pytest.raises(ValueError, match="not None, None and False"):
         Mode(960, 960, 2, 1, "scrambled", None)
-    with pytest.raises(ValueError, match=r"parity or rate, not 16 and 0\.8"):
+    with pytest.raises(ValueError, match=r"not 16, 0\.8 and False"):
         Mode(960, 960, 2, 1, "scrambled", 16, 0.8)
     with pytest.raises(ValueError, match=r"rate must be one of 0\.75, .*, not 0\.9"):
         Mode(960, 960, 2, 1, "scrambled", None, 0.9)
+    with pytest.raises(ValueError, match=r"not None, 0\.8 and True"):
+        Mode(960, 960, 2, 1, "scrambled", None, 0.8, adaptive=True)
+    with pytest.raises(ValueError, match="line must be scrambled with a rate, not 8b10b"):
+        Mode(960, 960, 2, 1, "8b10b", None, adaptive=True)
     with pytest.raises(ValueError, match="line must be scrambled with a rate, not 8b10b"):
         Mode(960, 960, 2, 1, "8b10b", None, 0.8)
-    for digit in (20, 63, 64 + len(RATES), 145):
+    for digit in (20, 63, 64 + len(RATES), 95, 97, 145):
         with pytest.raises(ValueError, match="tags must be those of a mode"):
             Mode.from_tags((120, 121, 38, 4 * digit + 3))

@@ -31,7 +31,7 @@ loss of every frame."""
 
 def explain_loss(
     session: Session, evidence: Evidence, recording_stop: int,
-    interrupted: tuple[int, float] | None = None,
+    interrupted: tuple[int, float] | None = None, unbroken: bool = False,
 ) -> Verdict:  # fmt: skip
     """Returns the cause for a transmission that was detected, but did not arrive whole.
 
@@ -40,6 +40,7 @@ def explain_loss(
         evidence: of its acquisition.
         recording_stop: end of the recording, ticks.
         interrupted: tick after which the sequence of the pilots jumped, and by how many ticks.
+        unbroken: whether the pilots were found to go on in light without a jump.
     """
     inbox, refined, layout = session.inbox, session.refined, session.layout
     needed, right = inbox.frames_needed, inbox.frames_right
@@ -91,7 +92,9 @@ def explain_loss(
             f"{why}; a cell is {cell:.2g} camera pixels wide; step nearer or send larger cells",
         )
     ppm = (layout.mode.ticks / session.timing.period - 1) * 1e6
-    if abs(ppm) > WRONG_PPM:
+    wrong_clock = abs(ppm) > WRONG_PPM  # missing ticks bend the period too
+    gap = gap_text(session, ends=wrong_clock or unbroken)
+    if gap is None and wrong_clock:
         return Verdict(
             Cause.WRONG_CLOCK,
             f"{why}; the panel's clock is {ppm:+.0f} parts per million off the camera's; set both "
@@ -103,7 +106,6 @@ def explain_loss(
             f"{frames}, {loss}, and the panel sends nothing after tick {session.lit_stop}; send "
             "the file again, with more overhead",
         )
-    gap = gap_text(session)
     if gap is not None:
         return Verdict(Cause.INTERRUPTED, f"{why}; {gap}")
     wrong = session.promised / max(session.symbols * layout.cells, 1)

@@ -19,13 +19,13 @@ __all__ = ["choose_and_lock"]
 
 def choose_and_lock(
     scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
-    progress: Progress, spent: Spent,
+    progress: Progress, spent: Spent, adaptive: bool = False,
 ) -> tuple[Mode, Choice | None, Locking | None]:  # fmt: skip
     """Returns the mode as `choose_mode`, and the loop that has locked the camera's clock; None if
     the clock cannot be steered or no lock is found. A mode is tried at the phase that it will have.
 
     Args:
-        scenario, setting, size, device, progress: as in `choose_mode`.
+        scenario, setting, size, device, progress, adaptive: as in `choose_mode`.
         spent: of each stage; that of the pilots and of the loop is added.
 
     Raises:
@@ -34,7 +34,7 @@ def choose_and_lock(
 
     def chosen(setting: LinkSetting) -> tuple[Mode, Choice | None]:
         with spent.on("pilots"):
-            mode, choice = choose_mode(scenario, setting, size, device, progress)
+            mode, choice = choose_mode(scenario, setting, size, device, progress, adaptive)
         if choice is None:  # there were none
             spent.forget("pilots")
         return mode, choice

@@ -16,6 +16,9 @@ from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["link_send"]
 
+_MOST_BLOCKS = 100_000
+"""Of one rate in --rates."""
+
 
 @dataclass(frozen=True)
 class SendOptions:
@@ -32,6 +35,13 @@ class SendOptions:
         float | None,
         typer.Option(
             help="of an LDPC code, .75 to .97, in place of parity; with scrambled symbols alone"
+        ),
+    ] = None
+    rates: Annotated[
+        str | None,
+        typer.Option(
+            help="of each block of LDPC words in turn, .4 to .97, with the numbers of blocks, such "
+            "as 0.65x12,0.97; the last one is that of all later blocks; in place of rate and parity"
         ),
     ] = None
     interleave: Annotated[
@@ -78,13 +88,17 @@ def link_send(
             "--clock", "a frequency such as '40 kHz'", repr(panel.clock), remedy
         ) from exc
     width, height = _sides(panel.size)
+    rates = _rates(panel)
     data = _read(source)
     try:
-        parity = panel.parity if panel.rate is None else None
-        mode = Mode(width, height, panel.cell, panel.ticks, panel.line, parity, panel.rate)
-        sent = FileTransmission(
-            mode, data, source.name, interleave=panel.interleave, overhead=panel.overhead
+        parity = panel.parity if panel.rate is None and not rates else None
+        mode = Mode(
+            width, height, panel.cell, panel.ticks, panel.line, parity, panel.rate, bool(rates)
         )
+        sent = FileTransmission(
+            mode, data, source.name, interleave=panel.interleave, overhead=panel.overhead,
+            rates=rates,
+        )  # fmt: skip
     except ValueError as exc:
         raise _refused(str(exc)) from exc
     progress = make_progress()
@@ -102,6 +116,7 @@ def link_send(
                 "file": str(source), "out": str(out), "bytes": len(data),
                 "width": width, "height": height, "cell": mode.cell, "ticks": mode.ticks,
                 "line": mode.line, "parity": mode.parity, "rate": mode.rate,
+                "rates": [[rate, blocks] for rate, blocks in sent.outbox.runs],
                 "interleave": panel.interleave, "tags": list(mode.tags),
                 "clock_hz": panel_clock.hz, "planes": sent.planes, "symbols": sent.symbols,
                 "training": TRAINING, "groups": sent.outbox.groups,
@@ -130,6 +145,34 @@ def _sides(text: str) -> tuple[int, int]:
     if not (x and width.isdecimal() and height.isdecimal() and len(text) < 12):
         raise InputError("--size", "WIDTHxHEIGHT such as 960x960", repr(text), "write it like that")
     return int(width), int(height)
+
+
+def _rates(panel: SendOptions) -> list[int]:
+    """Returns the numbers of the blocks' rates; none without --rates."""
+    from cosim import InputError
+    from link.mode import EVERY_RATE
+
+    if panel.rates is None:
+        return []
+    if panel.rate is not None:
+        raise InputError(
+            "--rates", "given without --rate", str(panel.rate), "leave one of them out"
+        )
+    try:
+        out: list[int] = []
+        for part in panel.rates.split(","):
+            rate, _, blocks = part.partition("x")
+            count = int(blocks or 1)
+            if not 1 <= count <= _MOST_BLOCKS:
+                raise ValueError(part)
+            out += [EVERY_RATE.index(float(rate))] * count
+        return out
+    except ValueError as exc:
+        raise InputError(
+            "--rates", f"rates of {', '.join(map(str, sorted(EVERY_RATE)))}, each with the number "
+            f"of its blocks, 1 to {_MOST_BLOCKS}, or alone for one", repr(panel.rates),
+            "write them like 0.65x12,0.97",
+        ) from exc  # fmt: skip
 
 
 def _read(path: Path) -> bytes:

@@ -8,7 +8,7 @@ import pytest
 
 from cosim import Viform
 from link.layout import Layout, pilots
-from link.mode import Mode
+from link.mode import EVERY_RATE, Mode
 from link.receiving.phasing import fit_timing, nudge
 from link.receiving.pilots.clocking import clock_by_pilots
 from link.receiving.pilots.signal import PilotSignal
@@ -122,6 +122,24 @@ def test_a_gap_is_named_and_what_lies_behind_it_is_read() -> None:
     much = receive(toy, np.concatenate([planes[:140], planes[241:]]))
     assert much.verdict.cause is Cause.INTERRUPTED, much.verdict
     assert much.delivered is None and much.frames_right > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("begin", "stop"), [(170, 177), (140, 241), (200, 350), (300, 450)])
+def test_a_gap_is_named_where_each_block_has_a_rate(begin: int, stop: int) -> None:
+    """Blocks of low rates hold fewer frames, all of which arrive; missing ticks or dark ones."""
+    mode = Mode(256, 256, 2, 2, "scrambled", None, adaptive=True)
+    rates = [EVERY_RATE.index(rate) for rate in (0.7, 0.75, 0.65, 0.6, 0.7, 0.8)] * 2
+    data = np.random.Generator(np.random.Philox(key=8)).bytes(200_000)
+    toy = small(data, mode=mode, overhead=0.05, rates=rates)
+    planes = toy.planes()
+    dark = planes.copy()
+    dark[begin:stop] = 0
+    shown = [np.concatenate([planes[:begin], planes[stop:]])]
+    for each in [*shown, dark] if stop - begin > 48 else shown:
+        got = receive(toy, each)
+        assert got.verdict.cause is Cause.INTERRUPTED, got.verdict
+        assert got.frames_right > 0
 
 
 @pytest.mark.parametrize("most", [0.4, 4])

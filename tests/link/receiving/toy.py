@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -126,9 +126,12 @@ class Toy:
 
 
 def small(data: bytes = b"", mode: Mode = MODE, *, spare: int = 16, turn: float = 0.4,
-          scale: float = 1.02, margin: int = 22, **given: object) -> Toy:  # fmt: skip
+          scale: float = 1.02, margin: int = 22, overhead: float = 0.3,
+          rates: Sequence[int] = (), **given: object) -> Toy:  # fmt: skip
     """A panel of 256 x 256, somewhat larger in the image; the stream ends `spare` ticks late."""
-    sent = FileTransmission(mode, data or bytes(range(256)) * 2, "a.bin", overhead=0.3)
+    sent = FileTransmission(
+        mode, data or bytes(range(256)) * 2, "a.bin", overhead=overhead, rates=rates
+    )
     shape = (int(mode.height * scale) + 2 * margin, int(mode.width * scale) + 2 * margin)
     at = homography(mode, shape, scale, turn, 0.01, (1.3, -0.6))
     cycles = int(given.pop("cycles", 0)) or 14 + sent.planes + spare  # type: ignore[call-overload]

@@ -6,7 +6,7 @@ from scipy.special import ndtr
 from scipy.stats import norm
 
 from link.coding.ldpc import Ldpc
-from link.mode import RATES, Mode
+from link.mode import EVERY_RATE, RATES, Mode
 from link.theory import clopper_pearson, ldpc_word_error, word_loss
 from link.theory.ldpc_words import sign_information
 from tests.link.coding.ldpc_channel import capacity, failures, noise_at
@@ -37,20 +37,20 @@ def check(rate: float, share: float, count: int, data_bits: int = 8448) -> None:
     assert silent == 0
 
 
-@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("rate", EVERY_RATE)
 def test_a_tenth_of_the_words_fails_where_it_should(rate: float) -> None:
     check(rate, 0.1, 200)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("rate", EVERY_RATE)
 def test_few_words_fail_where_they_should(rate: float) -> None:
     check(rate, 3e-3, 5000)
     check(rate, 0.05, 1000, 4224)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("rate", EVERY_RATE)
 def test_no_word_fails_above(rate: float) -> None:
     """Where one of a million should."""
     code = Ldpc(8448, 8 * int(np.ceil(8448 / rate / 8)))

@@ -55,6 +55,38 @@ def test_words_with_soft_decisions_are_sent(tmp_path):
     assert (received["mode"]["parity"], received["mode"]["rate"]) == (None, 0.84)
 
 
+def test_blocks_with_a_rate_each_are_sent(tmp_path):
+    source, out = tmp_path / "note.bin", tmp_path / "sent.npz"
+    source.write_bytes(bytes(range(256)) * 200)
+    options = ("--size", "192x160", "--line", "scrambled", "--rates", "0.4,0.65x2,0.97", "--json")
+    result = CliRunner().invoke(app, [str(source), "--out", str(out), *options])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    assert said["rates"][:2] == [[0.4, 1], [0.65, 2]] and said["rates"][2:] in ([], [[0.97, 1]])
+    mode = Mode(192, 160, 2, 2, "scrambled", None, adaptive=True)
+    assert (said["parity"], said["rate"], said["tags"]) == (None, None, list(mode.tags))
+    link_receive(out, tmp_path / "got", "packed", True, None, False)
+    assert (tmp_path / "got" / "received" / "note.bin").read_bytes() == source.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--rates", "0.9"), "--rates must be rates of 0.4, 0.5"),
+        (("--rates", "0.97x0"), "with the number of its blocks"),
+        (("--rates", "0.97", "--rate", "0.8"), "--rates must be given without --rate"),
+        (("--rates", "0.97", "--line", "8b10b"), "--line must be scrambled"),
+    ],
+)
+def test_rates_that_cannot_be_are_one_line(tmp_path, options, told):
+    source = tmp_path / "a"
+    source.write_bytes(b"abc")
+    given = ("--size", "192x160", "--line", "scrambled", *options)
+    result = CliRunner().invoke(app, [str(source), "--out", str(tmp_path / "a.npz"), *given])
+    assert isinstance(result.exception, InputError) and told in str(result.exception)
+    assert "\n" not in str(result.exception) and not (tmp_path / "a.npz").exists()
+
+
 def test_an_empty_file_is_sent_and_run_alike(tmp_path):
     source, out = tmp_path / "nothing.txt", tmp_path / "sent.npz"
     source.touch()

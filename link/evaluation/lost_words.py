@@ -1,0 +1,73 @@
+"""The share of words and frames that a run of an LDPC mode is expected to lose.
+
+It follows from the information of the run's soft values, as `link.theory.ldpc_words` has it for
+signs in white noise. It is not known
+- without a sample of soft values,
+- with Reed-Solomon, whose wrong bytes come in clusters of unknown size,
+- with a rate for each block, of which few blocks have any one rate,
+- and with symbols that drift through the tick: the information changes from block to block, and the
+  share of lost words is not that at its mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from link.mode import Mode
+from link.theory import ldpc_word_error
+from link.theory.soft_information import SoftInformation
+
+__all__ = ["LostShare", "lost_share"]
+
+_OFF: Final = 0.002
+"""Information, bits, by which the table of `ldpc_words` may be off (its tests hold this)."""
+_STILL: Final = 1 / 16
+"""Ticks that symbols may move within the tick in a run of one information."""
+_OUTSIDE: Final = 0.0005
+"""Share of runs below the limits, and above them."""
+
+
+@dataclass(frozen=True)
+class LostShare:
+    """Expected share of lost words or frames of a run.
+
+    Attributes:
+        value: the share.
+        low, high: 99.9 % limits of what a run of this length measures, with the limits of its
+            information.
+    """
+
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+def lost_share(
+    mode: Mode, data_bits: int, information: SoftInformation | None, drift: float,
+    words: int, together: int = 1,
+) -> LostShare:  # fmt: skip
+    """Returns the expected share of frames that are lost with any of their words.
+
+    If words fail independently, 1 - (1 - p)^n of the frames of n words are lost. The limits hold
+    for any dependence: from p to n p.
+
+    Args:
+        mode: of the transmission.
+        data_bits: of a word.
+        information: of a bit with its soft value.
+        drift: by which the symbols move within the tick in the run, ticks.
+        words: number of words that were read, or of frames.
+        together: words of a frame; 1 for the share of words.
+    """
+    from scipy.stats import binom
+
+    if mode.rate is None or information is None or abs(drift) > _STILL or not words:
+        return LostShare()
+    share, most, least = (
+        ldpc_word_error(mode.rate, each, data_bits)
+        for each in (information.bits, information.low - _OFF, information.high + _OFF)
+    )
+    low = float(binom.ppf(_OUTSIDE, words, least)) / words
+    high = float(binom.ppf(1 - _OUTSIDE, words, min(together * most, 1.0))) / words
+    return LostShare(1 - (1 - share) ** together, max(low, 0.0), high)
