@@ -9,15 +9,17 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.config.amounts import amount, decibel, elapsed, number, percent
+from cosim.config.amounts import amount, decibel, elapsed, percent
 from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, subplots
 from cosim.report.page import write_page
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
+from cosim.report.summary import summary
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
 from scenarios.studies.compare.setting import SceneComparison
+from scenarios.studies.compare.summary import summary_of_comparison
 from sensor.dynamic_range import decibels
 
 __all__ = [
@@ -104,23 +106,18 @@ def write_compare_report(
     snr: Data,
 ) -> None:  # fmt: skip
     """Writes report.html into the folder. snr: what `write_snr` has drawn."""
-    head = ["camera", *(HEADS[name] for name in FIGURES)]
-    rows = [[c.title, *(figure_text(n, c.figures[n]) for n in FIGURES)] for c in cameras]
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in document["notes"])
+    head = ["figure", *(c.title for c in cameras)]
+    rows = [[HEADS[n], *(figure_text(n, c.figures[n]) for c in cameras)] for n in FIGURES]
     settings = table(
         ["camera", "setting", "note", "run time"],
         [[c.title, c.setting, c.note, elapsed(c.seconds) if c.seconds else ""] for c in cameras],
     )
     title = f"{comparison.name}: the same instant by every camera"
-    head_of = "".join([
-        f"<h1>{html.escape(title)}</h1>",
-        f'<p class="soft">{number(document["duration_s"] * 1e3)} ms of the scene, the instant '
-        f'{number(document["instant_ms"], 4)} ms, seed {document["seed"]}, viform '
-        f'{document["version"]}.</p><ul>{notes}</ul>',
-        plot(folder / PICTURE, "the same instant by every camera"),
-    ])  # fmt: skip
-    write_page(folder, title, head_of, "".join([
-        "<h2>Side by side</h2>", table(head, rows), _EXPLAINED,
+    subtitle = f"{len(cameras)} images, seed {document['seed']}, viform {document['version']}"
+    answers = summary_of_comparison(cameras, document, document["run_time_s"])
+    write_page(folder, title, summary(title, subtitle, answers), "".join([
+        "<h2>The images</h2>", plot(folder / PICTURE, "the same instant by every camera"),
+        "<h2>The figures</h2>", table(head, rows), _EXPLAINED,
         "<h2>Signal over noise against light</h2><p>Dots: measured where nothing moves. Lines: the "
         "closed form of the pixels at the setting of power-on, without the noise of a subtracted "
         "dark frame. The signal of the EMCCD is without the smear of frame transfer, whose shot "
