@@ -34,6 +34,7 @@ illuminance = "100 lux"
 [sensor]
 width = 64
 height = 48
+threshold = "900 e"
 """
 """A scenario of constant uniform light, from which a camera is calibrated."""
 LARGEST = 12_000_000
