@@ -24,6 +24,8 @@ _NUMERIC: Final = re.compile(
 )
 _FEW: Final = 5
 """Columns of a table up to which it may shrink to a narrow screen."""
+_WORDY: Final = 160
+"""Letters of a row of more than three columns from which it may not: columns of single words."""
 _MOST: Final = 12
 """Columns of a table up to which numbers are set flush right."""
 
@@ -100,7 +102,10 @@ def table(head: list[str], rows: list[list[str]]) -> str:
         for n in range(1, min(len(head), _MOST + 1))
     }
     numeric = [n for n, cells in columns.items() if cells and all(map(_NUMERIC.fullmatch, cells))]
-    css = " ".join([*(["many"] if len(head) > _FEW else []), *(f"n{n + 1}" for n in numeric)])
+    wordy = len(head) > 3 and any(sum(map(len, row)) > _WORDY for row in rows)
+    css = " ".join(
+        [*(["many"] if wordy or len(head) > _FEW else []), *(f"n{n + 1}" for n in numeric)]
+    )
     name = html.escape(", ".join(h for h in head if h))
     return (
         f'<div class="wide"><div class="scroll" role="region" aria-label="Table: {name}">'
