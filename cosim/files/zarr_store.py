@@ -87,7 +87,9 @@ class ZarrStream:
     Raises InputError for others.
 
     written: chunks by number that are in memory already, and are not read from the store.
-    kept: bytes of decoded chunks that are kept, beside the last one.
+
+    Attributes:
+        kept: bytes of decoded chunks that are kept, beside the last one.
     """
 
     def __init__(
@@ -123,7 +125,7 @@ class ZarrStream:
             raise _bad(path, f"chunks of shape {words.chunks}")
         self._path, self._words, self._written = path, words, written or {}
         self._kept: OrderedDict[int, Words] = OrderedDict()
-        self._most = kept
+        self.kept = kept
         self._lock = Lock()
 
     @property
@@ -143,7 +145,7 @@ class ZarrStream:
         words = self._decoded(n)
         with self._lock:
             self._kept[n] = words
-            while len(self._kept) > 1 + self._most // words.nbytes:
+            while len(self._kept) > 1 + self.kept // words.nbytes:
                 self._kept.popitem(last=False)
         return words
 

@@ -14,19 +14,26 @@ TERMS: Final[dict[str, str]] = {
     "the corners of a panel.",
     "bound": "The most that leaving an effect out can change, computed before the run.",
     "charge threshold": "The charge, in electrons, at which a pixel fires a spike and starts anew.",
+    "closed form": "A formula that gives the result without a simulation.",
     "confidence interval": "A range that holds the true value with the stated probability.",
     "contrast to noise": "Difference of two regions over the noise of a pixel, times the root of "
     "the number of pixels; below 5 an eye does not recognise the pattern (Rose, 1948).",
     "cross-talk": "The share of light or charge that ends up in a neighbouring pixel.",
+    "cycle model": "A program that computes what a digital circuit does at every edge of its "
+    "clock.",
     "dark current": "Electrons that a pixel collects without light, from heat.",
+    "dead time": "The time after a spike during which a pixel collects nothing.",
     "DN": "Digital number: one step of the converter that reads a pixel.",
     "DSNU": "Dark signal non-uniformity: how much dark current differs from pixel to pixel.",
     "dynamic range": "The brightest light over the dimmest that are seen at once, in dB: 20 times "
     "the decimal logarithm of the ratio.",
+    "EBAPS": "Electron-bombarded active pixel sensor: a field accelerates photoelectrons onto "
+    "the pixels, which multiplies them.",
     "EBET": "Extended blurred edge time: how long a moving edge is blurred on the retina of an eye "
     "that follows it; smaller is sharper.",
     "effect": "One physical cause that changes what the machine does, such as shot noise; each is "
     "simulated or left out on its own.",
+    "EMCCD": "Electron-multiplying CCD: a register multiplies the electrons before they are read.",
     "excess noise": "The noise that electron multiplication adds; its squared factor is 2 at high "
     "gain.",
     "exitance": "Light that leaves a surface, per area.",
@@ -50,6 +57,8 @@ TERMS: Final[dict[str, str]] = {
     "physics, to measure the error.",
     "photon transfer": "Variance of a pixel's value against its mean, which tells its gain and "
     "noise.",
+    "PRBS": "Pseudo-random bit sequence: bits that look random but can be computed, so that "
+    "every wrong one is found.",
     "PRNU": "Photo-response non-uniformity: how much the sensitivity differs from pixel to pixel.",
     "PSF": "Point spread function: the blur that a lens makes of a point of light.",
     "PSNR": "Peak signal-to-noise ratio against the true image, in dB: 20 is visibly noisy, 30 is "

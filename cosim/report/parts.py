@@ -24,6 +24,8 @@ _NUMERIC: Final = re.compile(
 )
 _FEW: Final = 5
 """Columns of a table up to which it may shrink to a narrow screen."""
+_WORDY: Final = 160
+"""Letters of a row of more than three columns from which it may not: columns of single words."""
 _MOST: Final = 12
 """Columns of a table up to which numbers are set flush right."""
 
@@ -89,20 +91,25 @@ def video(path: Path, caption: str, width: int) -> str:
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
-    """A table of text. Columns of numbers are set flush right."""
-    cells = "".join(f'<th scope="col">{html.escape(h)}</th>' for h in head)
+    """A table of text. Columns of numbers are set flush right; "-" stands for no
+    number."""
+    heads = "".join(f'<th scope="col">{html.escape(h)}</th>' for h in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    numeric = [
-        n for n in range(1, min(len(head), _MOST + 1))
-        if any(row[n] for row in rows) and all(_NUMERIC.fullmatch(row[n]) for row in rows if row[n])
-    ]  # fmt: skip
-    css = " ".join([*(["many"] if len(head) > _FEW else []), *(f"n{n + 1}" for n in numeric)])
+    columns = {
+        n: [row[n] for row in rows if row[n] not in ("", "-")]
+        for n in range(1, min(len(head), _MOST + 1))
+    }
+    numeric = [n for n, cells in columns.items() if cells and all(map(_NUMERIC.fullmatch, cells))]
+    wordy = len(head) > 3 and any(sum(map(len, row)) > _WORDY for row in rows)
+    css = " ".join(
+        [*(["many"] if wordy or len(head) > _FEW else []), *(f"n{n + 1}" for n in numeric)]
+    )
     name = html.escape(", ".join(h for h in head if h))
     return (
         f'<div class="wide"><div class="scroll" role="region" aria-label="Table: {name}">'
-        f'<table class="{css}"><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>'
+        f'<table class="{css}"><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>'
         "</div></div>"
     )
 

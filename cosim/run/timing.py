@@ -23,7 +23,7 @@ class Row:
 
     Attributes:
         name, tier: name of the benchmark, and its tier.
-        value, unit: throughput.
+        value, unit: throughput; a time, s, or a size, B, where the name says so.
         realtime: throughput relative to real time, None if it has none.
         ceiling_ratio: throughput relative to the measured limit of the device, None if unknown.
         plain_ratio: throughput relative to the plain implementation, None if not measured.

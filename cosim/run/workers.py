@@ -114,9 +114,10 @@ def workers_for(workers: int, scheduler: str | None) -> Iterator[Workers]:
     try:
         client = Client(scheduler, timeout=_SECONDS)
     except (OSError, ValueError, TimeoutError) as exc:
+        why = "no address" if isinstance(exc, ValueError) else f"no answer within {_SECONDS} s"
         raise InputError(
             "--scheduler", "the address of a Dask scheduler that answers, such as "
-            "tcp://host:8786", f"{scheduler} ({type(exc).__name__})",
+            "tcp://host:8786", f"{scheduler} ({why})",
             "start `dask scheduler` there, or leave it out for workers here",
         ) from None  # fmt: skip
     with client:

@@ -331,7 +331,7 @@ class Session:
         assert self._known is not None and self._met is not None
         begin, decided = self._known
         now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
-        phase = self._phase(begin + len(decided))
+        phase, whole = self._phase(begin + len(decided)), (recording.first, recording.stop)
         if now - self._checked >= _CHECK:
             self._checked = now
             delay = followed_delay(
@@ -340,15 +340,11 @@ class Session:
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                if (
-                    abs(float(self.timing.start(*middle) - self._met.timing.start(*middle)))
-                    > _SHIFTED
-                ):
-                    return self._detector(
-                        recording, registration, (recording.first, recording.stop)
-                    )
+                shift = float(self.timing.start(*middle) - self._met.timing.start(*middle))
+                if abs(shift) > _SHIFTED:
+                    return self._detector(recording, registration, whole)
         if abs(phase - self._made) > _FRESH:
-            return self._detector(recording, registration, (recording.first, recording.stop))
+            return self._detector(recording, registration, whole)
         if self._must_learn(phase, begin, begin + len(decided)):
             self._ahead.stop()
             detector.learn(recording.words, recording.first, decided, begin)

@@ -44,7 +44,8 @@ def _codes(frame: npt.ArrayLike) -> tuple[npt.NDArray[Any], str]:
 
 
 def write_clip(frames: Iterable[npt.ArrayLike], path: Path, frame_rate: float) -> int:
-    """Writes frames as FFV1 in Matroska, which keeps each code value.
+    """Writes frames as FFV1 in Matroska, which keeps each code value. The same frames give the same
+    file.
 
     Args:
         frames: (H, W) or (H, W, 3) uint8, sRGB codes; or (H, W) float of linear light from 0 to 1,
@@ -73,7 +74,8 @@ def write_clip(frames: Iterable[npt.ArrayLike], path: Path, frame_rate: float) -
         raise InputError("the clip", "one frame or more", "none", "give frames")
     codes, form = _codes(first)
     count = 0
-    with av.open(str(path), "w") as container:
+    # Without this flag the file holds random numbers, and a run of the same frames is another one.
+    with av.open(str(path), "w", options={"fflags": "+bitexact"}) as container:
         rate = Fraction(repr(float(frame_rate))).limit_denominator(1_000_000)
         stream: Any = container.add_stream("ffv1", rate=rate)
         stream.height, stream.width = codes.shape[:2]

@@ -26,7 +26,8 @@ def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = "film", *,
     frame_rate: float | None = None, chip: str | None = None, tolerance: float | None = None,
     seed: int | None = None, device: str | None = None,
-    out: str | os.PathLike[str] | None = None, **settings: Any,
+    out: str | os.PathLike[str] | None = None, resume: bool = False, progress: bool | None = None,
+    **settings: Any,
 ) -> Viform:  # fmt: skip
     """Films a source with a spike camera: the bits of `viform run`.
 
@@ -40,6 +41,10 @@ def film(
         device: part of an OpenCL device's name, or "numba".
         out: folder to keep, with images and report, and frames beside it in OUT.mkv; none is kept
             if None.
+        resume: whether the interrupted run in `out` goes on, with the same arguments; that of a
+            complete one is opened.
+        progress: whether progress is shown on standard error; None for on a terminal and in a
+            notebook.
         **settings: keys of the scenario, such as duration="64 ms" or **{"sensor.width": 400}.
             Frames are filmed for as long as they last.
 
@@ -49,6 +54,8 @@ def film(
     Raises:
         InputError: the input cannot be used.
     """
+    if resume and out is None:
+        raise InputError("resume", "given with out", "alone", "add out and the folder")
     own: dict[str, Any] = {} if chip is None else {"sensor.chip": chip}
     frame_rate = _number(frame_rate)
     with TemporaryDirectory(prefix="viform-") as folder:
@@ -56,7 +63,7 @@ def film(
         if not isinstance(source, (str, os.PathLike)):
             if frame_rate is None:
                 raise InputError("frame_rate", "given with frames", "None", "give frames/s")
-            path = source_file(out, folder, ".mkv")
+            path = source_file(out, folder, ".mkv", resume=resume)
             count = write_clip(source, path, frame_rate)
             own["scene.path"], own["duration"] = path, f"{count / frame_rate!r} s"
         else:
@@ -68,7 +75,8 @@ def film(
                 own["scene.frame_rate"] = f"{frame_rate!r} Hz"
         done = run(
             scenario, out=Path(folder) / "run" if out is None else out, tolerance=tolerance,
-            seed=seed, device=device, store="raw" if out is None else "fast", **(own | settings),
+            seed=seed, device=device, store="raw" if out is None else "fast", resume=resume,
+            progress=progress, **(own | settings),
         )  # fmt: skip
         return part_of(done.stream)
 

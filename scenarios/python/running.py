@@ -7,9 +7,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+from cosim import InputError
 from cosim.run.folder import output_folder
 from cosim.run.machine import Options
-from cosim.run.progress import QuietProgress
+from cosim.run.shown import progress_in_python
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.resuming import done_before
 from scenarios.assemble.schema.loading import load
@@ -21,13 +22,17 @@ from scenarios.run import run_scenario
 __all__ = ["run", "source_file"]
 
 
-def source_file(out: str | os.PathLike[str] | None, folder: str, ending: str) -> Path:
+def source_file(
+    out: str | os.PathLike[str] | None, folder: str, ending: str, *, resume: bool
+) -> Path:  # fmt: skip
     """Place of a source that is in memory: OUT with this ending, beside the folder of the run, so
     that it can be repeated; in the temporary `folder` without `out`. Raises InputError if OUT is
-    in use."""
+    in use by a run that is not resumed, or absent for one that is."""
     if out is None:
+        if resume:
+            raise InputError("resume", "given with out", "alone", "add out and the folder")
         return Path(folder) / f"source{ending}"
-    output_folder("run", Path(out), resume=False, goes_on=False)
+    output_folder("run", Path(out), resume=resume)
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     return Path(f"{os.fspath(out).rstrip('/')}{ending}")
 
@@ -37,7 +42,7 @@ def run(
     scenario: str | os.PathLike[str] = "glass", *, out: str | os.PathLike[str] | None = None,
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,
     store: str = "fast", resume: bool = False, workers: int | None = None,
-    scheduler: str | None = None, **settings: Any,
+    scheduler: str | None = None, progress: bool | None = None, **settings: Any,
 ) -> Run:  # fmt: skip
     """Runs a scenario as `viform run` does: the same bits, files and report.
 
@@ -52,19 +57,22 @@ def run(
         workers: processes that simulate the rows of a latched chip in bands; None for none. A
             script that gives more than 1 starts with `if __name__ == "__main__":`.
         scheduler: address of a Dask scheduler, whose workers do so.
+        progress: whether progress is shown on standard error; None for on a terminal and in a
+            notebook.
         **settings: keys of the scenario, such as **{"scene.path": "clip.mp4", "duration": "64 ms"}.
 
     Raises:
         InputError: the input cannot be used.
     """
-    began, progress = time.perf_counter(), QuietProgress()
+    began = time.perf_counter()
     name, loaded = load(str(scenario), assignments_of(settings), tolerance=tolerance, seed=seed)
     options = Options(device, resume, None, store, workers, scheduler)
     check_options(loaded, options)
     if resume and out is not None and done_before(name, loaded, Path(out)) is not None:
         return Run(Path(out))
-    done = run_scenario(
-        name, loaded, None if out is None else Path(out), options=options, progress=progress,
-        began=began,
-    )  # fmt: skip
-    return Run(done.folder, tuple(progress.notes))
+    with progress_in_python(progress) as shown:
+        done = run_scenario(
+            name, loaded, None if out is None else Path(out), options=options, progress=shown,
+            began=began,
+        )  # fmt: skip
+    return Run(done.folder, tuple(shown.notes))

@@ -19,7 +19,8 @@ __all__ = ["show"]
 @in_python
 def show(
     stream: SpikeStream | str | os.PathLike[str], *,
-    out: str | os.PathLike[str] | None = None, device: str | None = None, **settings: Any,
+    out: str | os.PathLike[str] | None = None, device: str | None = None, resume: bool = False,
+    progress: bool | None = None, **settings: Any,
 ) -> Run:  # fmt: skip
     """Shows a stream on a spike-continuous display, as `viform run playback` does.
 
@@ -27,6 +28,10 @@ def show(
         stream: spikes in memory, an open stream, or a file of any format.
         out: folder to create, with spikes in memory beside it in OUT.zarr; runs/playback-N if None.
         device: part of an OpenCL device's name, or "numba".
+        resume: whether the interrupted run in `out` goes on, with the same arguments; a complete
+            one is returned.
+        progress: whether progress is shown on standard error; None for on a terminal and in a
+            notebook.
         **settings: keys of the scenario, such as **{"display.drive": "hold"}.
 
     Returns:
@@ -39,7 +44,9 @@ def show(
         if isinstance(stream, (str, os.PathLike)):
             path = Path(stream)
         else:
-            path = source_file(out, folder, ".zarr")
+            path = source_file(out, folder, ".zarr", resume=resume)
             save_stream(stream, path)
         own = {"sensor.source": f"file:{path}"}
-        return run("playback", out=out, device=device, **(own | settings))
+        return run(
+            "playback", out=out, device=device, resume=resume, progress=progress, **(own | settings)
+        )

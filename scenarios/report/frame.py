@@ -9,7 +9,7 @@ import time
 from cosim.report.page import write_page
 from cosim.report.parts import run_time
 from cosim.run.machine import Machine, Run
-from scenarios.report.summary import summary
+from scenarios.report.summary import summary_of_run
 
 __all__ = ["write_report"]
 
@@ -27,5 +27,5 @@ def write_report(machine: Machine, run: Run) -> list[str]:
         f"<h2>Make it again</h2>{page.commands_do}<pre>{html.escape(chr(10).join(again))}</pre>",
         f"<h2>The resolved scenario</h2><pre>{html.escape(machine.toml)}</pre>",
     ]
-    write_page(run.folder, page.title, summary(page, run), "".join(sections))
+    write_page(run.folder, page.title, summary_of_run(page, run), "".join(sections))
     return [*page.files, "report.html"]

@@ -2,45 +2,31 @@
 
 from __future__ import annotations
 
-import html
 import time
 
 from cosim.config.amounts import amount, count, elapsed, number
 from cosim.report.parts import cards
+from cosim.report.summary import big, listed, paragraph, summary
 from cosim.run.machine import Page, Run
 from cosim.run.result import Result
 
-__all__ = ["summary"]
+__all__ = ["summary_of_run"]
 
 
-def summary(page: Page, run: Run) -> str:
+def summary_of_run(page: Page, run: Run) -> str:
     """HTML of the heading, and of the answers: what was simulated, how good the machine is, how
     wrong the simulation may be, how long it took, what was left out."""
     result = run.result
     answers = [
-        ("What was simulated", _paragraph(page.simulated)),
-        (page.good, cards(page.cards) + _paragraph(page.quality)),
+        ("What was simulated", paragraph(page.simulated)),
+        (page.good, cards(page.cards) + paragraph(page.quality)),
         ("How wrong the simulation may be", _wrong(result, page.unmeasured)),
         ("How long it took", _long(run)),
         ("What was left out", _out(result)),
-        ("Notes of the run", _notes(run.notes)),
+        ("Notes of the run", listed(run.notes)),
     ]
-    rows = "".join(
-        f"<div><dt>{question}</dt><dd>{answer}</dd></div>" for question, answer in answers if answer
-    )
-    return (
-        f'<h1>{html.escape(page.title)}</h1><p class="soft">{html.escape(page.subtitle)}, '
-        f"seed {result.seed}, viform {result.version}.</p>"
-        f'{_outcome(result)}<section aria-label="Summary"><dl class="answers">{rows}</dl></section>'
-    )
-
-
-def _paragraph(text: str) -> str:
-    return f"<p>{html.escape(text)}</p>" if text else ""
-
-
-def _big(figure: str, text: str) -> str:
-    return f'<p><b class="big">{html.escape(figure)}</b></p>{_paragraph(text)}'
+    subtitle = f"{page.subtitle}, seed {result.seed}, viform {result.version}"
+    return summary(page.title, subtitle, answers, outcome=_outcome(result))
 
 
 def _exceeds(result: Result) -> bool:
@@ -69,13 +55,13 @@ def _outcome(result: Result) -> str:
             "The run is complete, but it falls short of what the scenario asks for; the notes "
             "below say in what. It is no verdict on the data."
         )
-    return f'<p class="outcome"><b>Outcome: {result.outcome}.</b> {text}</p>'
+    return f"<b>Outcome: {result.outcome}.</b> {text}"
 
 
 def _wrong(result: Result, unmeasured: str) -> str:
     error = result.error
     if error.value is None:
-        return _paragraph(unmeasured)
+        return paragraph(unmeasured)
     high = ""
     if error.ci is not None:
         where = " in any tile" if error.tiles_checked is not None else ""
@@ -83,7 +69,7 @@ def _wrong(result: Result, unmeasured: str) -> str:
     asked = f"tolerance {number(result.tolerance)}"
     if result.tolerance == 0:
         asked = "tolerance 0: every effect is kept"
-    return _big(
+    return big(
         number(error.value, 2),
         f"Error of this simulation against full physics{high}: {error.kind}; {asked}. It is the "
         "price of simulating fast, and no property of the machine.",
@@ -108,23 +94,18 @@ def _long(run: Run) -> str:
             f" Full physics for every pixel would take the camera about {elapsed(full.value)}, "
             f"predicted from the patches{took}."
         )
-    return _big(elapsed(spent), text.strip())
+    return big(elapsed(spent), text.strip())
 
 
 def _out(result: Result) -> str:
     names = [str(row["effect"]) for row in result.left_out]
     if names:
         effects = f"{count(len(names))} effect{'s' * (len(names) > 1)}"
-        return _big(
+        return big(
             effects,
             f"{', '.join(names)}. Leaving out saves time, and changes less than the tolerance "
             "allows; the section on what was left out gives the bounds and their check.",
         )
     if result.kept:
-        return _paragraph(f"Nothing: all {count(len(result.kept))} effects were simulated.")
-    return _paragraph("Nothing: there was no effect to leave out.")
-
-
-def _notes(notes: list[str]) -> str:
-    items = "".join(f"<li>{html.escape(note)}</li>" for note in notes)
-    return f"<ul>{items}</ul>" if items else ""
+        return paragraph(f"Nothing: all {count(len(result.kept))} effects were simulated.")
+    return paragraph("Nothing: there was no effect to leave out.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -10,23 +11,25 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim import InputError
+from cosim import BLOCK, InputError
 from cosim.files.zarr_store import ZarrStream
 from cosim.light.source import Source, truth_at
 from cosim.run.chain import STREAM
 from cosim.run.result import read_result
-from cosim.spikes.viform import SpikeStream
+from cosim.spikes.viform import WORD, SpikeStream
 from sensor.codec.files import open_any
 from sensor.reconstruct import reconstruct
 from sensor.reconstruct.intervals import isi, spike_cycles
 from sensor.reconstruct.playback import PLAYED
 
-__all__ = ["Opened", "open_run"]
+__all__ = ["Opened", "open_recording", "open_run", "with_scene"]
 
 _KEPT: Final = 1 << 28
 """Bytes of decoded chunks in memory: 2048 cycles of 1000 x 1000 pixels."""
 _PLANES: Final = 8
 """Planes of true light in memory."""
+_AROUND: Final = 2
+"""Chunks of 64 cycles before and after a cycle that are decoded together for intervals."""
 
 
 @dataclass(eq=False)
@@ -51,9 +54,22 @@ class Opened:
 
     def __post_init__(self) -> None:
         self._light: OrderedDict[int, npt.NDArray[np.float32]] = OrderedDict()
+        self._pool = ThreadPoolExecutor(2)
+
+    def _decode_around(self, at: int) -> None:
+        """Decodes the chunks that an image by intervals reads, two at a time; those that are kept
+        cost nothing."""
+        if not isinstance(self.stream, ZarrStream):
+            return
+        near = range(at // BLOCK - _AROUND, at // BLOCK + _AROUND + 1)
+        chunks = [n * BLOCK // WORD for n in near if 0 <= n * BLOCK < self.stream.cycles]
+        for _ in self._pool.map(lambda w: self.stream.read_words(w, w + 1), chunks):
+            pass
 
     def rates(self, at: int, method: str, window: int) -> npt.NDArray[np.float32]:
         """What an image shows at a cycle, (H, W): rates, or interval lengths for `tau`."""
+        if method != "tfp":
+            self._decode_around(at)
         if method == "tau":
             return isi(self.stream, at).astype(np.float32)
         return reconstruct(self.stream, method, at, window if method == "tfp" else None).rate
@@ -82,7 +98,13 @@ class Opened:
 
 
 def open_run(path: Path, size: tuple[int, int] | None = None) -> Opened:
-    """The stream of a run's folder with its scene, or any stream alone.
+    """The stream of a run's folder with its scene, or any stream alone: `open_recording`, then
+    `with_scene`."""
+    return with_scene(open_recording(path, size), path)
+
+
+def open_recording(path: Path, size: tuple[int, int] | None = None) -> Opened:
+    """The stream of a run's folder or any stream, without a scene.
 
     Args:
         path: folder of a run, or a stream of any format.
@@ -93,6 +115,8 @@ def open_run(path: Path, size: tuple[int, int] | None = None) -> Opened:
     """
     if not (path / "result.json").exists():
         stream, notes = open_any(path, size)
+        if isinstance(stream, ZarrStream):
+            stream.kept = _KEPT
         return Opened(path.name, stream, 1.0, PLAYED, None, notes)
     if not (path / STREAM).exists():
         raise InputError(
@@ -102,8 +126,16 @@ def open_run(path: Path, size: tuple[int, int] | None = None) -> Opened:
     found = ZarrStream(path / STREAM, kept=_KEPT)
     white = None if result is None else result.metrics.get("white_rate")
     rate = white.value if white is not None and white.value else 1.0
-    title, window, source, told = _scene(path / "scenario.toml", found)
-    return Opened(title, found, rate, window, source, told)
+    return Opened(path.name, found, rate, PLAYED, None, [])
+
+
+def with_scene(opened: Opened, path: Path) -> Opened:
+    """The same with the scene and the settings of the run in a folder, if it is one. It takes
+    seconds: a clip is opened, and the planner of the camera is loaded."""
+    if not (path / "result.json").exists():
+        return opened
+    title, window, source, told = _scene(path / "scenario.toml", opened.stream)
+    return Opened(title, opened.stream, opened.white, window, source, [*opened.notes, *told])
 
 
 def _scene(path: Path, stream: SpikeStream) -> tuple[str, int, Source | None, list[str]]:

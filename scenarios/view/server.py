@@ -16,14 +16,13 @@ import sys
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qs, urlsplit
 
 from cosim.errors import ViformError
-from cosim.report.explorer import explorer
-from cosim.report.page import whole_page
-from cosim.report.png import to_linear_bytes
-from scenarios.view.opened import Opened
+
+if TYPE_CHECKING:
+    from scenarios.view.opened import Opened
 
 __all__ = ["HOST", "MOST", "ViewServer"]
 
@@ -35,6 +34,12 @@ _POLICY: Final = (
     "connect-src 'self'; img-src blob: data:"
 )
 """Content-Security-Policy: the page talks to this server alone."""
+_WAIT: Final = (
+    '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Viform</title>'
+    '<meta http-equiv="refresh" content="1"><meta name="color-scheme" content="light dark">'
+    "<style>body { font: 16px system-ui, sans-serif; margin: 40px; }</style></head>"
+    '<body><p role="status">The stream is being opened; this page then shows it.</p></body></html>'
+)
 _METHODS: Final = ("tfp", "tfi", "tau")
 
 
@@ -65,27 +70,33 @@ class _Query:
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Serves a stream until it is shut down.
+    """Serves a stream until it is shut down. It listens from the start, before the stream is known.
 
     Args:
-        opened: the stream.
         port: port, or 0 for a free one. Raises OSError if it is taken.
 
     Attributes:
         address: of the page, with the token.
+        opened: the stream; until it is set, the page says that it is being opened.
     """
 
     daemon_threads = True
 
-    def __init__(self, opened: Opened, port: int = 0) -> None:
+    def __init__(self, port: int = 0) -> None:
         super().__init__((HOST, port), _Handler)
-        self.opened, self.token, self.lock = opened, secrets.token_urlsafe(24), Lock()
+        self.opened: Opened | None = None
+        self.token, self.lock = secrets.token_urlsafe(24), Lock()
         self.names = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
         self.address = f"http://{HOST}:{self.server_port}/?token={self.token}"
 
     def page(self) -> bytes:
-        """The page of the explorer."""
+        """The page of the explorer, or one that waits for it and then loads it."""
+        from cosim.report.explorer import explorer
+        from cosim.report.page import whole_page
+
         opened = self.opened
+        if opened is None:
+            return _WAIT.encode()
         height, width = opened.stream.shape
         whole = {
             "name": "whole chip", "x": 0, "y": 0, "step": 1, "width": width, "height": height,
@@ -150,14 +161,21 @@ class _Handler(BaseHTTPRequestHandler):
         }  # fmt: skip
         if asked.path not in answers:
             raise _Refused(404, "only the page and its data are served")
+        if server.opened is None:
+            raise _Refused(503, "the stream is being opened; ask again")
         with server.lock:  # decoding and images use all cores by themselves
             return answers[asked.path](query)
 
+    @property
+    def _opened(self) -> Opened:
+        assert self.server.opened is not None
+        return self.server.opened
+
     def _cycle(self, query: _Query, name: str = "at") -> int:
-        return query.whole(name, 0, self.server.opened.stream.cycles - 1)
+        return query.whole(name, 0, self._opened.stream.cycles - 1)
 
     def _pixel(self, query: _Query) -> tuple[int, int]:
-        height, width = self.server.opened.stream.shape
+        height, width = self._opened.stream.shape
         return query.whole("x", 0, width - 1), query.whole("y", 0, height - 1)
 
     def _rates(self, query: _Query) -> tuple[str, bytes]:
@@ -165,28 +183,30 @@ class _Handler(BaseHTTPRequestHandler):
         if method not in _METHODS:
             raise _Refused(400, f"method must be one of {', '.join(_METHODS)}")
         window = query.whole("window", 1, 100_001)
-        rates = self.server.opened.rates(self._cycle(query), method, window)
+        rates = self._opened.rates(self._cycle(query), method, window)
         return "application/octet-stream", rates.astype("<f4").tobytes()
 
     def _spikes(self, query: _Query) -> tuple[str, bytes]:
         x, y = self._pixel(query)
         first = self._cycle(query, "first")
         stop = query.whole("stop", first, first + MOST)
-        return _json(self.server.opened.spikes(x, y, first, stop))
+        return _json(self._opened.spikes(x, y, first, stop))
 
     def _light(self, query: _Query) -> tuple[str, bytes]:
-        if self.server.opened.source is None:
+        from cosim.report.png import to_linear_bytes
+
+        if self._opened.source is None:
             raise _Refused(404, "the true light is not known")
-        shown = to_linear_bytes(self.server.opened.light(self._cycle(query)))
+        shown = to_linear_bytes(self._opened.light(self._cycle(query)))
         return "application/octet-stream", shown.tobytes()
 
     def _course(self, query: _Query) -> tuple[str, bytes]:
         x, y = self._pixel(query)
         texts = query.text("cycles").split()
-        last = self.server.opened.stream.cycles - 1
+        last = self._opened.stream.cycles - 1
         if len(texts) > MOST or not all(t.isdecimal() and len(t) < 12 for t in texts):
             raise _Refused(400, f"cycles must be at most {MOST} whole numbers")
-        return _json(self.server.opened.course(x, y, [min(int(t), last) for t in texts]))
+        return _json(self._opened.course(x, y, [min(int(t), last) for t in texts]))
 
 
 def _json(value: Any) -> tuple[str, bytes]:

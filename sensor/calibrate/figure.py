@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.calibrate.histograms import Histogram
 
@@ -17,25 +18,33 @@ _SHOWN: Final = 1e-7
 """Least share of the intervals that the axis shows."""
 
 
-def intervals_figure(histograms: tuple[Histogram, ...], path: Path) -> None:
+def intervals_figure(histograms: tuple[Histogram, ...], path: Path) -> Data:
     """Draws a column for each recording: above the shares of intervals, logarithmic, bars for the
     recording and dots for the model; below the difference over the share.
 
     Args:
         histograms: one or more.
         path: of the PNG file.
+
+    Returns:
+        What was drawn: the intervals of recording and model, and how many of them.
     """
     wide = len(histograms)
     figure, axes = subplots(
         2, wide, figsize=(max(4.4 * wide, 5.4), 5.2), layout="constrained", squeeze=False,
         height_ratios=[2.2, 1],
     )  # fmt: skip
+    rows: list[tuple[Value, ...]] = []
     for column, each in enumerate(histograms):
         total = each.measured.sum()
         shares, model = each.measured / total, each.model / total
         seen = np.flatnonzero(np.maximum(shares, model)[:-1] > _SHOWN)
         first, last = int(seen[0]), int(seen[-1]) + 1
         cycles = np.arange(first + 1, last + 1)
+        rows += [
+            (Path(each.name).name, float(n), float(each.measured[n - 1]), float(each.model[n - 1]))
+            for n in cycles
+        ]
         top, below = axes[:, column]
         top.bar(cycles, shares[first:last], width=0.85, color=_BLUE, alpha=0.55, label="recording")
         top.plot(cycles, model[first:last], "o", color=MARK, markersize=4, label="model")
@@ -62,4 +71,5 @@ def intervals_figure(histograms: tuple[Histogram, ...], path: Path) -> None:
     axes[1, 0].set_ylabel("recording less model, %", fontsize=9, color=INK)
     for row in axes[:, 0]:
         row.legend(fontsize=8, frameon=False)
-    figure.savefig(path, dpi=110, format="png")
+    write_figure(figure, path)
+    return Data(("recording", "interval, cycles", "intervals", "intervals of the model"), rows)

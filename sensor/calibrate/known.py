@@ -194,8 +194,8 @@ def defect_parameters(
     out = []
     if defects.hot is None or dark is None:
         out.append(Parameter(
-            "hot_pixels", "hot pixels, share", None, (0.0, 1.0), "1", False,
-            "a bright pixel may be hot, or have a high gain", _DARK,
+            "hot_pixels", "hot pixels, share", None, (None, None), "1", False,
+            "cannot be known in light: a bright pixel may be hot, or have a high gain", _DARK,
         ))  # fmt: skip
     else:
         out.append(_share("hot", defects.hot, ", beyond six spreads of the dark rate"))
@@ -203,8 +203,9 @@ def defect_parameters(
             out.append(_hot_current(defects, dark, fit, hertz))
     if defects.dead is None:
         out.append(Parameter(
-            "dead_pixels", "dead pixels, share", None, (0.0, 1.0), "1", False,
-            "a dark pixel may see a dark place", "a flat: --flat FLAT.dat",
+            "dead_pixels", "dead pixels, share", None, (None, None), "1", False,
+            "cannot be known without a flat: a dark pixel may see a dark place",
+            "a flat: --flat FLAT.dat",
         ))  # fmt: skip
     else:
         out.append(_share("dead", defects.dead, ", less than half the median response to light"))

@@ -71,8 +71,8 @@ def moving_parameters(trains: Trains) -> list[Parameter]:
         False, f"{silent} of {total} pixels never fire; the scene may be dark there", _FLATS,
     ))  # fmt: skip
     out.append(Parameter(
-        "hot_pixels", "hot pixels, share", None, (0.0, 1.0), "1", False,
-        "a hot pixel and a bright place look alike",
+        "hot_pixels", "hot pixels, share", None, (None, None), "1", False,
+        "cannot be known in light: a hot pixel and a bright place look alike",
         "a recording with the lens capped: --dark D.dat",
     ))  # fmt: skip
     out.append(Parameter(

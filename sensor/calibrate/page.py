@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 import html
+import time
 from pathlib import Path
 from typing import Any, Final
 
+from cosim.config.amounts import count, number, percent
 from cosim.files.whole import whole
+from cosim.report.drawn import Data
 from cosim.report.page import write_page
 from cosim.report.parts import plot, table
+from cosim.report.summary import listed, summary
 from cosim.run.result import dumps, viform_version
 from sensor.calibrate.calibration import Calibration
 from sensor.calibrate.figure import intervals_figure
 from sensor.calibrate.preset import preset_text
+from sensor.calibrate.summary import answers
 
 __all__ = ["write_calibration"]
 
+_TITLE: Final = "Calibration of a spike camera"
 _FIGURE: Final = "figures/intervals.png"
 
 
-def write_calibration(result: Calibration, folder: Path) -> dict[str, Any]:
+def write_calibration(result: Calibration, folder: Path, began: float) -> dict[str, Any]:
     """Writes the files into a folder, result.json last; returns its document.
+
+    Args:
+        result: the calibration.
+        folder: exists.
+        began: time.perf_counter() at the start of the command, for the page.
 
     `camera.toml` is written if the recordings tell the temporal noise, the figure if one of them is
     of constant light.
@@ -31,12 +42,17 @@ def write_calibration(result: Calibration, folder: Path) -> dict[str, Any]:
         with whole(folder / "camera.toml") as part:
             part.write_text(preset, encoding="utf-8")
         files.append("camera.toml")
+    data = None
     if result.histograms:
-        (folder / "figures").mkdir(exist_ok=True)
-        with whole(folder / _FIGURE) as part:
-            intervals_figure(result.histograms, part)
+        data = intervals_figure(result.histograms, folder / _FIGURE)
         files.append(_FIGURE)
-    _write_report(result, folder, preset)
+    head = summary(
+        _TITLE,
+        f"{result.shape[1]} x {result.shape[0]} pixels at {number(result.clock.hz / 1e3)} kHz, "
+        f"viform {viform_version()}; limits hold with 95 % confidence",
+        answers(result, time.perf_counter() - began),
+    )  # fmt: skip
+    write_page(folder, _TITLE, head, _sections(result, folder, preset, data))
     document = {"version": viform_version(), **result.document(),
                 "files": [*files, "report.html", "result.json"]}  # fmt: skip
     with whole(folder / "result.json") as part:
@@ -44,40 +60,36 @@ def write_calibration(result: Calibration, folder: Path) -> dict[str, Any]:
     return document
 
 
-def _write_report(result: Calibration, folder: Path, preset: str | None) -> None:
+def _sections(
+    result: Calibration, folder: Path, preset: str | None, data: Data | None
+) -> str:  # fmt: skip
+    """HTML of the sections. data: what the figure shows, None without one."""
     known = [p for p in result.parameters.values() if p.known]
     unknown = [p for p in result.parameters.values() if not p.known]
-    fits = "".join(f"<li>{html.escape(line)}</li>" for line in result.does_not_fit)
-    notes = "".join(f"<li>{html.escape(line)}</li>" for line in result.notes)
-    head = (
-        "<h1>Calibration of a spike camera</h1>"
-        f'<p class="soft">{result.shape[1]} x {result.shape[0]} pixels at '
-        f"{result.clock.hz / 1e3:g} kHz, viform {html.escape(viform_version())}. Limits hold at "
-        f"95 %.</p><ul>{notes}</ul>"
-    )
+    fits = listed(result.does_not_fit)
     body = [
         "<h2>Known</h2>",
         table(["parameter", "value and limits", "from"], [[p.title, p.text, p.why] for p in known]),
         "<h2>Not known, and why</h2>",
         table(
             ["parameter", "limits", "why", "what would make it known"],
-            [[p.title, p.text, p.why, p.remedy] for p in unknown],
+            [[p.title, p.text or "none", p.why, p.remedy] for p in unknown],
         ),
     ]
     if result.histograms:
         rows = [
-            [h.name, f"{h.rate:.4g}", f"{h.chi_square:.1f}", str(h.bins), f"{h.chance:.3g}",
-             f"{h.off:.3%}"]
+            [h.name, number(h.rate, 4), number(h.chi_square), count(h.bins), number(h.chance, 2),
+             percent(h.off)]
             for h in result.histograms
         ]  # fmt: skip
         body += [
             "<h2>Intervals of recording and model</h2>",
             "<p>Every pixel has its measured mean interval; noise, skewness and dead time are "
             "those of the camera. The covariance of the difference is that of pixels.</p>",
-            plot(folder / _FIGURE, "interval histograms"),
+            plot(folder / _FIGURE, "interval histograms of recording and model", data),
             table(["recording", "spikes a cycle", "chi-square", "bins", "p", "misplaced"], rows),
             "<h2>What does not fit</h2>",
-            f"<ul>{fits}</ul>" if fits else "<p>Nothing: all deviations are within chance.</p>",
+            fits or "<p>Nothing: all deviations are within chance.</p>",
         ]
     body += [
         "<h2>Recordings</h2>",
@@ -88,4 +100,4 @@ def _write_report(result: Calibration, folder: Path, preset: str | None) -> None
             "<h2>The preset</h2><p>For <code>sensor.preset</code>; keys of the scenario win.</p>",
             f"<pre>{html.escape(preset)}</pre>",
         ]
-    write_page(folder, "Calibration of a spike camera", head, "".join(body))
+    return "".join(body)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from cosim.config.amounts import amount
+
 __all__ = ["Parameter", "proportion", "rooted"]
 
 DEVIATIONS = 1.959964
@@ -50,19 +52,20 @@ class Parameter:
     @property
     def text(self) -> str:
         """Value and limits for a table; "" without either."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        value = self.value if isinstance(self.value, str) else _text(self.value)
+        value = self.value if isinstance(self.value, str) else self._text(self.value)
         low, high = self.ci
+        bare = "s" if self.unit == "s" else "1"  # prefixes of times differ
         if self.value is not None:
-            limits = "" if low is high is None else f", {_text(low)} to {_text(high)}"
-            return f"{value}{unit}{limits}"
+            limits = f"{self._text(low, bare)} to {self._text(high, bare)}"
+            return value if low is high is None else f"{value}, {limits}"
         if high is None:
-            return "" if low is None else f"at least {_text(low)}{unit}"
-        return f"{f'{_text(low)} to' if low else 'at most'} {_text(high)}{unit}"
+            return "" if low is None else f"at least {self._text(low)}"
+        if not low:
+            return f"at most {self._text(high)}"
+        return f"{self._text(low, bare)} to {self._text(high)}"
 
-
-def _text(value: float | None) -> str:
-    return "?" if value is None else f"{value:.4g}"
+    def _text(self, value: float | None, unit: str | None = None) -> str:
+        return "?" if value is None else amount(value, unit or self.unit, 4)
 
 
 def rooted(square: float, error: float) -> tuple[float, tuple[float, float]]:

@@ -35,25 +35,45 @@ Cycles = npt.NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def _nearest(word, begin, cycles, after, found):  # type: ignore[no-untyped-def]
+def _lowest(bits):  # type: ignore[no-untyped-def]
+    """Place of the lowest set bit of a word that has one, by halves."""
+    place = 0
+    for half in (16, 8, 4, 2, 1):
+        if not bits & ((np.uint32(1) << np.uint32(half)) - np.uint32(1)):
+            bits >>= np.uint32(half)
+            place += half
+    return place
+
+
+@njit(cache=True, nogil=True)
+def _highest(bits):  # type: ignore[no-untyped-def]
+    """Place of the highest set bit of a word that has one, by halves."""
+    place = 0
+    for half in (16, 8, 4, 2, 1):
+        if bits >> np.uint32(half):
+            bits >>= np.uint32(half)
+            place += half
+    return place
+
+
+@njit(cache=True, nogil=True)
+def _nearest(word, begin, cycles, after, found, lacking, count):  # type: ignore[no-untyped-def]
     """Enters the spike nearest to each pixel's cycle that a word from `begin` on has: the first at
-    or after it, or the last before it. Returns the number of pixels that still lack one. found:
-    (n,), _NONE at first."""
-    lacking = 0
-    for p in range(word.size):
-        if found[p] != _NONE:
-            continue
+    or after it, or the last before it. lacking: numbers of the `count` pixels that still lack one
+    first, which the ones that remain replace. Returns how many remain. found: (n,), _NONE at
+    first."""
+    remain = 0
+    for k in range(count):
+        p = lacking[k]
         n = min(max(cycles[p] - begin, 0), WORD)
-        before = (np.uint64(1) << np.uint64(n)) - np.uint64(1)
-        rest = np.uint64(word[p]) & (~before if after else before)
+        before = np.uint32((np.uint64(1) << np.uint64(n)) - np.uint64(1))
+        rest = np.uint32(word[p] & (~before if after else before))
         if rest:
-            n, step = (n, 1) if after else (n - 1, -1)
-            while not (rest >> np.uint64(n)) & np.uint64(1):
-                n += step
-            found[p] = begin + n
+            found[p] = begin + (_lowest(rest) if after else _highest(rest))
         else:
-            lacking += 1
-    return lacking
+            lacking[remain] = p
+            remain += 1
+    return remain
 
 
 def _search(stream: SpikeStream, cycles: Cycles, within: tuple[int, int], *, after: bool) -> Cycles:
@@ -61,6 +81,7 @@ def _search(stream: SpikeStream, cycles: Cycles, within: tuple[int, int], *, aft
     the cycles (first, stop) of `within`. cycles: (n,) all pixels."""
     first, stop = within
     found = np.full(cycles.shape, _NONE, np.int64)
+    lacking, count = np.arange(cycles.size, dtype=np.int32), cycles.size
     words = (
         range(max(int(cycles.min()), first) // WORD, words_for(stop))
         if after
@@ -68,9 +89,12 @@ def _search(stream: SpikeStream, cycles: Cycles, within: tuple[int, int], *, aft
     )
     for w in words:
         word = stream.read_words(w, w + 1).reshape(-1)
-        if not _nearest(word, w * WORD, cycles, after, found):
+        count = _nearest(word, w * WORD, cycles, after, found, lacking, count)
+        if not count:
             break
-    return np.where((found < first) | (found >= stop), _NONE, found)
+    if first % WORD or stop < stream.cycles:  # the words at the ends of the span hold more
+        found[(found < first) | (found >= stop)] = _NONE
+    return found
 
 
 def interval_image(
@@ -86,7 +110,10 @@ def interval_image(
     span = (0, stream.cycles) if within is None else within
     instant = np.full(stream.shape[0] * stream.shape[1], max(at, span[0]), np.int64)
     begin, end = (_search(stream, instant, span, after=after) for after in (False, True))
-    early, late = (begin == _NONE) & (end != _NONE), (end == _NONE) & (begin != _NONE)
+    lacks_begin, lacks_end = begin == _NONE, end == _NONE
+    if not lacks_begin.any() and not lacks_end.any():  # away from the ends, as a rule
+        return begin.reshape(stream.shape), end.reshape(stream.shape)
+    early, late = lacks_begin & ~lacks_end, lacks_end & ~lacks_begin
     if early.any():  # the nearest whole interval begins with the first spike
         following = _search(stream, np.where(early, end + 1, stream.cycles), span, after=True)
         begin, end = np.where(early, end, begin), np.where(early, following, end)

@@ -158,7 +158,8 @@ def test_view_shows_the_same_pictures(browser: Browser) -> None:
             return np.full(SHAPE, 0.5, np.float32)
 
     given = Opened("A view", SPIKES, WHITE, 41, Scene(), [])  # type: ignore[arg-type]
-    with ViewServer(given) as server:
+    with ViewServer() as server:
+        server.opened = given
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         try:

@@ -33,6 +33,21 @@ EXPLORERS = {
     "run light-link": ["cells"], "run bring-up": [], "run sun-and-stars": [],
 }  # fmt: skip
 """Kinds of the explorers of each page. A bring-up and steady discs over decades have none."""
+OTHERS = [("compare", "step"), ("board", "bringup", "--level", "model"), ("calibrate",)]
+STILL = """
+title = "A grey sheet"
+duration = "0.1 s"
+tolerance = 0
+[scene]
+kind = "target"
+contrast = 1e-9
+illuminance = "100 lux"
+[sensor]
+width = 64
+height = 48
+threshold = "900 e"
+"""
+"""A scenario of constant uniform light, from which a camera is calibrated."""
 LARGEST = 12_000_000
 """Bytes of a page."""
 NARROW = 400
@@ -60,7 +75,32 @@ def test_a_report_works_alone(name: str, browser: Browser, tmp_path: Path) -> No
     else:
         given = list(KINDS[name])
     assert _main([*given, "--out", str(tmp_path / "run")]) == 0
-    page = tmp_path / "run" / "report.html"
+    _works_alone(tmp_path / "run" / "report.html", browser)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", OTHERS, ids=" ".join)
+def test_a_page_of_another_command_works_alone_and_opens_with_answers(
+    words: tuple[str, ...], browser: Browser, tmp_path: Path
+) -> None:
+    given = list(words)
+    if words == ("calibrate",):
+        (tmp_path / "still.toml").write_text(STILL)
+        words = ["run", str(tmp_path / "still.toml"), "--out", str(tmp_path / "still")]
+        assert _main(words) == 0
+        given.append(str(tmp_path / "still"))
+    assert _main([*given, "--out", str(tmp_path / "made")]) == 0
+    _works_alone(tmp_path / "made" / "report.html", browser)
+    questions = browser.run("return [...document.querySelectorAll('dt')].map((q) => q.textContent)")
+    assert questions[0].startswith("What was ")
+    for start in ("How wrong", "How long it took", "What was left out"):
+        assert any(question.startswith(start) for question in questions[1:6])
+    figures = "figure:not(:has(.enlarge))"
+    assert browser.run("return document.querySelectorAll(arguments[0]).length", figures) == 0
+
+
+def _works_alone(page: Path, browser: Browser) -> None:
+    """Opens a page in the dark on a narrow screen; it needs nothing from outside."""
     assert page.stat().st_size < LARGEST
     browser.media()
     browser.resize(1100, 900)

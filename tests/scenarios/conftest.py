@@ -39,7 +39,7 @@ def viform(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., Answer]:
     """Runs a command in this process, which says the same however long it takes."""
-    monkeypatch.setattr("scenarios.cli.output.EVERY_S", math.inf)
+    monkeypatch.setattr("cosim.run.shown.EVERY_S", math.inf)
 
     def call(*arguments: object) -> Answer:
         capsys.readouterr()

@@ -18,7 +18,8 @@ from rtl_model.bringup.bench.stage import STAGES
 from rtl_model.bringup.machine.chain import LOG, BoardChain
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.bringup.machine.waves import checked_trace
-from rtl_model.bringup.report.page import TITLE, make_sections, simulated, subtitle
+from rtl_model.bringup.report.page import TITLE, make_sections
+from rtl_model.bringup.report.summary import simulated, subtitle
 from rtl_model.geometry import Geometry
 from rtl_model.virtual import nominal_clock
 

@@ -5,23 +5,29 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from cosim.config.amounts import amount, count, elapsed, number
+from cosim.config.amounts import UNKNOWN, amount, count, elapsed, number
 from cosim.report.drawn import Data
 from cosim.report.page import write_page
-from cosim.report.parts import Card, cards, plot, table
+from cosim.report.parts import Card, plot, table
+from cosim.report.summary import summary
 from cosim.run.result import viform_version
-from rtl_model.bringup.bench.stage import Report, Stage
+from rtl_model.bringup.bench.stage import Report
 from rtl_model.bringup.report.figures import planes_figure, threshold_figure
 from rtl_model.bringup.report.junit import write_junit
-from rtl_model.bringup.report.summary import summary
+from rtl_model.bringup.report.stage_text import stage_text
+from rtl_model.bringup.report.summary import answers, cards_of, cause, subtitle
 
-__all__ = ["TITLE", "Sections", "make_sections", "simulated", "subtitle", "write_board_report"]
+__all__ = ["TITLE", "Sections", "make_sections", "write_board_report"]
 
 TITLE = "Bring-up of a board"
 JUNIT = "junit.xml"
-_OMITTED = {"rates", "first_wrong", "note"}
+_UNITS: Final = {
+    "_bytes_per_s": ("B/s", 1.0), "_per_s": ("1/s", 1.0), "_hz": ("Hz", 1.0), "_ms": ("s", 1e-3),
+}  # fmt: skip
+"""Ends of names of figures with their unit, and its size in it."""
+_OMITTED: Final = {"rates", "first_wrong", "note"}
 
 
 @dataclass(frozen=True)
@@ -42,11 +48,11 @@ class Sections:
 def write_board_report(report: Report, folder: Path) -> list[str]:
     """Writes report.html, its figures and junit.xml into `folder`; returns their names."""
     page = make_sections(report, folder)
-    head = (
-        f"<h1>{TITLE}</h1><p class='soft'>{html.escape(subtitle(report))}, "
-        f"viform {viform_version()}.</p><p>{html.escape(simulated(report))}</p>"
-    )
-    write_page(folder, TITLE, head + _cause(report) + cards(page.cards), "".join(page.sections))
+    head = summary(
+        TITLE, f"{subtitle(report)}, viform {viform_version()}", answers(report),
+        outcome=cause(report),
+    )  # fmt: skip
+    write_page(folder, TITLE, head, "".join(page.sections))
     return ["report.html", *page.files]
 
 
@@ -71,59 +77,12 @@ def make_sections(report: Report, folder: Path) -> Sections:
             + plot(folder / name, "spikes a pixel and tick against the threshold level", data)
         )
     write_junit(report, folder / JUNIT)
-    tables = [_figures(stage) for stage in report.stages]
-    return Sections(_cards(report), [_stages(report), *pictures, *tables], files)
-
-
-def subtitle(report: Report) -> str:
-    """The board in one line: its identifier, port and baud."""
-    board = (report.board or {}).get("identifier", "no board was identified")
-    kind = "simulated board" if report.simulated else "board"
-    return f"{board}; {kind} at {report.port}, {report.baud} baud"
-
-
-def simulated(report: Report) -> str:
-    """What was done, for a newcomer."""
-    board = "A simulated test board" if report.simulated else "A test board"
-    return (
-        f"{board} was brought up stage by stage, from the first byte on the wire to whole frames: "
-        "each stage tests one thing, and the planes that the board captured are compared with the "
-        "cycle model bit by bit."
-    )
-
-
-def _cause(report: Report) -> str:
-    if report.cause is None:
-        return ""
-    stage = html.escape(str(report.failed_stage))
-    return f"<p><b>Stage {stage} failed:</b> {html.escape(report.cause)}.</p>"
-
-
-def _cards(report: Report) -> list[Card]:
-    passed = sum(stage.outcome == "ok" for stage in report.stages)
-    verdict = "every stage passes" if report.ok else f"stage {report.failed_stage} failed"
-    rows: list[Card] = [
-        ("first", "ok" if report.ok else "not passed", verdict),
-        ("first", f"{passed} of {len(report.stages)}", "stages"),
-    ]
-    if report.bursts:
-        wrong = sum(0 if burst.wrong is None else burst.wrong.bits for burst in report.bursts)
-        rows.append(("", count(wrong), "wrong bits"))
-        rows.append(("", count(sum(len(burst.got) for burst in report.bursts)), "frames compared"))
-    for stage, name, unit, what in (
-        ("counters", "round_trips_per_s", "1/s", "round trips"),
-        ("patterns", "capture_bytes_per_s", "B/s", "capture rate of stage patterns"),
-    ):
-        value = report.figure(stage, name)
-        if value is not None:
-            rows.append(("", amount(value, unit, 4), what))
-    rows.append(("", elapsed(report.wall_s), "for all stages"))
-    return rows
+    return Sections(cards_of(report), [_stages(report), *pictures, _figures(report)], files)
 
 
 def _stages(report: Report) -> str:
     rows = [
-        [stage.name, stage.outcome, elapsed(stage.seconds), summary(stage)]
+        [stage.name, stage.outcome, elapsed(stage.seconds), stage_text(stage)]
         for stage in report.stages
     ]
     return "<h2>Stages</h2>" + table(["stage", "outcome", "time", "result"], rows)
@@ -143,19 +102,29 @@ def _planes(report: Report, path: Path, data: Data) -> str:
     )
 
 
-def _figures(stage: Stage) -> str:
-    figures = {name: value for name, value in stage.figures.items() if name not in _OMITTED}
-    if not figures:
+def _figures(report: Report) -> str:
+    rows = []
+    for stage in report.stages:
+        figures = [(k, v) for k, v in stage.figures.items() if k not in _OMITTED]
+        for n, (name, value) in enumerate(figures):
+            rows.append(["" if n else stage.name, *_figure(name, value)])
+    if not rows:
         return ""
-    rows = [[name.replace("_", " "), _value(value)] for name, value in figures.items()]
-    return f"<h2>Figures of stage {stage.name}</h2>" + table(["what", "value"], rows)
+    return "<h2>Figures of the stages</h2>" + table(["stage", "what", "value"], rows)
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, int) and not isinstance(value, bool):
-        return count(value)
-    if isinstance(value, float):
-        return number(value, 6)
+def _figure(name: str, value: Any) -> tuple[str, str]:
+    """What a figure is, and its text; the end of its name is its unit."""
+    what = name.replace("_", " ")
+    if isinstance(value, bool) or value is None:
+        return what, {True: "yes", False: "no", None: UNKNOWN}[value]
+    if isinstance(value, int | float):
+        for end, (unit, scale) in _UNITS.items():
+            if name.endswith(end):
+                return name.removesuffix(end).replace("_", " "), amount(value * scale, unit, 4)
+        if name.startswith("s_per_"):
+            return f"time for each {what.removeprefix('s per ')}", amount(value, "s", 4)
+        return what, count(value) if isinstance(value, int) else number(value, 6)
     if isinstance(value, list | tuple):
-        return ", ".join(map(str, value))
-    return str(value)
+        return what, ", ".join(map(str, value))
+    return what, str(value)

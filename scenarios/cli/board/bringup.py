@@ -86,6 +86,6 @@ def print_stage(stage: Stage) -> None:
 
 
 def _short(stage: Stage) -> str:
-    from rtl_model.bringup.report.summary import summary
+    from rtl_model.bringup.report.stage_text import stage_text
 
-    return summary(stage)
+    return stage_text(stage)

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from scenarios.cli.output import Json, print_document, size_option
+
+if TYPE_CHECKING:
+    from scenarios.view.server import ViewServer
 
 __all__ = ["view"]
 
@@ -23,19 +29,19 @@ def view(
     """Explore a stream in a browser: images at any cycle, the true light, the spikes of a pixel. It
     serves this machine alone, until Ctrl-C."""
     from cosim import InputError
-    from scenarios.view.opened import open_run
     from scenarios.view.server import HOST, ViewServer
 
-    opened = open_run(run, size_option(size))
-    for note in opened.notes:
-        print(f"viform: {note}", file=sys.stderr)
+    pixels = size_option(size)
     try:
-        server = ViewServer(opened, port)
+        server = ViewServer(port)
     except OSError as exc:
         raise InputError(
             "--port", f"a free port of {HOST}", f"{port} ({exc.strerror})", "leave it out"
         ) from None
-    with server:
+    with server, _serving(server):
+        from scenarios.view.opened import open_recording, with_scene
+
+        opened = open_recording(run, pixels)
         if json:
             print_document({"stream": str(run), "address": server.address})
         else:
@@ -46,9 +52,24 @@ def view(
 
             webbrowser.open(server.address)
         try:
-            server.serve_forever(poll_interval=0.2)
+            server.opened = with_scene(opened, run)
+            for note in server.opened.notes:
+                print(f"viform: {note}", file=sys.stderr)
+            threading.Event().wait()  # until Ctrl-C
         except KeyboardInterrupt:
             print("viform: ended", file=sys.stderr)
+
+
+@contextmanager
+def _serving(server: ViewServer) -> Iterator[None]:
+    """The server answers within this context, in a thread."""
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.2})
+    thread.start()
+    try:
+        yield
+    finally:
+        server.shutdown()
+        thread.join()
 
 
 def _has_browser() -> bool:

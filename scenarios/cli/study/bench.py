@@ -60,8 +60,9 @@ def bench(
     part: Annotated[
         str | None,
         typer.Argument(
-            help="one part only, such as sensor; growth: by number of pixels and cycles; code: "
-            "sizes of streams; continuous: absolute intensities against spikes"
+            help="one part only, such as sensor; growth: by number of pixels and cycles; view: "
+            "answers of viform view, with 2.2 GB of disk; code: sizes of streams; continuous: "
+            "absolute intensities against spikes"
         ),
     ] = None,
     device: Annotated[
@@ -79,7 +80,7 @@ def bench(
     """
     from cosim import InputError
     from cosim.compute.opencl import choose_device
-    from scenarios.studies.bench.sensor import PARTS
+    from scenarios.studies.bench.sensor import LARGE, PARTS
     from scenarios.studies.bench.sensor import bench as measure
 
     known = (*PARTS, *STUDIES)
@@ -93,7 +94,7 @@ def bench(
     if figure is not None:
         drawn = " or ".join(f"bench {name}" for name in STUDIES)
         raise InputError("--figure", f"given with {drawn}", "without", "leave it out")
-    usual = [name for name in PARTS if name != "growth"]  # which takes minutes and much memory
+    usual = [name for name in PARTS if name not in LARGE]
     document = measure(choose_device(device), [part] if part else usual)
     if json:
         print_document(document)

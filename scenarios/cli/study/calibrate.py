@@ -47,6 +47,7 @@ def calibrate(
     from cosim.config.quantity import Quantity
     from cosim.files import notes_of
     from cosim.run.folder import claim_folder, output_folder
+    from scenarios.cli.start import BEGAN
     from sensor.calibrate.calibration import Recording, calibrate
     from sensor.calibrate.page import write_calibration
     from sensor.codec.files import open_any
@@ -78,7 +79,7 @@ def calibrate(
     finally:
         progress.close()
     with claim_folder("calibrate", out, False, goes_on=False) as folder:
-        document = write_calibration(result, folder)
+        document = write_calibration(result, folder, BEGAN)
     if json:
         print_document(document)
     else:

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from scenarios.cli.options import (
-    Resume,
-    ScenarioName,
-    ScenarioOptions,
-    Scheduler,
-    Tolerance,
-    Workers,
-    count_workers,
-    expand_options,
-)
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.options import ScenarioName, expand_options
+from scenarios.cli.study.batch import BatchOptions
 
 __all__ = ["sweep"]
 
 
 @expand_options
 def sweep(
-    options: ScenarioOptions,
     scenario: ScenarioName = "film",
     vary: Annotated[
         list[str] | None,
@@ -36,39 +27,18 @@ def sweep(
     metric: Annotated[
         list[str] | None, typer.Option(help="drawn in the figure [those that vary most]")
     ] = None,
-    tolerance: Tolerance = None,
-    out: Annotated[
-        Path | None, typer.Option(help="folder to create [runs/sweep-SCENARIO-N]")
-    ] = None,
-    resume: Resume = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    json: Json = False,
+    *,
+    options: BatchOptions,
 ) -> None:
     """Run a scenario at many values of its keys, and gather the results in one labelled store."""
-    from cosim.run.folder import output_folder
     from scenarios.studies.sweep import Sweep, read_axis, run_sweep
 
-    usual = count_workers(workers)
     axes = tuple(read_axis(text) for text in vary or ())
     asked = Sweep(
-        scenario, axes, tuple(options.assignments or ()), samples, tolerance, options.seed
+        scenario, axes, tuple(options.assignments or ()), samples, options.tolerance, options.seed
     )
-    folder = output_folder(f"sweep-{Path(scenario).stem}", out, resume)
-    progress = make_progress()
-    try:
-        document = run_sweep(
-            asked, folder, device=options.device, workers=usual, scheduler=scheduler,
-            resume=resume, progress=progress, metrics=metric or (),
-        )  # fmt: skip
-    finally:
-        progress.close()
-    if json:
-        print_document(document)
-    else:
-        _print(document, folder)
-    if document["failed"]:
-        raise typer.Exit(1)
+    build = partial(run_sweep, asked, metrics=metric or ())
+    options.make(f"sweep-{Path(scenario).stem}", build, _print)
 
 
 def _print(document: dict[str, Any], folder: Path) -> None:

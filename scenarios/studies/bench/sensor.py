@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Callable
 from dataclasses import asdict
 from importlib.resources import files
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,7 @@ from scenarios.studies.bench.link import link_rows
 from scenarios.studies.bench.loop import loop_rows
 from scenarios.studies.bench.planned import THRESHOLD, planned_pixels
 from scenarios.studies.bench.readout import readout_row
+from scenarios.studies.bench.view import view_rows
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.device.pattern import DevicePattern, FixedPattern
 from sensor.latched.effects import SHOT_NOISE
@@ -39,7 +40,7 @@ from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["PARTS", "Row", "bench"]
+__all__ = ["LARGE", "PARTS", "Row", "bench"]
 
 CYCLES = 512
 PLAIN_CYCLES = 8
@@ -265,9 +266,11 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
 
 PARTS = {
     "sensor": _sensor, "display": display_rows, "link": link_rows, "loop": loop_rows,
-    "growth": growth_rows,
+    "growth": growth_rows, "view": view_rows,
 }  # fmt: skip
 """The parts that have a benchmark."""
+LARGE: Final = ("growth", "view")
+"""Those that take minutes, much memory or gigabytes of disk, and are measured on request alone."""
 
 
 def _need_gl() -> None:

@@ -9,15 +9,17 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.config.amounts import amount, decibel, elapsed, number, percent
+from cosim.config.amounts import amount, decibel, elapsed, percent
 from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, subplots
 from cosim.report.page import write_page
-from cosim.report.parts import plot, table
+from cosim.report.parts import figure, plot, table
 from cosim.report.png import for_display
+from cosim.report.summary import summary
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
 from scenarios.studies.compare.setting import SceneComparison
+from scenarios.studies.compare.summary import summary_of_comparison
 from sensor.dynamic_range import decibels
 
 __all__ = [
@@ -50,35 +52,42 @@ def figure_text(name: str, figure: Figure) -> str:
     return amount(value, figure.unit)
 
 
-def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]) -> None:
-    """Draws the image of every camera at the instant, and the true reflectance, (H, W)."""
-    height, width = truth.shape
+def _panels(
+    cameras: list[Camera], truth: npt.NDArray[np.float64]
+) -> list[tuple[str, str, npt.NDArray[np.uint8]]]:
+    """Title, setting and grey image of the truth, (H, W) reflectance, and of every camera."""
     panels = [("truth", "", truth)]
     panels += [(c.title, c.setting, c.image) for c in cameras]
     panels += [
         (c.title, "frame-transfer smear corrected column by column", c.corrected)
         for c in cameras if c.corrected is not None
     ]  # fmt: skip
+    return [(title, text, for_display(np.clip(image, 0, 1))) for title, text, image in panels]
+
+
+def write_picture(path: Path, cameras: list[Camera], truth: npt.NDArray[np.float64]) -> None:
+    """Draws the image of every camera at the instant, and the true reflectance, (H, W)."""
+    height, width = truth.shape
+    panels = _panels(cameras, truth)
     columns = 3
     rows = -(-len(panels) // columns)
-    figure, axes = subplots(
+    drawing, axes = subplots(
         rows, columns, figsize=(4.4 * columns, (4.4 * height / width + 0.62) * rows), squeeze=False
     )
     for ax in axes.flat:
         ax.axis("off")
-    for (title, setting, image), ax in zip(panels, axes.flat, strict=False):
-        grey = for_display(np.clip(image, 0, 1))
+    for (title, setting, grey), ax in zip(panels, axes.flat, strict=False):
         ax.imshow(grey, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
         ax.set_title(f"{title}\n", fontsize=11, color=INK)
         ax.text(0.5, 1.02, setting, transform=ax.transAxes, ha="center", fontsize=7.5, color=INK)
-    figure.tight_layout(pad=0.4, w_pad=0.6)
-    write_figure(figure, path)
+    drawing.tight_layout(pad=0.4, w_pad=0.6)
+    write_figure(drawing, path)
 
 
 def write_snr(path: Path, cameras: list[Camera]) -> Data:
     """Draws signal over noise against reflectance: measured, and lines of the closed forms.
     Returns what was drawn."""
-    figure, ax = subplots(figsize=(8.8, 4.6), layout="constrained")
+    drawing, ax = subplots(figsize=(8.8, 4.6), layout="constrained")
     for camera in (camera for camera in cameras if camera.snr):
         at = [point.reflectance for point in camera.snr]
         (drawn,) = ax.plot(
@@ -96,31 +105,31 @@ def write_snr(path: Path, cameras: list[Camera]) -> Data:
     ax.set_xlabel("reflectance", fontsize=9, color=INK)
     ax.set_ylabel("signal over noise, dB", fontsize=9, color=INK)
     ax.legend(fontsize=7.5, frameon=False, ncols=2)
-    return save_figure(figure, path)
+    return save_figure(drawing, path)
 
 
 def write_compare_report(
     folder: Path, comparison: SceneComparison, document: dict[str, Any], cameras: list[Camera],
-    snr: Data,
+    truth: npt.NDArray[np.float64], snr: Data,
 ) -> None:  # fmt: skip
-    """Writes report.html into the folder. snr: what `write_snr` has drawn."""
-    head = ["camera", *(HEADS[name] for name in FIGURES)]
-    rows = [[c.title, *(figure_text(n, c.figures[n]) for n in FIGURES)] for c in cameras]
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in document["notes"])
+    """Writes report.html into the folder. truth: as of `write_picture`; snr: what `write_snr` has
+    drawn."""
+    head = ["figure", *(c.title for c in cameras)]
+    rows = [[HEADS[n], *(figure_text(n, c.figures[n]) for c in cameras)] for n in FIGURES]
     settings = table(
         ["camera", "setting", "note", "run time"],
         [[c.title, c.setting, c.note, elapsed(c.seconds) if c.seconds else ""] for c in cameras],
     )
     title = f"{comparison.name}: the same instant by every camera"
-    head_of = "".join([
-        f"<h1>{html.escape(title)}</h1>",
-        f'<p class="soft">{number(document["duration_s"] * 1e3)} ms of the scene, the instant '
-        f'{number(document["instant_ms"], 4)} ms, seed {document["seed"]}, viform '
-        f'{document["version"]}.</p><ul>{notes}</ul>',
-        plot(folder / PICTURE, "the same instant by every camera"),
-    ])  # fmt: skip
-    write_page(folder, title, head_of, "".join([
-        "<h2>Side by side</h2>", table(head, rows), _EXPLAINED,
+    subtitle = f"{len(cameras)} images, seed {document['seed']}, viform {document['version']}"
+    images = "".join(
+        figure(grey, f"{title}: {text}" if text else title, exact=True)
+        for title, text, grey in _panels(cameras, truth)
+    )
+    answers = summary_of_comparison(cameras, document, document["run_time_s"])
+    write_page(folder, title, summary(title, subtitle, answers), "".join([
+        "<h2>The images</h2>", f'<div class="grid by3">{images}</div>',
+        "<h2>The figures</h2>", table(head, rows), _EXPLAINED,
         "<h2>Signal over noise against light</h2><p>Dots: measured where nothing moves. Lines: the "
         "closed form of the pixels at the setting of power-on, without the noise of a subtracted "
         "dark frame. The signal of the EMCCD is without the smear of frame transfer, whose shot "

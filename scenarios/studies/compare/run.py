@@ -121,7 +121,7 @@ def _finish(
                   "compare.json"],
         "run_time_s": time.perf_counter() - began,
     }  # fmt: skip
-    write_compare_report(folder, comparison, document, cameras, snr)
+    write_compare_report(folder, comparison, document, cameras, truth, snr)
     with whole(folder / "compare.json") as part:
         part.write_text(dumps(document) + "\n", encoding="utf-8")
     return document

@@ -12,8 +12,8 @@ from cosim.run.result import viform_version
 from scenarios.scenes.objects.plate import CATEGORIES
 from scenarios.studies.batch.folder import write_document
 from scenarios.studies.dataset.order import Item, Order
-from scenarios.studies.dataset.places import SUMS, Places, digest_of
-from scenarios.studies.dataset.reading import SPLITS
+from scenarios.studies.dataset.places import Places, digest_of
+from scenarios.studies.dataset.reading import SPLITS, SUMS
 
 __all__ = ["write_annotations", "write_card", "write_sums"]
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from cosim.run.folder import output_folder
-from cosim.run.progress import QuietProgress
+from cosim.run.shown import progress_in_python
+from cosim.run.workers import check_workers
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.studies.batch.axes import read_axis
 from scenarios.studies.dataset.build import build_dataset
@@ -34,7 +35,8 @@ def dataset(
     *sources: str | os.PathLike[str], out: str | os.PathLike[str],
     cameras: Sequence[str | os.PathLike[str]] = (), vary: Mapping[str, str] | None = None,
     samples: int = 1, split: str = ".8,.1,.1", seed: int = 1, tolerance: float | None = None,
-    device: str | None = None, workers: int = 1, resume: bool = False, **settings: Any,
+    device: str | None = None, workers: int = 1, scheduler: str | None = None,
+    resume: bool = False, progress: bool | None = None, **settings: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """Films sources with cameras as `viform dataset` does: the same files.
 
@@ -48,8 +50,12 @@ def dataset(
         seed: of all that is drawn.
         tolerance: allowed relative error of each run.
         device: part of an OpenCL device's name, or "numba".
-        workers: processes.
+        workers: processes on this machine. A script that gives more than 1 starts with
+            `if __name__ == "__main__":`.
+        scheduler: address of a Dask scheduler, whose workers film instead; they must see `out`.
         resume: whether the interrupted data set in `out` goes on.
+        progress: whether progress is shown on standard error; None for on a terminal and in a
+            notebook.
         **settings: keys of the scenarios.
 
     Returns:
@@ -58,13 +64,15 @@ def dataset(
     Raises:
         InputError: the input cannot be used.
     """
+    check_workers(workers)
     asked = order_of(
         [os.fspath(each) for each in sources], [os.fspath(each) for each in cameras],
         [f"{key}={values}" for key, values in (vary or {}).items()], assignments_of(settings),
         samples, split, seed, tolerance,
     )  # fmt: skip
     folder = output_folder("dataset", Path(out), resume)
-    return build_dataset(
-        asked, folder, device=device, workers=workers, scheduler=None, resume=resume,
-        progress=QuietProgress(),
-    )  # fmt: skip
+    with progress_in_python(progress) as shown:
+        return build_dataset(
+            asked, folder, device=device, workers=workers, scheduler=scheduler, resume=resume,
+            progress=shown,
+        )  # fmt: skip

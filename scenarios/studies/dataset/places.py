@@ -26,12 +26,12 @@ import yaml
 from cosim.files.config_yaml import CONFIG
 from cosim.files.whole import whole
 from scenarios.studies.dataset.order import Item
+from scenarios.studies.dataset.reading import SUMS
 
-__all__ = ["PARTS", "SUMS", "Places", "digest_of", "write_config"]
+__all__ = ["PARTS", "Places", "digest_of", "write_config"]
 
 PARTS: Final = ".parts"
 """Folder for items that are not finished."""
-SUMS: Final = "SHA256SUMS"
 _TIME: Final = 946_684_800
 """Time of the first recording's file: the start of the year 2000, UTC. Each next is a second
 later."""

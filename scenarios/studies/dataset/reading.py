@@ -14,9 +14,11 @@ from cosim.archive import load_arrays
 from cosim.files.dat import DatStream
 from cosim.spikes.viform import part_of
 
-__all__ = ["SPLITS", "SpikeDataset", "torch_dataset"]
+__all__ = ["SPLITS", "SUMS", "SpikeDataset", "torch_dataset"]
 
 SPLITS: Final = ("train", "val", "test")
+SUMS: Final = "SHA256SUMS"
+"""The file that is written last: a data set without it is not finished."""
 
 
 class SpikeDataset:
@@ -29,6 +31,7 @@ class SpikeDataset:
         camera: label of the only camera to take; all if None. Cameras of several sizes do not fit
             into one batch.
         cycles: so many cycles from the middle of each recording; all if None.
+        unfinished: whether a data set that was interrupted is opened, with the items that it has.
 
     An item is a dictionary of
 
@@ -46,12 +49,13 @@ class SpikeDataset:
     - `boxes`: (n, objects, 4) float32: x, y, width, height, zeros for an object that is not seen.
 
     Raises:
-        InputError: the folder holds no data set, the split no items, or an item is too short.
+        InputError: the folder holds no data set or an unfinished one, the split no items, or an
+            item is too short.
     """
 
     def __init__(
         self, folder: str | os.PathLike[str], split: str = "train", *, camera: str | None = None,
-        cycles: int | None = None,
+        cycles: int | None = None, unfinished: bool = False,
     ) -> None:  # fmt: skip
         self.folder = Path(folder)
         if split not in SPLITS:
@@ -61,6 +65,13 @@ class SpikeDataset:
                 "the data set", "a folder of `viform dataset`", f"{self.folder}", "check the path"
             )
         paths = sorted((self.folder / "items").glob("*.json"))
+        if not (self.folder / SUMS).is_file() and not unfinished:
+            stated = json.loads((self.folder / "dataset.json").read_bytes())["items"]
+            raise InputError(
+                "the data set", "finished",
+                f"{self.folder} with {len(paths)} of {len(stated)} items",
+                "go on with its command and --resume, or give unfinished=True",
+            )  # fmt: skip
         every = [json.loads(path.read_bytes()) for path in paths]
         self.items: list[dict[str, Any]] = [
             item for item in every

@@ -7,7 +7,7 @@ from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
 from rtl_model.bringup.bench.stage import STAGES, Stage
 from rtl_model.bringup.bench.uptime import Uptime
 from rtl_model.bringup.report.junit import junit_xml
-from rtl_model.bringup.report.summary import summary
+from rtl_model.bringup.report.stage_text import stage_text
 from rtl_model.bringup.run import CHECKS, BringUp, bring_up
 from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr
@@ -257,7 +257,7 @@ def test_a_build_is_this_programs_verilog_or_not(change, matches):
     bench = Bench(guarded, Uartbone(guarded, baud=115_200), default_map(), True, 115_200)
     figures = check_identity(bench)
     assert figures["build_matches"] is matches
-    text = summary(Stage("identity", "ok", None, figures, 0.0))
+    text = stage_text(Stage("identity", "ok", None, figures, 0.0))
     said_so = {None: "", True: ", this program's Verilog", False: ", other Verilog"}
     assert text.partition(f"build {said:08x}")[2].startswith(said_so[matches])
     assert ("Verilog" in text) == (matches is not None)

@@ -20,7 +20,7 @@ class Hand:
 @pytest.fixture
 def hand(monkeypatch: pytest.MonkeyPatch) -> Hand:
     made = Hand()
-    monkeypatch.setattr("scenarios.cli.output.time", made)
+    monkeypatch.setattr("cosim.run.shown.time", made)
     return made
 
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import viform
-from cosim.files import open_stream
+from cosim import Block, Interrupted
+from cosim.files import Recorder, open_stream
+from cosim.run.progress import QuietProgress
+from cosim.run.shown import progress_in_python
 from scenarios.cli.entry import _main
 from scenarios.python.clips import write_clip
 from scenarios.python.words import python_words
@@ -217,8 +224,73 @@ def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:
     assert viform.Run(str(out)) == done
 
 
-def test_what_is_in_memory_is_not_resumed(tmp_path: Path) -> None:
+def test_what_is_in_memory_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A film of frames that was stopped in the middle has the bits of one that was not."""
+    given = {"frame_rate": 1000, "tolerance": 1e-2, **SMALL}
+    whole = viform.film(frames(16), **given)
+    out, step = tmp_path / "run", Recorder.step
+
+    def stop(self: Recorder, data: object, block: Block) -> object:
+        if block.start == 2 * block.cycles:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.5)  # until the main thread has it
+        return step(self, data, block)
+
+    monkeypatch.setattr(Recorder, "step", stop)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with pytest.raises(Interrupted):
+        viform.film(frames(16), out=out, **given)
+    signal.signal(signal.SIGINT, before)
+    monkeypatch.undo()
+    assert not (out / "result.json").exists()
+    with pytest.raises(viform.InputError, match="add resume=True"):
+        viform.film(frames(16), out=out, **given)
+    assert viform.film(frames(16), out=out, resume=True, **given) == whole
+    assert viform.film(frames(16), out=out, resume=True, **given) == whole  # complete
+    for call in (viform.film, viform.send):
+        with pytest.raises(viform.InputError, match="resume must be given with out"):
+            call(b"x" if call is viform.send else "step", resume=True)
+
+
+@pytest.mark.parametrize("data", [b"", "file"])
+def test_nothing_is_not_sent(tmp_path: Path, data: bytes | str) -> None:
+    (tmp_path / "file").touch()
+    given = data if isinstance(data, bytes) else str(tmp_path / data)
+    with pytest.raises(viform.InputError, match=r"^data must be one byte or more, not ") as raised:
+        viform.send(given, out=tmp_path / "out")
+    assert "\n" not in str(raised.value) and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("terminal", "asked", "seen"),
+    [(True, None, True), (True, False, False), (False, None, False), (False, True, True)],
+)
+def test_progress_is_shown_on_a_terminal(
+    terminal: bool, asked: bool | None, seen: bool, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal, raising=False)
+    monkeypatch.setattr("cosim.run.shown.EVERY_S", -1.0)  # a line for every step
+    done = viform.run(
+        "film", out=tmp_path / "run", tolerance=1e-2, duration="2 ms", progress=asked, **SMALL
+    )
+    said = capsys.readouterr()
+    assert bool(said.err) == seen and said.out == ""
+    assert done.notes  # which are not printed
+    assert not any(note in said.err for note in done.notes)
+
+
+def test_a_notebook_shows_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    shell = type("ZMQInteractiveShell", (), {})()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    with progress_in_python(None) as shown:
+        assert type(shown) is not QuietProgress
+    with progress_in_python(False) as shown:
+        assert type(shown) is QuietProgress
+
+
+def test_a_folder_in_use_is_refused(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "a").touch()
-    with pytest.raises(viform.InputError, match=r"not .*full; choose another$"):
+    with pytest.raises(viform.InputError, match=r"not .*full; choose another, or add resume=True$"):
         viform.send(b"bytes", out=tmp_path / "full")

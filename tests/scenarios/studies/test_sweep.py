@@ -220,6 +220,7 @@ def test_what_cannot_run_is_one_line_and_leaves_nothing(
     assert _main([*given, "--scheduler", "tcp://127.0.0.1:9"]) == 2
     said = capsys.readouterr().err.strip().splitlines()
     assert "--scheduler must be the address of a Dask scheduler that answers" in said[-1]
+    assert "tcp://127.0.0.1:9 (no answer within" in said[-1]
     assert not (tmp_path / "s").exists()
     assert _main([*given, "--metric", "nothing"]) == 2
     assert "--metric must be one of" in capsys.readouterr().err

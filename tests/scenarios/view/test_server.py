@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
+import signal
+import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
 
 from cosim import Clock, Viform
-from cosim.files.zarr_store import write_zarr
+from cosim.files.zarr_store import ZarrStream, write_zarr
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import pack_planes
 from scenarios.view.opened import Opened, open_run
@@ -46,7 +52,8 @@ class Scene:
 @pytest.fixture
 def server() -> Iterator[ViewServer]:
     opened = Opened("A <title>", stream(), 0.6, 41, Scene(), [])  # type: ignore[arg-type]
-    with ViewServer(opened) as made:
+    with ViewServer() as made:
+        made.opened = opened
         thread = threading.Thread(target=made.serve_forever, args=(0.01,))
         thread.start()
         try:
@@ -165,4 +172,64 @@ def test_a_stream_without_a_run_has_no_light(tmp_path: Path) -> None:
     write_zarr(stream(), tmp_path / "a.zarr")
     opened = open_run(tmp_path / "a.zarr")
     assert opened.source is None and opened.white == 1.0 and opened.window == 41
+    chip = 1 << 23  # bytes of a chunk of 1000 x 1000 pixels; intervals of dim ones take a dozen
+    assert isinstance(opened.stream, ZarrStream) and opened.stream.kept > 24 * chip
     assert opened.course(0, 0, [1]) is None
+
+
+def test_a_page_waits_until_the_stream_is_open() -> None:
+    """The server answers before it has a stream: its page loads itself again, data say 503."""
+    with ViewServer() as made:
+        thread = threading.Thread(target=made.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            status, page, _ = ask(made, f"/?token={made.token}")
+            assert status == 200 and b'http-equiv="refresh"' in page and b"explorer" not in page
+            assert ask(made, "/?token=wrong")[0] == 403
+            assert ask(made, f"/rates?token={made.token}&at=1&method=tfp&window=1")[0] == 503
+            made.opened = Opened("A", stream(), 0.6, 41, None, [])
+            assert b"data-kind='stream'" in ask(made, f"/?token={made.token}")[1]
+        finally:
+            made.shutdown()
+            thread.join()
+
+
+def view(*words: str) -> subprocess.Popen[str]:
+    """`viform view` in a process of its own, without a browser."""
+    hidden = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    env = {name: value for name, value in os.environ.items() if name not in hidden}
+    code = "from scenarios.cli.entry import main; main()"
+    return subprocess.Popen(
+        [sys.executable, "-c", code, "view", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env,
+    )  # fmt: skip
+
+
+def test_the_command_serves_until_it_is_ended(tmp_path: Path) -> None:
+    write_zarr(stream(), tmp_path / "a.zarr")
+    process = view(str(tmp_path / "a.zarr"))
+    assert process.stdout is not None
+    address, hint = (process.stdout.readline().strip() for _ in range(2))
+    assert hint == "Ctrl-C ends it"
+    while b"data-kind='stream'" not in (page := urlopen(address).read()):
+        assert b"refresh" in page
+    process.send_signal(signal.SIGINT)
+    said, errors = process.communicate(timeout=60)
+    assert (process.returncode, said, errors) == (0, "", "viform: ended\n")
+
+
+@pytest.mark.parametrize("wrong", ["absent", "empty", "port"])
+def test_wrong_inputs_of_the_command_are_one_line(tmp_path: Path, wrong: str) -> None:
+    words, part = [str(tmp_path / wrong)], str(tmp_path)
+    (tmp_path / "empty").mkdir()
+    with socket.socket() as taken:
+        if wrong == "port":
+            write_zarr(stream(), tmp_path / "a.zarr")
+            taken.bind(("127.0.0.1", 0))
+            taken.listen()
+            part = str(taken.getsockname()[1])
+            words = [str(tmp_path / "a.zarr"), "--port", part]
+        process = view(*words)
+        said, errors = process.communicate(timeout=60)
+    assert process.returncode == 2 and said == ""
+    assert errors.count("\n") == 1 and part in errors and "must be" in errors

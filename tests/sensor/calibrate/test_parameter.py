@@ -14,9 +14,11 @@ from sensor.calibrate.parameter import Parameter
         (0.02, (0.01, None), "1", "0.02, 0.01 to ?"),
         ("residual", (None, None), "1", "residual"),
         (None, (None, None), "Hz", ""),
-        (None, (0.0, 7908.0), "1/s", "at most 7908 1/s"),
+        (None, (0.0, 7908.0), "1/s", "at most 7908/s"),
         (None, (232.7, None), "e", "at least 232.7 e"),
         (None, (0.1, 0.2), "1", "0.1 to 0.2"),
+        (1.165e-6, (8.872e-7, 1.444e-6), "s", "1.165 µs, 887.2 ns to 1.444 µs"),
+        (None, (0.0, 7.5e-5), "s", "at most 75 µs"),
     ],
 )
 def test_value_and_limits(value: float | str | None, ci: tuple, unit: str, text: str) -> None:

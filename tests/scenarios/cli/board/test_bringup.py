@@ -1,6 +1,7 @@
 """`viform board` and `viform run bring-up` on the model-level virtual board."""
 
 import json
+import re
 import xml.etree.ElementTree as xml
 
 import pytest
@@ -8,11 +9,13 @@ import pytest
 from cosim import InputError
 from cosim.run.machine import Options
 from rtl_model.bringup.bench.endpoint import virtual_board
+from rtl_model.bringup.bench.stage import Report, Stage
 from rtl_model.bringup.report.page import write_board_report
 from rtl_model.bringup.run import bring_up
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
+from tests.scenarios.pages import page_of
 
 
 def run_board(name, scenario, out, trace=None):
@@ -84,7 +87,25 @@ def test_waveforms_of_a_real_board_are_refused(tmp_path):
 def test_the_report_of_a_silent_board_tells_the_cause(tmp_path):
     report = bring_up("/dev/there-is-none")
     assert write_board_report(report, tmp_path) == ["report.html", "junit.xml"]
-    assert "Stage port failed" in (tmp_path / "report.html").read_text()
+    page = (tmp_path / "report.html").read_text()
+    assert "Stage port failed" in page and "before any bit was compared" in page
+
+
+def test_the_report_states_the_error_rate_that_the_compared_bits_exclude(tmp_path):
+    """None wrong of n: a rate p would show one with 95 % where (1 - p)^n = 0.05."""
+    report = Report("port", 115_200, True)
+    report.stages += [
+        Stage("prbs", "ok", None, {"orders": [7], "bits": 3000, "bits_wrong": 0}, 2.0),
+        Stage("patterns", "failed", "a bit", {"bits_compared": 64}, 1.0),
+        Stage("timing", "left out", "stage patterns failed", {}, 0.0),
+    ]
+    write_board_report(report, tmp_path)
+    page = page_of(tmp_path)
+    rate = float(re.search(r"error rate is below ([\d.]+) with 95 %", page)[1])
+    assert (1 - rate) ** 3000 == pytest.approx(0.05, rel=0.02)
+    questions = re.findall(r"<dt>(What|How|Whether)[^<]*</dt>", page)
+    assert questions == ["What", "Whether", "How", "How", "What"]
+    assert "Stage timing, which depends on stage patterns" in page
 
 
 def test_a_level_that_is_none_is_refused():

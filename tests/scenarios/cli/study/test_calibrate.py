@@ -88,7 +88,11 @@ def test_what_one_moving_recording_cannot_tell(viform, tmp_path):
     code, out, err = viform("calibrate", tmp_path / "a.npz", "--out", tmp_path / "o")
     assert code == 0, err
     assert "no camera.toml: it takes the temporal noise" in out
-    found = json.loads((tmp_path / "o/result.json").read_text())["parameters"]["dead_time"]
+    every = json.loads((tmp_path / "o/result.json").read_text())["parameters"]
+    found, hot = every["dead_time"], every["hot_pixels"]
+    assert (hot["value"], hot["ci"], hot["known"]) == (None, [None, None], False)
+    (line,) = (line for line in out.splitlines() if "hot pixels" in line)
+    assert "cannot be known in light: a hot pixel" in line and "at most" not in line
     # 240 spikes from cycle 0 to cycle 636: the mean interval, with a cycle of rounding.
     assert found["ci"] == [0, pytest.approx((636 + 1) / 239 / 40_000)]
 

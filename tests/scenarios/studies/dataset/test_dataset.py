@@ -8,6 +8,7 @@ import importlib.util
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -408,6 +409,28 @@ def test_items_are_arrays_of_the_stated_shapes(whole: Path) -> None:
             api.SpikeDataset(whole, **wrong)
     with pytest.raises(InputError, match="a folder of `viform dataset`"):
         api.SpikeDataset(whole / "items")
+
+
+def test_an_unfinished_data_set_is_opened_on_request_alone(whole: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    shutil.copytree(whole, folder)
+    (folder / "SHA256SUMS").unlink()  # which is written last
+    last = sorted((folder / "items").glob("*.json"))[-1]
+    split = json.loads(last.read_text())["split"]
+    last.unlink()
+    with pytest.raises(InputError, match=r"^the data set must be finished, not .* with 3 of 4 "):
+        api.SpikeDataset(folder, split)
+    assert len(api.SpikeDataset(folder, split, unfinished=True)) == 1
+    assert len(api.SpikeDataset(whole, split)) == 2
+
+
+@pytest.mark.parametrize("given", [{"workers": 0}, {"scheduler": "nowhere"}])
+def test_workers_that_are_none_are_refused_in_python(given: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(InputError) as raised:
+        api.dataset("objects", out=tmp_path / "set", **given)
+    said = str(raised.value)
+    assert said.startswith(f"--{next(iter(given))} must be") and "\n" not in said
+    assert "Error" not in said and not (tmp_path / "set" / "items").exists()
 
 
 @pytest.mark.skipif(

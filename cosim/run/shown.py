@@ -1,0 +1,137 @@
+"""Progress that a user sees, on standard error: a bar on a terminal, lines in a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from cosim.run.progress import QuietProgress, duration_text
+
+__all__ = [
+    "EVERY_S", "LineProgress", "SilentProgress", "TerminalProgress", "make_progress",
+    "progress_in_python",
+]  # fmt: skip
+
+
+class SilentProgress:
+    """A progress that prints notes only."""
+
+    def start(self, what: str, total: int) -> None: ...
+
+    def advance(self, done: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        print(f"viform: {text}", file=sys.stderr)
+
+    def close(self) -> None: ...
+
+
+EVERY_S = 10.0
+"""Minimum time between two lines of progress in a log, s."""
+
+
+class LineProgress(SilentProgress):
+    """A progress that prints a line every EVERY_S seconds, for logs. A shorter run prints none."""
+
+    def __init__(self) -> None:
+        self._last_line_at = time.monotonic()
+        self._what, self._total, self._steps = "", 0, 0
+        self._first: tuple[int, float] | None = None
+
+    def start(self, what: str, total: int) -> None:
+        self._what, self._total, self._first, self._steps = what, total, None, 0
+
+    def advance(self, done: int) -> None:
+        now, self._steps = time.monotonic(), self._steps + 1
+        if self._steps <= 2:  # kernels are compiled in the first step
+            self._first = done, now
+        if now - self._last_line_at < EVERY_S or not self._total or self._first is None:
+            return
+        self._last_line_at = now
+        before, began = self._first
+        left = ""
+        if before < done < self._total and 100 * (done - before) >= self._total:
+            left = f", {duration_text((self._total - done) * (now - began) / (done - before))} left"
+        self.note(f"{self._what}: {100 * done // self._total} %{left}")
+
+
+class TerminalProgress(SilentProgress):
+    """A progress bar on a terminal."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+        )
+        self._progress.start()
+        self._task: Any = None
+
+    def start(self, what: str, total: int) -> None:
+        self._task = self._progress.add_task(what, total=total)
+
+    def advance(self, done: int) -> None:
+        self._progress.update(self._task, completed=done)
+
+    def note(self, text: str) -> None:
+        self._progress.console.print(f"viform: {text}", markup=False, highlight=False)
+
+    def close(self) -> None:
+        self._progress.stop()
+
+
+def make_progress() -> SilentProgress:
+    """A bar if standard error is a terminal, else lines."""
+    return TerminalProgress() if sys.stderr.isatty() else LineProgress()
+
+
+class _Collected(QuietProgress):
+    """A progress that shows what another one shows, but collects the notes."""
+
+    def __init__(self, shown: SilentProgress) -> None:
+        super().__init__()
+        self._shown = shown
+
+    def start(self, what: str, total: int) -> None:
+        self._shown.start(what, total)
+
+    def advance(self, done: int) -> None:
+        self._shown.advance(done)
+
+
+def _in_notebook() -> bool:
+    """Whether the caller is a cell of a Jupyter notebook, which shows a bar without a terminal."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return type(shell).__name__ == "ZMQInteractiveShell"
+
+
+@contextmanager
+def progress_in_python(shown: bool | None) -> Iterator[QuietProgress]:
+    """The progress of a function that is called in Python; its notes are for the caller.
+
+    shown: whether it is shown, as a bar or, where standard error is no terminal, as lines; None for
+        a bar on a terminal or in a notebook, and nothing elsewhere.
+    """
+    bar = sys.stderr.isatty() or _in_notebook()
+    if shown is False or (shown is None and not bar):
+        yield QuietProgress()
+        return
+    display = TerminalProgress() if bar else LineProgress()
+    try:
+        yield _Collected(display)
+    finally:
+        display.close()
