@@ -115,6 +115,15 @@ class BlockReader(ABC):
             return 0
         return self._read(block, missing)
 
+    def mend(self, group: int, decided: npt.NDArray[np.bool_]) -> None:
+        """Corrects decisions, (symbols, cells) from a group on, that the code of the words has
+        found wrong, in place."""
+        size = self.layout.group
+        for n in range(len(decided) // size):
+            wrong = self.mended.get(group + n)
+            if wrong is not None:
+                decided[n * size : (n + 1) * size] ^= wrong.astype(np.bool_)
+
     def _keep(self, block: int, wrong: Bytes) -> None:
         """Keeps the last groups of a block's wrong decisions, (groups, symbols, cells)."""
         first = block * len(wrong)

@@ -238,8 +238,7 @@ class Session:
             if not count:
                 break
             before = self.inbox.frames_read, self.inbox.frames_right
-            # After wrong frames the timing is in doubt: laws of foreseen classes would delay the
-            # search for the pilots.
+            # After wrong frames the timing is in doubt, and such laws would delay a new search.
             if self._known is not None and self._met is not None and not self.lost:
                 self._met.learn_ahead(recording, detector, self._known, first, count * group)
             soft = detector.soft(
@@ -261,7 +260,8 @@ class Session:
                                       strict=True)
             )  # fmt: skip
             if arrived == 0 or right >= _SOUND * arrived:
-                self._known = self._last_decided(first, self._mended(first, decided))
+                self.inbox.mend((first - TRAINING) // group, decided)
+                self._known = self._last_decided(first, decided)
                 if arrived:
                     self.lost, self.sound_until = False, self.symbol_ends(first + count * group - 1)
                 detector = self._follow(recording, registration, detector, first)
@@ -280,15 +280,6 @@ class Session:
         """
         known = closing(self.layout)[: len(soft)]
         return float(np.mean((soft[: len(known)] > 0) == known)) > _ALIKE
-
-    def _mended(self, first: int, decided: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Returns decisions without those that the code of the words has found wrong."""
-        group = self.layout.group
-        for n in range(len(decided) // group):
-            wrong = self.inbox.mended.get((first - TRAINING) // group + n)
-            if wrong is not None:
-                decided[n * group : (n + 1) * group] ^= wrong.astype(np.bool_)
-        return decided
 
     def _last_decided(
         self, first: int, decided: npt.NDArray[np.bool_]
@@ -338,10 +329,8 @@ class Session:
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                if (
-                    abs(float(self.timing.start(*middle) - self._met.timing.start(*middle)))
-                    > _SHIFTED
-                ):
+                moved = float(self.timing.start(*middle) - self._met.timing.start(*middle))
+                if abs(moved) > _SHIFTED:
                     return self._detector(
                         recording, registration, (recording.first, recording.stop)
                     )
