@@ -251,8 +251,7 @@ class Session:
                 return
             number = self._next
             before = self.inbox.frames_read, self.inbox.frames_right
-            # After wrong frames the timing is in doubt: laws of foreseen classes would delay the
-            # search for the pilots.
+            # After wrong frames the timing is in doubt, and such laws would delay a new search.
             if self._known is not None and self._met is not None and not self.lost:
                 if not self._met.has(first, count * group):
                     self._ahead.stop()
