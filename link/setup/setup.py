@@ -85,7 +85,8 @@ class LinkSetup:
         if choice is not None:
             mode = choice.mode
             text = (
-                f"cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} ticks, {mode.line} "
+                f"cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} "
+                f"{'tick' if mode.ticks == 1 else 'ticks'}, {mode.line} "
                 f"and {mode.word_code}"
             )
             notes.append(

@@ -73,6 +73,14 @@ def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
             f"{len(in_view)} of 4 tags are in view; that at the {places_text} reaches beyond the "
             "image's edge; aim the camera at the middle of the panel, or step back",
         )
+    module = _module(evidence)
+    if module < LEAST_MODULE:
+        return Verdict(
+            Cause.TOO_SMALL,
+            f"{len(in_view)} of 4 tags are readable, not that at the {places_text}: tags too "
+            f"small, whose modules are {module:.2g} camera pixels and need {LEAST_MODULE:g} or "
+            "more; step nearer, or take a longer lens or a larger panel",
+        )
     return Verdict(
         Cause.OCCLUDED,
         f"{len(in_view)} of 4 tags are in view; that at the {places_text} is hidden or unreadable, "
@@ -80,22 +88,47 @@ def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
     )
 
 
-def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
-    """Returns the camera (x, y) of the corners, (4, 2), of the missing tags, half of their margin
-    included.
-
-    They follow from the detected tags and from the size of the panel in their ids. A panel with one
-    unknown side is taken to be square.
-    """
-    import cv2
-
+def _seen_layout(evidence: Evidence) -> Layout | None:
+    """Returns a layout of the size in the ids of the detected tags; None if there is none. A panel
+    with one unknown side is taken to be square."""
     tags = evidence.search.tags
     sides = [tags[corner][0] // 4 * 32 if corner in tags else None for corner in (0, 1)]
     known = [side for side in sides if side]
     width, height = (side or (known[0] if known else 960) for side in sides)
     try:
-        layout = Layout(Mode(width, height, 1, 1, "none", 32))
+        return Layout(Mode(width, height, 1, 1, "none", 32))
     except ValueError:
+        return None
+
+
+def _module(evidence: Evidence) -> float:
+    """Returns the size of a module of the detected tags, mean, camera pixels; infinite if
+    unknown."""
+    layout = _seen_layout(evidence)
+    if layout is None:
+        return math.inf
+    around = [1, 2, 3, 0]
+    sizes = []
+    for corner, (_, places) in evidence.search.tags.items():
+        panel = np.asarray(tag_corners(layout, corner), np.float64)
+        camera = np.asarray(places, np.float64)
+        seen, own = (
+            np.linalg.norm(points[around] - points, axis=1).mean() for points in (camera, panel)
+        )
+        sizes.append(float(seen / own) * layout.module)
+    return float(np.mean(sizes))
+
+
+def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
+    """Returns the camera (x, y) of the corners, (4, 2), of the missing tags, half of their margin
+    included.
+
+    They follow from the detected tags and from the size of the panel in their ids.
+    """
+    import cv2
+
+    tags, layout = evidence.search.tags, _seen_layout(evidence)
+    if layout is None:
         return {}
     panel = np.concatenate([tag_corners(layout, corner) for corner in tags])
     camera = np.concatenate([tags[corner][1] for corner in tags])
