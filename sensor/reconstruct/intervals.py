@@ -79,7 +79,7 @@ def _nearest(word, begin, cycles, after, found, lacking, count):  # type: ignore
 def _search(stream: SpikeStream, cycles: Cycles, within: tuple[int, int], *, after: bool) -> Cycles:
     """First spike at or after each pixel's cycle, or last one before it; -1 where there is none in
     the cycles (first, stop) of `within`. cycles: (n,) all pixels."""
-    first, stop = within
+    first, stop = within[0], min(within[1], stream.cycles)
     found = np.full(cycles.shape, _NONE, np.int64)
     lacking, count = np.arange(cycles.size, dtype=np.int32), cycles.size
     words = (

@@ -46,6 +46,21 @@ def test_intervals_follow_their_definition(planes: np.ndarray, pick: int) -> Non
 
 
 @settings(max_examples=100, deadline=None)
+@given(streams, st.integers(0, 10**6), st.integers(0, 140), st.sampled_from([0, 33, 2**62]))
+def test_intervals_within_a_span(planes: np.ndarray, pick: int, first: int, length: int) -> None:
+    """Spikes outside the span do not count; its end may lie beyond the stream's, without end."""
+    stream, at = Viform.from_planes(planes, CLOCK), pick % len(planes)
+    first = min(first, at)
+    stop = max(at + 1, first + length)
+    begin, end = interval_image(stream, at, (first, stop))
+    within = planes.copy()
+    within[:first] = within[stop:] = 0
+    for place in np.ndindex(planes.shape[1:]):
+        expected = interval_of(within[(slice(None), *place)], at)
+        assert (begin[place], end[place]) == expected
+
+
+@settings(max_examples=100, deadline=None)
 @given(streams, st.integers(0, 10**6), st.integers(1, 60), st.booleans())
 def test_tfi_of_a_window_takes_intervals_between_its_spikes(
     planes: np.ndarray, pick: int, window: int, preceding: bool
