@@ -29,7 +29,7 @@ _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"), (1e-12, "ps"))
 _WAITS = (("min", 60, "s", 1, 60), ("h", 3600, "min", 60, 48), ("d", 86400, "h", 3600, math.inf))
 """Unit, its length in s, the unit of the rest, its length, and how many units one waits at most."""
 _SIGNS = {
-    "bit/s": "b/s", "us": "µs", "um": "µm", "V/um": "V/µm", "cd/m2": "cd/m²", "degC": "°C",
+    "us": "µs", "um": "µm", "V/um": "V/µm", "cd/m2": "cd/m²", "degC": "°C",
 }  # fmt: skip
 """Units as printed, where documents for programs spell them otherwise."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -113,7 +113,7 @@ def elapsed(seconds: float | None) -> str:
 
 
 def amount(value: float | None, unit: str, digits: int = 3) -> str:
-    """Text of a figure: "80 Mb/s" for 8e7 bit/s, "4 ms" for 0.004 s, "85 897" for 85897.
+    """Text of a figure: "80 Mbit/s" for 8e7 bit/s, "4 ms" for 0.004 s, "85 897" for 85897.
 
     Args:
         value: the figure; None and NaN are unknown.

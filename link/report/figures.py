@@ -76,7 +76,7 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> Data:
         ax.invert_yaxis()
         ax.set_xlim(0, most * 1.16)
         ax.xaxis.set_major_formatter(_bits_axis)
-    return Data(("rate", "b/s"), [*rows])
+    return Data(("rate", "bit/s"), [*rows])
 
 
 def lowest_rate(values: Sequence[float | None], bits: int) -> float:

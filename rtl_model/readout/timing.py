@@ -1,6 +1,6 @@
 """Times at which the blocks of the row scan leave the chip, in integer picoseconds.
 
-The plane that is latched in cycle k is read during cycle k + 1, block by block, at 40.96 Gb/s. At
+The plane that is latched in cycle k is read during cycle k + 1, block by block, at 40.96 Gbit/s. At
 this rate, 1000 rows of 1024 bits take exactly one cycle at 40 kHz. It is assumed that the scan
 starts at the edge of the cycle and does not pause; no publication states this.
 """
@@ -20,7 +20,7 @@ from rtl_model.readout.window import Window
 __all__ = ["BIT_RATE", "BLOCK_PS", "ScanTiming"]
 
 BIT_RATE: Final = FRAME_BYTES * 8 * 40_000
-"""Rate of the chip's output, bit/s: 40.96 Gb/s."""
+"""Rate of the chip's output, bit/s: 40.96 Gbit/s."""
 BLOCK_PS: Final = BLOCK_BYTES * 8 * PS // BIT_RATE
 """Duration of a block of 512 bits, ps: exactly 12 500."""
 

@@ -136,8 +136,8 @@ def _link() -> list[Row]:
                by="component"),
         number("002 §2", "clock of the link", "85", LINK_HZ * 1e-6, "MHz",
                note=f"pixels take {100 * timing.utilisation:.1f} % of its clocks; "
-               f"{timing.pair_rate * 1e-6:.0f} Mb/s on a pair, "
-               f"{timing.bits_per_second * 1e-9:.2f} Gb/s in all", by="constant"),
+               f"{timing.pair_rate * 1e-6:.0f} Mbit/s on a pair, "
+               f"{timing.bits_per_second * 1e-9:.2f} Gbit/s in all", by="constant"),
         number("002 §0", "frames a second that the link's lines allow", "30", frames, "1/s",
                note="1280 x 1024, lines of whole clocks", by="formula"),
         listed("002 §2", "clock range of the link's chip, least and most", [True, True],

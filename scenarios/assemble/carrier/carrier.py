@@ -118,8 +118,8 @@ class Carrier:
         hz = self.stream.clock.hz
         return [
             *self.setup.notes(),
-            f"the link carries {number(self.setup.rate * hz / 1e9)} Gb/s of packets; the stream is "
-            f"shown {number(self.hold / hz * 1e3)} ms after it is filmed",
+            f"the link carries {number(self.setup.rate * hz / 1e9)} Gbit/s of packets; the stream "
+            f"is shown {number(self.hold / hz * 1e3)} ms after it is filmed",
         ]
 
     @property

@@ -126,14 +126,14 @@ def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> Data:
     axes[2].set_ylabel("packets left out, %")
     for ax in axes:
         ax.set_xscale("log")
-        ax.set_xlabel("rate of the link for a megapixel, Gb/s")
+        ax.set_xlabel("rate of the link for a megapixel, Gbit/s")
         ax.grid(color=LINE, linewidth=0.5)
         ax.tick_params(colors=INK)
     axes[0].legend(fontsize=8)
     figure.tight_layout()
     write_figure(figure, path, 130)
     head = (
-        "code", "rate, Gb/s", "PSNR, dB, at most 60", "longest wait, ms", "packets left out, %"
+        "code", "rate, Gbit/s", "PSNR, dB, at most 60", "longest wait, ms", "packets left out, %"
     )  # fmt: skip
     rows: list[tuple[Value, ...]] = [
         (p.kind, p.rate / 1e9, min(p.psnr, 60.0), p.wait_us / 1e3 if p.dropped < 1 else None,

@@ -101,10 +101,10 @@ def _write(document: dict[str, Any], out: Path) -> None:
 
 
 def _rate(bps: float) -> str:
-    for size, unit in ((1e9, "Gb/s"), (1e6, "Mb/s"), (1e3, "kb/s")):
+    for size, unit in ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s")):
         if bps >= size:
             return f"{bps / size:.3f} {unit}"
-    return f"{bps:.3g} b/s"
+    return f"{bps:.3g} bit/s"
 
 
 def _text(name: str, document: dict[str, Any]) -> str:

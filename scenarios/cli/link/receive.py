@@ -143,7 +143,7 @@ def _tell(document: dict[str, Any]) -> None:
     print(f"{document['outcome']}: {document['verdict']}")
     if document["file"] is not None:
         rate = document["goodput_bps"]
-        shown = f", {rate / 1e6:.4g} Mb/s" if rate is not None else ""
+        shown = f", {rate / 1e6:.4g} Mbit/s" if rate is not None else ""
         print(f"file: {document['file']['name']}, {document['file']['bytes']} bytes{shown}")
     if document["timing"] is not None:
         mode, timing = document["mode"], document["timing"]

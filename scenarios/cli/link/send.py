@@ -133,7 +133,7 @@ def link_send(
         progress.note(
             f"{len(data)} bytes in {sent.outbox.frames} frames ({sent.outbox.frames_needed} are "
             f"enough, {fill} only fill the last group), {sent.planes} planes, "
-            f"{seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mb/s; up to {sent.outbox.room} "
+            f"{seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mbit/s; up to {sent.outbox.room} "
             f"bytes take as long, and {known} of {sent.symbols} symbols are training and closing"
         )
 

@@ -29,7 +29,7 @@ SIDE = 512
 """Side of the part in the middle of a stream that is measured, pixels."""
 CYCLES = 1024
 GBITS = 1e6 * 40e3 / 1e9
-"""Gb/s of one bit a pixel and cycle, of a megapixel at 40 kHz."""
+"""Gbit/s of one bit a pixel and cycle, of a megapixel at 40 kHz."""
 KS = (1.5, 2.0, 3.0, 5.0, 8.0)
 
 
@@ -113,7 +113,7 @@ def speed(stream: Viform, cycles: int, turns: int = 5) -> list[list[str]]:
 
 
 def draw(rungs: dict[str, list[Rung]], path: Path) -> None:
-    """PSNR over Gb/s of a megapixel. The statistical code has no sizes between its points: k
+    """PSNR over Gbit/s of a megapixel. The statistical code has no sizes between its points: k
     takes it from one group of them to the other."""
     figure, ax = subplots(figsize=(8, 4.6))
     finite = [r.psnr for line in rungs.values() for r in line if np.isfinite(r.psnr)]
@@ -128,7 +128,7 @@ def draw(rungs: dict[str, list[Rung]], path: Path) -> None:
     ax.annotate("lossless", (0.011, top), (0, 4), textcoords="offset points", fontsize=9)
     ax.set_xscale("log")
     ax.set_ylim(None, top + 4)
-    ax.set_xlabel("Gb/s of 1 Mpx at 40 kHz")
+    ax.set_xlabel("Gbit/s of 1 Mpx at 40 kHz")
     ax.set_ylabel("TFP against the stream's own, dB")
     ax.grid(color="#c8ccd4", linewidth=0.5)
     ax.spines[["top", "right"]].set_visible(False)
@@ -154,7 +154,7 @@ def main(arguments: list[str]) -> None:
         [r.name, f"{r.size:.4f}", f"{GBITS * r.size:.2f}", f"{r.psnr:.1f}"]
         for line in rungs.values() for r in line
     ]  # fmt: skip
-    print(table(["code", "bit/pixel-cycle", "Gb/s", "dB"], rows))
+    print(table(["code", "bit/pixel-cycle", "Gbit/s", "dB"], rows))
     timed = speed(stream, 128) + speed(stream, 512)
     print(table(["", "pixel-cycles/s", "core-ns/pixel-cycle"], timed))
     if len(arguments) > 1:

@@ -10,9 +10,9 @@ from cosim.config.amounts import THIN, amount, count, decibel, elapsed, number, 
 @pytest.mark.parametrize(
     ("value", "unit", "digits", "expected"),
     [
-        (4.272e9, "bit/s", 4, "4.272 Gb/s"),
-        (8e7, "bit/s", 3, "80 Mb/s"),
-        (999.9, "bit/s", 3, "1 kb/s"),  # not 1e+03 bit/s
+        (4.272e9, "bit/s", 4, "4.272 Gbit/s"),
+        (8e7, "bit/s", 3, "80 Mbit/s"),
+        (999.9, "bit/s", 3, "1 kbit/s"),  # not 1e+03 bit/s
         (999.4, "bit/s", 3, "999 b/s"),
         (0.0, "bit/s", 3, "0 b/s"),
         (12_345.0, "B/s", 3, "12.3 kB/s"),

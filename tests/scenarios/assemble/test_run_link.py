@@ -242,7 +242,7 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
     )  # fmt: skip
     print_result(result, Path("runs"), [], ["the panel is out of view: aim"], False)
     assert [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()] == [
-        "outcome failed", "verdict the panel is out of view: aim", "raw_bps 5 b/s",
+        "outcome failed", "verdict the panel is out of view: aim", "raw_bps 5 bit/s",
         "unknown ber, fer", "error unknown",
         "left out a: bound 0.5 (proof), 0.25 measured",
         "b: bound 0.5 (estimate), unknown measured",
@@ -251,7 +251,7 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
     print_result(result, Path("runs"), [], [], False)
     said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert (
-        said[:3] == ["ber unknown", "raw_bps 5 b/s", "fer unknown"] and said[-2] == "outcome failed"
+        said[:3] == ["ber unknown", "raw_bps 5 bit/s", "fer unknown"] and said[-2] == "outcome failed"
     )
 
 

@@ -98,12 +98,12 @@ class LinkTiming:
 
     @property
     def bits_per_second(self) -> int:
-        """All 28 parallel bits: 2.38 Gb/s at 85 MHz."""
+        """All 28 parallel bits: 2.38 Gbit/s at 85 MHz."""
         return WORD_BITS * self.clock_hz
 
     @property
     def pair_rate(self) -> int:
-        """Bits a second on one pair: 595 Mb/s at 85 MHz."""
+        """Bits a second on one pair: 595 Mbit/s at 85 MHz."""
         return SERIAL_BITS * self.clock_hz
 
     @property
