@@ -101,7 +101,7 @@ class Throughput:
 
 @dataclass
 class Result:
-    """The result of a run; see "What programs read" in the README. `error` is null if unknown."""
+    """The result of a run; see docs/result.md. `error` is null if unknown."""
 
     scenario: str
     outcome: str

@@ -15,8 +15,8 @@ from rtl_model.imagers.catalogue import IMAGERS
 from rtl_model.imagers.interface.comparison import Comparison
 from rtl_model.imagers.interface.view import View
 from scenarios.assemble.schema.scenario import ImagerScenario
-from scenarios.studies.compare.measure import noise, snr_curve, still_blur
-from scenarios.studies.compare.motion import Motion
+from scenarios.studies.compare.measure import noise, snr_curve
+from scenarios.studies.compare.motion import Motion, edge_blur
 from scenarios.studies.compare.ranges import (
     black_and_slope,
     ends,
@@ -72,17 +72,13 @@ def film_frames(
     skew = float(frames.instants[-1] - frames.instants[0]) / PS
     clipped = frames.clipped(footage.frame)
     stills = [frames.estimate(f) for f in footage.still]
+    blur, unknown = None, "most pixels are saturated: blur is unknown"
+    if clipped <= 0.5:
+        blur, unknown = edge_blur(motion, image, now, frames.instants)
     figures = {
         "dynamic_range": Figure(one_frame(frames.pixels, frames.seconds), "dB"),
         "dynamic_range_controls": Figure(with_controls(comparison, frames.pixels), "dB"),
-        "blur": Figure(
-            None
-            if clipped > 0.5
-            else still_blur(image, now)
-            if still
-            else motion.blur(image, frames.instants),
-            "pixels",
-        ),
+        "blur": Figure(blur, "pixels"),
         "noise": Figure(noise(stills, first, quiet), "1"),
         "data_rate": Figure(bits * rate, "bit/s"),
         "data_rate_pixel": Figure(bits * rate / pixels, "bit/s/pixel"),
@@ -98,7 +94,7 @@ def film_frames(
     }
     notes = [] if footage.settled else ["its exposure oscillates and does not settle"]
     notes += ["no motion: blur of the static scene"] if still else []
-    notes += [comparison.note]
+    notes += [unknown, comparison.note]
     return Camera(
         kind, comparison.title, frames.setting(), "; ".join(n for n in notes if n),
         np.clip(image, 0, 1), figures, time.perf_counter() - begin, corrected,

@@ -25,8 +25,9 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from cosim import PS
+from scenarios.studies.compare.measure import still_blur
 
-__all__ = ["RAMP", "Motion"]
+__all__ = ["RAMP", "Motion", "edge_blur"]
 
 RAMP: Final = 0.8
 """10 to 90 % width of a linear ramp over its length."""
@@ -36,6 +37,8 @@ _FINE: Final = 0.01
 """Tolerance of the search for a span, in steps."""
 _TRIED: Final = 8
 """Number of minima, the lowest first, that are refined."""
+_CHANCE: Final = 6.63
+"""Chi-square of one degree of freedom that chance exceeds in 1 % of the cases."""
 _CHANGE: Final = 0.05
 """Change of reflectance in time that counts as motion, and per pixel as an edge."""
 Image = npt.NDArray[np.float64]
@@ -166,7 +169,40 @@ class Motion:
         residual, at_one = fit(float(grid[at]))
         return residual, float(grid[at]), at_one
 
-    def blur(self, image: Image, instants: npt.NDArray[np.int64]) -> float | None:
-        """10 to 90 % width of an edge at the mean speed, pixels; None if it cannot be measured."""
-        speed, span = self.speed(), self.span(image, instants)
-        return None if speed is None or span is None else RAMP * speed * span
+    def _shorter_fits(
+        self, image: Image, instants: npt.NDArray[np.int64], span: float, where: Mask
+    ) -> bool:
+        """Whether the scene without a mean explains the image as well as its mean over `span`, s:
+        the improvement is below what the noise of the image brings by chance."""
+        sharp, mean = (
+            self.mean(instants, length)[where] for length in (float(self.step), span * PS)
+        )
+        errors = []
+        for trial in (sharp, mean):
+            shape = np.stack([trial - trial.mean(), np.ones(trial.size)], 1)
+            rest = image[where] - shape @ np.linalg.lstsq(shape, image[where], rcond=None)[0]
+            errors.append(float(rest @ rest))
+        return errors[0] - errors[1] < _CHANCE * errors[1] / where.sum()
+
+    def blur(self, image: Image, instants: npt.NDArray[np.int64]) -> tuple[float | None, str]:
+        """10 to 90 % width of an edge at the mean speed, pixels, and "" or why it is not known."""
+        speed, where = self.speed(), self.moving()
+        if speed is None or where is None:
+            return None, "the scene has no edge that moves and is sharp enough to measure blur"
+        span = self.span(image, instants)
+        if span is None:
+            return None, "no exposure of the scene explains the image: blur is unknown"
+        if self._shorter_fits(image, instants, span, where):
+            return None, "the edges of the scene are too soft or too slow to measure blur"
+        return RAMP * speed * span, ""
+
+
+def edge_blur(
+    motion: Motion, image: Image, truth: Image, instants: npt.NDArray[np.int64]
+) -> tuple[float | None, str]:
+    """10 to 90 % width of an edge, pixels, and "" or why it is not known; of the static scene where
+    nothing moves. truth: true reflectance at the instant, (H, W); others as `Motion.blur`."""
+    if motion.moving() is not None:
+        return motion.blur(image, instants)
+    width = still_blur(image, truth)
+    return width, "" if width is not None else "the image is too unlike the scene to measure blur"

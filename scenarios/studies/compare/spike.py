@@ -20,8 +20,8 @@ from scenarios.assemble.camera.boards import refuse_boards
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.studies.compare.measure import Image, noise, snr_curve, still_blur
-from scenarios.studies.compare.motion import Motion
+from scenarios.studies.compare.measure import Image, noise, snr_curve
+from scenarios.studies.compare.motion import Motion, edge_blur
 from scenarios.studies.compare.row import Camera, Figure
 from sensor import CameraSetting, SpikeCamera, interval_rate, isi, tfp
 from sensor.dynamic_range import decibels, longest_width, spike_dynamic_range
@@ -121,12 +121,20 @@ def _cameras(
     for name, (estimate, within, ever, width, text) in methods.items():
         image = estimate(cycle)
         stills = [estimate(int(at)) for at in steps]
+        blur, unknown = edge_blur(near, image, now, instants)
+        notes = (
+            [
+                "the whole chip",
+                "no motion: blur of the static scene" if still else "",
+                "range of one image: intervals within this run",
+            ]
+            if name == "tfi"
+            else ["the same stream"]
+        )
         figures = {
             "dynamic_range": Figure(within, "dB"),
             "dynamic_range_controls": Figure(ever, "dB"),
-            "blur": Figure(
-                still_blur(image, now) if still else near.blur(image, instants), "pixels"
-            ),
+            "blur": Figure(blur, "pixels"),
             "noise": Figure(noise(stills, now, quiet), "1"),
             "data_rate": Figure(rate, "bit/s"),
             "data_rate_pixel": Figure(clock.hz, "bit/s/pixel"),
@@ -142,9 +150,7 @@ def _cameras(
         cameras.append(Camera(
             f"spike-{name}", f"spike camera, {name.upper()}",
             f"{clock.hz / 1e3:g} kHz, threshold {setting.threshold:g} e, {text}",
-            "the whole chip; " + ("no motion: blur of the static scene; " if still else "")
-            + "range of one image: intervals within this run"
-            if name == "tfi" else "the same stream",
+            "; ".join(note for note in (*notes, unknown) if note),
             image, figures, spent if name == "tfi" else 0.0,
             snr=snr_curve(stills, now, quiet),
         ))  # fmt: skip

@@ -250,9 +250,8 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
     ]  # fmt: skip
     print_result(result, Path("runs"), [], [], False)
     said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert (
-        said[:3] == ["ber unknown", "raw_bps 5 bit/s", "fer unknown"] and said[-2] == "outcome failed"
-    )
+    assert said[:3] == ["ber unknown", "raw_bps 5 bit/s", "fer unknown"]
+    assert said[-2] == "outcome failed"
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,8 @@ def test_motion_finds_the_span_that_an_image_is_the_mean_of(span: int) -> None:
     instants = np.full(WIDE[0], middle)
     assert motion.span(image, instants) == pytest.approx(span / PS, rel=0.05)
     assert motion.speed() == pytest.approx(speed, rel=0.1)
-    assert motion.blur(image, instants) == pytest.approx(RAMP * speed * span / PS, rel=0.15)
+    blur, unknown = motion.blur(image, instants)
+    assert (blur, unknown) == (pytest.approx(RAMP * speed * span / PS, rel=0.15), "")
 
 
 def test_rows_at_their_own_instants_are_no_blur() -> None:
@@ -80,6 +81,34 @@ def test_what_stands_still_or_shows_nothing_has_no_motion() -> None:
     drawn = np.random.default_rng(2).normal(0, 1, WIDE)
     moves = Motion(stripes(1500.0), 40 * MS, 30 * MS, MS, 80 * MS)
     assert moves.span(drawn, np.full(WIDE[0], 40 * MS)) is None
+
+
+def soft_stripes(speed: float) -> Any:
+    """A blurry clip: waves of 44 pixels, whose gradient is just enough for an edge."""
+
+    def truth(ps: int) -> Any:
+        x = np.indices(WIDE)[1] - speed * ps / PS
+        return 0.5 + 0.4 * np.sin(2 * np.pi * x / 44)
+
+    return truth
+
+
+@pytest.mark.parametrize("exposure", [0, 1])
+def test_a_blur_that_nothing_tells_from_none_is_unknown(exposure: int) -> None:
+    """Of a blurry clip: 1 ms of a slow wave changes less than the noise of the image."""
+    truth, middle = soft_stripes(300.0), 40 * MS
+    times = np.linspace(middle - exposure * MS // 2, middle + exposure * MS // 2, 41)
+    image = np.mean([truth(int(t)) for t in times], axis=0)
+    image += np.random.default_rng(3).normal(0, 0.05, WIDE)
+    motion = Motion(truth, middle, 30 * MS, MS // 8, 80 * MS)
+    blur, unknown = motion.blur(image, np.full(WIDE[0], middle))
+    assert blur is None and "too" in unknown
+    # edges: the same speed and noise, and the blur is measured
+    truth = stripes(1500.0)
+    image = np.mean([truth(int(t)) for t in np.linspace(38 * MS, 42 * MS, 41)], axis=0)
+    image += np.random.default_rng(3).normal(0, 0.05, WIDE)
+    motion = Motion(truth, middle, 30 * MS, MS // 8, 80 * MS)
+    assert motion.blur(image, np.full(WIDE[0], middle))[0] == pytest.approx(4.8, rel=0.15)
 
 
 def star(ps: int, rows: slice = slice(0, 120)) -> Any:
@@ -105,7 +134,7 @@ def test_a_scene_that_repeats_itself_is_read_at_its_span(span: float) -> None:
         image[row] = np.mean([star(int(instant + t), own)[0] for t in times], axis=0)
     image = image + np.random.default_rng(7).normal(0, image.std(), image.shape)
     expected = RAMP * float(motion.speed() or 0) * span * 1e-3
-    assert motion.blur(0.98 * image + 0.01, instants) == pytest.approx(expected, rel=0.05)
+    assert motion.blur(0.98 * image + 0.01, instants)[0] == pytest.approx(expected, rel=0.05)
 
 
 def test_the_mean_edge_s_speed_is_the_scene_s() -> None:
