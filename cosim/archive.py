@@ -1,18 +1,25 @@
-"""Archives of numpy (`.npz`): reading with all checksums verified, and access in parts."""
+"""Archives of numpy (`.npz`): reading with all checksums verified, and access in parts.
+
+A few megabytes unpack to a thousand times as much. So the headers of all arrays are read first, and
+their sizes are compared with the free memory.
+"""
 
 from __future__ import annotations
 
+import io
+import struct
 import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import IO, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.memory import check_memory
 from cosim.errors import shorten
 
 __all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays"]
@@ -20,6 +27,13 @@ __all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays"]
 _ENTRY = 46
 """Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). An entry
 with a damaged comment length hides the next one, which zipfile does not notice."""
+_LENGTH: Final = {(1, 0): struct.Struct("<H"), (2, 0): struct.Struct("<I")}
+"""Length of an array's header, by the version of its format (numpy.lib.format)."""
+_HEADER: Final = 10_000
+"""Bytes of the longest header; numpy, too, parses no longer one, but reads it first."""
+_TIMES: Final = 2
+"""Arrays of a file may take one part in so many of the free memory: what is made of them takes as
+much again."""
 
 
 def _members(archive: zipfile.ZipFile) -> Iterator[tuple[str, zipfile.ZipInfo]]:
@@ -32,6 +46,8 @@ def _members(archive: zipfile.ZipFile) -> Iterator[tuple[str, zipfile.ZipInfo]]:
             raise ValueError(f"{name} is no array")
         if len(info.comment) >= _ENTRY:
             raise ValueError(f"{info.filename} may hide another member")
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"{info.filename} is compressed by method {info.compress_type}")
         yield name, info
 
 
@@ -52,6 +68,39 @@ def _must_end(member: IO[bytes], name: str) -> None:
         raise ValueError(f"{name}.npy is longer than its array")
 
 
+def _header(member: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether in Fortran order, and type of the array that a member begins with."""
+    magic = member.read(np.lib.format.MAGIC_LEN)
+    version = np.lib.format.read_magic(io.BytesIO(magic))
+    if version not in _LENGTH:
+        raise ValueError(f"{name}.npy is of format {version}")
+    length = _LENGTH[version]
+    stated = member.read(length.size)
+    if len(stated) < length.size:
+        raise ValueError(f"{name}.npy has no header")
+    (size,) = length.unpack(stated)
+    if size > _HEADER:
+        raise ValueError(f"the header of {name}.npy is too large: {size} bytes")
+    rest = io.BytesIO(stated + member.read(size))
+    if version == (1, 0):
+        return np.lib.format.read_array_header_1_0(rest)
+    return np.lib.format.read_array_header_2_0(rest)
+
+
+def _size(archive: zipfile.ZipFile) -> int:
+    """Bytes of all arrays together, by their headers. Raises ValueError if a member is shorter than
+    its header states."""
+    total = 0
+    for name, info in _members(archive):
+        with archive.open(info) as member:
+            shape, _, dtype = _header(member, name)
+        size = int(np.prod(shape, dtype=object)) * dtype.itemsize
+        if size > info.file_size:
+            raise ValueError(f"{name}.npy is shorter than its array")
+        total += size
+    return total
+
+
 def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """The arrays of an `.npz` by name.
 
@@ -59,15 +108,23 @@ def load_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     notice a damaged shape.
 
     Raises:
+        InputError: the arrays take more than half of the free memory; none has been unpacked.
         OSError: the file cannot be read.
         ValueError: the file is no archive, is damaged, or holds anything but arrays of numbers.
     """
     arrays: dict[str, npt.NDArray[Any]] = {}
-    with path.open("rb") as file, _as_value_error(), zipfile.ZipFile(file) as archive:
-        for name, info in _members(archive):
-            with archive.open(info) as member:
-                arrays[name] = np.lib.format.read_array(member, allow_pickle=False)
-                _must_end(member, name)
+    with path.open("rb") as file:
+        with _as_value_error():
+            archive = zipfile.ZipFile(file)
+        with archive:
+            with _as_value_error():
+                size = _size(archive)
+            check_memory(f"the arrays of {path}, twice,", _TIMES * size, "give a smaller file")
+            with _as_value_error():
+                for name, info in _members(archive):
+                    with archive.open(info) as member:
+                        arrays[name] = np.lib.format.read_array(member, allow_pickle=False)
+                        _must_end(member, name)
     return arrays
 
 
@@ -80,14 +137,7 @@ class ArrayReader:
 
     def __init__(self, member: IO[bytes], name: str) -> None:
         self._member, self._name, self._done = member, name, 0
-        version = np.lib.format.read_magic(member)
-        if version == (1, 0):
-            header = np.lib.format.read_array_header_1_0(member)
-        elif version == (2, 0):
-            header = np.lib.format.read_array_header_2_0(member)
-        else:
-            raise ValueError(f"{name}.npy is of format {version}")
-        self.shape, fortran, self.dtype = header
+        self.shape, fortran, self.dtype = _header(member, name)
         if self.dtype.hasobject or (fortran and len(self.shape) > 1):
             raise ValueError(f"{name}.npy must hold numbers in C order")
 

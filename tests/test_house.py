@@ -36,8 +36,8 @@ ONLY_IN = {
 # for a folder or a file of the package; rooms in one string stand side by side.
 ROOMS = {
     "cosim": (
-        "clock errors", "stage archive frames config", "compute light spikes", "files plan", "run",
-        "report",
+        "clock errors", "stage frames config", "compute light spikes", "archive", "files plan",
+        "run", "report",
     ),
     "sensor": (
         "device reconstruct imagers", "circuit", "latched", "sections dynamic_range",

@@ -594,3 +594,33 @@ def test_the_launcher_and_the_project_name_the_same_pythons():
     assert project["requires-python"] == ">=3.11,<3.14"
     assert "(3, 11) <= sys.version_info[:2] < (3, 14)" in (ROOT / "viform").read_text()
     assert (3, 11) <= sys.version_info[:2] < (3, 14)
+
+
+def test_an_environment_that_is_not_its_own_is_never_emptied(box):
+    """One without pip cannot be used, whether a set-up was killed in it before or not."""
+    box.python()
+    box.script("mine/bin/python", "#!/bin/sh\nexit 1\n")
+    box.touch("mine/pyvenv.cfg", "mine/notes.txt")
+    for _ in range(2):
+        done = box.run("list", VIFORM_VENV=str(box.root / "mine"))
+        assert done.returncode == 2
+        assert done.stderr == (
+            f"viform: {box.root}/mine must be a new folder, one that viform made, or an "
+            "environment of Python 3.11, 3.12 or 3.13 with pip, not another: name another in "
+            "VIFORM_VENV\n"
+        )
+        assert (box.root / "mine/notes.txt").exists() and (box.root / "mine/bin/python").exists()
+        assert not made(box.calls())
+        box.touch("mine/viform.unfinished")
+
+
+def test_an_environment_whose_making_was_killed_is_its_own(box):
+    box.python()
+    assert box.run("list").returncode == 0
+    assert (box.venv / "viform.place").read_text() == f"{box.venv}\n"
+    (box.venv / "viform.unfinished").touch()
+    for name in ("pyvenv.cfg", "viform-run.stamp"):
+        (box.venv / name).unlink()
+    box.calls()
+    assert box.run("list").returncode == 0
+    assert made(box.calls()) == 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 import subprocess
 import sys
 import tempfile
@@ -60,18 +61,25 @@ def cache_folder() -> Path:
     """A writable folder for compiled kernels: VIFORM_CACHE, the user's cache, or a temporary
     folder.
 
-    The temporary folder has the user's number in its name, so that runs share it, and is used only
-    if that user owns it.
+    The temporary folder has the user's number in its name, so that runs share it. It is used only
+    if it is a folder, not a link to one, that this user owns and nobody else may enter: compiled
+    kernels are executed.
     """
     choices = (("VIFORM_CACHE", "."), ("XDG_CACHE_HOME", "viform"), ("HOME", ".cache/viform"))
     folders = [Path(os.environ[name]) / below for name, below in choices if os.environ.get(name)]
-    for folder in (*folders, Path(tempfile.gettempdir()) / f"viform-{os.getuid()}"):
+    shared = Path(tempfile.gettempdir()) / f"viform-{os.getuid()}"
+    for folder in (*folders, shared):
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            owned = folder.stat().st_uid == os.getuid()
+            if folder == shared:
+                folder.mkdir(mode=0o700, exist_ok=True)
+                found = folder.lstat()
+                private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
+            else:
+                folder.mkdir(parents=True, exist_ok=True)
+                found, private = folder.stat(), True
         except OSError:
             continue
-        if owned and os.access(folder, os.W_OK | os.X_OK):
+        if private and found.st_uid == os.getuid() and os.access(folder, os.W_OK | os.X_OK):
             return folder
     return Path(tempfile.mkdtemp(prefix="viform-"))
 

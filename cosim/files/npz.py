@@ -16,7 +16,7 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.dat import DAT_CLOCK
 from cosim.files.whole import whole
-from cosim.spikes.viform import SpikeStream, Viform, words_for
+from cosim.spikes.viform import WORD, SpikeStream, Viform, pack_planes, words_for
 
 __all__ = ["read_npz", "write_npz"]
 
@@ -63,7 +63,14 @@ def read_npz(path: Path) -> Viform:
         if 0 in stream.shape:
             raise bad("one without pixels")
         return stream
-    planes = [a for a in arrays.values() if a.ndim == 3 and a.dtype.kind in "bui"]
-    if len(planes) != 1 or 0 in planes[0].shape or not ((planes[0] == 0) | (planes[0] == 1)).all():
+    found = [a for a in arrays.values() if a.ndim == 3 and a.dtype.kind in "bui"]
+    if len(found) != 1 or 0 in found[0].shape:
         raise bad(f"arrays {sorted(arrays)}")
-    return Viform.from_planes(planes[0].astype(np.uint8), DAT_CLOCK)
+    (planes,) = found
+    words = np.empty((words_for(len(planes)), *planes.shape[1:]), np.uint32)
+    for n, word in enumerate(words):  # not at once: that takes several times the memory
+        part = planes[n * WORD : (n + 1) * WORD]
+        if ((part != 0) & (part != 1)).any():
+            raise bad(f"arrays {sorted(arrays)}")
+        word[...] = pack_planes(part.astype(np.uint8))[0]
+    return Viform(words, len(planes), DAT_CLOCK)

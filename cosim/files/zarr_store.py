@@ -24,8 +24,10 @@ import numpy.typing as npt
 import psutil
 
 from cosim.clock import Clock
+from cosim.compute.memory import check_plane
 from cosim.errors import InputError
 from cosim.files.whole import whole
+from cosim.files.zstd import HEAD, content_size
 from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, spikes_beyond, words_for
 from cosim.stage import Block
 
@@ -50,6 +52,8 @@ _KEPT = 1 << 26
 """Bytes of decoded chunks that a reader keeps, beside the last one."""
 _WRITTEN = 1 << 29
 """Bytes of chunks that a recorder keeps, at most: 4096 cycles of 1000 x 1000 pixels."""
+_SUM = 4
+"""Bytes of a chunk's checksum without compression."""
 _AHEAD = 2
 """Blocks that a recorder compresses and writes at the same time."""
 _SHARE = 8
@@ -123,6 +127,10 @@ class ZarrStream:
             raise _bad(path, f"words of shape {words.shape} for {self.cycles} cycles")
         if words.chunks != (_CHUNK, *words.shape[1:]):
             raise _bad(path, f"chunks of shape {words.chunks}")
+        codecs = {type(codec).__name__ for codec in words.compressors}
+        if words.shards is not None or words.filters or not codecs <= {"ZstdCodec", "Crc32cCodec"}:
+            raise _bad(path, f"one with chunks of {', '.join(sorted(codecs))}")
+        check_plane(f"{path}", (words.shape[1], words.shape[2]))
         self._path, self._words, self._written = path, words, written or {}
         self._kept: OrderedDict[int, Words] = OrderedDict()
         self.kept = kept
@@ -154,6 +162,8 @@ class ZarrStream:
         key = self._words.metadata.encode_chunk_key((n, 0, 0))
         if not (self._path / "words" / key).is_file():
             raise _bad(self._path, f"one without chunk {n}", "copy it again, whole")
+        if not self._fits(self._path / "words" / key):
+            raise _bad(self._path, f"damaged in chunk {n}")
         try:
             words = cast(Words, self._words[n * _CHUNK : (n + 1) * _CHUNK])
         except Exception as exc:  # a chunk that does not decode
@@ -162,6 +172,14 @@ class ZarrStream:
         if last and spikes_beyond(words[-1], self.cycles):
             raise _bad(self._path, "one with spikes beyond its last cycle")
         return words
+
+    def _fits(self, path: Path) -> bool:
+        """Whether the file of a chunk unpacks to a chunk, by what it states of itself."""
+        size = _CHUNK * 4 * self.shape[0] * self.shape[1]
+        if any(type(codec).__name__ == "ZstdCodec" for codec in self._words.compressors):
+            with path.open("rb") as file:
+                return content_size(file.read(HEAD)) == size
+        return path.stat().st_size <= size + _SUM
 
     def read_words(self, first: int, stop: int) -> Words:
         """See `SpikeStream`. Raises InputError if a chunk is damaged."""

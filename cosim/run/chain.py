@@ -56,7 +56,8 @@ class BlockChain:
     def load(self) -> None:
         """Restores the stages. Raises InputError if the checkpoint belongs to another run, or if
         the recording is missing."""
-        self.begin = Checkpoint(self.checkpoint, self.identity).load(self.stages)
+        checkpoint = Checkpoint(self.checkpoint, self.identity)
+        self.begin = checkpoint.load(self.stages, self.cycles)
         if self.begin and not (self.folder / self.recording).exists():
             raise InputError(
                 "--resume", f"given with the run's {self.recording}", "without", "leave it out"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import threading
@@ -15,16 +16,33 @@ from typing import Any
 import numpy as np
 
 from cosim.archive import load_arrays
-from cosim.errors import InputError, Interrupted
+from cosim.errors import InputError, Interrupted, shorten
 from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, blocks, section
 
 __all__ = ["Checkpoint", "run_blocks", "stop_requests"]
 
+_DIGEST = "digest"
+"""Name of the array with the digest of all others."""
+
+
+def _digest(arrays: State) -> str:
+    """SHA-256 of names, types, shapes and values in hexadecimal."""
+    found = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        found.update(repr((name, array.dtype.str, array.shape)).encode())
+        found.update(np.ascontiguousarray(array).reshape(-1).tobytes())
+    return found.hexdigest()
+
 
 @dataclass(frozen=True)
 class Checkpoint:
     """The state of a run in one file, which is replaced atomically.
+
+    It holds a digest of all names, types, shapes and values. Stages trust what they restore: an
+    array that is short would end in their compiled code. So nothing is restored before the digest
+    has shown that the file is as a run of the same identity wrote it.
 
     Attributes:
         path: the file.
@@ -41,6 +59,7 @@ class Checkpoint:
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
                 arrays |= {f"{name}/{key}": value for key, value in stage.state().items()}
+        arrays[_DIGEST] = np.array(_digest(arrays))
         part = self.path.with_suffix(".part")
         try:
             with part.open("wb") as file:
@@ -51,34 +70,44 @@ class Checkpoint:
         finally:
             part.unlink(missing_ok=True)  # after an error, such as a full disk
 
-    def load(self, stages: Mapping[str, Stage]) -> int:
+    def load(self, stages: Mapping[str, Stage], last: int | None = None) -> int:
         """Restores the stages; returns the next cycle, 0 if there is no checkpoint.
 
-        Raises InputError for a damaged checkpoint, or one of another run.
+        Args:
+            stages: stages by name.
+            last: the largest cycle that a checkpoint can have, None if unknown.
+
+        Raises InputError for a damaged checkpoint, or one of another run; no stage has changed
+        unless a state is of another form than its stage has.
         """
         if not self.path.exists():
             return 0
-        remedy = f"remove {self.path} to start afresh, or give the run another --out"
         try:
             arrays = load_arrays(self.path)
+            if str(arrays.pop(_DIGEST)) != _digest(arrays):
+                raise ValueError("its digest is another")
             cycle, identity = int(arrays.pop("cycle")), str(arrays.pop("identity"))
         except (OSError, ValueError, TypeError, KeyError) as exc:
-            raise InputError(
-                "the checkpoint", "one that this run wrote", "a damaged file", remedy
-            ) from exc
+            raise self._refusal("one that this run wrote", "a damaged file") from exc
         if identity != self.identity:
-            raise InputError(
-                "the checkpoint", "one of this same scenario", "one of another", remedy
-            )
+            raise self._refusal("one of this same scenario", "one of another")
+        if not 0 <= cycle <= (cycle if last is None else last):
+            raise self._refusal(f"at most at cycle {last}", f"one at cycle {cycle}")
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
                 try:
                     stage.restore(section(arrays, name))
                 except KeyError as exc:  # another version of the program kept other values
-                    raise InputError(
-                        "the checkpoint", f"one with {exc} of {name}", "one without", remedy
+                    raise self._refusal(f"one with {exc} of {name}", "one without") from exc
+                except (ValueError, TypeError, IndexError) as exc:
+                    raise self._refusal(
+                        f"one with the state of {name}", f"one where {shorten(str(exc))}"
                     ) from exc
         return cycle
+
+    def _refusal(self, must: str, actual: str) -> InputError:
+        remedy = f"remove {self.path} to start afresh, or give the run another --out"
+        return InputError("the checkpoint", must, actual, remedy)
 
 
 @contextmanager

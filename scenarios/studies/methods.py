@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 import tomllib
 from collections.abc import Mapping
@@ -24,6 +25,9 @@ __all__ = ["MethodRow", "compare_methods", "truth_of_file", "truth_of_run"]
 
 Truths = Mapping[int, Plane]
 """True reflectance, white = 1, (H, W), by cycle."""
+_PNG: Final = b"\x89PNG\r\n\x1a\n"
+_HEAD: Final = 24
+"""Bytes of a PNG up to its width and height (W3C PNG, 5.2 and 11.2.1)."""
 _UNEVEN: Final = {
     "writes": "a threshold that changes gives white several rates",
     "colour": "the methods take all pixels for grey ones",
@@ -154,6 +158,13 @@ def truth_of_run(path: Path, shape: tuple[int, int]) -> tuple[Truths, float]:
     return {int(file.stem.partition("-")[2]): truth_of_file(file, shape) for file in found}, white
 
 
+def _check_size(own: tuple[int, ...], shape: tuple[int, int]) -> None:
+    """Raises InputError for a picture of another size than the stream's."""
+    if len(own) == len(shape) and own != shape:
+        size, given = (f"{s[1]}x{s[0]}" for s in (shape, own))
+        raise InputError("the truth", f"{size}, as the stream", given, "give that of the stream")
+
+
 def truth_of_file(path: Path, shape: tuple[int, int]) -> Plane:
     """Reflectance, white = 1, (H, W) float32, of a linear grey PNG of 8 or 16 bits, or a `.npy`.
     Raises InputError for another file, or another size."""
@@ -161,10 +172,16 @@ def truth_of_file(path: Path, shape: tuple[int, int]) -> Plane:
 
     try:
         if path.suffix.lower() == ".npy":
-            plane = np.load(path, allow_pickle=False)
+            plane = np.load(path, mmap_mode="r", allow_pickle=False)
+            _check_size(plane.shape, shape)
         else:
-            data = np.frombuffer(path.read_bytes(), np.uint8)
-            plane = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+            data = np.fromfile(path, np.uint8)
+            head = data[:_HEAD].tobytes()
+            if head[:8] != _PNG or len(head) < _HEAD:
+                raise ValueError("no PNG")
+            wide, high = struct.unpack(">2I", head[16:])
+            _check_size((high, wide), shape)  # before it is unpacked
+            plane = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
             if plane is None:
                 raise ValueError("no picture")
         if plane.ndim != 2 or plane.dtype.kind not in "uf" or not np.isfinite(plane).all():
@@ -172,8 +189,5 @@ def truth_of_file(path: Path, shape: tuple[int, int]) -> Plane:
     except (OSError, ValueError, EOFError) as exc:
         what = "a grey PNG, or a .npy of (H, W) finite numbers"
         raise InputError("the truth", what, f"{path} ({exc})", "check it") from exc
-    if plane.shape != shape:
-        size, own = (f"{s[1]}x{s[0]}" for s in (shape, plane.shape))
-        raise InputError("the truth", f"{size}, as the stream", f"{own}", "give that of the stream")
     most = np.iinfo(plane.dtype).max if plane.dtype.kind == "u" else 1
     return np.asarray(plane / np.float32(most), np.float32)

@@ -3,6 +3,10 @@
 A resumed run starts at its beginning. The sequencer and its controllers run again, and the pixel
 values are read from the tape, as far as it reaches, instead of being computed. All random numbers
 are counter based, so the rest of the run gives the same bits as an uninterrupted run.
+
+Each record ends in a CRC-32 that goes on from that of the record before it. The tape ends before
+the first record that does not agree with its own: one that was cut or zero-filled when the machine
+stopped, or damaged later. What follows is computed anew.
 """
 
 from __future__ import annotations
@@ -10,8 +14,9 @@ from __future__ import annotations
 import hashlib
 import os
 import struct
+import zlib
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +27,16 @@ from sensor.imagers import Exposed, PixelModel
 __all__ = ["TAPE", "NoTape", "Tape", "Taped"]
 
 TAPE = "checkpoint.tape"
-_MAGIC = b"viform imager tape 1\n"
+_MAGIC = b"viform imager tape 2\n"
 _OVER = 15
 _LARGEST = 2**20
 """Upper limit of rows and of columns; a record that states more is damaged."""
 _HEAD = struct.Struct("<4q")
-"""Frame, first row, rows, columns; the values follow."""
+"""Frame, first row, rows, columns; the values follow, then the checksum."""
+_CRC = struct.Struct("<I")
+"""CRC-32 of head and values, which begins with that of the record before; 0 before the first."""
+_PART = 1 << 20
+"""Bytes that are read at once."""
 
 
 class Tape:
@@ -45,7 +54,7 @@ class Tape:
     def __init__(self, path: Path, identity: str, resume: bool) -> None:
         self._path = path
         head = _MAGIC + hashlib.sha256(identity.encode()).digest()
-        self.remaining = 0
+        self.remaining = self._crc = 0
         if resume and path.exists():
             size = self._check(head)
             self._file = path.open("r+b")
@@ -58,27 +67,36 @@ class Tape:
         self._file.seek(len(head))
 
     def _check(self, head: bytes) -> int:
-        """Size of the head and all complete records, bytes; 0 if the run was killed before it had
+        """Size of the head and all sound records, bytes; 0 if the run was killed before it had
         written the head. Raises InputError for the tape of another run."""
         size = self._path.stat().st_size
         with self._path.open("rb") as file:
             found = file.read(len(head))
-            if len(found) < len(head) and head.startswith(found):
-                return 0
             if found != head:
-                raise InputError(
-                    "the checkpoint", "one of this same scenario", "one of another, or damaged",
-                    f"remove {self._path} to start afresh, or give the run another --out",
-                )  # fmt: skip
+                if head.startswith(found.rstrip(b"\0")) and _is_zero(file):
+                    return 0
+                raise self._refusal("one of another, or damaged")
             at = len(head)
             while at + _HEAD.size <= size:
-                file.seek(at)
-                *_, rows, columns = _HEAD.unpack(file.read(_HEAD.size))
-                next_one = at + _HEAD.size + 2 * rows * columns
+                first = file.read(_HEAD.size)
+                *_, rows, columns = _HEAD.unpack(first)
+                next_one = at + _HEAD.size + 2 * rows * columns + _CRC.size
                 if not (0 <= rows <= _LARGEST and 0 <= columns <= _LARGEST) or next_one > size:
                     break
-                at, self.remaining = next_one, self.remaining + 1
+                crc, left = zlib.crc32(first, self._crc), 2 * rows * columns
+                while left:
+                    part = file.read(min(left, _PART))
+                    crc, left = zlib.crc32(part, crc), left - len(part)
+                if file.read(_CRC.size) != _CRC.pack(crc):
+                    break
+                at, self._crc, self.remaining = next_one, crc, self.remaining + 1
         return at
+
+    def _refusal(self, actual: str) -> InputError:
+        return InputError(
+            "the checkpoint", "one of this same scenario", actual,
+            f"remove {self._path} to start afresh, or give the run another --out",
+        )  # fmt: skip
 
     def play(self, rows: Exposed) -> npt.NDArray[np.uint16] | None:
         """The values of the next record, (rows, columns); None at the end of the tape."""
@@ -87,17 +105,17 @@ class Tape:
         self.remaining -= 1
         frame, first, high, wide = _HEAD.unpack(self._file.read(_HEAD.size))
         if (frame, first) != (rows.frame, rows.first):
-            raise InputError(
-                "the checkpoint", "one of this same scenario", f"one that is at frame {frame}",
-                f"remove {self._path} to start afresh, or give the run another --out",
-            )  # fmt: skip
+            raise self._refusal(f"one that is at frame {frame}")
         data = self._file.read(2 * high * wide)
+        self._file.seek(_CRC.size, os.SEEK_CUR)
         return np.frombuffer(data, "<u2").reshape(high, wide).astype(np.uint16)
 
     def record(self, rows: Exposed, values: npt.NDArray[np.uint16]) -> None:
-        shape = values.shape
-        self._file.write(_HEAD.pack(rows.frame, rows.first, *shape))
-        self._file.write(np.ascontiguousarray(values, "<u2").data)
+        """Appends values, (rows, columns), that were converted from these rows."""
+        head = _HEAD.pack(rows.frame, rows.first, *values.shape)
+        data = np.ascontiguousarray(values, "<u2").tobytes()
+        self._crc = zlib.crc32(data, zlib.crc32(head, self._crc))
+        self._file.write(head + data + _CRC.pack(self._crc))
 
     def sync(self) -> None:
         """Writes all records to the disk."""
@@ -106,6 +124,11 @@ class Tape:
 
     def close(self) -> None:
         self._file.close()
+
+
+def _is_zero(file: IO[bytes]) -> bool:
+    """Whether the rest of a file is filled with zeros."""
+    return not any(part.strip(b"\0") for part in iter(lambda: file.read(_PART), b""))
 
 
 class NoTape:

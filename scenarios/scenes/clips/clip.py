@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from cosim import InputError, Plane
 from cosim.light.mosaic import Mosaic
-from scenarios.scenes.clips.fitted import LUMINANCE, Fit
+from scenarios.scenes.clips.fitted import DECODING, LUMINANCE, MOST_PIXELS, Fit
 from scenarios.scenes.clips.timeline import Timeline
 
 __all__ = ["SRGB", "Clip", "transfer_curve"]
@@ -147,6 +147,8 @@ class Clip:
         which a damaged file states, as a lack of memory."""
         if isinstance(exc, MemoryError):
             return self._fit.bad("damaged: it states more data than a clip can have")
+        if 0 in getattr(self, "size", (1,)):  # FFmpeg does not say why it has refused the size
+            return self._fit.bad(f"damaged, or of more than {MOST_PIXELS:,} pixels")
         return self._fit.bad(str(getattr(exc, "strerror", None) or exc))
 
     def _start(self) -> None:
@@ -155,14 +157,17 @@ class Clip:
         try:
             if not self._path.is_file():
                 raise self._fit.bad("not a file" if self._path.exists() else "no such file")
-            container = av.open(str(self._path))
+            container = av.open(str(self._path), options=DECODING)
             if not container.streams.video or container.format.name == "tty":  # a text file
                 container.close()
                 raise self._fit.bad("no picture in it")
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
-            if self._strict and _is_still(container.format.name):
-                stream.codec_context.options = {"err_detect": "explode"}
+            if stream.codec_context is None:
+                raise self._fit.bad("pictures in a form without a decoder")
+            strict = self._strict and _is_still(container.format.name)
+            stream.codec_context.options = DECODING | ({"err_detect": "explode"} if strict else {})
+            self._fit.check_size(stream.codec_context.height, stream.codec_context.width)
             self._aspect = float(stream.sample_aspect_ratio or 1)
             self.size = stream.codec_context.height, stream.codec_context.width
             self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
@@ -227,6 +232,7 @@ class Clip:
         return self._planes[number]
 
     def _linear(self, frame: Any) -> Plane:
+        self._fit.check_size(frame.height, frame.width)
         turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
         if _FLOATS.search(frame.format.name):
             return self._fit.floats(_values(frame), self._aspect, turns)

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError, Plane
+from cosim.compute.memory import check_memory
 from cosim.light.mosaic import Mosaic
 
-__all__ = ["LUMINANCE", "Fit"]
+__all__ = ["DECODING", "LUMINANCE", "MOST_PIXELS", "Fit"]
+
+MOST_PIXELS: Final = 1 << 26
+"""Pixels of a picture, at most: twice those of 8K video (7680 x 4320)."""
+DECODING: Final = {"max_pixels": str(MOST_PIXELS)}
+"""Options of FFmpeg: it refuses larger pictures when it has read their size."""
+_BYTES: Final = 40
+"""Bytes that a picture takes for each pixel while it is read, at most: decoded, with 16 bits of
+three colours, and as three float32 twice."""
+_WIDEST: Final = 8
+"""Times the pixels of the sensor up to which a scaled picture is cropped after it is scaled."""
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
@@ -74,8 +85,6 @@ class Fit:
         scale = max(rows / height, columns / wide)
         size = (max(columns, round(wide * scale)), max(rows, round(height * scale)))
         shrinks = size[0] < light.shape[1] and size[1] < light.shape[0]
-        method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        scaled = cv2.resize(np.ascontiguousarray(light), size, interpolation=method)
         share = rows * columns / (size[0] * size[1])
         if share < _CROPPED:
             self.note(
@@ -83,7 +92,12 @@ class Fit:
                 f"to the sensor's {columns} x {rows}"
             )
         top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
-        plane = scaled[top : top + rows, left : left + columns]
+        if shrinks or share * _WIDEST >= 1:
+            method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+            scaled = cv2.resize(np.ascontiguousarray(light), size, interpolation=method)
+            plane = scaled[top : top + rows, left : left + columns]
+        else:  # a picture of a row becomes a thousand times as wide as the sensor
+            plane = _part(light, size, (top, left), self._shape)
         if most is not None:
             plane = np.clip(plane, 0, most)
         if self._mosaic is not None and self._mixed:
@@ -113,3 +127,35 @@ class Fit:
         if light.max(initial=0) > 1:
             self.note(f"{self._path.name}: light above white (1) is filmed as it is")
         return self.on(light, aspect, turns)
+
+    def check_size(self, height: int, width: int) -> None:
+        """Raises InputError for a picture of too many pixels, or if memory is short."""
+        if height * width > MOST_PIXELS:
+            raise self.bad(f"{width} x {height} pixels: {MOST_PIXELS:,} at most are accepted")
+        what = f"scene.path, {self._path} of {width} x {height} pixels,"
+        check_memory(what, _BYTES * height * width, "scale it down")
+
+
+def _part(
+    light: npt.NDArray[np.float32], size: tuple[int, int], begin: tuple[int, int],
+    shape: tuple[int, int],
+) -> npt.NDArray[np.float32]:  # fmt: skip
+    """A part of a picture that is scaled by bilinear interpolation, as OpenCV does, without the
+    rest of it.
+
+    Args:
+        light: (h, w, ...).
+        size: (width, height) of the whole picture after scaling.
+        begin: first row and column of the part in it.
+        shape: rows and columns of the part.
+    """
+    shares = [light.shape[axis] / shape[axis] for axis in (0, 1)]
+    for axis in (1, 0) if shares[1] > shares[0] else (0, 1):  # first the one that is cut most
+        scaled, first, count = size[1 - axis], begin[axis], shape[axis]
+        length = light.shape[axis]
+        place = np.clip((np.arange(first, first + count) + 0.5) * length / scaled - 0.5, 0, None)
+        low = np.minimum(place.astype(np.int64), length - 1)
+        weight = (place - low).astype(np.float32).reshape(-1, *(1,) * (light.ndim - 1 - axis))
+        one, two = (np.take(light, np.minimum(low + n, length - 1), axis) for n in (0, 1))
+        light = one + (two - one) * weight
+    return light

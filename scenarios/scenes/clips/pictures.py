@@ -15,6 +15,7 @@ from cosim import InputError, Plane
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.clip import SRGB, Clip, transfer_curve
 from scenarios.scenes.clips.fitted import Fit
+from scenarios.scenes.clips.tiff import tiff_size
 from scenarios.scenes.clips.timeline import Timeline
 
 __all__ = ["Pictures", "open_clip"]
@@ -127,6 +128,7 @@ def _from_array(
         raise fit.bad(f"shape {values.shape}: (H, W), (T, H, W) or (T, H, W, 3) are accepted")
     frames = values if values.ndim > 2 else values[None]
     size = frames.shape[1], frames.shape[2]
+    fit.check_size(*size)
     return Pictures(path, lambda n: _shown(frames[n], fit), len(frames), size, rate, notes)
 
 
@@ -170,6 +172,7 @@ def _one(path: Path, shape: tuple[int, int], mosaic: Mosaic | None, mixed: bool)
             notes: list[str] = []
             fit = Fit(path, shape, mosaic, mixed, notes)
             size = values.shape[0], values.shape[1]
+            fit.check_size(*size)
             return Pictures(path, lambda n: _shown(values, fit), 1, size, None, notes)
         return _from_array(path, shape, mosaic, mixed, None)
     return open_clip(path, shape, mosaic, mixed)
@@ -198,21 +201,25 @@ def open_clip(
         return _from_folder(path, shape, mosaic, mixed, rate)
     if path.suffix.lower() == ".npy" and path.is_file():
         return _from_array(path, shape, mosaic, mixed, rate)
-    values = _tiff(path) if path.suffix.lower() in (".tif", ".tiff") else None
-    if values is None:
-        return Clip(path, shape, mosaic, mixed)
     notes: list[str] = []
     fit = Fit(path, shape, mosaic, mixed, notes)
+    values = _tiff(path, fit) if path.suffix.lower() in (".tif", ".tiff") else None
+    if values is None:
+        return Clip(path, shape, mosaic, mixed)
     size = values.shape[0], values.shape[1]
     return Pictures(path, lambda n: fit.floats(values), 1, size, None, notes)
 
 
-def _tiff(path: Path) -> npt.NDArray[Any] | None:
+def _tiff(path: Path, fit: Fit) -> npt.NDArray[Any] | None:
     """Floats of a TIFF, (H, W) or (H, W, 3), of which FFmpeg reads only some; None for another
     file."""
     import cv2
 
-    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
+    size = tiff_size(path) if path.is_file() else None
+    if size is None:
+        return None
+    fit.check_size(*size)
+    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if values is None or not np.issubdtype(values.dtype, np.floating):
         return None
     return values if values.ndim == 2 else values[..., 2::-1]  # blue, green, red, and alpha

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import PS, Clock
+from scenarios.scenes.clips.fitted import DECODING
 
 __all__ = ["Timeline"]
 
@@ -50,7 +51,7 @@ class Timeline:
         import av
 
         try:
-            container = av.open(str(path))
+            container = av.open(str(path), options=DECODING)
             stream = container.streams.video[0]
             stamped = (
                 container.format.name in _STAMPED

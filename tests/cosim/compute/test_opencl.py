@@ -229,6 +229,22 @@ def test_a_cache_that_cannot_be_written_is_passed_over(
     assert found.is_dir()
 
 
+@pytest.mark.parametrize("kind", ["link", 0o777, 0o750])
+def test_a_temporary_cache_that_others_may_change_is_not_used(
+    homeless: Path, kind: int | str
+) -> None:
+    shared = homeless / f"viform-{os.getuid()}"
+    if kind == "link":
+        (homeless / "elsewhere").mkdir(mode=0o700)
+        shared.symlink_to(homeless / "elsewhere")
+    else:
+        shared.mkdir()
+        shared.chmod(int(kind))
+    found = cache_folder()
+    assert found != shared and found.parent == homeless
+    assert found.stat().st_mode & 0o777 == 0o700 and not found.is_symlink()
+
+
 def test_the_cache_stays_where_it_is_once_found(
     homeless: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

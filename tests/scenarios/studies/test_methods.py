@@ -8,15 +8,17 @@ import cv2
 import numpy as np
 import pytest
 
-from cosim import Clock, Viform
+from cosim import Clock, InputError, Viform
 from cosim.files import open_stream
 from cosim.files.npz import write_npz
 from cosim.stage import blocks
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import filmed, load
+from scenarios.studies.methods import truth_of_file
 from sensor import SpikeCamera, tfp
 from sensor.reconstruct import METHODS, reconstruct
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
+from tests.scenarios.scenes.clips.test_sizes import png
 
 
 @pytest.mark.parametrize(
@@ -128,7 +130,7 @@ def test_a_truth_of_the_user_is_met(known, viform):
          "the truth must be 24x16, as the stream, not 25x16; give that of the stream"),
         (("--truth", "{folder}/a.npz", "--at", "9"),
          "the truth must be a grey PNG, or a .npy of (H, W) finite numbers, not {folder}/a.npz "
-         "(no picture); check it"),
+         "(no PNG); check it"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_compared_is_one_line(known, refused, words, said):
@@ -143,3 +145,10 @@ def test_a_run_whose_white_changes_is_refused(step_run, refused, tmp_path):
     text = (step_run.folder / "scenario.toml").read_text()
     (tmp_path / "scenario.toml").write_text(text + '\n[sensor.colour]\nfilter = "rggb"\n')
     assert "must be a run without sensor.colour" in refused("compare-methods", tmp_path)
+
+
+def test_a_truth_of_many_pixels_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+    png(tmp_path / "a.png", 4000, 3000)
+    monkeypatch.setattr(cv2, "imdecode", None)
+    with pytest.raises(InputError, match="the truth must be 24x16, as the stream, not 4000x3000"):
+        truth_of_file(tmp_path / "a.png", (16, 24))

@@ -6,7 +6,9 @@ with a camera that reads the bands. What is lost with a worker, or with an inter
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +25,7 @@ from cosim.run.chain import BlockChain
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.progress import Progress
 from cosim.run.workers import workers_for
-from cosim.spikes.viform import WORD, words_for
+from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import State
 from scenarios.assemble.camera.bands.band import Band, expose_band
 from scenarios.assemble.camera.planning import RunPlan
@@ -106,15 +108,15 @@ class BandedCamera:
             self._rows = band_rows(height, width, self._setup.cycles, pool.count)
             self._begin()
             left = {n: (self._band(rows),) for n, rows in enumerate(self._rows)
-                    if not self._path(n).exists()}  # fmt: skip
+                    if not _is_sound(self._path(n))}  # fmt: skip
             count = len(self._rows)
             progress.start(f"{count} bands of up to {self._rows[0][1]} rows", count)
             done = count - len(left)
             progress.advance(done)
             try:
                 for number, words in pool.run(expose_band, left):
-                    with whole(self._path(number)) as part, part.open("wb") as file:
-                        np.save(file, words)
+                    with whole(self._path(number)) as part:
+                        _write(part, words)
                     done += 1
                     progress.advance(done)
             except KeyboardInterrupt:
@@ -162,6 +164,30 @@ class BandedCamera:
         """Removes the bands."""
         self._open = []
         rmtree(self._folder, ignore_errors=True)
+
+
+def _write(path: Path, words: Words) -> None:
+    """Writes a band as `.npy`, with the digest of the file behind the array."""
+    with path.open("w+b") as file:
+        np.save(file, words)
+        file.seek(0)
+        digest = hashlib.file_digest(file, "sha256").digest()
+        file.seek(0, os.SEEK_END)
+        file.write(digest)
+
+
+def _is_sound(path: Path) -> bool:
+    """Whether a band is there, as it was written."""
+    if not path.exists():
+        return False
+    found = hashlib.sha256()
+    left = path.stat().st_size - found.digest_size
+    with path.open("rb") as file:
+        while left > 0:
+            part = file.read(min(left, 1 << 20))
+            found.update(part)
+            left -= len(part)
+        return file.read() == found.digest()
 
 
 @dataclass
