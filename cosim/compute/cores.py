@@ -16,8 +16,6 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, Final, TypeVar
 
-import numba
-
 __all__ = ["all_cores", "cores"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -37,6 +35,8 @@ def cores() -> int:
 
 def _shared() -> bool:
     """Whether several threads may enter numba's thread pool. It is not known before the first."""
+    import numba  # takes half a second, and its functions are there when this is called
+
     try:
         return numba.threading_layer() in _SAFE
     except ValueError:

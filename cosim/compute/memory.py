@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 from typing import Final
 
 import psutil
@@ -20,6 +19,10 @@ copy, and a float64 and what it is computed from."""
 def free_memory() -> int:
     """Bytes that this process may still take: what the machine has, and its own limit."""
     free = int(psutil.virtual_memory().available)
+    try:
+        import resource  # not on Windows
+    except ImportError:
+        return free
     most, _ = resource.getrlimit(resource.RLIMIT_AS)
     if most != resource.RLIM_INFINITY:
         free = min(free, most - int(psutil.Process().memory_info().vms))

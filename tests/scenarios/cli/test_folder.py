@@ -77,7 +77,7 @@ def test_a_request_to_end_is_met_as_an_interrupt(tmp_path: Path) -> None:
         time.sleep(0.02)
     os.kill(child.pid, signal.SIGTERM)
     _, text = child.communicate(timeout=60)
-    assert child.returncode == 130
+    assert child.returncode == 130, text
     assert "--resume" in text and "Traceback" not in text
     assert (out / "checkpoint.npz").exists() and not (out / "result.json").exists()
 
