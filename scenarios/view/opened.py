@@ -119,9 +119,12 @@ def open_recording(path: Path, size: tuple[int, int] | None = None) -> Opened:
             stream.kept = _KEPT
         return Opened(path.name, stream, 1.0, PLAYED, None, notes)
     if not (path / STREAM).exists():
+        frames = (path / "frames.zarr").exists()
         raise InputError(
-            "the run", f"one with {STREAM}", "without", "run it again without --store none"
-        )
+            "the run", f"one with {STREAM}", "one of frames" if frames else "without",
+            f"explore its frames in {path / 'report.html'}" if frames
+            else "run it again without --store none",
+        )  # fmt: skip
     result = read_result(path)
     found = ZarrStream(path / STREAM, kept=_KEPT)
     white = None if result is None else result.metrics.get("white_rate")

@@ -14,6 +14,7 @@
     let times = Math.min(wide, tall);
     if (pixels && times > 1) times = Math.floor(times);
     if (!pixels) times = Math.min(times, 2);
+    if (!pixels && innerWidth < 600) times = Math.max(times, 1);  // its text is read by scrolling
     picture.classList.toggle("pixels", pixels && times > 1);
     picture.style.width = `${Math.floor(picture.naturalWidth * times)}px`;
   };

@@ -45,7 +45,7 @@ def view(
         if json:
             print_document({"stream": str(run), "address": server.address})
         else:
-            print(f"{server.address}\nCtrl-C ends it")
+            print(f"{server.address}\nopen this address in a browser; Ctrl-C ends it")
         sys.stdout.flush()
         if _has_browser():
             import webbrowser

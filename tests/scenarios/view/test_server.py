@@ -210,7 +210,7 @@ def test_the_command_serves_until_it_is_ended(tmp_path: Path) -> None:
     process = view(str(tmp_path / "a.zarr"))
     assert process.stdout is not None
     address, hint = (process.stdout.readline().strip() for _ in range(2))
-    assert hint == "Ctrl-C ends it"
+    assert hint == "open this address in a browser; Ctrl-C ends it"
     while b"data-kind='stream'" not in (page := urlopen(address).read()):
         assert b"refresh" in page
     process.send_signal(signal.SIGINT)
