@@ -209,7 +209,7 @@ class Explorer {
     this.pictures = {};
     const row = element("div", { class: "pictures" });
     for (const [key, title] of [["spikes", "from spikes"], ["light", "true light"],
-      ["difference", "spikes − light"]]) {
+      ["difference", "spikes − light: red brighter, blue darker, full at ¼ of white"]]) {
       const canvas = element("canvas", { tabIndex: 0, role: "img", "aria-label": title });
       this.pictures[key] = { canvas, box: element("figure", {}, canvas, element("figcaption", {}, title)) };
       row.append(this.pictures[key].box);
