@@ -123,12 +123,7 @@ class Frames {
       }
     }
     context.putImageData(image, 0, 0);
-    if (this.pixel) {
-      const [x, y] = this.pixel, half = Math.max(2, Math.round(columns / 60));
-      context.strokeStyle = "#ffb000";
-      context.lineWidth = Math.max(1, columns / 250);
-      context.strokeRect(x - half + 0.5, y - half + 0.5, 2 * half, 2 * half);
-    }
+    if (this.pixel) framed(context, this.pixel, columns);
     this.tell(of);
     this.trace();
   }

@@ -77,6 +77,14 @@ const SIGNED = colours((n) => {
   return [255 * Math.min(1 + off, 1), 255 * (1 - Math.abs(off)), 255 * Math.min(1 - off, 1)];
 });
 
+/** A square around a pixel of a picture that is so many pixels wide. */
+const framed = (context, [x, y], width) => {
+  const half = Math.max(2, Math.round(width / 60));
+  context.strokeStyle = "#ffb000";
+  context.lineWidth = Math.max(1, width / 250);
+  context.strokeRect(x - half + 0.5, y - half + 0.5, 2 * half, 2 * half);
+};
+
 /** A canvas to draw lines and text on, in CSS pixels. */
 class Plot {
   constructor(canvas, height) {

@@ -324,12 +324,7 @@ class Explorer {
     const pixels = new Uint32Array(image.data.buffer);
     for (let n = 0; n < pixels.length; n++) pixels[n] = table[codes[n]];
     context.putImageData(image, 0, 0);
-    if (this.pixel) {
-      const [x, y] = this.pixel, half = Math.max(2, Math.round(width / 60));
-      context.strokeStyle = "#ffb000";
-      context.lineWidth = Math.max(1, width / 250);
-      context.strokeRect(x - half + 0.5, y - half + 0.5, 2 * half, 2 * half);
-    }
+    if (this.pixel) framed(context, this.pixel, width);
   }
 
   pick(x, y) {

@@ -140,10 +140,11 @@ def _from_folder(
     if not files:
         raise Fit(path, shape, mosaic, mixed, notes).bad("a folder without files")
 
-    size = _one(files[0], shape, mosaic, mixed).size
+    first = _one(files[0], shape, mosaic, mixed)
+    size = first.size
 
     def read(n: int) -> Plane:
-        part = _one(files[n], shape, mosaic, mixed)
+        part = _one(files[n], shape, mosaic, mixed) if n else first
         if part.rate:
             raise Fit(files[n], shape, mosaic, mixed, notes).bad(
                 "several frames in a folder's file"
