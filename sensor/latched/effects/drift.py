@@ -2,7 +2,8 @@
 
 The counts of a chip under still light vary more than those of independent pixels: supply, threshold
 and lamp drift. The gain is 1 + size n(t), n linear between standard normal values `KNOT` cycles
-apart, in steps of `STEP` cycles, so that constant light stays constant in between.
+apart, in steps of `STEP` cycles, so that constant light stays constant in between. A step begins
+within a word of the output: the light of all pixels changes in that word alone.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ KNOT: Final = 512
 """Cycles between the values of the drift: those of the recording, about."""
 STEP: Final = 128
 """Cycles of one gain."""
+_BEGIN: Final = 16
+"""Cycle at which the second step begins; the first one extends to before the run."""
 _SIGMAS: Final = 4.0
 """Deviations within which the drift of a run is taken to lie."""
 
@@ -57,10 +60,18 @@ class Drift:
         self._planes: dict[tuple[int, int], tuple[Plane, Plane]] = {}
 
     def gain(self, step: int) -> float:
-        """Gain of a step of `STEP` cycles; before the run it is that of the first one."""
-        knot, part = divmod(max(step, 0) * STEP, KNOT)
+        """Gain of a step of `STEP` cycles."""
+        knot, part = divmod(step * STEP, KNOT)
         low, high = _knots(self._seed, knot)
         return 1 + self._size * (low + (high - low) * part / KNOT)
+
+    def step(self, cycle: int) -> int:
+        """The step of a cycle, from 0 on."""
+        return max((cycle - _BEGIN) // STEP + 1, 0)
+
+    def _edge(self, step: int) -> int:
+        """The instant at which a step begins, ps."""
+        return self._clock.edge((step - 1) * STEP + _BEGIN)
 
     def on(self, light: Light, start: int, cycles: int) -> Light:
         """The light of these cycles and of two before and after, as far as it is given."""
@@ -71,8 +82,8 @@ class Drift:
         for piece in light.pieces:
             if piece.stop <= begin or piece.start >= end:
                 continue
-            first = clock.cycle_at(max(piece.start, begin)) // STEP
-            last = clock.cycle_at(min(piece.stop, end) - 1) // STEP
+            first = self.step(clock.cycle_at(max(piece.start, begin)))
+            last = self.step(clock.cycle_at(min(piece.stop, end) - 1))
             made += [self._part(piece, step) for step in range(first, last + 1)]
         self._parts = {k: v for k, v in self._parts.items() if any(v[1] is p for p in made)}
         return Light(tuple(made), light.unit)
@@ -82,19 +93,20 @@ class Drift:
         known = self._parts.get((id(piece), step))
         if known is not None and known[0] is piece:
             return known[1]
-        clock = self._clock
-        start = max(piece.start, clock.edge(step * STEP))
-        stop = min(piece.stop, clock.edge((step + 1) * STEP))
-        if piece.constant:
-            first = last = self._scaled(piece.first, step)
-        else:
-            first, last = self._level(piece, start, step), self._level(piece, stop, step)
-        part = Piece(start, stop, first, last)
+        start = piece.start if step == 0 else max(piece.start, self._edge(step))
+        stop = min(piece.stop, self._edge(step + 1))
+        first, last = self._level(piece, start, step), self._level(piece, stop, step)
+        joins = step == 0 or self._edge(step) < piece.start  # the part before has the same gain
+        part = Piece(start, stop, first, last, piece.changed if joins else None)
         self._parts[id(piece), step] = piece, part
         return part
 
     def _level(self, piece: Piece, at: int, step: int) -> Plane:
         """Level of a piece at an instant, ps, at least 0, times the gain of a step."""
+        if piece.constant or at == piece.start:
+            return self._scaled(piece.first, step)
+        if at == piece.stop:  # the first plane of the next piece
+            return self._scaled(piece.last, step)
         from sensor.latched.effects.gained import gained  # numba, which other starts need not load
 
         first, last = (np.ascontiguousarray(end, np.float32) for end in (piece.first, piece.last))

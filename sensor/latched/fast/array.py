@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
-from sensor.latched.fast.course import Course, course_of
+from sensor.latched.fast.course import Course, course_of, parts_of
 from sensor.latched.fast.units import (
     BANK,
     DEAD_TIME,
@@ -198,6 +198,10 @@ class PixelArray:
         return course_of(
             light, self.clock, self.row_offsets, start, cycles, self._most, anchored=self._ramps
         )
+
+    def parts(self, light: Light, start: int, cycles: int) -> list[tuple[int, int]]:
+        """Parts of a call that differ in how much of the light changes; see `parts_of`."""
+        return parts_of(light, self.clock, self.row_offsets, start, cycles)
 
     def timed_course(self, light: Light, start: int, cycles: int) -> Course | None:
         """Course of the light in the rows whose sampling instants have noise, for the groups with

@@ -28,7 +28,7 @@ from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import WORD
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["MOST_PLANES", "Course", "Segment", "course_of"]
+__all__ = ["MOST_PLANES", "Course", "Segment", "course_of", "parts_of"]
 
 MOST_PLANES: Final = 16
 """Most planes of a segment, including its base, and of a launch of a kernel."""
@@ -91,6 +91,38 @@ def _box(met: tuple[Piece, ...]) -> Box | None:
         return None
     y0, y1, x0, x1 = zip(*boxes, strict=True)
     return min(y0), max(y1), min(x0), max(x1)
+
+
+def _met(light: Light, begin: int, end: int) -> tuple[Piece, ...]:
+    """The pieces of light between two instants, ps."""
+    begun = bisect_left(light.pieces, end, key=attrgetter("start"))
+    ended = bisect_right(light.pieces, begin, key=attrgetter("stop"))
+    return light.pieces[ended:begun] or light.pieces[:1]
+
+
+def parts_of(
+    light: Light, clock: Clock, offsets: npt.NDArray[np.int64], start: int, cycles: int
+) -> list[tuple[int, int]]:
+    """Parts of a call, (first cycle within it, cycles): those in which the light of most of the
+    plane changes, and the others. They begin with words of the output.
+
+    Args:
+        light, clock, offsets, start, cycles: see `course_of`.
+    """
+    earliest, latest = _ends_of(offsets)
+    parts: list[tuple[int, int]] = []
+    most = False
+    for first in range(0, cycles, WORD):
+        until = min(first + WORD, cycles)
+        begin, end = clock.edge(start + first) + earliest, clock.edge(start + until) + latest
+        y0, y1, x0, x1 = _box(_met(light, begin, end)) or (0, 0, 0, 0)
+        wide = 2 * (y1 - y0) * (x1 - x0) > light.shape[0] * light.shape[1]
+        if parts and wide == most:
+            parts[-1] = parts[-1][0], until - parts[-1][0]
+        else:
+            parts.append((first, until - first))
+        most = wide
+    return parts
 
 
 def _ends_of(offsets: npt.NDArray[np.int64]) -> tuple[int, int]:
@@ -333,9 +365,7 @@ def course_of(
             f"light must cover {max(begin, 0)} to {end} ps, not "
             f"{light.pieces[0].start} to {light.pieces[-1].stop} ps"
         )
-    begun = bisect_left(light.pieces, end, key=attrgetter("start"))
-    ended = bisect_right(light.pieces, begin, key=attrgetter("stop"))
-    met = light.pieces[ended:begun] or light.pieces[:1]
+    met = _met(light, begin, end)
     box = _box(met) if timing is None else (timing.first, timing.stop, 0, light.shape[1])
     if box is None:
         return Course(met[0].first, None, [], met)

@@ -19,7 +19,7 @@ from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
 from cosim.light.light import Box, Light, Plane
-from cosim.spikes.viform import words_for
+from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
 from sensor.latched.fast.taking_over import taken_over
@@ -270,19 +270,29 @@ class FastPixels:
                 After negative light the state has no meaning.
         """
         array = self._array
-        course = array.course(light, start, cycles)
-        timed = array.timed_course(light, start, cycles)
-        self._share(course, *([] if timed is None else [timed]))
         out = self._outputs.take((words_for(cycles), array.shape[0] * array.shape[1]))
-        words = self._device.target(out)
-        self._steady(course, start, cycles, words)
-        for each, flag in ((course, 0), (timed, TIMING)):
-            if each is not None and each.box is not None:
-                for run in self._launches(each.segments):
-                    self._moving(run, each.box, start, words, flag)
+        courses = [
+            (
+                start + first, n, array.course(light, start + first, n),
+                array.timed_course(light, start + first, n),
+                out[first // WORD : words_for(first + n)],
+            )
+            for first, n in array.parts(light, start, cycles)
+        ]  # fmt: skip
+        self._share(*(one for each in courses for one in each[2:4] if one is not None))
+        targets = []
+        for begin, n, course, timed, part in courses:
+            words = self._device.target(part)
+            self._steady(course, begin, n, words)
+            for each, flag in ((course, 0), (timed, TIMING)):
+                if each is not None and each.box is not None:
+                    for run in self._launches(each.segments):
+                        self._moving(run, each.box, begin, words, flag)
+            targets.append((words, part))
         fault = np.empty(1, np.int32)
         fetched = self._device.fetch(self._fault, fault)  # while the kernels run
-        self._device.settle(words, out)
+        for words, part in targets:
+            self._device.settle(words, part)
         del fetched
         if fault[0]:
             self._fault = self._device.upload(np.zeros(1, np.int32))

@@ -13,6 +13,7 @@ import pytest
 from cosim import PS, Light, Piece
 from cosim.compute.opencl import Device
 from sensor.device.pattern import DevicePattern
+from sensor.latched.effects.drift import Drift
 from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.taking_over import taken_over
 from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE
@@ -117,6 +118,28 @@ def test_light_that_does_not_change_is_the_same_inside_a_box_and_outside(device:
     pixels = array(model, WIDE, 1.4)
     one = run(FastPixels(pixels, device), still, [0, 50])
     assert np.array_equal(one, run(FastPixels(pixels, device), moving, [0, 20, 50]))
+
+
+def test_only_words_in_which_the_gain_changes_have_the_whole_plane_as_their_box(
+    device: Device,
+) -> None:
+    model = ExactModel(400.0, 3, ALL, dead_time=0.1)
+    offsets = row_offsets(CLOCK, HEIGHT, 0.8, 0.0, (0, HEIGHT))
+    pixels = array(model, WIDE, 0.9, offsets=offsets)
+    pixels.flags[2] = NOISE
+    pixels.flags[3] = 0
+    plane, pieces = level(WIDE, 5, 700.0), []
+    for n in range(0, 204, 3):  # a small box moves to the right
+        box = (1, 4, n // 3, n // 3 + 9)
+        last = plane.copy()
+        last[1:4, box[2] : box[3]] = level(WIDE, n, 700.0)[1:4, box[2] : box[3]]
+        pieces.append(Piece(n * PERIOD, (n + 3) * PERIOD, plane, last, box))
+        plane = last
+    light = Drift(CLOCK, 0.05, 3).on(Light(tuple(pieces)), 0, 200)
+    assert pixels.parts(light, 0, 64) == [(0, 32), (32, 32)]
+    assert pixels.parts(light, 64, 64) == [(0, 64)]
+    assert pixels.parts(light, 100, 70) == [(0, 32), (32, 32), (64, 6)]
+    same(pixels, device, light, [0, 64, 100, 170, 199])
 
 
 def test_a_tile_gives_the_bits_of_the_whole_and_a_restored_run_goes_on(device: Device) -> None:
