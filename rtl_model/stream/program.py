@@ -118,15 +118,23 @@ class Case:
     def _lines(self, rng: np.random.Generator) -> npt.NDArray[np.int64]:
         """Random planes on lanes with skew, bit slips and bit errors."""
         size = self.geometry
+        sent = size._replace(rows=size.rows + 1)  # the last row is none of the build
         parts, clocks, number = [], 0, int(rng.integers(4096))
         while clocks < self.clocks:
             planes = {}
             for _ in range(int(rng.integers(1, 5))):
-                planes[number] = rng.random((size.rows, size.columns)) < rng.choice([0.1, 0.5, 1])
+                planes[number] = rng.random((sent.rows, size.columns)) < rng.choice([0.1, 0.5, 1])
                 number += int(rng.choice([1, 1, 1, 1, 2, 300]))
-            training, pause = int(rng.integers(0, 60)), int(rng.choice([4, 5, 25, 60]))
-            parts.append(lane_words(planes, size, training=training, pause=pause))
-            clocks += len(parts[-1])
+            settings = {
+                "training": int(rng.integers(0, 60)), "pause": int(rng.choice([4, 5, 25, 60])),
+            }  # fmt: skip
+            part = lane_words(planes, sent, **settings)
+            if rng.random() < 0.1:  # one lane sends rows of other planes
+                others = {n + 1: plane for n, plane in planes.items()}
+                lane = int(rng.integers(part.shape[1]))
+                part[:, lane] = lane_words(others, sent, **settings)[:, lane]
+            parts.append(part)
+            clocks += len(part)
         words = np.concatenate(parts)
         bits = 8 * len(words)
         for lane in range(words.shape[1]):
