@@ -108,7 +108,7 @@ class Case:
             _pressure(rng, clocks),
             held(0, 8) > 0,
             rng.random(clocks) < 2 / (20 * frame),
-            held(0, 16), held(0, 2), held(0, 4),
+            held(0, 16) * held(0, 2), held(0, 2), held(0, 4),
             np.where(narrow, last_row << 16 | first_row, (rows - 1) << 16),
             np.where(narrow, last_column << 16 | first_column, (columns - 1) << 16),
             held(0, 2 * frame),

@@ -2,6 +2,7 @@
 
 import shutil
 
+import numpy as np
 import pytest
 
 from rtl_model.stream.lockstep import run
@@ -14,6 +15,22 @@ pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.j
 
 LINES = Case("lines", clocks=30_000)
 EXTERNAL = Case("external", rows=4, pixels=8, depth=8)
+MANY = Case("external", rows=1, columns=32, pixels=8, clocks=60_000)  # some thousand frames
+
+
+class Bright(Case):
+    """Light that saturates every charge, then darkness in which the rest fires."""
+
+    @property
+    def inputs(self):
+        # Q = 255, one quantum is taken, 20 kHz, constant pattern of 255: 255 more in each tick.
+        steady = [1, 1, 1, 0, 0, 1, 2, 0, 31 << 16, 20, 1, 255]
+        inputs = np.tile(np.array(steady, np.uint64), (4000, 1))
+        inputs[2000:, -1] = 0
+        return inputs
+
+
+BRIGHT = Bright("external", rows=1, columns=32, pixels=8)
 
 FAULTS = {
     "data change while they wait": (
@@ -64,13 +81,13 @@ FAULTS = {
         LINES, "viform_lines.v", "row >= ROWS[15:0]", "row > ROWS[15:0]",
     ),
     "threshold reached does not fire": (
-        EXTERNAL, "viform_tick.v", "live && total >= q", "live && total > q",
+        MANY, "viform_tick.v", "live && total >= q", "live && total > q",
     ),
     "hard reset keeps the rest": (
         EXTERNAL, "viform_tick.v", "rule == 2'd1 ? total", "1'b0 ? total",
     ),
     "charge wraps": (
-        Case("external", rows=4, pixels=8, clocks=60_000), "viform_tick.v",
+        BRIGHT, "viform_tick.v",
         "left > 14'd4095 ? 12'hFFF : left[11:0]", "left[11:0]",
     ),
     "window ends a row late": (
