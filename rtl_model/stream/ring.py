@@ -18,13 +18,13 @@ class Tile(NamedTuple):
     """A tile at the pins of its source.
 
     Attributes:
-        frame, row, index: number of the plane, row, tile of the row.
+        frame, row, tile: number of the plane, row, tile of the row.
         bits: its pixels, the first in bit 0.
     """
 
     frame: int
     row: int
-    index: int
+    tile: int
     bits: int
 
 
@@ -102,12 +102,12 @@ class Ring:
             ready: `TREADY`.
         """
         put, self._held = self._held, None
-        if tile is not None and tile.index == 0:
+        if tile is not None and tile.tile == 0:
             head = self._head(tile)
             self._taking = head is not None
             put = put or head
         if tile is not None and self._taking:
-            self._held = Beat(tile.bits, tile.index == self.tiles - 1, 0)
+            self._held = Beat(tile.bits, tile.tile == self.tiles - 1, 0)
         self._fifo.edge(put, ready)
 
     def _head(self, tile: Tile) -> Beat | None:
