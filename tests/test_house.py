@@ -49,7 +49,7 @@ ROOMS = {
     ),
     "rtl_model": (
         "geometry prbs", "registers", "cycle readout", "verilated", "imagers lockstep synthesis",
-        "host", "virtual", "bringup gateware stand_in",
+        "host stream", "virtual", "bringup gateware stand_in",
     ),
     "link": (
         "line_codes timing verdict", "mode", "layout", "coding detect", "receiving sending theory",

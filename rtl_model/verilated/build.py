@@ -17,7 +17,7 @@ import subprocess
 import tempfile
 import time
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -115,6 +115,7 @@ def library(
     sources: Path | None = None,
     trace: Trace = "",
     build: int = 0,
+    settings: Mapping[str, int] | None = None,
 ) -> Path:
     """The shared library of a module and a shim, built unless it is cached.
 
@@ -127,6 +128,7 @@ def library(
         sources: folder of the Verilog; the design's if None.
         trace: format of the waveforms that the shim writes.
         build: parameter BUILD, the value of `ctrl_build` (see `build_crc`).
+        settings: further parameters of the module, which the shim sees like those of the geometry.
 
     Raises:
         InputError: if a tool or the module is missing.
@@ -136,7 +138,7 @@ def library(
     if trace == "fst":
         _need_zlib()
     folder = (VERILOG if sources is None else sources).resolve()
-    parameters = geometry.verilog
+    parameters = geometry.verilog | dict(settings or {})
     try:
         text = (folder / f"{top}.v").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as exc:

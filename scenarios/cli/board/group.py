@@ -7,9 +7,11 @@ from scenarios.cli.board.capture import board_capture
 from scenarios.cli.board.compare import board_compare
 from scenarios.cli.board.gateware import board_gateware
 from scenarios.cli.board.identify import board_identify
+from scenarios.cli.board.links import board_links
 from scenarios.cli.board.prbs import board_prbs
 from scenarios.cli.board.regs import board_regs
 from scenarios.cli.board.replay import board_replay
+from scenarios.cli.board.stream import board_stream
 from scenarios.cli.board.virtual import board_virtual
 
 __all__ = ["board"]
@@ -28,6 +30,8 @@ board.command("prbs")(board_prbs)
 board.command("bringup")(board_bringup)
 board.command("capture")(board_capture)
 board.command("compare")(board_compare)
+board.command("stream")(board_stream)
 board.command("replay")(board_replay)
 board.command("virtual")(board_virtual)
 board.command("gateware")(board_gateware)
+board.command("links")(board_links)

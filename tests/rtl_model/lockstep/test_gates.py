@@ -39,17 +39,25 @@ PIXELS = 3e5
 
 def netlist(sources, folder):
     """A folder with viform_system.v as a netlist, and the models of its cells."""
+    return netlist_of("viform_system", PROGRAM.geometry.verilog, sources, folder)
+
+
+def netlist_of(top, parameters, sources, folder):
+    """A folder with the netlist of a module, and the models of its cells.
+
+    `parameters` may hold more than the module has.
+    """
     folder.mkdir()
     names = " ".join(path.name for path in sorted(sources.glob("*.v")))
     settings = "".join(
         f" -set {name} {value}"
-        for name, value in PROGRAM.geometry.verilog.items()
-        if f"] {name} =" in (sources / "viform_system.v").read_text()
+        for name, value in parameters.items()
+        if f"] {name} =" in (sources / f"{top}.v").read_text()
     )
-    made = folder / "viform_system.v"
+    made = folder / f"{top}.v"
     script = (
-        f"read_verilog -I. {names}; chparam{settings} viform_system; "
-        f"synth_ice40 -top viform_system; write_verilog -noattr {made}"
+        f"read_verilog -I. {names}; chparam{settings} {top}; "
+        f"synth_ice40 -top {top}; write_verilog -noattr {made}"
     )
     subprocess.run(
         ["yosys", "-q", "-p", script], cwd=sources, capture_output=True, timeout=1800, check=True

@@ -1,0 +1,82 @@
+"""`viform board links`: what links carry of a pixel array, raw and coded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scenarios.cli.output import Json, make_progress, print_document, size_option
+
+__all__ = ["board_links"]
+
+_CODES = ("first-spike", "layered")  # the lossless ones
+
+
+def board_links(
+    streams: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="STREAM", help="recording on which the codes are measured"),
+    ] = None,
+    size: Annotated[str, typer.Option(help="columns and rows of the array, WxH")] = "1000x1000",
+    clock: Annotated[str, typer.Option(help="planes a second")] = "40 kHz",
+    json: Json = False,
+) -> None:
+    """Say which share of a pixel array's spikes each link carries, raw and in the lossless codes.
+
+    A share of 1 is every plane. The bits per pixel and cycle of a code are those of the recordings,
+    headers of packets included.
+    """
+    from cosim import InputError
+    from cosim.config.quantity import Quantity
+    from rtl_model.stream.links import LINKS, raw_rate
+    from sensor.codec.files import open_any
+    from sensor.codec.packets.catalogue import StreamCode
+    from sensor.codec.packets.through import size_of, to_packets
+
+    columns, rows = size_option(size) or (1000, 1000)
+    try:
+        hz = Quantity("frequency", above=0, most=1e9).read(clock)
+    except ValueError as exc:
+        must = str(exc).removeprefix("must be ")
+        raise InputError("--clock", must, repr(clock), "write --clock '20 kHz'") from None
+    raw = raw_rate(rows, columns, hz)
+    coded: list[dict[str, object]] = []
+    bits = {"raw": 1.0}
+    progress = make_progress()
+    try:
+        for path in streams or ():
+            stream, notes = open_any(path, None)
+            for note in notes:
+                progress.note(note)
+            for kind in _CODES:
+                progress.note(f"coding {path} as {kind}")
+                measured = size_of(to_packets(stream, StreamCode(kind)), stream)
+                coded.append({"stream": str(path), "code": kind, "bits": measured})
+                bits[f"{path.name} {kind}"] = measured
+    finally:
+        progress.close()
+    shares = {
+        link.name: {name: min(1.0, link.rate / (raw * each)) for name, each in bits.items()}
+        for link in LINKS
+    }
+    if json:
+        links = [
+            {"link": link.name, "bit_per_s": link.rate, "source": link.source,
+             "planes_per_s": link.rate / (rows * columns), "shares": shares[link.name]}
+            for link in LINKS
+        ]  # fmt: skip
+        print_document(
+            {"rows": rows, "columns": columns, "clock_hz": hz, "raw_bit_per_s": raw,
+             "coded": coded, "links": links}
+        )  # fmt: skip
+        return
+    print(f"{rows} x {columns} pixels at {hz:g} Hz: {raw / 1e9:.4g} Gbit/s")
+    print()
+    print("| link | Mbit/s |" + "".join(f" {name} |" for name in bits))
+    print("|---|---|" + "---|" * len(bits))
+    print("| bits per pixel and cycle | |" + "".join(f" {each:.3f} |" for each in bits.values()))
+    for link in LINKS:
+        cells = "".join(f" {share:.3g} |" for share in shares[link.name].values())
+        print(f"| {link.name} | {link.rate / 1e6:.4g} |{cells}")
