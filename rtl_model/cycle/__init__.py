@@ -4,9 +4,10 @@ and clock. Importing it loads numba."""
 from rtl_model.cycle.bridge import Behind, Bridge
 from rtl_model.cycle.planes import Settings, planes
 from rtl_model.cycle.system import System
-from rtl_model.cycle.tiles import Tiles
+from rtl_model.cycle.tiles import TILE, Tiles
 
 __all__ = [
+    "TILE",
     "Behind",
     "Bridge",
     "Settings",

@@ -22,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 from cosim import InputError, ViformError
 from cosim.compute.opencl import cache_folder
@@ -107,9 +107,18 @@ def build_crc(geometry: Geometry, sources: Path | None = None) -> int:
     return crc
 
 
+class Build(Protocol):
+    """What is built: the size of a board, or of a module."""
+
+    @property
+    def verilog(self) -> dict[str, int]:
+        """Parameters of the Verilog by name."""
+        ...
+
+
 def library(
     top: str,
-    geometry: Geometry,
+    geometry: Build,
     shim: Path,
     *,
     sources: Path | None = None,
@@ -121,10 +130,10 @@ def library(
 
     Args:
         top: name of the Verilog module. The shim sees its class as `Vtop` of "Vtop.h".
-        geometry: of the build.
-        shim: C++ source with `extern "C"` functions. It sees the macros VIFORM_ROWS,
-            VIFORM_COLUMNS, VIFORM_LANES, VIFORM_CLOCK_HZ, VIFORM_BIT_CLOCKS and, with a trace,
-            VIFORM_FST or VIFORM_VCD.
+        geometry: of the build; its parameters that the module has are set.
+        shim: C++ source with `extern "C"` functions. It sees the parameters as macros, such as
+            VIFORM_ROWS, VIFORM_COLUMNS and VIFORM_LANES, and, with a trace, VIFORM_FST or
+            VIFORM_VCD.
         sources: folder of the Verilog; the design's if None.
         trace: format of the waveforms that the shim writes.
         build: parameter BUILD, the value of `ctrl_build` (see `build_crc`).

@@ -26,6 +26,8 @@ __all__ = ["RATES", "RatePoint", "code_rates", "rates_figure"]
 RATES: Final = (0.1e9, 0.2e9, 0.5e9, 1e9, 2e9, 5e9, 10e9)
 """Rates of the link, for MEGAPIXEL pixels, bit/s."""
 MEGAPIXEL: Final = 1_000_000
+_COMPARED: Final = tuple(kind for kind in KINDS if kind != "event")
+"""`event` has the spikes of first-spike in more bits: it is for a chip's wires."""
 _SIDE, _CYCLES = 192, 512
 """Part of the stream: its side, pixels, and its length, cycles."""
 
@@ -88,7 +90,7 @@ def code_rates(
     share = part.shape[0] * part.shape[1] / MEGAPIXEL
     seconds = part.cycles / clock.hz
     points = []
-    for kind in KINDS:
+    for kind in _COMPARED:
         given = {"kind": kind, "cycles": section.cycles, "tile": section.tile}
         one = CodeSection.model_validate(given | {"buffer": f"{section.buffer} s"})
         code = one.code(threshold, noise)

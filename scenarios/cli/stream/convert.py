@@ -37,7 +37,7 @@ class CodeOptions:
         str | None,
         typer.Option(
             help=".fsc: line or repeat (lossless), or statistical; .vfl: layered, raw, "
-            "first-spike or statistical"
+            "first-spike, statistical or event"
         ),
     ] = None
     k: Annotated[

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sensor.codec.coding import Code
+from sensor.codec.packets.event import MOST_EVENT_CYCLES, Event
 from sensor.codec.packets.layered import LAYERS, Layered
 from sensor.codec.packets.part import MOST_CYCLES, TileCode
 from sensor.codec.packets.single import FirstSpike, Raw
@@ -41,6 +42,10 @@ class StreamCode:
         if not 32 <= self.cycles <= MOST_CYCLES or self.cycles % 32:
             raise ValueError(
                 f"cycles must be a multiple of 32 from 32 to {MOST_CYCLES}, not {self.cycles}"
+            )
+        if self.kind == "event" and self.cycles > MOST_EVENT_CYCLES:
+            raise ValueError(
+                f"cycles must be at most {MOST_EVENT_CYCLES} with event, not {self.cycles}"
             )
         if not 8 <= self.tile <= 128 or self.tile % 8:
             raise ValueError(f"tile must be a multiple of 8 from 8 to 128, not {self.tile}")
@@ -77,4 +82,5 @@ KINDS: Final[dict[str, Callable[[StreamCode], TileCode]]] = {
     "first-spike": lambda code: FirstSpike(Code("repeat")),
     "statistical": _statistical,
     "layered": lambda code: Layered(code.layers),
+    "event": lambda code: Event(),
 }

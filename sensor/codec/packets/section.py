@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from cosim import InputError
 from cosim.config.quantity import Quantity, Section
 from sensor.codec.packets.catalogue import KINDS, StreamCode
+from sensor.codec.packets.event import MOST_EVENT_CYCLES
 from sensor.codec.packets.layered import LAYERS
 from sensor.codec.packets.part import MOST_CYCLES
 from sensor.codec.packets.rate import RateControl
@@ -55,6 +56,11 @@ class CodeSection(Section):
                     f"code.{given[0]}", f"given with code.kind = {kind}", f"with {self.kind}",
                     "leave it out",
                 )  # fmt: skip
+        if self.kind == "event" and self.cycles > MOST_EVENT_CYCLES:
+            raise InputError(
+                "code.cycles", f"at most {MOST_EVENT_CYCLES} with event", f"{self.cycles}",
+                "change it",
+            )  # fmt: skip
         if self.refine == 1:
             raise InputError("code.refine", "0, or 2 to 255", "1", "change it")
         return self

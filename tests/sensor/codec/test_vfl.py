@@ -19,6 +19,7 @@ from tests.sensor.codec.packets.streams import steady
 CODES = (
     StreamCode(tile=16), StreamCode("raw", 64, 16), StreamCode("first-spike", 512),
     StreamCode("statistical", 128, 16, k=3.0, refine=8, threshold=1000.0), StreamCode(layers=3),
+    StreamCode("event", 96),
 )  # fmt: skip
 HEAD = 80
 

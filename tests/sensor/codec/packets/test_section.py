@@ -30,8 +30,9 @@ def test_the_code_and_the_control_follow_from_the_keys():
      ({"k": 2}, "code.k must be given with code.kind = statistical, not with layered"),
      ({"kind": "raw", "layers": 3}, "code.layers must be given with code.kind = layered"),
      ({"kind": "statistical", "refine": 1}, "code.refine must be 0, or 2 to 255, not 1"),
+     ({"kind": "event", "cycles": 160}, "code.cycles must be at most 128 with event, not 160"),
      ({"cycles": 100}, "multiple of 32"), ({"tile": 136}, "less than or equal to 128"),
-     ({"kind": "jpeg"}, "'raw', 'first-spike', 'statistical' or 'layered'"),
+     ({"kind": "jpeg"}, "'raw', 'first-spike', 'statistical', 'layered' or 'event'"),
      ({"speed": 1}, "Extra inputs")],
 )  # fmt: skip
 def test_keys_that_do_not_fit_are_refused(keys, why):

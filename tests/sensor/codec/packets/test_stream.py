@@ -22,6 +22,7 @@ CODES = (
     StreamCode(tile=16), StreamCode(cycles=512, tile=8), StreamCode("raw", 64, 16),
     StreamCode("first-spike", 96, 32), StreamCode(layers=4, tile=16),
     StreamCode("statistical", 128, 16, k=3.0, refine=8, threshold=1000.0),
+    StreamCode("event", 64, 16),
 )  # fmt: skip
 
 
@@ -179,8 +180,9 @@ def test_the_header_is_sixteen_bytes():
 
 @pytest.mark.parametrize(
     ("settings", "why"),
-    [({"kind": "jpeg"}, "code must be one of raw, first-spike, statistical, layered, not 'jpeg'"),
+    [({"kind": "jpeg"}, "code must be one of raw"),
      ({"cycles": 100}, "cycles must be a multiple of 32 from 32 to 512, not 100"),
+     ({"kind": "event", "cycles": 160}, "cycles must be at most 128 with event"),
      ({"tile": 12}, "tile must be a multiple of 8 from 8 to 128, not 12"),
      ({"layers": 9}, "layers must be 1 to 8, not 9"),
      ({"kind": "raw", "layers": 3}, "layers must be given with layered, not raw"),
