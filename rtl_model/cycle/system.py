@@ -14,6 +14,7 @@ from cosim import InputError
 from rtl_model.cycle.array import PixelArray
 from rtl_model.cycle.capture import Capture
 from rtl_model.cycle.line import LineCounters
+from rtl_model.cycle.numbered import NumberedWrites
 from rtl_model.cycle.sink import Sink, SinkTile
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
@@ -21,6 +22,7 @@ from rtl_model.prbs import Prbs
 from rtl_model.registers import (
     MEMORIES,
     REGISTERS,
+    WRITE_WORDS,
     identifier,
     parameters,
     reset_value,
@@ -34,6 +36,8 @@ _SINK_DATA = next(entry.address for entry in REGISTERS if entry.name == "sink_da
 _MEMORY = {memory.name: memory for memory in MEMORIES}
 _IDENTIFIER = _MEMORY["identifier_mem"].address
 _PATTERN = _MEMORY["pattern_mem"].address
+_WRITES = _MEMORY["write_mem"].address
+_CAPTURED = _MEMORY["capture_mem"].address
 _WORD = 0xFFFFFFFF
 
 
@@ -54,6 +58,7 @@ class System:
     def __init__(self, geometry: Geometry | None = None, *, build: int = 0, keep: bool = True):
         self.geometry = Geometry() if geometry is None else geometry
         self.line = LineCounters()
+        self._numbered = NumberedWrites()
         self._keep = keep
         self._tiles: list[Tiles] = []
         self._sink_tiles: list[SinkTile] = []
@@ -179,6 +184,12 @@ class System:
     def _strobe_write(self, clock: int, address: int, value: int) -> None:
         address, value = address & ~3, value & _WORD
         self.advance(clock)
+        if 0 <= address - _WRITES < 4 * WRITE_WORDS:
+            passed = self._numbered.write((address - _WRITES) // 4, value)
+            if passed is None:
+                self.advance(clock + 1)
+                return
+            address = passed
         if address == _RESET and value & 1:  # the scan has no edge during a reset
             self._power_on()
             self._clock = clock + 1
@@ -193,8 +204,13 @@ class System:
                 self._writers[register.name](value & ((1 << register.width) - 1))
         elif 0 <= address - _PATTERN < self.geometry.pattern_bytes:
             self._array.set_word(clock, (address - _PATTERN) // 4, value)
-        elif not 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
+        elif not self._read_only(address):
             self._bus_errors += 1
+
+    def _read_only(self, address: int) -> bool:
+        """Whether an address is in a memory that ignores writes."""
+        captured = 0 <= address - _CAPTURED < 4 * self.geometry.capture_words
+        return captured or 0 <= address - _IDENTIFIER < 4 * len(self._identifier)
 
     def _value(self, address: int) -> int:
         address &= ~3
@@ -206,6 +222,10 @@ class System:
             return self._reset[register.name] if reader is None else reader() & _WORD
         if 0 <= address - _PATTERN < self.geometry.pattern_bytes:
             return self._array.word((address - _PATTERN) // 4)
+        if 0 <= address - _CAPTURED < 4 * self.geometry.capture_words:
+            return self._capture.word((address - _CAPTURED) // 4)
+        if 0 <= address - _WRITES < 4 * WRITE_WORDS:
+            return self._numbered.read((address - _WRITES) // 4)
         if 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
             return self._identifier[(address - _IDENTIFIER) // 4]
         self._bus_errors += 1
