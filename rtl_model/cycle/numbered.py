@@ -48,6 +48,22 @@ class NumberedWrites:
             return address
         return None
 
+    def whole(self, data: bytes) -> tuple[int, bytes] | None:
+        """Byte address and words (big-endian) of a complete numbered write that is the next one.
+
+        None for others, and for words that all go to one address.
+        """
+        number, address, count = (int.from_bytes(data[at : at + 4], "big") for at in (0, 4, 8))
+        if number != self.number or address & 3 or not 0 < 4 * count == len(data) - 12:
+            return None
+        return address, data[12:]
+
+    def perform(self) -> None:
+        """Counts a write that `whole` has returned and that was performed."""
+        self._open = False
+        self.arrived = self.arrived + 1 & _WORD
+        self.number = self.number + 1 & _WORD
+
     def read(self, index: int) -> int:
         """Reads word `index`."""
         return (self.number, self.arrived)[index] if index < _COUNT else 0

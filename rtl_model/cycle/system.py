@@ -102,6 +102,45 @@ class System:
         self.advance(self._clock + 2)
         return value
 
+    def read_block(self, address: int, words: int) -> bytes | None:
+        """Reads consecutive words of the pattern or the capture memory; takes two clocks each.
+
+        Returns the words, big-endian, or None, without an access, for other addresses.
+        """
+        place, size = (address - _PATTERN) // 4, self.geometry.pattern_bytes // 4
+        captured = (address - _CAPTURED) // 4
+        if 0 <= place <= size - words:
+            data = self._array.words(place, words)
+        elif 0 <= captured <= self.geometry.capture_words - words and not self._capture.busy:
+            self._capture.settle(self._clock)
+            memory = self._capture.memory[captured : captured + words]
+            memory += [0] * (words - len(memory))
+            data = np.array(memory, ">u4").tobytes()
+        else:
+            return None
+        self.advance(self._clock + 2 * words)
+        return data
+
+    def write_block(self, address: int, data: bytes) -> bool:
+        """Writes consecutive words (big-endian), also as a numbered write, to the pattern memory.
+
+        Takes a clock each. Returns False, without an access, for other writes, for a refused number
+        and while the sensor runs.
+        """
+        target, words = address, data
+        if address == _WRITES:
+            whole = self._numbered.whole(data)
+            if whole is None:
+                return False
+            target, words = whole
+        place, size = (target - _PATTERN) // 4, self.geometry.pattern_bytes // 4
+        if not 0 <= place <= size - len(words) // 4 or not self._array.set_words(place, words):
+            return False
+        if address == _WRITES:
+            self._numbered.perform()
+        self.advance(self._clock + len(data) // 4)
+        return True
+
     def run(self, clocks: int, writes: Iterable[tuple[int, int, int]] = ()) -> Tiles:
         """Runs `clocks` clocks; returns the tiles computed since the last run.
 
