@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from cosim import InputError
-from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.bench import SerialBench
 from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.evidence import Evidence
 from rtl_model.bringup.bench.monitor import LineMonitor
@@ -25,7 +25,9 @@ _KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well
 }  # fmt: skip
 
 
-def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowed: float) -> Stage:
+def run_stage(
+    name: str, check: Callable[[SerialBench], Figures], bench: SerialBench, allowed: float
+) -> Stage:
     """Runs the check of a stage. The outcome records every fault of the board or the line.
 
     Args:
@@ -85,7 +87,7 @@ def run_stage(name: str, check: Callable[[Bench], Figures], bench: Bench, allowe
     return Stage(name, "failed", cause, figures, spent(), "spoilt")
 
 
-def _allow_more(bench: Bench) -> None:
+def _allow_more(bench: SerialBench) -> None:
     """Allows time to examine the line after a stage."""
     bench.port.allow(_EXTRA_S * max(1.0, bench.bone.time_scale))
 
@@ -96,7 +98,7 @@ def _because(cause: StageFault, observed: LineFault | StageFault) -> StageFault:
     return StageFault(cause.kind, f"{cause.text} (seen as: {observed.text})", cause.remedy, figures)
 
 
-def _answered_before(fault: LineFault | StageFault, bench: Bench) -> LineFault | StageFault:
+def _answered_before(fault: LineFault | StageFault, bench: SerialBench) -> LineFault | StageFault:
     """The fault; a silent board that answered in an earlier stage has wires that are right."""
     if bench.magic is None or not isinstance(fault, LineFault) or fault.cause is not Cause.SILENT:
         return fault
@@ -132,7 +134,7 @@ def failed_stage(
     return Stage(name, "failed", f"{fault}; meanwhile {evidence.text}", figures, seconds, kind)
 
 
-def _out_of_time(name: str, bench: Bench, allowed: float) -> tuple[str, Figures]:
+def _out_of_time(name: str, bench: SerialBench, allowed: float) -> tuple[str, Figures]:
     """Cause and figures of a stage that exceeded its time."""
     bone = bench.bone
     return (
@@ -143,7 +145,7 @@ def _out_of_time(name: str, bench: Bench, allowed: float) -> tuple[str, Figures]
     )
 
 
-def _settle(bench: Bench, repeats: int) -> None:
+def _settle(bench: SerialBench, repeats: int) -> None:
     """Discards an answer in transmission at the deadline, and restarts the monitor's counts."""
     _allow_more(bench)
     with suppress(LineFault, OutOfTime):
@@ -167,11 +169,11 @@ def _restarted(uptime: Uptime | None, evidence: Evidence | None) -> StageFault |
     return fault
 
 
-def _take_evidence(bench: Bench, repeats: int) -> Evidence | None:
+def _take_evidence(bench: SerialBench, repeats: int) -> Evidence | None:
     return None if bench.monitor is None else bench.monitor.take_evidence(repeats)
 
 
-def _evidence_of_failure(bench: Bench, repeats: int) -> Evidence | None:
+def _evidence_of_failure(bench: SerialBench, repeats: int) -> Evidence | None:
     """Evidence after a failed stage; None if the counters cannot be read."""
     try:
         return _take_evidence(bench, repeats)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from rtl_model.bringup.bench.bench import Bench
-from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
+from rtl_model.bringup.bench.bench import SerialBench
+from rtl_model.bringup.bench.deadline import DeadlinePort
 from rtl_model.bringup.bench.stage import STAGES, Figures, Report, Stage
 from rtl_model.bringup.one_stage import failed_stage, run_stage
+from rtl_model.bringup.options import BringUp, stop_sensor
+from rtl_model.bringup.over_udp import bring_up_over_udp
 from rtl_model.bringup.stages.bytes import check_bytes
 from rtl_model.bringup.stages.counters import check_counters
 from rtl_model.bringup.stages.identity import check_identity
@@ -21,7 +21,6 @@ from rtl_model.bringup.stages.registers import check_registers
 from rtl_model.bringup.stages.threshold import check_threshold
 from rtl_model.bringup.stages.timing import check_timing
 from rtl_model.host import (
-    Cause,
     LineFault,
     Port,
     SerialPort,
@@ -30,13 +29,13 @@ from rtl_model.host import (
     is_pty,
     open_port,
 )
-from rtl_model.host.csr import CsrMap
+from rtl_model.host.ether import is_udp
 from rtl_model.host.log import LineLog
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
 __all__ = ["ALLOWED_S", "CHECKS", "BringUp", "bring_up"]
 
-CHECKS: dict[str, Callable[[Bench], Figures]] = {
+CHECKS: dict[str, Callable[[SerialBench], Figures]] = {
     "bytes": check_bytes,
     "identity": check_identity,
     "counters": check_counters,
@@ -63,35 +62,6 @@ It is host time. It grows with the time scale of a slower simulated board, or in
 duration of the answers."""
 
 
-@dataclass(frozen=True)
-class BringUp:
-    """Options of a bring-up.
-
-    Attributes:
-        baud: of the line.
-        csr: registers of the loaded design; None for the Viform board's.
-        stop_at_first: whether the stages after a failed one are left out. They always are after a
-            failure of the port, bytes or identity stage.
-        simulated: whether there is no real clock behind the port; None: true for a pty only.
-        time_scale: seconds of the host's time to a second of the board's clock.
-        frames: number of frames in a captured burst.
-        low_latency: whether the driver of the port is asked for its low-latency mode. The figures
-            of the port stage state whether it was granted.
-        log: file that every transaction is written to, None for none.
-        allowed_s: time limit of each stage, s, which replaces `ALLOWED_S`.
-    """
-
-    baud: int = 115_200
-    csr: CsrMap | None = None
-    stop_at_first: bool = True
-    simulated: bool | None = None
-    time_scale: float = 1.0
-    frames: int = 8
-    low_latency: bool = False
-    log: Path | None = None
-    allowed_s: float | None = None
-
-
 def bring_up(
     port: Port | str,
     options: BringUp | None = None,
@@ -101,7 +71,8 @@ def bring_up(
     """Runs all stages on a board. The report contains the faults of the board; none is raised.
 
     Args:
-        port: an open port, or a URL. A port that is opened here is closed at the end.
+        port: an open serial port, or the name of a port over any line. A port that is opened here
+            is closed at the end.
         options: of the bring-up; the defaults if None.
         progress: receives each stage when it has ended.
         note: receives one line before a slow step.
@@ -109,6 +80,8 @@ def bring_up(
     Raises InputError for a baud or URL that cannot be used.
     """
     chosen = options or BringUp()
+    if isinstance(port, str) and is_udp(port):
+        return bring_up_over_udp(port, chosen, progress, note)
     begin = time.monotonic()
     name = port if isinstance(port, str) else port.name
     simulated = is_pty(name) if chosen.simulated is None else chosen.simulated
@@ -159,9 +132,9 @@ def _run_stages(
             guarded, baud=options.baud, time_scale=scale, patience_s=patience * max(1.0, scale),
             log=recorder,
         )  # fmt: skip
-        bench = Bench(
-            guarded, bone, options.csr or default_map(), report.simulated, options.baud,
-            frames=options.frames, note=note,
+        bench = SerialBench(
+            guarded, bone, options.csr or default_map(), report.simulated, options.frames,
+            note=note, nominal_baud=options.baud,
         )  # fmt: skip
         for name, check in CHECKS.items():
             failed = report.failed
@@ -173,7 +146,7 @@ def _run_stages(
                 _announce_duration(report, note)
         report.board, report.bursts = bench.board or None, list(bench.bursts)
         guarded.allow(5.0)
-        _stop_sensor(bench, report)
+        stop_sensor(bench, report)
     finally:
         if recorder is not None:
             recorder.close()
@@ -205,13 +178,3 @@ def _port_figures(port: Port, report: Report, low_latency: bool) -> Figures:
     if low_latency:
         figures["low_latency"] = isinstance(port, SerialPort) and port.low_latency()
     return figures
-
-
-def _stop_sensor(bench: Bench, report: Report) -> None:
-    """Stops the sensor of a Viform board, if the line works."""
-    if any(stage.name == "identity" and stage.outcome == "ok" for stage in report.stages):
-        try:
-            bench.write("sensor_run", 0)
-        except (LineFault, OutOfTime) as fault:
-            if isinstance(fault, LineFault) and fault.cause is Cause.DIFFERS:
-                raise

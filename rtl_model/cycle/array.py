@@ -112,6 +112,20 @@ class PixelArray:
         self.memory.reshape(-1)[4 * index : 4 * index + 4] = pixels
         self._pending.append((clock + _READ_AHEAD, index))
 
+    def words(self, index: int, count: int) -> bytes:
+        """Words of the pattern memory from `index` on, big-endian."""
+        part = self.memory.reshape(-1)[4 * index : 4 * (index + count)]
+        return part.view("<u4").astype(">u4").tobytes()
+
+    def set_words(self, index: int, words: bytes) -> bool:
+        """Writes words (big-endian) from `index` on if no scan can read them; returns whether."""
+        if self._state[scan.ACTIVE] or self._registers[scan.RUN] or self._pending:
+            return False
+        pixels = np.frombuffer(words, ">u4").astype("<u4").view(np.uint8)
+        for memory in (self.memory, self._scanned):
+            memory.reshape(-1)[4 * index : 4 * index + pixels.size] = pixels
+        return True
+
     def stop(self, clock: int, stop: int) -> int:
         """The edge up to which one call of `run` may go, at most `stop`."""
         while self._pending and self._pending[0][0] <= clock:

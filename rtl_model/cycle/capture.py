@@ -103,6 +103,10 @@ class Capture:
         """Words between pointer and end."""
         return len(self.memory) - self.pointer
 
+    def word(self, index: int) -> int:
+        """Word `index` of the memory; 0 beyond the end."""
+        return self.memory[index] if index < len(self.memory) else 0
+
     def seek(self, value: int) -> None:
         """Sets the pointer, at most to the end."""
         self.pointer = min(value, len(self.memory))

@@ -22,8 +22,12 @@ class LineCounters:
 
     def count_write(self, value: int) -> None:
         """Counts one word written over the line."""
-        self.writes += 1
-        self.writes_crc = zlib.crc32(value.to_bytes(4, "big"), self.writes_crc)
+        self.count_words(value.to_bytes(4, "big"))
+
+    def count_words(self, data: bytes) -> None:
+        """Counts words written over the line, big-endian."""
+        self.writes += len(data) // 4
+        self.writes_crc = zlib.crc32(data, self.writes_crc)
 
     def read(self, name: str) -> int:
         """The value of the register uart_`name`."""

@@ -14,6 +14,7 @@ from cosim import InputError
 from rtl_model.cycle.array import PixelArray
 from rtl_model.cycle.capture import Capture
 from rtl_model.cycle.line import LineCounters
+from rtl_model.cycle.numbered import NumberedWrites
 from rtl_model.cycle.sink import Sink, SinkTile
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
@@ -21,6 +22,7 @@ from rtl_model.prbs import Prbs
 from rtl_model.registers import (
     MEMORIES,
     REGISTERS,
+    WRITE_WORDS,
     identifier,
     parameters,
     reset_value,
@@ -34,6 +36,8 @@ _SINK_DATA = next(entry.address for entry in REGISTERS if entry.name == "sink_da
 _MEMORY = {memory.name: memory for memory in MEMORIES}
 _IDENTIFIER = _MEMORY["identifier_mem"].address
 _PATTERN = _MEMORY["pattern_mem"].address
+_WRITES = _MEMORY["write_mem"].address
+_CAPTURED = _MEMORY["capture_mem"].address
 _WORD = 0xFFFFFFFF
 
 
@@ -54,6 +58,7 @@ class System:
     def __init__(self, geometry: Geometry | None = None, *, build: int = 0, keep: bool = True):
         self.geometry = Geometry() if geometry is None else geometry
         self.line = LineCounters()
+        self._numbered = NumberedWrites()
         self._keep = keep
         self._tiles: list[Tiles] = []
         self._sink_tiles: list[SinkTile] = []
@@ -96,6 +101,45 @@ class System:
         value = self._value(address)
         self.advance(self._clock + 2)
         return value
+
+    def read_block(self, address: int, words: int) -> bytes | None:
+        """Reads consecutive words of the pattern or the capture memory; takes two clocks each.
+
+        Returns the words, big-endian, or None, without an access, for other addresses.
+        """
+        place, size = (address - _PATTERN) // 4, self.geometry.pattern_bytes // 4
+        captured = (address - _CAPTURED) // 4
+        if 0 <= place <= size - words:
+            data = self._array.words(place, words)
+        elif 0 <= captured <= self.geometry.capture_words - words and not self._capture.busy:
+            self._capture.settle(self._clock)
+            memory = self._capture.memory[captured : captured + words]
+            memory += [0] * (words - len(memory))
+            data = np.array(memory, ">u4").tobytes()
+        else:
+            return None
+        self.advance(self._clock + 2 * words)
+        return data
+
+    def write_block(self, address: int, data: bytes) -> bool:
+        """Writes consecutive words (big-endian), also as a numbered write, to the pattern memory.
+
+        Takes a clock each. Returns False, without an access, for other writes, for a refused number
+        and while the sensor runs.
+        """
+        target, words = address, data
+        if address == _WRITES:
+            whole = self._numbered.whole(data)
+            if whole is None:
+                return False
+            target, words = whole
+        place, size = (target - _PATTERN) // 4, self.geometry.pattern_bytes // 4
+        if not 0 <= place <= size - len(words) // 4 or not self._array.set_words(place, words):
+            return False
+        if address == _WRITES:
+            self._numbered.perform()
+        self.advance(self._clock + len(data) // 4)
+        return True
 
     def run(self, clocks: int, writes: Iterable[tuple[int, int, int]] = ()) -> Tiles:
         """Runs `clocks` clocks; returns the tiles computed since the last run.
@@ -179,6 +223,12 @@ class System:
     def _strobe_write(self, clock: int, address: int, value: int) -> None:
         address, value = address & ~3, value & _WORD
         self.advance(clock)
+        if 0 <= address - _WRITES < 4 * WRITE_WORDS:
+            passed = self._numbered.write((address - _WRITES) // 4, value)
+            if passed is None:
+                self.advance(clock + 1)
+                return
+            address = passed
         if address == _RESET and value & 1:  # the scan has no edge during a reset
             self._power_on()
             self._clock = clock + 1
@@ -193,8 +243,13 @@ class System:
                 self._writers[register.name](value & ((1 << register.width) - 1))
         elif 0 <= address - _PATTERN < self.geometry.pattern_bytes:
             self._array.set_word(clock, (address - _PATTERN) // 4, value)
-        elif not 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
+        elif not self._read_only(address):
             self._bus_errors += 1
+
+    def _read_only(self, address: int) -> bool:
+        """Whether an address is in a memory that ignores writes."""
+        captured = 0 <= address - _CAPTURED < 4 * self.geometry.capture_words
+        return captured or 0 <= address - _IDENTIFIER < 4 * len(self._identifier)
 
     def _value(self, address: int) -> int:
         address &= ~3
@@ -206,6 +261,10 @@ class System:
             return self._reset[register.name] if reader is None else reader() & _WORD
         if 0 <= address - _PATTERN < self.geometry.pattern_bytes:
             return self._array.word((address - _PATTERN) // 4)
+        if 0 <= address - _CAPTURED < 4 * self.geometry.capture_words:
+            return self._capture.word((address - _CAPTURED) // 4)
+        if 0 <= address - _WRITES < 4 * WRITE_WORDS:
+            return self._numbered.read((address - _WRITES) // 4)
         if 0 <= address - _IDENTIFIER < 4 * len(self._identifier):
             return self._identifier[(address - _IDENTIFIER) // 4]
         self._bus_errors += 1

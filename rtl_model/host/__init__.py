@@ -1,4 +1,4 @@
-"""The host's side of the serial line: ports, LiteX's uartbone, registers by name, capture, logs.
+"""The host's side of a board: LiteX's uartbone and Etherbone, registers by name, capture, logs.
 
 The code is the same for a board, its Verilog in a simulator, or a replayed log.
 """
@@ -6,6 +6,7 @@ The code is the same for a board, its Verilog in a simulator, or a replayed log.
 from rtl_model.host import capture, pattern, prbs
 from rtl_model.host.baud import BaudReport, find_baud
 from rtl_model.host.board import Board, BoardInfo, recognised
+from rtl_model.host.bone import Bone, opened_bone
 from rtl_model.host.capture import Captured
 from rtl_model.host.csr import CsrMap, default_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
@@ -19,6 +20,7 @@ __all__ = [
     "BaudReport",
     "Board",
     "BoardInfo",
+    "Bone",
     "Captured",
     "Cause",
     "CsrMap",
@@ -33,6 +35,7 @@ __all__ = [
     "find_baud",
     "is_pty",
     "open_port",
+    "opened_bone",
     "pattern",
     "prbs",
     "read_csr",

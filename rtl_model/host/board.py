@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
+from rtl_model.host.bone import Bone
 from rtl_model.host.csr import CsrMap, CsrRegister, default_map, imager_map
 from rtl_model.host.faults import Cause, LineFault
-from rtl_model.host.uartbone import Uartbone
 from rtl_model.imagers.catalogue import by_number
 from rtl_model.imagers.device.registers import HEAD, IMAGER_MAGIC, IMAGER_VERSION
 from rtl_model.registers import MAGIC, VERSION
@@ -83,7 +83,7 @@ class ImagerInfo(NamedTuple):
     baud: int
 
 
-def recognised(bone: Uartbone) -> CsrMap:
+def recognised(bone: Bone) -> CsrMap:
     """The register map of the imager that the first register names; else the Viform board's.
 
     Raises LineFault NOT_OURS for an unknown imager.
@@ -105,12 +105,12 @@ class Board:
     Attributes:
         bone: the host's side of the protocol.
         csr: register map of the design; the Viform board's if the argument is None.
-        verify: whether the board's counters check the writes; by default if the design is of this
-            project.
+        verify: whether writes are checked, by the board's counters or by the line's confirmation;
+            by default if the design is of this project.
     """
 
     def __init__(
-        self, bone: Uartbone, csr: CsrMap | None = None, *, verify: bool | None = None
+        self, bone: Bone, csr: CsrMap | None = None, *, verify: bool | None = None
     ) -> None:
         self.bone = bone
         self.csr = default_map() if csr is None else csr
@@ -147,6 +147,8 @@ class Board:
     def write(self, name: str, value: int) -> None:
         """Writes a register. A write to a Viform board is checked and, if possible, read again.
 
+        Over a line that confirms writes, that confirmation is the check.
+
         Raises InputError for a read-only register or a value that is too large; LineFault as
         `verified_write`.
         """
@@ -165,7 +167,8 @@ class Board:
             self._plain_write(register, words)
         elif name == "uart_clear" and value & 1:
             self._plain_write(register, words)
-            self._expect((0, 0), (0, 0), 0)
+            if not self.bone.confirms:
+                self._expect((0, 0), (0, 0), 0)
         else:
             readable = mode == "rw" and name not in _CLAMPED
             self.verified_write(register.address, words, readback=readable)
@@ -189,14 +192,10 @@ class Board:
             readback: whether the words are read again, which also checks the address.
         """
         values = [value & _WORD for value in values]
-        if self._written is None:
-            self._written = self._counters()
-        count, crc = before = self._written
-        self._written = None  # unknown until the check
-        self.bone.write(address, values, fixed=fixed)
-        data = b"".join(value.to_bytes(4, "big") for value in values)
-        after = (count + len(values) & _WORD, zlib.crc32(data, crc))
-        self._expect(after, before, len(values))
+        if self.bone.confirms:
+            self.bone.write(address, values, fixed=fixed)
+        else:
+            self._counted_write(address, values, fixed)
         if not readback:
             return
         got = self.bone.read(address, len(values))
@@ -210,6 +209,17 @@ class Board:
                     Cause.MISPLACED,
                     f"{len(values)} words arrived, but {wrong} of them are not at {address:#x}",
                 )
+
+    def _counted_write(self, address: int, values: list[int], fixed: bool) -> None:
+        """Writes words, whose count and CRC-32 must then be the board's."""
+        if self._written is None:
+            self._written = self._counters()
+        count, crc = before = self._written
+        self._written = None  # unknown until the check
+        self.bone.write(address, values, fixed=fixed)
+        data = b"".join(value.to_bytes(4, "big") for value in values)
+        after = (count + len(values) & _WORD, zlib.crc32(data, crc))
+        self._expect(after, before, len(values))
 
     def forget_counters(self) -> None:
         """Reads the count of written words again before the next checked write.

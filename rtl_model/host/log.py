@@ -9,6 +9,8 @@ Every line has `monotonic` (seconds of the port's clock), `wall` (UTC) and `even
     stray            Bytes without a request: `hex`.
     silence, chatter The line was brought to silence, or could not be: `value` dropped bytes.
     baud             Another baud: `value`.
+    packet           An Etherbone packet over UDP: `way` ("to-board" or "from-board"), `hex`. Then
+                     `baud` of the first line is null.
 """
 
 from __future__ import annotations
@@ -18,15 +20,24 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
+from typing import Protocol
 
 from cosim.files.whole import refusal
-from rtl_model.host.ports import Port
 
 __all__ = ["FORMAT", "LineLog"]
 
 FORMAT = "viform-line-1"
 
 _COMMANDS = {1: "write", 2: "read", 3: "write fixed", 4: "read fixed"}
+
+
+class Logged(Protocol):
+    """A port whose name and time a log takes."""
+
+    name: str
+
+    def now(self) -> float:
+        """The port's monotonic time, s."""
 
 
 class LineLog:
@@ -42,7 +53,7 @@ class LineLog:
     def __init__(
         self,
         path: Path,
-        port: Port,
+        port: Logged,
         *,
         clock: Callable[[], float] | None = None,
         session: Mapping[str, object] | None = None,
@@ -52,7 +63,8 @@ class LineLog:
             self._file = path.open("w", encoding="ascii")
         except OSError as exc:
             raise refusal(path, exc) from exc
-        self._line("open", format=FORMAT, port=port.name, baud=port.baud, **(session or {}))
+        baud = getattr(port, "baud", None)
+        self._line("open", format=FORMAT, port=port.name, baud=baud, **(session or {}))
 
     def __enter__(self) -> LineLog:
         return self
@@ -77,6 +89,10 @@ class LineLog:
     def stray(self, data: bytes) -> None:
         """Logs bytes that came without a request."""
         self._line("stray", hex=data.hex())
+
+    def packet(self, way: str, data: bytes) -> None:
+        """Logs a datagram: "to-board" or "from-board", and its bytes."""
+        self._line("packet", way=way, hex=data.hex())
 
     def note(self, what: str, value: int) -> None:
         """Logs an event with a value: silence, chatter or baud."""

@@ -12,7 +12,10 @@ from cosim import InputError
 from cosim.errors import quote
 from rtl_model.host.log import FORMAT
 
-__all__ = ["Answer", "Dropped", "LogEvent", "Opened", "Request", "Stray", "read_log"]
+__all__ = [
+    "Answer", "AnyEvent", "Datagram", "Dropped", "LogEvent", "Opened", "Request", "Stray",
+    "read_log",
+]  # fmt: skip
 
 
 def _printable(text: str) -> str:
@@ -47,14 +50,14 @@ class Opened(_Event):
     Attributes:
         format: of the log.
         port: name of the port.
-        baud: of the line.
+        baud: of the line; None over UDP.
         simulated, time_scale, frames: of the session; None if it did not state them.
     """
 
     event: Literal["open"]
     format: Literal["viform-line-1"]
     port: Text = ""
-    baud: Annotated[int, Field(gt=0, lt=2**31)]
+    baud: Annotated[int, Field(gt=0, lt=2**31)] | None
     simulated: bool | None = None
     time_scale: Annotated[float, Field(gt=0, lt=1e6)] | None = None
     frames: Annotated[int, Field(gt=0, le=4096)] | None = None
@@ -124,11 +127,28 @@ class Dropped(_Event):
         return self.event
 
 
-LogEvent = Annotated[Opened | Request | Answer | Stray | Dropped, Field(discriminator="event")]
-_EVENT: Final[TypeAdapter[Opened | Request | Answer | Stray | Dropped]] = TypeAdapter(LogEvent)
+class Datagram(_Event):
+    """An Etherbone packet over UDP.
+
+    Attributes:
+        way: its direction.
+        hex: all bytes.
+    """
+
+    event: Literal["packet"]
+    way: Literal["to-board", "from-board"]
+    hex: Hex
+
+    def __str__(self) -> str:
+        return f"a packet {self.way.replace('-', ' the ')}"
 
 
-def read_log(path: Path) -> tuple[list[Opened | Request | Answer | Stray | Dropped], bool]:
+AnyEvent = Opened | Request | Answer | Stray | Dropped | Datagram
+LogEvent = Annotated[AnyEvent, Field(discriminator="event")]
+_EVENT: Final[TypeAdapter[AnyEvent]] = TypeAdapter(LogEvent)
+
+
+def read_log(path: Path) -> tuple[list[AnyEvent], bool]:
     """Reads a log.
 
     Returns:
@@ -161,7 +181,7 @@ def read_log(path: Path) -> tuple[list[Opened | Request | Answer | Stray | Dropp
     return events, bool(rest)
 
 
-def _parsed(path: Path, number: int, line: str) -> Opened | Request | Answer | Stray | Dropped:
+def _parsed(path: Path, number: int, line: str) -> AnyEvent:
     try:
         return _EVENT.validate_json(line)
     except ValidationError as exc:

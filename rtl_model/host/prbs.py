@@ -12,7 +12,9 @@ from rtl_model.prbs import ORDERS, Prbs
 
 __all__ = ["ORDERS", "Exchanged", "PrbsReport", "check", "exchange"]
 
-_FAULTS = 3  # most interrupted answers of one measurement
+_FAULTS = 3  # most interrupted answers of one measurement over a serial line
+_MISMATCHES = 2  # wrong blocks over UDP in a row that are read again
+_IN_A_ROW = 8  # most consecutive ones over UDP, which may lose any packet
 
 
 class PrbsReport(NamedTuple):
@@ -65,26 +67,36 @@ def exchange(board: Board, order: int, words: int, *, faults: int = 0) -> Exchan
         board: a Viform board.
         order: of the sequence.
         words: number of words in each direction.
-        faults: most interrupted answers; the LineFault of the next one is raised.
+        faults: most interrupted answers over a serial line; the LineFault of the next one is
+            raised.
     """
     bone = board.bone
     source = board.csr.register("prbs_source").address
     wrong: list[int] = []
-    interrupted = 0
+    interrupted = in_a_row = mismatches = 0
     board.write("prbs_order", order)
     sequence = Prbs(order)
     while len(wrong) < words:
         count = min(bone.words_at_once, words - len(wrong))
         try:
             values = bone.read(source, count, fixed=True)
+            bits = [value ^ sequence.word() for value in values]
+            # A datagram that arrived twice has read the source twice, but hardly three times.
+            doubtful = bone.confirms and any(bits) and mismatches < _MISMATCHES
+            mismatches += doubtful
         except LineFault as fault:
-            interrupted += 1
-            if interrupted > faults or fault.cause in FINAL:
+            if (interrupted >= faults and not bone.confirms) or fault.cause in FINAL:
                 raise
+            if in_a_row >= _IN_A_ROW:
+                raise
+            doubtful = True
+        if doubtful:
+            interrupted, in_a_row = interrupted + 1, in_a_row + 1
             board.write("prbs_order", order)  # the position in the sequence is unknown: restart
             sequence = Prbs(order)
             continue
-        wrong += [value ^ sequence.word() for value in values]
+        wrong += bits
+        in_a_row = mismatches = 0
     board.write("prbs_order", order)
     sequence = Prbs(order)
     bone.write(

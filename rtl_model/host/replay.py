@@ -24,7 +24,8 @@ class ReplayPort:
 
     Attributes:
         name: for messages.
-        baud: of the line.
+        baud: of the line; 0 over UDP.
+        over_udp: whether the log is of Etherbone packets, which this port cannot answer.
         logged_port: name of the port in the log.
         simulated: whether a simulated board was behind the port; None if the log does not state it.
         time_scale, frames: of the session; None if the log does not state them.
@@ -37,7 +38,8 @@ class ReplayPort:
         self.events, self.cut = read_log(path)
         first = self.events[0]
         assert isinstance(first, Opened)
-        self.baud, self.logged_port = first.baud, first.port
+        self.baud, self.logged_port = first.baud or 0, first.port
+        self.over_udp = first.baud is None
         self.simulated, self.time_scale = first.simulated, first.time_scale
         self.frames = first.frames
         self._time = first.monotonic

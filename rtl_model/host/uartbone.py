@@ -21,8 +21,10 @@ from rtl_model.host.ports import Port
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone", "read_request",
-           "write_request"]  # fmt: skip
+__all__ = [
+    "BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone", "check_address",
+    "read_request", "write_request",
+]  # fmt: skip
 
 PATIENCE_S, SIMULATED_PATIENCE_S = 0.3, 3.0
 """Longest wait for an answer beyond line time, s. A busy machine may suspend the thread of a
@@ -50,7 +52,7 @@ BAUD_MIN = int((_HEADER + 4) * _BITS / _TRANSACTION_S) + 1
 
 
 class Uartbone:
-    """Master of a bus behind a port.
+    """Master of a bus behind a serial port.
 
     Args:
         port: to the board.
@@ -75,6 +77,8 @@ class Uartbone:
         on_other_answer: called with (address, received words, right words) for an answer of the
             right length that a second reading has proved wrong; None for no call.
     """
+
+    confirms = False
 
     def __init__(
         self,
@@ -130,7 +134,7 @@ class Uartbone:
             LineFault: SILENT, SHORT, GARBLED or ECHO. The line is then silent and the board ready
                 for a command.
         """
-        _check_address(address, 1 if fixed else words)
+        check_address(address, 1 if fixed else words)
         again = self.retries if (not fixed if retry is None else retry) else 0
         values: list[int] = []
         while len(values) < words:
@@ -198,7 +202,7 @@ class Uartbone:
             fixed: whether all are written to the same address.
         """
         values = [values] if isinstance(values, int) else list(values)
-        _check_address(address, 1 if fixed else len(values))
+        check_address(address, 1 if fixed else len(values))
         for start in range(0, len(values), self.words_at_once):
             part = values[start : start + self.words_at_once]
             place = address if fixed else address + 4 * start
@@ -256,6 +260,10 @@ class Uartbone:
         self.port.set_baud(baud)
         self.baud = baud
         self._note("baud", baud)
+
+    def line_s(self, count: int) -> float:
+        """Duration of `count` bytes on the line at the host's baud, s."""
+        return _BITS * count / self.baud
 
     def _ask(self, address: int, count: int, fixed: bool, again: int) -> bytes:
         while True:
@@ -350,7 +358,8 @@ def _judge(packet: bytes, wanted: int, data: bytes, more: bytes, name: str) -> L
     return LineFault(Cause.GARBLED, text)
 
 
-def _check_address(address: int, words: int) -> None:
+def check_address(address: int, words: int) -> None:
+    """Raises InputError unless `words` words lie at a byte address below 2^32."""
     if address % 4 or not 0 <= address <= (1 << 32) - 4 * words or words < 0:
         raise InputError(
             "an address",

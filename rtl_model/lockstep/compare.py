@@ -167,8 +167,29 @@ class _Lockstep:
                 self._write(ADDRESS["capture_pointer"], chunk.pointer)
                 for _ in range(4):
                     self._read(ADDRESS["capture_data"])
+            self._read(
+                ADDRESS["capture_mem"] + 4 * (chunk.pointer % self.model.geometry.capture_words)
+            )
             self.coverage.bursts += chunk.drain > 0
+        if ADDRESS["write_mem"] in chunk.reads:
+            self._numbered_write(chunk.pointer)
         self._tiles()
+
+    def _numbered_write(self, draw: int) -> None:
+        """Writes two words to the pattern memory by `write_mem`, with the next or a wrong number.
+
+        Args:
+            draw: any number, from which the details follow.
+        """
+        place, words = ADDRESS["write_mem"], self.model.geometry.pattern_bytes // 4
+        number = self._read(place)[1] + draw % 2
+        target = ADDRESS["pattern_mem"] + 4 * (draw % words) + draw // 2 % 2
+        for index, value in enumerate((number, target, 2, ~draw & 0xFFFFFFFF, draw)):
+            self._write(place + 4 * index, value)
+        self._read(place)
+        self._read(place + 4)
+        for word in {draw % words, (draw + 1) % words}:
+            self._read(ADDRESS["pattern_mem"] + 4 * word)
 
     def _tiles(self) -> None:
         self._compare(self.verilog.run(0), self.model.run(0))

@@ -49,8 +49,8 @@ class Chunk(NamedTuple):
     Attributes:
         stop: clock after the timed writes.
         writes: timed writes.
-        reads: byte addresses to read. The capture registers are compared only if no burst is in
-            progress.
+        reads: byte addresses to read; after that of `write_mem`, a numbered write follows. The
+            capture registers are compared only if no burst is in progress.
         pointer: value written to the capture's pointer.
         drain: words of the capture memory that are read.
     """
@@ -123,6 +123,7 @@ class _Draw:
         rng.shuffle(readable)
         identifier = ADDRESS["identifier_mem"] + 4 * int(rng.integers(40))
         reads = [*readable, *map(int, pattern), identifier, int(rng.choice(_NOWHERE))]
+        reads.append(ADDRESS["write_mem"])
         end = int(rng.integers(geometry.capture_words + 40))
         self.chunk = Chunk(
             max(stop, last + 1), writes, reads, end, int(rng.integers(2 * geometry.record_words))

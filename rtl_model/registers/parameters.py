@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rtl_model.geometry import Geometry
-from rtl_model.registers.table import Register
+from rtl_model.registers.table import WRITE_WORDS, Register
 
 __all__ = ["PARAMETERS", "identifier", "parameters", "reset_value"]
 
@@ -21,6 +21,8 @@ PARAMETERS: dict[str, str] = {
     "SINK_WORDS": "words of the sink's memory, a power of two",
     "IDENTIFIER_BYTES": "four for each character of the identifier and the NUL",
     "PATTERN_BYTES": "a byte for each pixel of each row of whole tiles",
+    "WRITE_BYTES": "256 words: three of the head, and the data",
+    "CAPTURE_BYTES": "4 CAPTURE_WORDS",
 }
 """Every parameter that the register map may name, with its meaning."""
 
@@ -46,6 +48,8 @@ def parameters(geometry: Geometry, build: int = 0) -> dict[str, int]:
         "SINK_WORDS": geometry.sink_words,
         "IDENTIFIER_BYTES": 4 * (len(identifier(geometry)) + 1),
         "PATTERN_BYTES": geometry.pattern_bytes,
+        "WRITE_BYTES": 4 * WRITE_WORDS,
+        "CAPTURE_BYTES": 4 * geometry.capture_words,
     }
 
 

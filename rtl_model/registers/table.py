@@ -10,13 +10,19 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 __all__ = [
-    "MAGIC", "MEMORIES", "REGISTERS", "VERSION", "Field", "Memory", "Register", "mask", "quantum",
+    "MAGIC", "MEMORIES", "REGISTERS", "VERSION", "WRITE_WORDS", "Field", "Memory", "Register",
+    "mask", "quantum",
 ]  # fmt: skip
 
 MAGIC = 0x53504B32
 """First word of a Viform board, ASCII "SPK2"."""
-VERSION = 0x0001_0000
-"""Version of the register map: major number in the upper half, minor in the lower."""
+VERSION = 0x0001_0001
+"""Version of the register map: major number in the upper half, minor in the lower.
+
+Minor number 1 added the memories `write_mem` and `capture_mem`."""
+
+WRITE_WORDS = 256
+"""Words of `write_mem`, one more than a record of Etherbone can write."""
 
 Mode = Literal["ro", "rw", "wo"]
 
@@ -237,6 +243,25 @@ MEMORIES: tuple[Memory, ...] = (
         "rw",
         "electrons of each pixel in a 40 kHz tick, a byte each, the first in bits 7 to 0; "
         "rows are padded to whole tiles",
+    ),
+    # Two address bits from every word above, so that one wrong bit of an address on a serial line
+    # still leads to a bus error.
+    Memory(
+        "write_mem",
+        0x5000_0000,
+        "WRITE_BYTES",
+        "rw",
+        "numbered writes: number, byte address (bit 0: all to this address), count, words; "
+        "performed once, and only if the number is the next one. Word 0 reads as the next number, "
+        "word 1 as the count of those that arrived; ctrl_reset does not clear them",
+    ),
+    Memory(
+        "capture_mem",
+        0x6000_0000,
+        "CAPTURE_BYTES",
+        "ro",
+        "the capture memory by address, the oldest word first; 0 beyond the end. A read does not "
+        "move capture_pointer",
     ),
 )
 

@@ -11,6 +11,8 @@ module viform_capture #(
     input wire reset,
     input wire write,
     input wire read,
+    input wire memory_read,  // of a word by its index
+    input wire [$clog2(CAPTURE_WORDS)-1:0] memory_index,
     input wire [5:0] offset,
     input wire [31:0] wdata,
     output wire [31:0] rdata,
@@ -73,7 +75,8 @@ module viform_capture #(
     wire [31:0] stored;
     viform_ram #(.DEPTH(CAPTURE_WORDS), .WIDTH(32), .ADDRESS_BITS(INDEX_BITS)) memory (
         .clk(clk), .write(storing), .write_address(stop[INDEX_BITS-1:0]), .write_data(word),
-        .read(take), .read_address(pointer[INDEX_BITS-1:0]), .read_data(stored)
+        .read(take || memory_read),
+        .read_address(memory_read ? memory_index : pointer[INDEX_BITS-1:0]), .read_data(stored)
     );
     assign rdata = from_memory ? stored : register;
 
@@ -132,7 +135,10 @@ module viform_capture #(
     end
 
     wire [INDEX_BITS:0] level = stop - pointer;
-    always @(posedge clk) if (read) begin
+    always @(posedge clk) if (memory_read) begin
+        from_memory <= {1'b0, memory_index} < stop;
+        register <= 32'd0;
+    end else if (read) begin
         from_memory <= take && more;
         case (offset)
             `VIFORM_CAPTURE_SOURCE: register <= {31'd0, source};

@@ -45,8 +45,11 @@ module viform_system #(
     localparam [31:0] TICK_MINIMUM = ROWS * ROW_CLOCKS + 4;
     localparam [31:0] TICK_NOMINAL = CLOCK_HZ / 40000;
     localparam [31:0] TICK_CLOCKS = TICK_NOMINAL > TICK_MINIMUM ? TICK_NOMINAL : TICK_MINIMUM;
+    localparam [31:0] CAPTURE_BITS = $clog2(CAPTURE_WORDS);
     localparam [31:0] PATTERN_WORDS = ROWS * TILES * LANES / 4;
     localparam [31:0] ADDRESS_BITS = ROWS * TILES > 1 ? $clog2(ROWS * TILES) : 1;
+    localparam [29:0] WRITE_ADDRESS = `VIFORM_WRITE_MEM;
+    localparam [21:0] WRITE_PLACE = WRITE_ADDRESS[29:8];
     localparam [31:0] WORD_BITS = ADDRESS_BITS + $clog2(LANES / 4);
 
     // A parameter that is not supported ends the elaboration: the module of this name is absent.
@@ -72,10 +75,24 @@ module viform_system #(
     endgenerate
 
     wire reset = rst || soft_reset;
-    wire [23:0] group = bus_adr[29:6];
-    wire [5:0] offset = bus_adr[5:0];
-    wire [29:0] pattern_index = bus_adr - `VIFORM_PATTERN_MEM;
-    wire [29:0] identifier_index = bus_adr - `VIFORM_IDENTIFIER_MEM;
+    // A numbered write becomes a write to the address in its head, in the same clock.
+    wire at_numbered = bus_adr[29:8] == WRITE_PLACE;
+    wire pass;
+    wire [29:0] pass_adr;
+    wire [31:0] numbered_rdata;
+    wire we = bus_we && (!at_numbered || pass);
+    wire [29:0] adr = bus_we && at_numbered ? pass_adr : bus_adr;
+    viform_numbered numbered (
+        .clk(clk), .power_on(rst), .write(bus_we && at_numbered), .read(bus_re && at_numbered),
+        .index(bus_adr[7:0]), .wdata(bus_wdata), .pass(pass), .pass_adr(pass_adr),
+        .rdata(numbered_rdata)
+    );
+
+    wire [23:0] group = adr[29:6];
+    wire [5:0] offset = adr[5:0];
+    wire [29:0] pattern_index = adr - `VIFORM_PATTERN_MEM;
+    wire [29:0] identifier_index = adr - `VIFORM_IDENTIFIER_MEM;
+    wire [29:0] captured_index = adr - `VIFORM_CAPTURE_MEM;
     wire [5:0] identifier_words;
 
     wire at_control = group == `VIFORM_GROUP_CTRL && offset < `VIFORM_COUNT_CTRL;
@@ -86,21 +103,23 @@ module viform_system #(
     wire at_sink = group == `VIFORM_GROUP_SINK && offset < `VIFORM_COUNT_SINK;
     wire at_identifier = identifier_index < {24'd0, identifier_words};
     wire at_pattern = pattern_index < PATTERN_WORDS[29:0];
+    wire at_captured = captured_index < CAPTURE_WORDS[29:0];
     wire known = at_control || at_uart || at_prbs || at_sensor || at_capture || at_sink
-        || at_identifier || at_pattern;
+        || at_identifier || at_pattern || at_captured || (at_numbered && bus_re);
 
     // A read: the block that is meant registers its word, which is passed on a clock later.
-    reg [5:0] answering;
+    reg [6:0] answering;
     reg reading;
     wire [31:0] control_rdata, prbs_rdata, sensor_rdata, pattern_rdata, capture_rdata, sink_rdata;
     always @(posedge clk) begin
         reading <= bus_re && !rst;
         bus_rvalid <= reading && !rst;
         if (bus_re) answering <= {
-            at_control || at_uart || at_identifier, at_prbs, at_sensor, at_pattern, at_capture,
-            at_sink
+            at_numbered, at_control || at_uart || at_identifier, at_prbs, at_sensor, at_pattern,
+            at_capture || at_captured, at_sink
         };
         if (reading) case (1'b1)
+            answering[6]: bus_rdata <= numbered_rdata;
             answering[5]: bus_rdata <= control_rdata;
             answering[4]: bus_rdata <= prbs_rdata;
             answering[3]: bus_rdata <= sensor_rdata;
@@ -116,9 +135,9 @@ module viform_system #(
         .ROWS(ROWS), .COLUMNS(COLUMNS), .LANES(LANES), .CLOCK_HZ(CLOCK_HZ),
         .BIT_CLOCKS(BIT_CLOCKS), .BUILD(BUILD)
     ) control (
-        .clk(clk), .power_on(rst), .reset(reset), .bus_error((bus_we || bus_re) && !known),
-        .control_write(bus_we && at_control), .control_read(bus_re && at_control),
-        .uart_write(bus_we && at_uart), .uart_read(bus_re && at_uart),
+        .clk(clk), .power_on(rst), .reset(reset), .bus_error((we || bus_re) && !known),
+        .control_write(we && at_control), .control_read(bus_re && at_control),
+        .uart_write(we && at_uart), .uart_read(bus_re && at_uart),
         .identifier_read(bus_re && at_identifier), .offset(offset), .wdata(bus_wdata),
         .rdata(control_rdata), .uptime(uptime), .soft_reset(soft_reset), .uart_clear(uart_clear),
         .identifier_words(identifier_words), .ev_rx_byte(ev_rx_byte), .ev_tx_byte(ev_tx_byte),
@@ -127,7 +146,7 @@ module viform_system #(
     );
 
     viform_prbs prbs (
-        .clk(clk), .reset(reset), .write(bus_we && at_prbs), .read(bus_re && at_prbs),
+        .clk(clk), .reset(reset), .write(we && at_prbs), .read(bus_re && at_prbs),
         .offset(offset), .wdata(bus_wdata), .rdata(prbs_rdata)
     );
 
@@ -137,9 +156,9 @@ module viform_system #(
         .TICK_MINIMUM(TICK_MINIMUM), .TICK_CLOCKS(TICK_CLOCKS), .ADDRESS_BITS(ADDRESS_BITS),
         .WORD_BITS(WORD_BITS)
     ) sensor (
-        .clk(clk), .reset(reset), .uptime(uptime), .write(bus_we && at_sensor),
+        .clk(clk), .reset(reset), .uptime(uptime), .write(we && at_sensor),
         .read(bus_re && at_sensor), .offset(offset), .wdata(bus_wdata), .rdata(sensor_rdata),
-        .pattern_write(bus_we && at_pattern), .pattern_read(bus_re && at_pattern),
+        .pattern_write(we && at_pattern), .pattern_read(bus_re && at_pattern),
         .pattern_word(pattern_index[WORD_BITS-1:0]), .pattern_rdata(pattern_rdata), .start(start),
         .scanning(scanning), .scan_read(scan_read), .compute(compute), .tile_last(tile_last),
         .tile_valid(tile_valid), .tile_clock(tile_clock), .tile_frame(tile_frame),
@@ -147,7 +166,7 @@ module viform_system #(
     );
 
     viform_sink #(.LANES(LANES), .SINK_WORDS(SINK_WORDS)) sink (
-        .clk(clk), .reset(reset), .write(bus_we && at_sink), .read(bus_re && at_sink),
+        .clk(clk), .reset(reset), .write(we && at_sink), .read(bus_re && at_sink),
         .offset(offset), .wdata(bus_wdata), .rdata(sink_rdata), .start(start),
         .scanning(scanning), .scan_read(scan_read), .compute(compute), .tile_last(tile_last),
         .valid(sink_valid), .bits(sink_bits)
@@ -158,7 +177,8 @@ module viform_system #(
     viform_capture #(
         .LANES(LANES), .TILES(TILES), .ROW_WORDS(ROW_WORDS), .CAPTURE_WORDS(CAPTURE_WORDS)
     ) capture (
-        .clk(clk), .reset(reset), .write(bus_we && at_capture), .read(bus_re && at_capture),
+        .clk(clk), .reset(reset), .write(we && at_capture), .read(bus_re && at_capture),
+        .memory_read(bus_re && at_captured), .memory_index(captured_index[CAPTURE_BITS-1:0]),
         .offset(offset), .wdata(bus_wdata), .rdata(capture_rdata), .start(start),
         .scanning(scanning), .frame(tile_frame[19:0]), .row(tile_row[11:0]), .tile(tile_index),
         .tile_valid(tile_valid), .tile_bits(tile_bits), .sink_valid(sink_valid),

@@ -11,20 +11,19 @@ At byte level the line has no duration and no baud. The watchdog counts clocks a
 
 from __future__ import annotations
 
-import os
 import select
-import threading
 import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 
-from cosim import InputError, ViformError
+from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 from rtl_model.virtual.faults import Faults, parse
 from rtl_model.virtual.line import Bytes, FaultyLine
+from rtl_model.virtual.pace import LINGER_S, Pace, measured_speed
+from rtl_model.virtual.served import Served
 from rtl_model.virtual.simulators import ROOM, Level, Simulator, make_simulator
 from rtl_model.virtual.terminal import Terminal
 
@@ -32,24 +31,16 @@ __all__ = ["LEVELS", "LINGER_S", "VirtualBoard", "nominal_clock"]
 
 LEVELS: tuple[Level, ...] = ("bytes", "pins", "model")
 
-LINGER_S = 0.3
-"""In the board's time: three times its watchdog, longer than a cut line and a power cycle."""
-
 _CLOCK_HZ = {"bytes": 460_800, "model": 460_800, "pins": 3_686_400}
 _BIT_CLOCKS = {"bytes": 4, "model": 4, "pins": 32}
 _MOST_HZ = 8_000_000  # largest default clock
 
-_SLICE_S = 25e-6  # wall time of a step without bytes; a host's byte waits for half of it on average
 _BYTES_SLICE_S = 2e-3  # wall time of a step with bytes, after which the output is passed on
-_PAUSE_S = 1e-3  # wait when the board's clock has reached the wall clock
-_REST_S, _RESTING_S = 0.1, 1e-3  # idle: steps of 1 ms, each after 0.1 s of sleep or a byte
-_MEASURED_S = 30e-3  # of simulation, to measure its speed
-_MARGIN = 2.0  # of time_scale, for other work of the machine
+_PAUSE_S = 1e-3  # wait for a host that does not take its bytes
 _RUN_ADDRESS = next(r.address for r in REGISTERS if r.name == "sensor_run")
 _RUN = bytes([1, 1]) + (_RUN_ADDRESS // 4).to_bytes(4, "big") + (1).to_bytes(4, "big")
 """The request that starts the sensor."""
 _PINS_BYTES = 64  # taken from the host at once
-_ATTENTION_S = 0.2  # interval at which `wait` checks the thread
 _QUEUE_BYTES = 1 << 20  # unread by the host; beyond it the oldest are lost, as in a driver
 
 
@@ -63,7 +54,7 @@ def nominal_clock(level: str, baud: int) -> int:
     return max(_CLOCK_HZ[level], min(_BIT_CLOCKS[level] * baud, _MOST_HZ))
 
 
-class VirtualBoard:
+class VirtualBoard(Served):
     """A board that is served at `port` from `start`, or the start of the context, to its end.
 
     Args:
@@ -91,7 +82,7 @@ class VirtualBoard:
         link: Path | None = None,
         imager: str | None = None,
     ) -> None:
-        self.geometry = Geometry() if geometry is None else geometry
+        super().__init__(Geometry() if geometry is None else geometry)
         self.level = level
         self.imager = imager
         self.faults = faults if isinstance(faults, Faults) else parse(faults, self.geometry)
@@ -108,33 +99,11 @@ class VirtualBoard:
                 "leave out --level, and faults such as stuck and foreign",
             )  # fmt: skip
         self._link = link
-        self._thread: threading.Thread | None = None
-        self._failure: BaseException | None = None
-        self.speed = float(self.geometry.clock_hz)
-        self.clock = 0
 
     @property
     def port(self) -> str:
         """Path that a host opens: the link, or the pty's slave."""
         return self._terminal.port
-
-    @property
-    def clocks_per_second(self) -> float:
-        """Clocks of the board per second of wall time, at most its nominal clock."""
-        return min(self.speed, float(self.geometry.clock_hz))
-
-    @property
-    def time_scale(self) -> float:
-        """Factor by which a host should lengthen its waiting times.
-
-        It is the ratio of nominal to measured clock with a margin for a busy machine, at least 1.
-        """
-        return max(1.0, _MARGIN * self.geometry.clock_hz / self.speed)
-
-    @property
-    def alive(self) -> bool:
-        """Whether the board is being served."""
-        return self._thread is not None and self._thread.is_alive()
 
     def start(self) -> VirtualBoard:
         """Opens the port and serves it until `stop`."""
@@ -143,64 +112,18 @@ class VirtualBoard:
             if self.level == "model" and self.imager is None:
                 # Compiled parts are loaded now, not when a host waits for the first frame.
                 simulator.step(_RUN, 2 * self.geometry.tick_clocks)
-            self.speed = _measure(simulator)
+            self.speed = measured_speed(simulator)
             simulator.power_cycle()
             self._terminal = Terminal(self.geometry.baud, self._link)
         except BaseException:
             simulator.close()
             raise
-        try:
-            self._waker, self._wake = os.pipe()
-            self._thread = threading.Thread(target=self._run, args=(simulator,), daemon=True)
-            self._thread.start()
-        except BaseException:  # such as a request to end
-            self._terminal.close()
-            raise
+        self._serve(
+            lambda waker: _Server(self, simulator, self._terminal, waker).turn,
+            self._terminal.close,
+            simulator.close,
+        )
         return self
-
-    def wait(self) -> None:
-        """Waits until the board ends by itself, which is a failure. Ctrl-C is passed on."""
-        while self.alive:
-            time.sleep(_ATTENTION_S)
-
-    def stop(self) -> None:
-        """Ends the board and closes the port. Raises ViformError if the board has failed."""
-        if self._thread is None:
-            return
-        os.write(self._wake, b"x")
-        self._thread.join()
-        self._thread = None
-        os.close(self._wake)
-        os.close(self._waker)
-        self._terminal.close()
-        if self._failure is not None:
-            raise ViformError("the virtual board ended early") from self._failure
-
-    def __enter__(self) -> VirtualBoard:
-        try:
-            return self.start()
-        except BaseException:
-            if self.alive:
-                self.stop()
-            raise
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stop()
-
-    def _run(self, simulator: Simulator) -> None:
-        try:
-            server = _Server(self, simulator, self._terminal, self._waker)
-            while server.turn():
-                self.speed, self.clock = server.speed, simulator.clock
-        except BaseException as exc:  # `stop` raises it
-            self._failure = exc
-        finally:
-            simulator.close()
 
 
 class _Server:
@@ -210,7 +133,7 @@ class _Server:
         self, board: VirtualBoard, simulator: Simulator, terminal: Terminal, waker: int
     ) -> None:
         self._sim, self._terminal, self._waker = simulator, terminal, waker
-        self._hz = board.geometry.clock_hz
+        self._board, self._hz = board, board.geometry.clock_hz
         self._delay_s = board.faults.delay_s
         self._line = FaultyLine(board.faults)
         self._poll = select.poll()
@@ -222,17 +145,13 @@ class _Server:
         # too.
         self._share = _PINS_BYTES if board.level == "pins" else ROOM
         self._dead_until = 0  # clock until which the line carries nothing
-        self.speed = board.speed
-        self._slice = max(1, round(self.speed * _SLICE_S))
-        self._whole = max(1, round(self.speed * _BYTES_SLICE_S))
-        self._ran, self._spent = 0, 0.0  # clocks and seconds since the last measurement of speed
-        self._note_traffic(time.monotonic())
+        self._pace = Pace(self._hz, board.speed)
+        self._whole = max(1, round(board.speed * _BYTES_SLICE_S))
 
     def turn(self) -> bool:
         """One step; returns whether there is another."""
-        now = time.monotonic()
-        blocked = self._hand_over(now)
-        clocks, wait = self._plan(now)
+        blocked = self._hand_over(time.monotonic())
+        clocks, wait = (self._whole, 0.0) if self._sim.backlog else self._pace.plan(self._sim.clock)
         if blocked or self._queue:
             wait = min(wait, _PAUSE_S)
         data = b""
@@ -246,21 +165,8 @@ class _Server:
             self._send_to_board(data)
         elif clocks:
             self._step(b"", clocks)
+        self._board.speed, self._board.clock = self._pace.speed, self._sim.clock
         return True
-
-    def _plan(self, now: float) -> tuple[int, float]:
-        """Clocks to run if no bytes arrive, and the time to wait for bytes before, s."""
-        if self._sim.backlog:
-            return self._whole, 0.0
-        behind = int((now - self._since) * self._hz) - (self._sim.clock - self._since_clock)
-        if self._sim.clock - self._since_clock >= LINGER_S * self._hz:
-            return max(0, min(behind, round(self.speed * _RESTING_S))), _REST_S
-        if behind <= 0:
-            return 0, _PAUSE_S
-        return min(behind, self._slice), 0.0
-
-    def _note_traffic(self, now: float) -> None:
-        self._since, self._since_clock = now, self._sim.clock
 
     def _send_to_board(self, data: bytes) -> None:
         """Passes the host's bytes to the board, with the faults of the line."""
@@ -273,27 +179,23 @@ class _Server:
                 while self._sim.backlog:
                     self._step(b"", self._whole)
                 self._cut_line(piece.seconds, piece.power_cycle)
-        self._note_traffic(time.monotonic())
+        self._pace.note_traffic(self._sim.clock)
 
     def _cut_line(self, seconds: float, power_cycle: bool) -> None:
         if power_cycle:
             self._sim.power_cycle()
         self._dead_until = self._sim.clock + int(seconds * self._hz)
-        self._note_traffic(time.monotonic())
+        self._pace.note_traffic(self._sim.clock)
 
     def _step(self, data: bytes, clocks: int) -> None:
         begun, first = time.monotonic(), self._sim.clock
         sent = self._sim.step(data, clocks)
         now = time.monotonic()
-        if not data and clocks >= self._slice:  # a shorter step is mostly overhead
-            self._ran += self._sim.clock - first
-            self._spent += now - begun
-            if self._spent >= _MEASURED_S:
-                self.speed = self._ran / self._spent
-                self._ran, self._spent = 0, 0.0
+        if not data:
+            self._pace.measure(self._sim.clock - first, now - begun)
         if not sent:
             return
-        self._note_traffic(now)
+        self._pace.note_traffic(self._sim.clock)
         for piece in self._line.carry("tx", sent):
             if not isinstance(piece, Bytes):
                 self._cut_line(piece.seconds, piece.power_cycle)
@@ -314,20 +216,3 @@ class _Server:
                 self._queue.appendleft((due, data[taken:]))
                 return True
         return False
-
-
-def _measure(simulator: Simulator) -> float:
-    """Measures the clocks per second of a board without bytes on its line."""
-    simulator.step(b"", 1)  # compiles the cycle model if necessary
-    clocks, begun = 256, time.perf_counter()
-    while True:
-        simulator.step(b"", clocks)
-        spent = time.perf_counter() - begun
-        if spent >= _MEASURED_S or simulator.clock > 1 << 40:
-            break
-        clocks *= 2
-    for _ in range(2):  # the best of three, because other work may have slowed some
-        begun = time.perf_counter()
-        simulator.step(b"", clocks)
-        spent = min(spent, time.perf_counter() - begun)
-    return clocks / spent

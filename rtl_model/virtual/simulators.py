@@ -21,7 +21,7 @@ from rtl_model.virtual.noise import noise
 if TYPE_CHECKING:
     from rtl_model.cycle import Behind
 
-__all__ = ["ROOM", "Level", "Simulator", "make_simulator"]
+__all__ = ["ROOM", "Level", "Simulator", "faulty_library", "make_simulator"]
 
 Level = Literal["bytes", "pins", "model"]
 
@@ -178,20 +178,25 @@ class _Verilog:
         self._board = None
 
 
-def _load(level: Level, geometry: Geometry, faults: Faults) -> ctypes.CDLL:
+def faulty_library(top: str, shim: Path, geometry: Geometry, faults: Faults) -> ctypes.CDLL:
+    """The library of a module and a shim, with the faults of the design (`verilated.library`)."""
     from rtl_model.verilated import VERILOG, build_crc, library
     from rtl_model.virtual.design_faults import inject_faults
 
-    name = "core" if level == "bytes" else "board"
-    shim = Path(__file__).with_name(f"{name}.cpp")
     with tempfile.TemporaryDirectory() as text:
         sources = VERILOG
         if faults.of_design:
             sources = Path(text)
             inject_faults(VERILOG, sources, geometry, faults)
         build = build_crc(geometry, sources)
-        path = library(f"viform_{name}", geometry, shim, sources=sources, build=build)
-    loaded = ctypes.CDLL(str(path))
+        path = library(top, geometry, shim, sources=sources, build=build)
+    return ctypes.CDLL(str(path))
+
+
+def _load(level: Level, geometry: Geometry, faults: Faults) -> ctypes.CDLL:
+    name = "core" if level == "bytes" else "board"
+    shim = Path(__file__).with_name(f"{name}.cpp")
+    loaded = faulty_library(f"viform_{name}", shim, geometry, faults)
     pointer, number = ctypes.c_void_p, ctypes.c_uint64
     loaded.viform_open.restype = pointer
     loaded.viform_close.argtypes = [pointer]

@@ -9,16 +9,17 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from rtl_model.bringup.bench.deadline import DeadlinePort
+from rtl_model.bringup.bench.deadline import Deadline, DeadlinePort, DeadlineSocket
 from rtl_model.bringup.bench.monitor import LineMonitor
 from rtl_model.bringup.bench.stage import StageFault
 from rtl_model.bringup.bench.wrong_bits import WrongBits
 from rtl_model.geometry import Geometry
+from rtl_model.host import Bone, Uartbone
 from rtl_model.host.csr import CsrMap
-from rtl_model.host.uartbone import Uartbone
+from rtl_model.host.ether import Etherbone
 from rtl_model.registers import REGISTERS
 
-__all__ = ["Bench", "Burst"]
+__all__ = ["Bench", "Burst", "SerialBench", "UdpBench"]
 
 _CHANGED_BY_READING = {register.name for register in REGISTERS if register.read_effect}
 
@@ -43,29 +44,27 @@ class Burst:
 
 @dataclass
 class Bench:
-    """A board under test.
+    """A board under test, over any line.
 
     Attributes:
         port: to the board; a stage that exceeds its time ends with OutOfTime here.
         bone: the host's side of the protocol, on that port.
         csr: registers of the loaded design.
         simulated: whether there is no real clock behind the port.
-        nominal_baud: baud that the user has set.
         frames: number of frames in a captured burst.
         geometry: of the board, once the identity stage has passed; a default before.
         board: figures of the identity stage; empty before it.
         bursts: captured so far.
-        magic: word at address 0 as the bytes stage has read it, None before.
+        magic: word at address 0 as the first stage has read it, None before.
         note: receives one line before a slow step.
         monitor: compares the byte counts at both ends of the line; None until the board is known
             to have these counters.
     """
 
-    port: DeadlinePort
-    bone: Uartbone
+    port: Deadline
+    bone: Bone
     csr: CsrMap
     simulated: bool
-    nominal_baud: int
     frames: int = 8
     geometry: Geometry = field(default_factory=Geometry)
     board: dict[str, Any] = field(default_factory=dict)
@@ -120,10 +119,31 @@ class Bench:
         self.bone.write(self.address(name), value)
 
     def line_s(self, count: int) -> float:
-        """Duration of `count` bytes on the line at the host's baud, s."""
-        return 10 * count / self.bone.baud
+        """Duration of `count` bytes on the line, s; 0 if unknown."""
+        return self.bone.line_s(count)
 
     def ticks_s(self, ticks: int, select: int = 0) -> float:
         """Duration of `ticks` ticks of the default length by the port's clock, s."""
         seconds = (ticks << select) * self.geometry.tick_clocks / self.geometry.clock_hz
         return seconds * self.bone.time_scale
+
+
+@dataclass
+class SerialBench(Bench):
+    """A board on a serial line.
+
+    Attributes:
+        nominal_baud: baud that the user has set.
+    """
+
+    port: DeadlinePort
+    bone: Uartbone
+    nominal_baud: int = 0
+
+
+@dataclass
+class UdpBench(Bench):
+    """A board on a network."""
+
+    port: DeadlineSocket
+    bone: Etherbone

@@ -5,33 +5,64 @@ from __future__ import annotations
 import time
 
 from cosim import ViformError
+from rtl_model.host.ether import PacketPort
 from rtl_model.host.ports import Port
 
-__all__ = ["DeadlinePort", "OutOfTime"]
+__all__ = ["Deadline", "DeadlinePort", "DeadlineSocket", "OutOfTime"]
 
 
 class OutOfTime(ViformError):
     """The time limit is exceeded, which need not be a fault of the line."""
 
 
-class DeadlinePort:
-    """Wraps a port. Every operation after the time limit raises OutOfTime.
+class Deadline:
+    """A time limit; `Port` and socket inherit it.
 
     Every loop of a stage uses the port, so no loop is endless.
+
+    Attributes:
+        inner: the wrapped port.
+        name: for messages.
+    """
+
+    def __init__(self, inner: Port | PacketPort) -> None:
+        self.inner, self.name = inner, inner.name
+        self._end = float("inf")
+
+    def allow(self, seconds: float) -> None:
+        """Sets the time limit, s from now by the system's clock."""
+        self._end = time.monotonic() + seconds
+
+    def now(self) -> float:
+        """As the wrapped port's."""
+        self._left()
+        return self.inner.now()
+
+    def close(self) -> None:
+        """As the wrapped port's."""
+        self.inner.close()
+
+    def _left(self) -> float:
+        left = self._end - time.monotonic()
+        if left <= 0:
+            raise OutOfTime("the time limit has passed")
+        return left
+
+
+class DeadlinePort(Deadline):
+    """Wraps a port. Every operation after the time limit raises OutOfTime.
 
     Attributes:
         inner: the wrapped port.
         heard: bytes received since the last write.
     """
 
-    def __init__(self, inner: Port) -> None:
-        self.inner, self.name, self.baud = inner, inner.name, inner.baud
-        self._end = float("inf")
-        self.heard = b""
+    inner: Port
 
-    def allow(self, seconds: float) -> None:
-        """Sets the time limit, s from now by the system's clock."""
-        self._end = time.monotonic() + seconds
+    def __init__(self, inner: Port) -> None:
+        super().__init__(inner)
+        self.baud = inner.baud
+        self.heard = b""
 
     def read(self, count: int, deadline_s: float) -> bytes:
         """As `Port`, limited by the remaining time."""
@@ -56,17 +87,30 @@ class DeadlinePort:
         self.inner.set_baud(baud)
         self.baud = baud
 
-    def now(self) -> float:
-        """As `Port`."""
+
+class DeadlineSocket(Deadline):
+    """Wraps a socket. Every operation after the time limit raises OutOfTime."""
+
+    inner: PacketPort
+
+    def __init__(self, inner: PacketPort) -> None:
+        super().__init__(inner)
+        self.same_port = inner.same_port
+
+    @property
+    def refused(self) -> bool:
+        """As `PacketPort`."""
+        return self.inner.refused
+
+    @refused.setter
+    def refused(self, value: bool) -> None:
+        self.inner.refused = value
+
+    def send(self, data: bytes) -> None:
+        """As `PacketPort`."""
         self._left()
-        return self.inner.now()
+        self.inner.send(data)
 
-    def close(self) -> None:
-        """As `Port`."""
-        self.inner.close()
-
-    def _left(self) -> float:
-        left = self._end - time.monotonic()
-        if left <= 0:
-            raise OutOfTime("the time limit has passed")
-        return left
+    def receive(self, deadline_s: float) -> bytes | None:
+        """As `PacketPort`, limited by the remaining time."""
+        return self.inner.receive(min(deadline_s, self._left()))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
     from rtl_model.host import CsrMap
     from rtl_model.virtual import Level, VirtualBoard
+    from rtl_model.virtual.ethernet import EthernetBoard
 
 __all__ = ["VIRTUAL", "Endpoint", "checked_level", "csr_map", "open_endpoint", "virtual_board"]
 
@@ -27,11 +28,11 @@ VIRTUAL = "virtual"
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A serial port with a board behind it.
+    """A port with a board behind it.
 
     Attributes:
-        url: of the port, for `open_port`.
-        baud: of the line.
+        url: of the port, for `opened_bone`.
+        baud: of a serial line.
         simulated: whether a simulated board is behind the port.
         time_scale: seconds of the host's time to a second of the board's clock.
     """
@@ -40,6 +41,14 @@ class Endpoint:
     baud: int
     simulated: bool
     time_scale: float
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the stages of a bring-up."""
+        from rtl_model.bringup.bench.stage import STAGES, UDP_STAGES
+        from rtl_model.host.ether import is_udp
+
+        return UDP_STAGES if is_udp(self.url) else STAGES
 
 
 def checked_level(level: str) -> Level:
@@ -61,7 +70,8 @@ def virtual_board(
     geometry: Geometry | None = None,
     link: Path | None = None,
     imager: str | None = None,
-) -> VirtualBoard:
+    udp: str | None = None,
+) -> VirtualBoard | EthernetBoard:
     """A virtual board that is not started yet.
 
     Args:
@@ -71,6 +81,7 @@ def virtual_board(
         geometry: of the build; by default 32 x 32 at a clock that the simulator reaches.
         link: symbolic link to make for its port.
         imager: name of a conventional imager to simulate instead.
+        udp: `udp:HOST[:PORT]` to serve Etherbone at instead of a pty.
 
     Raises InputError for an unknown level or fault, and for a baud that the clock does not allow.
     """
@@ -83,6 +94,10 @@ def virtual_board(
     if size.bit_clocks < 4:
         must = f"at most a quarter of the virtual board's clock, {size.clock_hz // 4}"
         raise InputError("--baud", must, str(baud), "lower it")
+    if udp is not None:
+        from rtl_model.virtual.ethernet import EthernetBoard
+
+        return EthernetBoard(udp, size, level=known, faults=faults or (), imager=imager)
     return VirtualBoard(size, level=known, faults=faults or (), link=link, imager=imager)
 
 
@@ -100,15 +115,17 @@ def open_endpoint(
     """The endpoint of `--port`; a virtual board is started, and stopped at the end of the context.
 
     Args:
-        port: a device, a URL of pyserial, or `VIRTUAL`.
+        port: a device, a URL of pyserial, `udp:HOST[:PORT]`, or `VIRTUAL`.
         baud: of the line.
         time_scale: seconds of the host's time to a second of the board's clock; None for 1, or
             for the measured value of a virtual board.
-        simulated: whether a simulated board is behind the port; None: true for a pty only.
+        simulated: whether a simulated board is behind the port; None: true for a pty and a
+            loopback address only.
         level, faults, geometry: of a virtual board.
     """
     from cosim import InputError
     from rtl_model.host import is_pty
+    from rtl_model.host.ether import is_loopback, is_udp
 
     if time_scale is not None and not 0 < time_scale < 1e6:
         raise InputError("--time-scale", "above 0", str(time_scale), "1 is a real board's")
@@ -119,9 +136,9 @@ def open_endpoint(
             raise InputError(
                 "--fault and --level", "given with --port virtual", f"with {port}", "leave them out"
             )
-        yield Endpoint(
-            port, baud, is_pty(port) if simulated is None else simulated, time_scale or 1.0
-        )
+        if simulated is None:
+            simulated = is_loopback(port) if is_udp(port) else is_pty(port)
+        yield Endpoint(port, baud, simulated, time_scale or 1.0)
         return
     if simulated is False:
         raise InputError(

@@ -7,12 +7,18 @@ from typing import Any, Literal, TypeAlias
 
 from cosim import ViformError
 
-__all__ = ["STAGES", "Figures", "Outcome", "Report", "Stage", "StageFault"]
+__all__ = ["STAGES", "UDP_STAGES", "Figures", "Outcome", "Report", "Stage", "StageFault"]
 
 STAGES = (
     "port", "bytes", "identity", "counters", "registers", "prbs", "patterns", "threshold", "timing",
 )  # fmt: skip
-"""Stages in the order in which they run. Each depends on the ones before it."""
+"""Stages over a serial line, in the order in which they run. Each depends on those before it."""
+
+UDP_STAGES = (
+    "port", "link", "identity", "loss", "mtu", "registers", "prbs", "patterns", "threshold",
+    "timing", "rate",
+)  # fmt: skip
+"""Stages over UDP."""
 
 Outcome: TypeAlias = Literal["ok", "failed", "left out"]
 Figures: TypeAlias = dict[str, Any]
@@ -43,7 +49,7 @@ class Stage:
     """The result of one stage, whether it ran or was left out.
 
     Attributes:
-        name: one of `STAGES`.
+        name: one of `STAGES` or `UDP_STAGES`.
         outcome: of its check.
         cause: one sentence with what to repair; None if the outcome is ok.
         figures: measured by the stage.
@@ -76,8 +82,9 @@ class Report:
 
     Attributes:
         port: name of the port.
-        baud: of the line.
+        baud: of the line; None over UDP.
         simulated: whether there is no real clock behind the port.
+        names: of all stages, in order.
         stages: in order; those after a failed one may be left out.
         board: figures of the identity stage, None if it did not pass.
         bursts: captured and expected planes, in order of capture.
@@ -85,8 +92,9 @@ class Report:
     """
 
     port: str
-    baud: int
+    baud: int | None
     simulated: bool
+    names: tuple[str, ...] = STAGES
     stages: list[Stage] = field(default_factory=list)
     board: dict[str, Any] | None = None
     bursts: list[Any] = field(default_factory=list)
@@ -100,9 +108,8 @@ class Report:
     @property
     def ok(self) -> bool:
         """Whether every stage ran and passed."""
-        return all(stage.outcome == "ok" for stage in self.stages) and len(self.stages) == len(
-            STAGES
-        )
+        passed = [stage.name for stage in self.stages if stage.outcome == "ok"]
+        return tuple(passed) == self.names == tuple(stage.name for stage in self.stages)
 
     @property
     def failed_stage(self) -> str | None:

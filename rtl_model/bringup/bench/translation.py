@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.bench import SerialBench
 from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.stage import StageFault
 from rtl_model.host import LineFault
@@ -79,7 +79,7 @@ _KNOWN: Final = (
 )  # fmt: skip
 
 
-def find_translation(bench: Bench) -> StageFault | None:
+def find_translation(bench: SerialBench) -> StageFault | None:
     """Returns the fault "translated" if the line has the signature of a known translation.
 
     The scratch register of a Viform board is overwritten. Returns None if the line does not carry
@@ -125,7 +125,7 @@ def _direction(word: bytes, known: _Signature, answer: bytes) -> str | None:
     return "in both directions" if answer == translated(on_board) else None
 
 
-def _probe(bench: Bench, word: bytes) -> bytes:
+def _probe(bench: SerialBench, word: bytes) -> bytes:
     """Writes a neutral word, then a word, to `ctrl_scratch`; returns all bytes of the answer."""
     bone, address = bench.bone, bench.address("ctrl_scratch")
     for each in (_NEUTRAL, word):

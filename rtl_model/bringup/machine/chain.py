@@ -11,7 +11,7 @@ from cosim.run.chain import STREAM
 from cosim.run.folder import how_to_resume
 from cosim.run.progress import Progress
 from rtl_model.bringup.bench.endpoint import Endpoint, csr_map
-from rtl_model.bringup.bench.stage import STAGES, Report, Stage
+from rtl_model.bringup.bench.stage import Report, Stage
 from rtl_model.bringup.machine.image_capture import ImageCapture, capture_image
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.bringup.machine.waves import Trace, write_waves
@@ -68,12 +68,12 @@ class BoardChain:
             return self._run(progress)
         except KeyboardInterrupt:
             raise Interrupted(
-                self._stages, len(STAGES), how_to_resume(self._folder), "stages"
+                self._stages, len(self._endpoint.stages), how_to_resume(self._folder), "stages"
             ) from None
 
     def _run(self, progress: Progress) -> dict[str, float]:
         section, endpoint = self._section, self._endpoint
-        progress.start("stages", len(STAGES) + 1)
+        progress.start("stages", len(endpoint.stages) + 1)
 
         def count(stage: Stage) -> None:
             self._stages += 1
@@ -100,7 +100,7 @@ class BoardChain:
             stream = Viform.from_planes(self.image.captured.planes, self.image.clock)
             write_zarr(stream, self._folder / STREAM)
             self.report.bursts.append(self.image.burst)
-        progress.advance(len(STAGES) + 1)
+        progress.advance(len(endpoint.stages) + 1)
         if self._trace is not None:
             write_waves(self._trace, self._seed)
         return seconds

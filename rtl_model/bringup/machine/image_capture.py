@@ -12,7 +12,7 @@ from rtl_model.bringup.bench.frames import capture_and_compare, frame_clock
 from rtl_model.bringup.machine.image import make_image
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.geometry import Geometry
-from rtl_model.host import Board, Captured, Uartbone, open_port, pattern
+from rtl_model.host import Board, Captured, opened_bone, pattern
 
 __all__ = ["ImageCapture", "capture_image"]
 
@@ -36,9 +36,9 @@ def capture_image(endpoint: Endpoint, section: BoardSection, seed: int) -> Image
 
     Raises InputError for a board of another size than the section states, LineFault.
     """
-    port = open_port(endpoint.url, section.baud)
-    try:
-        bone = Uartbone(port, baud=section.baud, time_scale=endpoint.time_scale)
+    with opened_bone(
+        endpoint.url, section.baud, simulated=endpoint.simulated, time_scale=endpoint.time_scale
+    ) as (bone, _):
         board = Board(bone, csr_map(None if section.csr is None else Path(section.csr)))
         size = board.info().geometry
         _check_size(section, size)
@@ -47,8 +47,6 @@ def capture_image(endpoint: Endpoint, section: BoardSection, seed: int) -> Image
         pattern.upload(board, make_image(size, seed))
         captured, burst = capture_and_compare(board, section.frames)
         return ImageCapture(captured, burst, frame_clock(board))
-    finally:
-        port.close()
 
 
 def _registers(size: Geometry) -> dict[str, int]:

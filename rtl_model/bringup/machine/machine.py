@@ -14,7 +14,6 @@ from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput
 from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map, open_endpoint
-from rtl_model.bringup.bench.stage import STAGES
 from rtl_model.bringup.machine.chain import LOG, BoardChain
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.bringup.machine.waves import checked_trace
@@ -36,7 +35,7 @@ class BoardMachine:
     """
 
     notes: Sequence[str] = ()
-    length, unit = len(STAGES), "stages"
+    unit = "stages"
 
     def __init__(self, section: BoardSection, seed: int, toml: str, trace: Path | None) -> None:
         """Starts the virtual board if the section names one.
@@ -61,6 +60,7 @@ class BoardMachine:
             geometry=geometry,
         )  # fmt: skip
         self._endpoint = self._stack.enter_context(endpoint)
+        self.length = len(self._endpoint.stages)
         self.device = (
             f"board at {self._endpoint.url}" if geometry is None
             else f"virtual board, level {section.level}"
@@ -102,7 +102,7 @@ class BoardMachine:
         if self._endpoint.simulated:
             notes.append(
                 "the board is simulated: its rates are those of the simulation, which delays no "
-                f"byte, and not those of a line of {self._section.baud} baud"
+                f"byte, and not those of {self._line}"
             )
         if report.cause is not None:
             notes.append(f"stage {report.failed_stage}: {report.cause}")
@@ -113,7 +113,11 @@ class BoardMachine:
                 "frames_compared": Metric(frames, "1"),
                 "bits_compared": Metric(bits, "1"),
                 "bits_wrong": Metric(wrong, "1"),
-                "round_trips_per_s": Metric(report.figure("counters", "round_trips_per_s"), "1/s"),
+                "round_trips_per_s": Metric(
+                    report.figure("counters", "round_trips_per_s")
+                    or report.figure("link", "round_trips_per_s"),
+                    "1/s",
+                ),
                 "capture_bytes_per_s": Metric(rate, "B/s"),
                 "stages_passed": Metric(sum(s.outcome == "ok" for s in report.stages), "1"),
             },
@@ -122,6 +126,11 @@ class BoardMachine:
             notes=notes,
             views=report,
         )
+
+    @property
+    def _line(self) -> str:
+        over_udp = "link" in self._endpoint.stages
+        return "a network" if over_udp else f"a line of {self._section.baud} baud"
 
     def page(self, run: Run) -> Page:
         page = make_sections(run.outcome.views, run.folder)

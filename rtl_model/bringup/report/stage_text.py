@@ -28,6 +28,33 @@ def _bytes(stage: Stage) -> str:
     return f"{f['answers']} answers, {number(1e3 * f['s_per_answer'])} ms each, at {f['baud']} baud"
 
 
+def _link(stage: Stage) -> str:
+    f = stage.figures
+    return (
+        f"{f['answers']} answers, {number(f['round_trip_ms'])} ms each; probes "
+        f"{number(f['probe_ms'])} ms"
+    )
+
+
+def _loss(stage: Stage) -> str:
+    f = stage.figures
+    return "" if "note" in f else f"none of {f['packets']} packets lost, repeated or reordered"
+
+
+def _mtu(stage: Stage) -> str:
+    f = stage.figures
+    return f"{f['words']} words a packet, {f['packet_bytes']} bytes"
+
+
+def _rate(stage: Stage) -> str:
+    f = stage.figures
+    return (
+        f"payload {number(f['read_bits_per_s'] / 1e6, 4)} Mb/s read, "
+        f"{number(f['write_bits_per_s'] / 1e6, 4)} Mb/s written, {f['packets_in_flight']} packets "
+        "in flight"
+    )
+
+
 def _identity(stage: Stage) -> str:
     f = stage.figures
     return (
@@ -86,7 +113,11 @@ def _timing(stage: Stage) -> str:
 
 _SUMMARIES = {
     "bytes": _bytes,
+    "link": _link,
     "identity": _identity,
+    "loss": _loss,
+    "mtu": _mtu,
+    "rate": _rate,
     "counters": _counters,
     "registers": _registers,
     "prbs": _prbs,

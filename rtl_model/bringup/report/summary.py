@@ -9,7 +9,7 @@ from typing import Final
 from cosim.config.amounts import amount, count, elapsed, number
 from cosim.report.parts import Card, cards
 from cosim.report.summary import Answer, big, paragraph
-from rtl_model.bringup.bench.stage import STAGES, Report
+from rtl_model.bringup.bench.stage import Report
 
 __all__ = ["answers", "cards_of", "cause", "simulated", "subtitle"]
 
@@ -36,7 +36,8 @@ def subtitle(report: Report) -> str:
     """The board in one line: its identifier, port and baud."""
     board = (report.board or {}).get("identifier", "no board was identified")
     kind = "simulated board" if report.simulated else "board"
-    return f"{board}; {kind} at {report.port}, {report.baud} baud"
+    rate = "" if report.baud is None else f", {report.baud} baud"
+    return f"{board}; {kind} at {report.port}{rate}"
 
 
 def simulated(report: Report) -> str:
@@ -103,7 +104,7 @@ def _wrong(report: Report) -> str:
 
 def _left_out(report: Report) -> str:
     missed = [stage.name for stage in report.stages if stage.outcome == "left out"]
-    text = f"No stage: all {len(STAGES)} were run."
+    text = f"No stage: all {len(report.names)} were run."
     if missed:
         these = f"Stage {missed[0]}" if len(missed) == 1 else f"Stages {', '.join(missed)}"
         text = f"{these}, which depend on stage {report.failed_stage} or would follow it."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.bench import SerialBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import BaudReport, Cause, LineFault, find_baud
 from rtl_model.host.baud import REACH_PERCENT, STANDARD_RATES
@@ -23,7 +23,7 @@ _LATE_S = 5.0  # longest wait for a delayed answer, and so for the verdict on a 
 _LATE_MARGIN = 1.5
 
 
-def check_bytes(bench: Bench) -> Figures:
+def check_bytes(bench: SerialBench) -> Figures:
     """Reads one word several times. Answers must have the right length and be equal.
 
     Raises StageFault text, garbled, baud or slow; LineFault for the host's causes (silent, echo,
@@ -71,7 +71,7 @@ def check_bytes(bench: Bench) -> Figures:
     return {"baud": bench.bone.baud, "answers": len(words), "s_per_answer": spent / len(words)}
 
 
-def _slow(bench: Bench, address: int) -> StageFault | None:
+def _slow(bench: SerialBench, address: int) -> StageFault | None:
     """The fault "slow" if the answer is right but delayed, else None."""
     delay = _delay(bench, address)
     if delay is None or delay <= _usual(bench):
@@ -81,12 +81,12 @@ def _slow(bench: Bench, address: int) -> StageFault | None:
     return None if delay is None or delay <= _usual(bench) else _slow_fault(bench, delay)
 
 
-def _usual(bench: Bench) -> float:
+def _usual(bench: SerialBench) -> float:
     """Usual delay of an answer beyond its time on the line, s."""
     return PATIENCE_S * max(1.0, bench.bone.time_scale)
 
 
-def _slow_fault(bench: Bench, delay: float) -> StageFault:
+def _slow_fault(bench: SerialBench, delay: float) -> StageFault:
     scale = math.ceil(_LATE_MARGIN * delay / PATIENCE_S)
     return StageFault(
         "slow",
@@ -97,7 +97,7 @@ def _slow_fault(bench: Bench, delay: float) -> StageFault:
     )
 
 
-def _delay(bench: Bench, address: int) -> float | None:
+def _delay(bench: SerialBench, address: int) -> float | None:
     """Delay of an answer of our board beyond its time on the line, s; None without an answer."""
     bone = bench.bone
     usual, bone.patience_s = bone.patience_s, max(_LATE_S, 4 * bone.patience_s)
@@ -122,14 +122,14 @@ def readable(data: bytes) -> str | None:
     return " ".join(data.decode("ascii", "replace").split())[:_SHOWN] or None
 
 
-def _listen(bench: Bench) -> bytes:
+def _listen(bench: SerialBench) -> bytes:
     """Bytes that arrive without a request."""
     bench.port.drain()
     got = bench.port.read(1, _LISTEN_S)  # one byte, which a replayed log treats as waiting
     return got + bench.port.read(63, _LISTEN_S) if got else b""
 
 
-def _unsolicited_bytes(bench: Bench, data: bytes) -> StageFault:
+def _unsolicited_bytes(bench: SerialBench, data: bytes) -> StageFault:
     text = readable(data)
     if text is not None:
         return StageFault(
@@ -146,7 +146,7 @@ def _unsolicited_bytes(bench: Bench, data: bytes) -> StageFault:
     )
 
 
-def _wrong_baud(bench: Bench, observation: str) -> StageFault | None:
+def _wrong_baud(bench: SerialBench, observation: str) -> StageFault | None:
     """The fault "baud" if the board answers at another rate, else None."""
     nominal = bench.nominal_baud
     bench.note(
@@ -170,7 +170,7 @@ def _wrong_baud(bench: Bench, observation: str) -> StageFault | None:
     return StageFault("baud", text, _remedy(result), _figures(result))
 
 
-def _spoilt(bench: Bench, fault: LineFault) -> LineFault:
+def _spoilt(bench: SerialBench, fault: LineFault) -> LineFault:
     """The first fault, with the number of complete answers in further reads.
 
     A silent or interrupted line gives none, a noisy one some.

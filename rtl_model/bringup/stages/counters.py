@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 
-from rtl_model.bringup.bench.bench import Bench
+from rtl_model.bringup.bench.bench import SerialBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ports import latency_timer
 
@@ -24,7 +24,7 @@ _REMEDIES = {
 }
 
 
-def check_counters(bench: Bench) -> Figures:
+def check_counters(bench: SerialBench) -> Figures:
     """Writes and reads `ctrl_scratch` in round trips, then writes a burst of words back to back.
 
     Raises StageFault with the counter's name if a counter differs, "scratch" if a word was changed,
@@ -93,7 +93,7 @@ def check_counters(bench: Bench) -> Figures:
     return figures
 
 
-def _speed(bench: Bench, times: list[float]) -> Figures:
+def _speed(bench: SerialBench, times: list[float]) -> Figures:
     """Figures: round trips per second, and the latency beyond the time on the line."""
     typical = float(np.median(times))
     line = bench.line_s(20)  # ten bytes to write a word, six to ask for it, four of answer
@@ -127,7 +127,7 @@ def _restarted(name: str, before: int, after: int, figures: Figures) -> StageFau
 
 
 def _check_written(
-    bench: Bench, written: list[int], before: tuple[int, ...], figures: Figures
+    bench: SerialBench, written: list[int], before: tuple[int, ...], figures: Figures
 ) -> None:
     """Compares count and CRC-32 of the written words with the board's.
 
@@ -160,7 +160,7 @@ def _check_written(
         )
 
 
-def _check_bytes(bench: Bench, before: int, sent_before: int, figures: Figures) -> None:
+def _check_bytes(bench: SerialBench, before: int, sent_before: int, figures: Figures) -> None:
     """Compares the board's count of bytes with the host's. A reading counts its own request."""
     arrived = (bench.read("uart_rx_bytes") - before) & 0xFFFFFFFF  # it may have overflowed
     sent = bench.bone.bytes_sent - sent_before

@@ -31,9 +31,12 @@ def board_bringup(
     json: Json = False,
 ) -> None:
     """Bring a board up: port, bytes, identity, counters, registers, PRBS, pixel patterns, threshold
-    sweep, frame timing. Exit 1 if a stage fails, with its cause."""
+    sweep, frame timing; over UDP also packet loss, longest packets and payload rate. Exit 1 if a
+    stage fails, with its cause."""
     from cosim import InputError
     from rtl_model.bringup.run import BringUp, bring_up
+    from rtl_model.host.bone import check_answers
+    from rtl_model.host.ether import is_udp
 
     csr = csr_map(options.csr)
     if out is not None:
@@ -60,6 +63,8 @@ def board_bringup(
             low_latency=options.low_latency,
             log=options.log,
         )
+        if is_udp(endpoint.url):
+            check_answers(endpoint.url, endpoint.simulated, endpoint.time_scale)
         report = bring_up(endpoint.url, bring_up_options, report_stage, SilentProgress().note)
     files: list[str] = []
     if out is not None:

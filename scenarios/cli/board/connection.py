@@ -35,9 +35,13 @@ class LineOptions:
     """Options of the line to a board."""
 
     port: Annotated[
-        str, typer.Option(help="a device, any URL of pyserial, or `virtual` to start a board")
+        str,
+        typer.Option(
+            help="a device, any URL of pyserial, udp:HOST[:PORT] for Etherbone, or `virtual` to "
+            "start a board"
+        ),
     ] = VIRTUAL
-    baud: Annotated[int, typer.Option(help="of the line")] = 115_200
+    baud: Annotated[int, typer.Option(help="of a serial line")] = 115_200
     csr: Csr = None
     log: Annotated[
         Path | None, typer.Option(help="file to write: every transaction with its time")
@@ -50,7 +54,8 @@ class LineOptions:
         bool | None,
         typer.Option(
             "--simulated/--real",
-            help="what is behind the port; by default a simulated board behind a pty only",
+            help="what is behind the port; by default a simulated board behind a pty or a loopback "
+            "address only",
         ),
     ] = None
     low_latency: Annotated[
@@ -116,27 +121,19 @@ def connect(
             and an imager.
         confirm: whether the design is checked before the command begins, unless --force is set.
     """
-    from rtl_model.host import Board, LineFault, LineLog, Uartbone, open_port, recognised
-    from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
+    from rtl_model.host import Board, LineFault, opened_bone, recognised
 
     known = csr_map(options.csr)
     with ExitStack() as stack:
         try:
             endpoint: Endpoint = stack.enter_context(endpoint_of(options))
-            port = open_port(endpoint.url, options.baud)
-            stack.callback(port.close)
-            if options.low_latency and not port.low_latency():
-                warn_of_latency(endpoint.url)
-            scale = endpoint.time_scale
-            recorder = None
-            if options.log is not None:
-                session = {"simulated": endpoint.simulated, "time_scale": scale}
-                recorder = stack.enter_context(LineLog(options.log, port, session=session))
-            patience = SIMULATED_PATIENCE_S if endpoint.simulated else PATIENCE_S
-            bone = Uartbone(
-                port, baud=options.baud, time_scale=scale, patience_s=patience * max(1.0, scale),
-                log=recorder,
+            opened = opened_bone(
+                endpoint.url, options.baud, simulated=endpoint.simulated,
+                time_scale=endpoint.time_scale, log=options.log, low_latency=options.low_latency,
             )  # fmt: skip
+            bone, granted = stack.enter_context(opened)
+            if options.low_latency and not granted:
+                warn_of_latency(endpoint.url)
             if recognise and known is None and options.port != VIRTUAL:
                 known = recognised(bone)
             board = Board(bone, known)

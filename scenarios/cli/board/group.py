@@ -1,4 +1,4 @@
-"""`viform board`: a test board over its serial line, real or virtual."""
+"""`viform board`: a test board over its serial line or over UDP, real or virtual."""
 
 import typer
 
@@ -18,7 +18,7 @@ __all__ = ["board"]
 
 board = typer.Typer(
     name="board",
-    help="A test board over its serial line: a real one, or one of Verilog in a simulator.",
+    help="A test board over a serial line or Ethernet: real, or of Verilog in a simulator.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

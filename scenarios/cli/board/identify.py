@@ -17,13 +17,15 @@ def board_identify(
     """Identify a Viform board or imager, with its size and build, or another LiteX design by its
     csr.csv."""
     from rtl_model.host import BoardInfo, Cause, LineFault
+    from rtl_model.host.ether import is_udp
 
     with connect(options, json, recognise=True, confirm=False) as connection:
         board = connection.board
+        rate = None if is_udp(connection.url) else options.baud
         has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
         identifier = board.identifier() if has_name else None
         document: dict[str, object] = {
-            "ok": True, "port": connection.url, "baud": options.baud, "identifier": identifier,
+            "ok": True, "port": connection.url, "baud": rate, "identifier": identifier,
         }  # fmt: skip
         try:
             info = board.imager_info() if board.csr.imager else board.info()
@@ -39,7 +41,8 @@ def board_identify(
     if json:
         print_document(document)
         return
-    print(f"{'port':<14} {document['port']}, {options.baud} baud")
+    line = "" if rate is None else f", {rate} baud"
+    print(f"{'port':<14} {document['port']}{line}")
     print(f"{'identifier':<14} {identifier or 'none'}")
     board_rows = document.get("board")
     if isinstance(board_rows, dict):

@@ -32,11 +32,17 @@ def board_replay(
     json: Json = False,
 ) -> None:
     """Print the transactions of a log with register names, or repeat the bring-up over it."""
+    from cosim import InputError
     from rtl_model.host import ReplayPort, default_map, is_pty
 
     port = ReplayPort(log)  # refuses a file that is not a log
     known = csr_map(csr)
     if judge:
+        if port.over_udp:
+            raise InputError(
+                "the log of --bringup", "one of a serial line", f"{log}, of packets over UDP",
+                "leave out --bringup: repeated packets depend on time, which a log cannot replay",
+            )  # fmt: skip
         from rtl_model.bringup.run import BringUp, bring_up
         from scenarios.cli.board.bringup import print_stage
 
@@ -68,7 +74,7 @@ def board_replay(
 
 def _text(event: LogEvent, names: dict[int, str]) -> str:
     """The event in one line."""
-    from rtl_model.host.log_events import Answer, Opened, Request, Stray
+    from rtl_model.host.log_events import Answer, Datagram, Opened, Request, Stray
 
     if isinstance(event, Request):
         name = names.get(int(event.address, 0), event.address)
@@ -81,8 +87,34 @@ def _text(event: LogEvent, names: dict[int, str]) -> str:
     if isinstance(event, Stray):
         return f"  stray {event.hex}"
     if isinstance(event, Opened):
-        return f"{event.port} at {event.baud} baud, {event.wall}"
+        rate = "" if event.baud is None else f" at {event.baud} baud"
+        return f"{event.port}{rate}, {event.wall}"
+    if isinstance(event, Datagram):
+        return f"{event}: {_packet(bytes.fromhex(event.hex), names)}"
     return f"{event.event} {event.value}"
+
+
+def _packet(data: bytes, names: dict[int, str]) -> str:
+    """The accesses of an Etherbone packet."""
+    from rtl_model.host.ether import Malformed, parse
+
+    try:
+        packet = parse(data)
+    except Malformed as exc:
+        return f"not understood ({exc})"
+    if packet.probe or packet.reply:
+        return "reply to a probe" if packet.reply else "probe"
+    parts = []
+    for record in packet.records:
+        if record.written.size:
+            words = record.written.tobytes()
+            at = record.write_address
+            parts.append(f"writes {names.get(at, f'{at:#x}')} = {_words(words)}")
+        if record.reads.size:
+            at, count = int(record.reads[0]), record.reads.size
+            more = f", {count} words" if count > 1 else ""
+            parts.append(f"reads {names.get(at, f'{at:#x}')}{more}")
+    return "; ".join(parts) or "nothing"
 
 
 def _words(data: bytes) -> str:

@@ -17,6 +17,7 @@ from scenarios.cli.output import Json, SilentProgress, print_document
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
     from rtl_model.virtual import VirtualBoard
+    from rtl_model.virtual.ethernet import EthernetBoard
 
 __all__ = ["board_virtual"]
 
@@ -69,18 +70,30 @@ def board_virtual(
         ),
     ] = None,
     baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of the line")] = 115_200,
+    udp: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST[:PORT]",
+            help="serve Etherbone over UDP at this address instead of a pty, such as 127.0.0.1",
+        ),
+    ] = None,
     csr: Annotated[Path | None, typer.Option(help="csr.csv to write for host tools")] = None,
     json: Json = False,
 ) -> None:
-    """Start a simulated board, or an imager's registers, behind a pty until Ctrl-C."""
+    """Start a simulated board, or an imager's registers, behind a pty or over UDP until Ctrl-C."""
     from cosim import InputError
     from cosim.files.whole import whole
     from rtl_model.geometry import Geometry
+    from rtl_model.host.ether import is_udp
     from rtl_model.registers import csr_csv
     from rtl_model.virtual import nominal_clock
 
     if build.lanes not in (None, 32, 64):
         raise InputError("--lanes", "32 or 64", str(build.lanes), "choose one")
+    if udp is not None:
+        if link is not None:
+            raise InputError("--link", "left out with --udp", "given", "a pty has a link only")
+        udp = udp if is_udp(udp) else f"udp:{udp}"
     text = ""
     if imager is not None:
         from rtl_model.imagers.catalogue import design
@@ -99,7 +112,13 @@ def board_virtual(
         clock = build.clock or nominal_clock(checked_level(level), baud)
         geometry = Geometry(build.rows or 32, build.columns or 32, build.lanes or 32, clock, baud)
     simulated = virtual_board(
-        baud=baud, level=level, faults=fault, geometry=geometry, link=link, imager=imager
+        baud=baud,
+        level=level,
+        faults=fault,
+        geometry=geometry,
+        link=link,
+        imager=imager,
+        udp=udp,
     )
     if level != "model" and not json:
         SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
@@ -115,7 +134,9 @@ def board_virtual(
         board.wait()
 
 
-def _document(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> dict[str, object]:
+def _document(
+    board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | None
+) -> dict[str, object]:
     return {
         "port": board.port,
         "level": board.level,
@@ -127,10 +148,13 @@ def _document(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> dict
     }
 
 
-def _text(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> str:
+def _text(board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | None) -> str:
+    from rtl_model.host.ether import is_udp
+
     lanes = f"{geometry.lanes} lanes, " if board.imager is None else ""
+    serial = not is_udp(board.port)
     lines = [
-        f"port       {board.port}, {geometry.baud} baud",
+        f"port       {board.port}" + (f", {geometry.baud} baud" if serial else ", Etherbone"),
         f"{board.imager or 'board':<10} {geometry.rows} rows x {geometry.columns} columns, {lanes}"
         f"{geometry.clock_hz / 1e6:g} MHz, level {board.level}",
         f"speed      {board.clocks_per_second / 1e6:.3g} million clocks per second; a host should "
@@ -139,6 +163,7 @@ def _text(board: VirtualBoard, geometry: Geometry, csr: Path | None) -> str:
     if csr is not None:
         lines.append(f"csr        {csr}")
     command = "bringup" if board.imager is None else "regs"
-    lines.append(f"try        viform board {command} --port {board.port} --baud {geometry.baud}")
+    rate = f" --baud {geometry.baud}" if serial else ""
+    lines.append(f"try        viform board {command} --port {board.port}{rate}")
     lines.append("end        Ctrl-C")
     return "\n".join(lines)

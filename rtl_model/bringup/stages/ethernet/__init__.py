@@ -1,0 +1,1 @@
+"""Stages of the bring-up that exist over UDP only."""
