@@ -107,7 +107,6 @@ class AimSection(Section):
         return spans
 
 
-
 class AirSection(Section):
     """What lies between panel and camera, and the light that is not the panel's."""
 

@@ -50,7 +50,7 @@ class HostFile:
         with FileIO(self._part, "r+" if self.written else "w") as file:
             file.truncate(self.written)
             file.seek(self.written)
-            left = memoryview(data.reshape(-1))
+            left = data.reshape(-1).data
             while left:
                 left = left[file.write(left) :]
         self.written += data.nbytes

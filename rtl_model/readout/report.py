@@ -15,8 +15,16 @@ from cosim.run.result import Latency, Metric
 from rtl_model.readout.buffer import ROW_BYTES
 from rtl_model.readout.stage import ScanStage
 from rtl_model.readout.timing import BIT_RATE
+from rtl_model.readout.window import Window
 
-__all__ = ["FIGURE", "loss_note", "readout_latency", "readout_line", "readout_metrics", "readout_section"]
+__all__ = [
+    "FIGURE",
+    "loss_note",
+    "readout_latency",
+    "readout_line",
+    "readout_metrics",
+    "readout_section",
+]
 
 FIGURE: Final = "figures/readout.png"
 _COLUMNS: Final = 400
@@ -109,7 +117,7 @@ def readout_section(stage: ScanStage, lanes: int, folder: Path) -> str:
         )  # fmt: skip
     seen = (
         "No row was lost, so all that follows has the chip's own bits."
-        if not buffer.lost and rows == 1000
+        if not buffer.lost and timing.window == Window()
         else "Rows that were lost or not read are dark in the recorded stream and in all that is "
         "computed from it."
     )

@@ -1,4 +1,4 @@
-"""The stage of a run's chain behind a latched chip: row scan, buffer, link, and what a host gets."""
+"""The stage behind a latched chip: row scan, buffer and link, and what the host gets."""
 
 from __future__ import annotations
 
@@ -133,5 +133,3 @@ class ScanStage:
         self.buffer.restore(section(state, "buffer"))
         if self._file is not None:
             self._file.resume(int(state["written"][0]))
-
-

@@ -69,9 +69,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     return with_readout(readout, machine, options.device)
 
 
-def _assemble(
-    name: str, scenario: AnyScenario, options: Options, progress: Progress
-) -> Machine:
+def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario without its [readout]."""
     device = options.device
     if isinstance(scenario, Scenario):

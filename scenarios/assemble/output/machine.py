@@ -119,15 +119,13 @@ class ReadoutMachine:
             throughput=[*outcome.throughput, *speeds],
             files=[*outcome.files, *stage.names],
             notes=[*outcome.notes, *([] if lost is None else [lost])],
-            table=[*outcome.table, "", readout_line(stage)] if outcome.table else [],
+            table=[*outcome.table, readout_line(stage), ""] if outcome.table else [],
         )
 
     def page(self, run: Run) -> Page:
         page, stage = self.inner.page(run), _stage_of(run.recording)
         section = readout_section(stage, self.setup.section.lanes, run.folder)
-        return replace(
-            page, sections=[*page.sections, section], files=[*page.files, FIGURE]
-        )
+        return replace(page, sections=[*page.sections, section], files=[*page.files, FIGURE])
 
     def close(self) -> None:
         self.inner.close()

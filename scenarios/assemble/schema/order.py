@@ -1,8 +1,8 @@
 """The order of sections: what can follow what in a scenario, in one place.
 
 A scenario's sections are its chain: a source (a scene before a chip, an imager or a board, or a
-recorded stream), then the readout of a chip, then the code and the link that carry the stream, then the display that shows it,
-then the camera that films the display.
+recorded stream), then the readout of a chip, then the code and the link that carry the stream, then
+the display that shows it, then the camera that films the display.
 Everything here is said of the data before they are checked key by key. Each rule refuses one
 combination, in one line with its remedy; what no rule refuses is assembled.
 """
