@@ -183,3 +183,36 @@ def test_a_steered_clock_has_no_room_for_the_scan(refused: Callable[..., str]) -
     said = refused("run", "light-link", "--set", "readout.file=true")
     assert said.startswith("sensor.clock_steering must be false with a [readout]: a shortened tick")
     assert "absent for viform live" in refused("live", "step", "--set", "readout.file=true")
+
+
+CHAINS = {
+    "glass": ("duration=2.5 ms", "readout.rate=38 Gbit/s"),
+    "glass-over-light": ("duration=3.2 ms", "image.at=[60]", "readout.rate=38 Gbit/s"),
+    "light-link": (
+        "link.size=50000", "link.modem.cell=4", "link.modem.ticks=2", "link.modem.line=8b10b",
+        "link.modem.parity=32", "sensor.clock_steering=false", "readout.rate=40 Gbit/s",
+        "readout.buffer=50000",
+    ),
+}  # fmt: skip
+"""Chains with something behind the host: a display, a code with its link, a receiver."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHAINS)
+def test_what_stands_behind_has_what_the_host_got(film: Film, tmp_path: Path, name: str) -> None:
+    """The stream, from which or beside which all else is fed, is dark in the lost rows alone, and
+    its other rows are those of the file."""
+    result, folder = film(name, tmp_path / "run", *CHAINS[name], small=False)
+    stream, found = open_stream(folder / "stream.zarr"), values(result)
+    with np.load(folder / LOST) as told:
+        there = ~np.unpackbits(told["lost"], axis=1, bitorder="little").astype(bool)
+    planes = unpack_planes(stream.read_words(0, stream.cycles), 0, stream.cycles)
+    assert there.shape == (stream.cycles, 1000) and (~there).sum() == found["readout_lost_rows"] > 0
+    assert not planes[~there].any()
+    blocks = np.fromfile(folder / RAW, np.uint8).reshape(-1, 2, 64)
+    bits = np.unpackbits(blocks, axis=2, bitorder="little")[..., :500].reshape(-1, 1000)
+    assert np.array_equal(planes[there], bits)  # in the order of cycles and rows
+    assert result.outcome == "degraded"
+    if name == "glass":  # spikes that the display has shown
+        shown = result.metrics["spike_rate"].value * planes.size
+        assert round(shown) == planes.sum(dtype=np.int64)
