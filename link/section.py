@@ -11,6 +11,7 @@ from cosim import InputError
 from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share, Time
 from link.detect.catalogue import DETECTORS
 from link.mode import CELLS, CODES, LINE_CODES, PARITIES, RATES, TICKS
+from sensor.sections.readout import ReadoutSection
 from sensor.sections.sensor import SensorSection
 
 __all__ = [
@@ -104,7 +105,6 @@ class AimSection(Section):
         if any(one >= two for one, two in pairwise(edges)):
             raise ValueError("must be spans [start, stop] in order, that do not overlap")
         return spans
-
 
 
 class AirSection(Section):
@@ -239,6 +239,10 @@ class LinkScenario(Section):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
     link: LinkSection
     sensor: SensorSection
+    readout: ReadoutSection | None = Field(
+        default=None,
+        description="the digital readout of the chip to its host; without one, every plane arrives",
+    )
 
     @model_validator(mode="after")
     def _has_one_camera(self) -> LinkScenario:

@@ -58,6 +58,19 @@ def _check_workers(scenario: AnyScenario, options: Options) -> None:
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     check_options(scenario, options)
+    if getattr(scenario, "readout", None) is None:
+        return _assemble(name, scenario, options, progress)
+    from scenarios.assemble.output.setup import readout_of
+
+    readout = readout_of(scenario)  # refused before the machine is assembled, which takes longer
+    machine = _assemble(name, scenario, options, progress)
+    from scenarios.assemble.output.machine import with_readout
+
+    return with_readout(readout, machine, options.device)
+
+
+def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
+    """The machine of a scenario without its [readout]."""
     device = options.device
     if isinstance(scenario, Scenario):
         if scenario.sensor.readout == "synchronous":
@@ -120,6 +133,21 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
     Raises:
         InputError: `command` does not support this kind of scenario, or the scenario is invalid.
     """
+    if getattr(scenario, "readout", None) is None:
+        return _assemble_study(command, name, scenario, device)
+    from scenarios.assemble.output.setup import readout_of, run_cycles
+
+    readout = readout_of(scenario)
+    study = _assemble_study(command, name, scenario, device)
+    if command != "plan" or readout is None:
+        return study
+    from scenarios.assemble.output.machine import ReadoutStudy
+
+    return ReadoutStudy(study, readout, run_cycles(scenario))
+
+
+def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
+    """The study of a scenario without its [readout]."""
     if isinstance(scenario, LinkScenario):
         from link.trial.study import LinkStudy
         from scenarios.assemble.link import link_camera

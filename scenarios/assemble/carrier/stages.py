@@ -16,18 +16,18 @@ __all__ = ["EachBlock", "Later"]
 
 
 class _Wrapped:
-    """A stage with the state of another one."""
+    """A stage with the state of another one, `stage`."""
 
     def __init__(self, stage: Stage) -> None:
-        self._stage = stage
+        self.stage = stage
         self.one_thread = getattr(stage, "one_thread", False)
 
     def state(self) -> State:
-        return self._stage.state() if isinstance(self._stage, Stateful) else {}
+        return self.stage.state() if isinstance(self.stage, Stateful) else {}
 
     def restore(self, state: State) -> None:
-        if isinstance(self._stage, Stateful):
-            self._stage.restore(state)
+        if isinstance(self.stage, Stateful):
+            self.stage.restore(state)
 
 
 class Later(_Wrapped):
@@ -47,7 +47,7 @@ class Later(_Wrapped):
         """The stage's output for its part of the block; None before and after its run."""
         start = max(block.start - self._lead, 0)
         stop = min(block.stop - self._lead, self._cycles)
-        return self._stage.step(data, Block(start, stop - start)) if stop > start else None
+        return self.stage.step(data, Block(start, stop - start)) if stop > start else None
 
 
 class EachBlock(_Wrapped):
@@ -55,4 +55,4 @@ class EachBlock(_Wrapped):
 
     def step(self, data: list[Viform], block: Block) -> list[Viform]:
         """The blocks, each after the stage."""
-        return [self._stage.step(each, Block(each.start, each.cycles)) for each in data]
+        return [self.stage.step(each, Block(each.start, each.cycles)) for each in data]

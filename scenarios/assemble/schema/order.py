@@ -1,8 +1,8 @@
 """The order of sections: what can follow what in a scenario, in one place.
 
 A scenario's sections are its chain: a source (a scene before a chip, an imager or a board, or a
-recorded stream), then the code and the link that carry the stream, then the display that shows it,
-then the camera that films the display.
+recorded stream), then the readout of a chip, then the code and the link that carry the stream, then
+the display that shows it, then the camera that films the display.
 Everything here is said of the data before they are checked key by key. Each rule refuses one
 combination, in one line with its remedy; what no rule refuses is assembled.
 """
@@ -93,6 +93,13 @@ RULES: tuple[_Rule, ...] = (
         and not is_recording(data),
         "sensor.source", "absent unless sensor.readout = synchronous", "given with another",
         "leave it out: the board latches its spikes by a clock",
+    ),
+    _Rule(
+        lambda data: "readout" in data
+        and (_unlatched(data) or _value(data, "sensor", "source") is not None
+             or not data.keys().isdisjoint(("imager", "board"))),
+        "readout", "given with a simulated latched chip alone", "with another source",
+        "leave it out: the row scan is that of a latched chip",
     ),
     _Rule(
         lambda data: "camera" in data and "display" not in data, "camera",

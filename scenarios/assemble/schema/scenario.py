@@ -18,6 +18,7 @@ from rtl_model.imagers.interface.section import ImagerLens, ImagerSection
 from scenarios.assemble.schema.filming import CameraSection
 from scenarios.scenes.catalogue import SceneSection
 from sensor.codec.packets.section import CodeSection
+from sensor.sections.readout import ReadoutSection
 from sensor.sections.recorded import RecordedSection
 from sensor.sections.sensor import SensorSection
 
@@ -89,6 +90,10 @@ class Scenario(_Linked):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
     scene: SceneSection
     sensor: SensorSection
+    readout: ReadoutSection | None = Field(
+        default=None,
+        description="the digital readout of the chip to its host; without one, every plane arrives",
+    )
     display: DisplaySection | None = _DISPLAY
     camera: CameraSection | None = _CAMERA
     image: ImageSection = ImageSection()

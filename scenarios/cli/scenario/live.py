@@ -16,6 +16,7 @@ def live(
 ) -> None:
     """Show the display of a scenario in a window during the simulation (needs the extra view)."""
     from display import open_window
+    from scenarios.assemble.output.setup import refuse_readout
     from scenarios.assemble.readout import refuse_leftovers
     from scenarios.assemble.schema.loading import filmed
     from scenarios.cli.scenario.window import show_live
@@ -23,6 +24,7 @@ def live(
     name, any_kind = options.load(scenario)
     loaded = filmed(any_kind, "live")
     refuse_leftovers(loaded)
+    refuse_readout(loaded, "live")
     progress = make_progress()
     try:
         pictures = show_live(loaded, options.device, progress, open_window)

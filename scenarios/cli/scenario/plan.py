@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from cosim.config.amounts import amount, count, percent
 from scenarios.cli.options import ScenarioName, ScenarioOptions, Tolerance, expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
@@ -105,6 +106,31 @@ def _run(document: dict[str, Any]) -> list[str]:
     ]
 
 
+def _readout(readout: dict[str, Any]) -> list[str]:
+    """What the link behind the chip must carry, and what it loses."""
+    size, needed = readout["buffer_bytes"], readout["needed_bps"]
+    lines = [
+        f"readout: the chip brings {amount(readout['chip_bps'], 'bit/s', 4)} during its scan, "
+        f"{amount(readout['mean_bps'], 'bit/s', 4)} on average; with a buffer of {count(size)} "
+        f"bytes the link behind must carry {amount(needed, 'bit/s', 6)} to lose nothing"
+    ]
+    if readout["lost_share"]:
+        buffer = readout["needed_buffer_bytes"]
+        remedy = (
+            "no buffer would be large enough"
+            if buffer is None
+            else f"none would be lost with a buffer of {count(buffer)} bytes"
+        )
+        lines.append(
+            f"at {amount(readout['rate_bps'], 'bit/s', 6)} it loses "
+            f"{percent(readout['lost_share'])} of the rows in the first {count(readout['cycles'])} "
+            f"cycles; {remedy}"
+        )
+    if readout["file_bytes"]:
+        lines.append(f"readout.raw takes {readout['file_bytes'] / 2**30:.3g} GiB")
+    return lines
+
+
 def _text(document: dict[str, Any]) -> str:
     """The document as text."""
     tiles = document["tiles"]
@@ -152,6 +178,8 @@ def _text(document: dict[str, Any]) -> str:
             f"display: {display['drive']} drive, observer {display['observer']}; planes are "
             f"rendered at the resolution of the observer: {_spans(display['planes_to_a_span'])}"
         )
+    if "readout" in document:
+        lines += _readout(document["readout"])
     if "imager" in document:
         return "\n".join([*lines, *_imager(document)])
     predicted = document["predicted"]
