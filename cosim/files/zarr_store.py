@@ -269,6 +269,8 @@ class Recorder:
         if not resumed:
             self._create()
         try:
+            if zarr.open_group(self._path, mode="r").attrs["cycles"] != self._cycles:
+                self._resize(self._cycles, complete=False)  # it was ended before its time
             words = zarr.open_group(self._store_of(), mode="r+")["words"]
         except Exception as exc:  # zarr raises many types for what is no store
             remedy = f"start afresh: remove {self._path.parent}"

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim import Block, Clock, Viform
+from cosim import Block, Clock, InputError, Viform
 from cosim.files.dat import pixels_of
 from cosim.files.plane_order import PlaneOrder
 from cosim.spikes.viform import pack_planes
@@ -26,6 +26,8 @@ __all__ = ["ComingPlanes"]
 
 _LOOK_S: Final = 0.1
 """Time after which a waiting chain looks whether the user has asked to stop, s."""
+_PATIENCE: Final = 10
+"""Looks after which the user is told that the first plane is waited for."""
 
 
 class ComingPlanes:
@@ -46,7 +48,6 @@ class ComingPlanes:
         lateness: count of late planes.
         incomplete: bytes of a last plane that is not whole; 0 until the end.
         end: why nothing more comes, in words; "" until then.
-        seconds: time from the first plane to the last that has come, s.
     """
 
     def __init__(
@@ -60,15 +61,42 @@ class ComingPlanes:
         self.cycles, self._now = cycles, now
         self._held, self._taken = bytearray(), 0  # bytes that no block has taken, planes taken
         self._lock = threading.Lock()
-        self._begin: int | None = None
+        self._begin: tuple[int, int] | None = None  # planes that had come, and when, ns
+        self._last = 0
         self.lateness = Lateness(clock, bound)
-        self.came = self.incomplete = self._first = 0
-        self.end, self.seconds = "", 0.0
+        self.came = self.incomplete = 0
+        self.end = ""
 
     @property
     def rate(self) -> float | None:
-        """Planes a second from the first to the last that has come; None for fewer than two."""
-        return (self.came - self._first - 1) / self.seconds if self.seconds > 0 else None
+        """Planes a second since the first ones were there; None as long as no others have come."""
+        if self._begin is None or self._last == self._begin[1]:
+            return None
+        return (self.came - self._begin[0]) * 1e9 / (self._last - self._begin[1])
+
+    def start(self) -> None:
+        """Starts the clock of the stream, if its first plane is there: what has come before waits
+        for nothing but the chain. Otherwise it starts with that plane."""
+        if self.waiting:
+            self._mark(self.came)
+
+    def first(self, waiting: Callable[[], None]) -> None:
+        """Waits for the first plane, before anything is written. Raises InputError if the source
+        ends before it. waiting: called once if that takes longer than `_PATIENCE` looks."""
+        looks = 0
+        while len(self._held) < self.frame:
+            data = self._origin.fetch(self.frame - len(self._held), _LOOK_S)
+            self._held += data
+            if not data and self._origin.end:
+                raise InputError(
+                    "sensor.source", f"a stream of at least one plane, of {self.frame} bytes",
+                    f"one of {len(self._held)} bytes: {self._origin.end}",
+                    "start its writer, or check sensor.width and sensor.height",
+                )  # fmt: skip
+            looks += 1
+            if looks == _PATIENCE:
+                waiting()
+        self.came = 1
 
     def wait(self, stop: int, stopping: Callable[[], bool] = lambda: False) -> bool:
         """Waits until the planes before cycle `stop` are there.
@@ -99,9 +127,9 @@ class ComingPlanes:
         """Notes the time at which more planes were there."""
         now = self._now()
         if self._begin is None:
-            self._begin, self._first = now, self.came
-            self.lateness.came(self.came, now)
-        self.came, self.seconds = came, (now - self._begin) / 1e9
+            self._begin = came, now
+            self.lateness.came(self._taken, now)
+        self.came, self._last = came, now
 
     def _close(self) -> None:
         if self._origin.end:
@@ -137,6 +165,7 @@ class ComingPlanes:
         """Goes on from a `state`. Raises InputError if the source cannot be read again."""
         self.lateness.restore(section(state, "late"))
         self._taken, done, incomplete = (int(n) for n in state["planes"])
+        self._held.clear()
         self._origin.skip(self._taken * self.frame)
         self.came = self._taken
         if done >= 0:

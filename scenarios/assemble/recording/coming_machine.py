@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import shlex
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -252,16 +253,18 @@ def assemble_coming(
     """The machine of a scenario whose stream comes while it runs. Raises InputError."""
     check_window(scenario.image)
     coming = open_coming(scenario)
-    try:
-        missing, live = _missing(scenario), None
+    missing, live = _missing(scenario), None
+    with ExitStack() as stack:
+        stack.callback(coming.planes.close)
         if coming.planes.cycles is not None:
             choose_windows(scenario, coming.planes.cycles)  # raises an InputError before the stream
         if not missing:
             laid_out = play_recording(scenario, _laid_out(name, scenario, coming), device, progress)
+            stack.callback(laid_out.close)
             live = laid_out if isinstance(laid_out, PlayedMachine) else None
-    except BaseException:
-        coming.planes.close()
-        raise
+        told = f"the first plane of {coming.path} is waited for"
+        coming.planes.first(lambda: progress.note(told))
+        stack.pop_all()
     waits = "" if not missing else (
         f"{_behind(scenario)} after the stream has ended, because without {missing} it cannot be "
         "laid out before"
