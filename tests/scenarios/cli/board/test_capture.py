@@ -45,7 +45,7 @@ def test_spikecv_and_convert_read_what_was_captured(viform, tmp_path, monkeypatc
     for name in ("one", "two"):  # a folder is a data set of recordings
         code, out, err = viform(
             "board", "capture", *MODEL, "--frames", "4", "--set", "sensor_pattern=2",
-            "--set", "sensor_level=255",
+            "--set", "sensor_level=200", "--set", "sensor_threshold=0", "--clear",
             "--format", "spikecv", "--out", place / f"{name}.dat", "--json",
         )  # fmt: skip
         assert (code, json.loads(out)["frames"]) == (0, 4), err
