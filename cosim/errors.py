@@ -85,7 +85,7 @@ class Interrupted(ViformError):
     """The user stopped a run; its checkpoint is complete.
 
     Attributes:
-        done, total: completed work and total work, in `unit`.
+        done, total: completed work and total work, in `unit`; a total of 0 is not known.
         remedy: how to continue.
         unit: unit of the work, "cycles" by default.
     """
@@ -95,5 +95,6 @@ class Interrupted(ViformError):
         super().__init__(done, total, remedy, unit)
 
     def __str__(self) -> str:
-        before = ", before the images and the report" if self.done == self.total else ""
-        return f"interrupted after {self.done} of {self.total} {self.unit}{before}; {self.remedy}"
+        before = ", before the images and the report" if 0 < self.total == self.done else ""
+        of = f" of {self.total}" if self.total else ""
+        return f"interrupted after {self.done}{of} {self.unit}{before}; {self.remedy}"

@@ -87,6 +87,8 @@ class _Beside:
         if self.ended.is_set():
             raise CancelledError
 
+    def tell(self, what: str) -> None: ...
+
     def note(self, text: str) -> None: ...
 
 

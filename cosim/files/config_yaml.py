@@ -180,10 +180,18 @@ def recording_of(path: Path) -> tuple[Path, Config]:
     return others[0], config
 
 
-def write_config(recording: Path, size: tuple[int, int]) -> None:
-    """Writes a config.yaml without labels next to a recording. size: (width, height) as stored.
+def write_config(recording: Path, size: tuple[int, int], *, whole_set: bool = False) -> None:
+    """Writes a config.yaml without labels next to a recording. An existing file with the same size
+    is not changed.
 
-    An existing file with the same content is not changed. Raises InputError for other content.
+    Args:
+        recording: the file.
+        size: (width, height) as stored.
+        whole_set: whether the file stands for all recordings of the folder, by its name, as in the
+            data sets of SpikeCV, and not for this one.
+
+    Raises:
+        InputError: there is one with another size, or of another recording.
     """
     path = recording.with_name(CONFIG)
     if path.exists():
@@ -191,7 +199,7 @@ def write_config(recording: Path, size: tuple[int, int]) -> None:
         return
     text = yaml.safe_dump(
         {
-            "filename": recording.stem,
+            "filename": recording.absolute().parent.name if whole_set else recording.stem,
             "spike_w": size[0],
             "spike_h": size[1],
             "is_labeled": False,
@@ -222,5 +230,5 @@ def check_config(recording: Path, size: tuple[int, int]) -> None:
             "another"
             if existing is None
             else f"one that says {existing.size[0]}x{existing.size[1]}",
-            "leave --config out, or write into another folder",
+            "write into another folder",
         )

@@ -17,6 +17,7 @@ import numpy as np
 
 from cosim.clock import Clock
 from cosim.errors import InputError
+from cosim.files.plane_order import DAT_ORDER, PlaneOrder
 from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
@@ -65,14 +66,19 @@ class DatStream:
         path: the file.
         size: stored width and height of the frames; 416 x 250 means 400 x 250 with head.
         notes: information for the user about the interpretation of the file.
+        order: of bits, bytes and rows, if it is not that of a `.dat`.
 
     Raises:
         InputError: the file does not consist of whole frames.
     """
 
-    def __init__(self, path: Path, size: Size = DAT_SIZE, notes: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, path: Path, size: Size = DAT_SIZE, notes: tuple[str, ...] = (),
+        order: PlaneOrder = DAT_ORDER,
+    ) -> None:  # fmt: skip
         width, height = size
         frame = check_dat_size(width, height)
+        order.check(frame)
         length = path.stat().st_size
         if length == 0 or length % frame:
             frames = f", which is {length // frame} frames and {length % frame} bytes over"
@@ -84,7 +90,7 @@ class DatStream:
                 "or take a whole file",
             )
         self._frames = np.memmap(path, np.uint8, "r").reshape(-1, frame)
-        self._stored = (height, width)
+        self._stored, self._order = (height, width), order
         self._shape = pixels_of(size)[::-1]
         self.notes = notes
 
@@ -105,10 +111,8 @@ class DatStream:
         words = np.empty((max(stop - first, 0), *self._shape), np.uint32)
         for n in range(len(words)):  # a word at a time: unpacked bits need 8 times the memory
             w = first + n
-            bits = np.unpackbits(
-                self._frames[w * WORD : (w + 1) * WORD], axis=1, bitorder="little"
-            ).reshape(-1, *self._stored)
-            words[n] = pack_planes(bits[:, ::-1, : self._shape[1]])[0]
+            frames = self._frames[w * WORD : (w + 1) * WORD]
+            words[n] = pack_planes(self._order.planes(frames, self._stored, self._shape[1]))[0]
         return words
 
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from cosim.errors import InputError
 from cosim.files.config_yaml import CONFIG, Config, adjacent_config
 from cosim.files.dat import DAT_SIZE, HEAD_SIZE, DatStream, Size, check_dat_size
+from cosim.files.plane_order import DAT_ORDER, PlaneOrder
 
 __all__ = ["guess_size", "open_dat"]
 
@@ -67,15 +68,18 @@ def guess_size(path: Path, length: int) -> tuple[Size, tuple[str, ...]]:
     return DAT_SIZE, ()
 
 
-def open_dat(path: Path, size: Size | None = None, config: Config | None = None) -> DatStream:
+def open_dat(
+    path: Path, size: Size | None = None, config: Config | None = None,
+    order: PlaneOrder = DAT_ORDER,
+) -> DatStream:  # fmt: skip
     """A `.dat` as a stream. Without `size` and `config`, see the top of this file."""
     if size is not None:
-        return DatStream(path, size)
+        return DatStream(path, size, order=order)
     known = config or adjacent_config(path)
     if known is None:
-        return DatStream(path, *guess_size(path, path.stat().st_size))
+        return DatStream(path, *guess_size(path, path.stat().st_size), order=order)
     try:
-        return DatStream(path, known.size)
+        return DatStream(path, known.size, order=order)
     except InputError as exc:
         raise InputError(
             exc.what, f"{exc.must}, as its {CONFIG} says", exc.actual, exc.remedy

@@ -14,6 +14,7 @@ from cosim.files.event_file import ENDING, write_events
 from cosim.files.event_planes import EventStream
 from cosim.files.losses import losses
 from cosim.files.npz import read_npz, write_npz
+from cosim.files.plane_order import DAT_ORDER, PlaneOrder
 from cosim.files.raw import RawStream, write_raw
 from cosim.files.zarr_store import ZarrStream, write_zarr
 from cosim.spikes.viform import SpikeStream
@@ -85,13 +86,16 @@ def _located(path: Path) -> tuple[Path, Config | None]:
     return path, None
 
 
-def open_stream(path: Path, size: tuple[int, int] | None = None) -> SpikeStream:
+def open_stream(
+    path: Path, size: tuple[int, int] | None = None, order: PlaneOrder = DAT_ORDER
+) -> SpikeStream:
     """Opens a stream.
 
     Args:
         path: a file, the folder of a run for its stream.zarr, or a config.yaml or its folder for
             the recording that it names.
         size: stored (width, height), for formats without a header. It must agree with a header.
+        order: of bits, bytes and rows, for a `.dat` alone.
 
     Raises:
         InputError: there is no such stream.
@@ -106,7 +110,13 @@ def open_stream(path: Path, size: tuple[int, int] | None = None) -> SpikeStream:
                 str(path),
                 "rename or convert it",
             )
-        stream = open_dat(path, size, config) if ending == ".dat" else _READ[ending](path)
+        if order != DAT_ORDER and ending != ".dat":
+            raise InputError(
+                "the order of bits, bytes and rows", "given with a .dat", f"given with {path}",
+                "leave it out: the format tells it",
+            )  # fmt: skip
+        dat = ending == ".dat"
+        stream = open_dat(path, size, config, order) if dat else _READ[ending](path)
     height, width = stream.shape
     if size is not None and (width, height) != (pixels_of(size) if ending == ".dat" else size):
         raise InputError(

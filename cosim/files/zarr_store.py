@@ -269,6 +269,8 @@ class Recorder:
         if not resumed:
             self._create()
         try:
+            if zarr.open_group(self._path, mode="r").attrs["cycles"] != self._cycles:
+                self._resize(self._cycles, complete=False)  # it was ended before its time
             words = zarr.open_group(self._store_of(), mode="r+")["words"]
         except Exception as exc:  # zarr raises many types for what is no store
             remedy = f"start afresh: remove {self._path.parent}"
@@ -333,6 +335,23 @@ class Recorder:
                 return
             self._written[block.start // (_CHUNK * WORD) + at // _CHUNK] = chunk
             self._room -= chunk.nbytes
+
+    def end(self, cycles: int) -> None:
+        """Makes a sound store of the first `cycles` cycles, at least one, all of which have been
+        written; a stream may end before its time. A run that goes on continues it."""
+        self._settle()
+        self._resize(cycles, complete=True)
+
+    def _resize(self, cycles: int, *, complete: bool) -> None:
+        import zarr
+        from zarr.core.sync import sync
+
+        group = zarr.open_group(self._path, mode="r+")
+        words = cast("zarr.Array[Any]", group["words"])
+        shape = (words_for(cycles), *self._shape)
+        # Chunks beyond the end were never written; to look for them takes minutes in a long store.
+        sync(words.async_array.resize(shape, delete_outside_chunks=False))
+        group.attrs.update(cycles=cycles, complete=complete)
 
     def recorded(self) -> ZarrStream:
         """The complete store as a stream. What is kept in memory is not decoded again. Raises

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from cosim.errors import InputError
 from cosim.run.folder import how_to_resume, room_for
-from cosim.run.loop import Checkpoint, run_blocks
+from cosim.run.loop import Checkpoint, Gate, open_gate, run_blocks
 from cosim.run.progress import Progress
 
 __all__ = ["CHECKPOINT", "STREAM", "BlockChain"]
@@ -36,6 +36,7 @@ class BlockChain:
         recording: file or folder that the sink writes, within the folder of the run.
         parallel: whether the stages work at the same time; the recording is the same.
         begin: first cycle of `run`; after `load`, that of the checkpoint.
+        gate: see `run_blocks`.
     """
 
     title: str
@@ -47,6 +48,7 @@ class BlockChain:
     recording: str = STREAM
     parallel: bool = True
     begin: int = 0
+    gate: Gate = open_gate
 
     @property
     def checkpoint(self) -> Path:
@@ -70,7 +72,7 @@ class BlockChain:
             return run_blocks(
                 self.stages, self.cycles, checkpoint=Checkpoint(self.checkpoint, self.identity),
                 begin=self.begin, progress=progress.advance, every_s=self.every_s,
-                remedy=how_to_resume(self.folder), parallel=self.parallel,
+                remedy=how_to_resume(self.folder), parallel=self.parallel, gate=self.gate,
             )  # fmt: skip
 
     def save(self) -> None:

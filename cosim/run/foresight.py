@@ -54,9 +54,12 @@ class Foresight:
         elif self._first is not None and not self._said and now - self._first[1] >= _WATCHED_S:
             self._said = True
             at, since = self._first
-            if done > at:
+            if done > at and self._total:
                 left = (self._total - done) * (now - since) / (done - at)
                 self._say(now - self._began + left, done)
+
+    def tell(self, what: str) -> None:
+        self._progress.tell(what)
 
     def note(self, text: str) -> None:
         self._progress.note(text)

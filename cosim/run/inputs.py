@@ -9,7 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-__all__ = ["FILE", "PATHS", "add_digests", "changed_files", "digest", "named_path", "with_path"]
+__all__ = [
+    "FILE", "PATHS", "PIPE", "STANDARD_INPUT", "add_digests", "changed_files", "digest",
+    "named_path", "with_path",
+]  # fmt: skip
 
 PATHS: Final = (
     ("scene", "path"), ("link", "file"), ("board", "csr"), ("sensor", "source"),
@@ -18,6 +21,10 @@ PATHS: Final = (
 """Sections and keys that may name a file."""
 FILE: Final = "file:"
 """Beginning of a `sensor.source` that names a file."""
+PIPE: Final = "pipe:"
+"""Beginning of a `sensor.source` that names a pipe."""
+STANDARD_INPUT: Final = "-"
+"""The pipe that every process has."""
 _SEAL: Final = re.compile(r"# (\w+)\.(\w+): sha256 ([0-9a-f]{64})")
 
 
@@ -27,12 +34,16 @@ def named_path(section: str, key: str, value: str) -> str | None:
         return value if value.endswith(".toml") else None
     if (section, key) != ("sensor", "source"):
         return value
-    return value.removeprefix(FILE) if value.startswith(FILE) else None
+    kind = next((each for each in (FILE, PIPE) if value.startswith(each)), None)
+    path = None if kind is None else value.removeprefix(kind)
+    return None if kind == PIPE and path == STANDARD_INPUT else path
 
 
-def with_path(section: str, key: str, path: str) -> str:
-    """The value of a key of `PATHS` that names a path."""
-    return FILE + path if (section, key) == ("sensor", "source") else path
+def with_path(section: str, key: str, value: str, path: str) -> str:
+    """The value of a key of `PATHS` with another path in the place of its own."""
+    if (section, key) != ("sensor", "source"):
+        return path
+    return (PIPE if value.startswith(PIPE) else FILE) + path
 
 
 def digest(path: str | Path) -> str | None:
@@ -84,8 +95,10 @@ def changed_files(scenario: str) -> list[tuple[str, str]]:
 
 
 def _named(scenario: str) -> list[tuple[str, str, str]]:
-    """Section, key and path of every file that a scenario names."""
+    """Section, key and path of every file that a scenario names, except one that still grows."""
     data = tomllib.loads(scenario)
+    if "source_timeout" in data.get("sensor", {}):
+        data["sensor"].pop("source", None)
     named = (
         (section, key, named_path(section, key, data[section][key]))
         for section, key in PATHS if key in data.get(section, {})

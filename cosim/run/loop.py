@@ -20,7 +20,7 @@ from cosim.errors import InputError, Interrupted, shorten
 from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, blocks, section
 
-__all__ = ["Checkpoint", "run_blocks", "stop_requests"]
+__all__ = ["Checkpoint", "Gate", "open_gate", "run_blocks", "stop_requests"]
 
 _DIGEST = "digest"
 """Name of the array with the digest of all others."""
@@ -110,6 +110,15 @@ class Checkpoint:
         return InputError("the checkpoint", must, actual, remedy)
 
 
+Gate = Callable[[Block, Callable[[], bool]], bool]
+"""Takes a block, and a function that says whether the user has asked to stop."""
+
+
+def open_gate(block: Block, stopping: Callable[[], bool]) -> bool:
+    """The gate of a chain that waits for nothing."""
+    return True
+
+
 @contextmanager
 def stop_requests() -> Iterator[threading.Event]:
     """An event that SIGINT and SIGTERM set, so that the current block is always completed.
@@ -147,6 +156,7 @@ def run_blocks(
     progress: Callable[[int], None] = lambda done: None,
     remedy: str = "run it again",
     parallel: bool = False,
+    gate: Gate = open_gate,
 ) -> dict[str, float]:
     """Runs blocks of cycles through the stages in order.
 
@@ -160,6 +170,8 @@ def run_blocks(
         progress: called with the number of completed cycles.
         remedy: how to continue after an interruption.
         parallel: whether the stages work at the same time; the results are the same.
+        gate: called before each block; returns whether it may begin. False ends the run before
+            `cycles`: nothing more comes. It may wait, but not once the user asks to stop.
 
     Returns:
         Seconds spent in each stage.
@@ -169,7 +181,7 @@ def run_blocks(
     """
     spent = dict.fromkeys(stages, 0.0)
     progress(begin)
-    at, due = begin, False
+    at, due, over = begin, False, False
     with stop_requests() as requested:
 
         def done(block: Block) -> None:
@@ -177,13 +189,16 @@ def run_blocks(
             at = block.stop
             progress(at)
 
-        while at < cycles:
+        while at < cycles and not over:
             saved = time.monotonic()
 
             def until_checkpoint(since: float, first: int) -> Iterator[Block]:
                 """Blocks until the next checkpoint is due, or the user asks to stop."""
-                nonlocal due
+                nonlocal due, over
                 for block in blocks(cycles, size, first):
+                    if not gate(block, requested.is_set):
+                        over = not requested.is_set()
+                        return
                     yield block
                     due = time.monotonic() - since > every_s
                     if due or requested.is_set():

@@ -11,11 +11,15 @@ class Progress(Protocol):
     """Receives the progress of a run, and notes."""
 
     def start(self, what: str, total: int) -> None:
-        """Begins a stage of `total` steps."""
+        """Begins a stage of `total` steps; 0 if their number is not known."""
         ...
 
     def advance(self, done: int) -> None:
         """Reports the number of completed steps of the stage."""
+        ...
+
+    def tell(self, what: str) -> None:
+        """Changes the text of the stage."""
         ...
 
     def note(self, text: str) -> None:
@@ -36,6 +40,8 @@ class QuietProgress:
     def start(self, what: str, total: int) -> None: ...
 
     def advance(self, done: int) -> None: ...
+
+    def tell(self, what: str) -> None: ...
 
     def note(self, text: str) -> None:
         self.notes.append(text)

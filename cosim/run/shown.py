@@ -23,6 +23,8 @@ class SilentProgress:
 
     def advance(self, done: int) -> None: ...
 
+    def tell(self, what: str) -> None: ...
+
     def note(self, text: str) -> None:
         print(f"viform: {text}", file=sys.stderr)
 
@@ -48,14 +50,20 @@ class LineProgress(SilentProgress):
         now, self._steps = time.monotonic(), self._steps + 1
         if self._steps <= 2:  # kernels are compiled in the first step
             self._first = done, now
-        if now - self._last_line_at < EVERY_S or not self._total or self._first is None:
+        if now - self._last_line_at < EVERY_S or self._first is None:
             return
         self._last_line_at = now
+        if not self._total:
+            self.note(self._what)
+            return
         before, began = self._first
         left = ""
         if before < done < self._total and 100 * (done - before) >= self._total:
             left = f", {duration_text((self._total - done) * (now - began) / (done - before))} left"
         self.note(f"{self._what}: {100 * done // self._total} %{left}")
+
+    def tell(self, what: str) -> None:
+        self._what = what
 
 
 class TerminalProgress(SilentProgress):
@@ -82,10 +90,13 @@ class TerminalProgress(SilentProgress):
         self._task: Any = None
 
     def start(self, what: str, total: int) -> None:
-        self._task = self._progress.add_task(what, total=total)
+        self._task = self._progress.add_task(what, total=total or None)
 
     def advance(self, done: int) -> None:
         self._progress.update(self._task, completed=done)
+
+    def tell(self, what: str) -> None:
+        self._progress.update(self._task, description=what)
 
     def note(self, text: str) -> None:
         self._progress.console.print(f"viform: {text}", markup=False, highlight=False)
@@ -111,6 +122,9 @@ class _Collected(QuietProgress):
 
     def advance(self, done: int) -> None:
         self._shown.advance(done)
+
+    def tell(self, what: str) -> None:
+        self._shown.tell(what)
 
 
 def _in_notebook() -> bool:

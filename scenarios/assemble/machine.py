@@ -9,6 +9,7 @@ from __future__ import annotations
 from cosim import InputError
 from cosim.config.toml import to_toml
 from cosim.files import STORES
+from cosim.run.inputs import PIPE
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
 from cosim.run.workers import check_workers, workers_for
@@ -33,6 +34,12 @@ def check_options(scenario: AnyScenario, options: Options) -> None:
     if options.store not in STORES:
         raise InputError("--store", f"one of {', '.join(STORES)}", options.store, "change it")
     _check_workers(scenario, options)
+    piped = isinstance(scenario, RecordingScenario) and scenario.sensor.source.startswith(PIPE)
+    if piped and options.resume:
+        raise InputError(
+            "--resume", "given for a source that can be read again", "given for a pipe",
+            "leave it out, and give another --out",
+        )  # fmt: skip
     if not isinstance(scenario, BoardScenario | ImagerScenario) and options.trace is not None:
         raise InputError(
             "--trace", "given with a scenario of a virtual board or of another imager",
@@ -101,11 +108,16 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
 
         return play_continuous(scenario, assemble_continuous(name, scenario), device, progress)
     if isinstance(scenario, RecordingScenario):
+        from scenarios.assemble.recording.coming_opening import comes
         from scenarios.assemble.recording.machine import assemble_recording
         from scenarios.assemble.show.assembling import play_recording
 
         if scenario.link is None:
             refuse_device("a recorded stream", device)
+        if comes(scenario.sensor):
+            from scenarios.assemble.recording.coming_machine import assemble_coming
+
+            return assemble_coming(name, scenario, device, progress)
         return play_recording(scenario, assemble_recording(name, scenario), device, progress)
     if isinstance(scenario, LinkScenario):
         from scenarios.assemble.link import assemble_link

@@ -156,10 +156,11 @@ class RecordingMachine:
         found = self.recording
         rows = [
             ["file", str(found.path), "scenario"],
-            ["pixels", f"{found.shape[1]} x {found.shape[0]}", f"the {ending_of(found.path)}"],
+            ["pixels", f"{found.shape[1]} x {found.shape[0]}",
+             found.sized_by or f"the {ending_of(found.path)}"],
             ["clock", f"{number(found.clock.hz / 1e3)} kHz",
              "scenario" if self.scenario.sensor.clock else "the format"],
-            ["cycles", count(found.cycles), "duration" if self.scenario.duration else "the file"],
+            ["cycles", count(found.cycles), "duration" if self.scenario.duration else "the stream"],
             ["white", f"{number(found.white_rate)} spikes a cycle", "see the notes"],
         ]  # fmt: skip
         stream = run.recording.chain.stages["recorder"].recorded()

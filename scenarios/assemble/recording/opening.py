@@ -11,16 +11,18 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import Clock, InputError, SpikeStream, seconds_to_ps
-from cosim.files import ending_of, notes_of
+from cosim.files import ending_of, notes_of, open_stream
 from cosim.files.event_file import ENDING, EventFile, read_events
+from cosim.files.plane_order import DAT_ORDER
 from cosim.run.inputs import named_path
 from cosim.spikes.clocked import ClockedEvents
 from cosim.spikes.excerpt import StreamStage
 from cosim.spikes.viform import count_spikes
 from scenarios.assemble.schema.scenario import RecordingScenario
 from sensor.codec.files import open_any
+from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Recording", "known_white", "open_recording"]
+__all__ = ["Recording", "given_size", "known_white", "open_recording", "white_of"]
 
 FASTEST: Final = 1e6
 """Fastest clock of planes, Hz; events of a faster one must be latched by another clock."""
@@ -47,6 +49,7 @@ class Recording:
         white_rate: spikes a cycle of white.
         notes: what the user must know.
         stream: the stream; None for events that are latched.
+        sized_by: what has told the size, in words; by default the format.
     """
 
     path: Path
@@ -56,6 +59,7 @@ class Recording:
     white_rate: float
     notes: list[str]
     stream: SpikeStream | None
+    sized_by: str = ""
 
     def stage(self) -> StreamStage | ClockedEvents:
         """The stage that reads the stream from its beginning."""
@@ -73,7 +77,12 @@ def open_recording(scenario: RecordingScenario) -> Recording:
         path = path / "stream.events.npz"
     if ending_of(path) == ENDING and path.exists() and not path.is_dir():
         return _events(scenario, path, folder)
-    stream, notes = open_any(path, _size(section.width, section.height))
+    size = given_size(section)
+    notes: list[str] = []
+    if section.order == DAT_ORDER:
+        stream, notes = open_any(path, size)
+    else:
+        stream = open_stream(path, size, section.order)
     clock = stream.clock if section.clock is None else Clock.from_hz(section.clock)
     if clock != stream.clock and ending_of(path) not in _CLOCKLESS:
         raise InputError(
@@ -81,9 +90,7 @@ def open_recording(scenario: RecordingScenario) -> Recording:
             "leave it out",
         )  # fmt: skip
     cycles = _cycles(scenario.duration, clock, stream.cycles)
-    white, told = _white(
-        section.white_rate, folder, lambda: count_spikes(stream, 0, cycles) / cycles
-    )
+    white, told = white_of(section, folder, stream, cycles)
     return Recording(
         path, stream.shape, clock, cycles, white, [*notes_of(stream), *notes, told], stream
     )
@@ -99,7 +106,7 @@ def _events(scenario: RecordingScenario, path: Path, folder: Path) -> Recording:
             f"{file.clock.hz:g} Hz", "absent" if section.clock is None else f"{clock.hz:g} Hz",
             "write --set sensor.clock='40 kHz', which latches them",
         )  # fmt: skip
-    if _size(section.width, section.height) not in (None, file.shape[::-1]):
+    if given_size(section) not in (None, file.shape[::-1]):
         raise InputError(
             "sensor.width", f"{file.shape[1]} x {file.shape[0]}, the size of {path}",
             f"{section.width} x {section.height}", "leave both out",
@@ -119,7 +126,10 @@ def _events(scenario: RecordingScenario, path: Path, folder: Path) -> Recording:
     return Recording(path, file.shape, clock, cycles, white, [latched, told], None)
 
 
-def _size(width: int | None, height: int | None) -> tuple[int, int] | None:
+def given_size(section: RecordedSection) -> tuple[int, int] | None:
+    """The stored (width, height) that a section gives; None for none. Raises InputError for one of
+    them alone."""
+    width, height = section.width, section.height
     if (width is None) != (height is None):
         absent, given = ("width", "height") if width is None else ("height", "width")
         raise InputError(f"sensor.{absent}", f"given with sensor.{given}", "absent", "add it")
@@ -140,9 +150,15 @@ def _cycles(duration: float | None, clock: Clock, whole: int) -> int:
     return cycles
 
 
-def _white(
-    given: float | None, folder: Path, rate: Callable[[], Any]
+def white_of(
+    section: RecordedSection, folder: Path, stream: SpikeStream, cycles: int
 ) -> tuple[float, str]:
+    """The spike rate of white in the first `cycles` cycles of a stream, and a note on its origin.
+    folder: the stream, or the folder of its run."""
+    return _white(section.white_rate, folder, lambda: count_spikes(stream, 0, cycles) / cycles)
+
+
+def _white(given: float | None, folder: Path, rate: Callable[[], Any]) -> tuple[float, str]:
     """The spike rate of white and a note on its origin. rate: counts the spikes a cycle of every
     pixel, (H, W)."""
     if given is not None:

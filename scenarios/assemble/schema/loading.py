@@ -144,7 +144,7 @@ def _absolute(scenario: AnyScenario) -> AnyScenario:
         inner = getattr(scenario, section, None)
         value = getattr(inner, key, None)
         path = None if value is None else named_path(section, key, value)
-        if inner is None or path is None:
+        if inner is None or value is None or path is None:
             continue
         try:
             place = str(Path(path).resolve())
@@ -153,7 +153,7 @@ def _absolute(scenario: AnyScenario) -> AnyScenario:
             raise InputError(
                 f"{section}.{key}", "the name of a file", f"{path!r} ({exc})", "check it"
             ) from exc
-        named = inner.model_copy(update={key: with_path(section, key, place)})
+        named = inner.model_copy(update={key: with_path(section, key, value, place)})
         scenario = scenario.model_copy(update={section: named})
     return scenario
 
@@ -187,9 +187,11 @@ def load(
     for section, key in PATHS if folder is not None else ():
         inner = data.get(section)
         value = inner.get(key) if isinstance(inner, dict) else None
-        path = named_path(section, key, value) if isinstance(value, str) else None
-        if isinstance(inner, dict) and folder is not None and path is not None:
-            inner[key] = with_path(section, key, str(folder / path))
+        if not isinstance(inner, dict) or not isinstance(value, str) or folder is None:
+            continue
+        path = named_path(section, key, value)
+        if path is not None:
+            inner[key] = with_path(section, key, value, str(folder / path))
     data |= copy.deepcopy(sections or {})
     _remove_conflicts(data, assignments or [])
     for assignment in assignments or []:

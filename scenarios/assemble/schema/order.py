@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from cosim import InputError
-from cosim.run.inputs import FILE
+from cosim.run.inputs import FILE, PIPE
 
 __all__ = ["check_order", "is_recording"]
 
@@ -42,9 +42,9 @@ def _value(data: Data, section: str, key: str) -> Any:
 
 
 def is_recording(data: Data) -> bool:
-    """Whether a recorded stream takes the place of the chip."""
+    """Whether a stream that was or is recorded takes the place of the chip."""
     source = _value(data, "sensor", "source")
-    return isinstance(source, str) and source.startswith(FILE)
+    return isinstance(source, str) and source.startswith((FILE, PIPE))
 
 
 def _unlatched(data: Data) -> bool:
@@ -85,7 +85,7 @@ RULES: tuple[_Rule, ...] = (
     ),
     _Rule(
         lambda data: is_recording(data) and "scene" in data, "scene",
-        "absent with sensor.source = file:PATH, a recorded stream", "given with it",
+        "absent with sensor.source = file:PATH or pipe:PATH, a recorded stream", "given with it",
         "remove it, or start from `viform run playback`, which has none",
     ),
     _Rule(

@@ -13,8 +13,8 @@ from scenarios.assemble.camera.boards import BoardPanel
 from scenarios.assemble.carrier.judged import Watch, carrier_speeds, judge_carrier
 from scenarios.assemble.carrier.page import carried_page
 from scenarios.assemble.schema.scenario import ImageSection
-from scenarios.assemble.show.feeds import Feed
-from scenarios.assemble.show.playing import SHOWN, Playing
+from scenarios.assemble.show.feeds import Feed, Planes
+from scenarios.assemble.show.playing import SHOWN, Played, Playing
 from scenarios.assemble.show.screen import ScreenViews
 
 __all__ = ["PlayedMachine"]
@@ -100,8 +100,21 @@ class PlayedMachine:
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         inner = self.inner.judge(recording, progress)
         planes = self.feed.planes(recording, inner)
+        played = self.playing.play(planes, recording.folder, recording.seconds, progress)
+        return self.judge_played(recording, inner, planes, played)
+
+    def judge_played(
+        self, recording: Recording, inner: Outcome, planes: Planes, played: Played
+    ) -> Outcome:
+        """Evaluates a stream that has been played.
+
+        Args:
+            recording: of the source.
+            inner: the source's own outcome.
+            planes: the planes, after their last block.
+            played: the link and the display, after their last block.
+        """
         folder, seconds, playing = recording.folder, recording.seconds, self.playing
-        played = playing.play(planes, folder, seconds, progress)
         outcome = replace(
             inner,
             metrics=inner.metrics | planes.metrics(),

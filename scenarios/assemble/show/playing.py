@@ -98,10 +98,7 @@ class Playing:
         linked = self.carrier is not None
         what = "the display" if self.screen or self.board else "the link"
         given = folder / (STREAM if planes.stored else SHOWN)
-        stages = self._stages(planes, given)
-        cycles = self.cycles
-        if self.carrier is not None:
-            stages, cycles = self.carrier.join(stages, folder), self.carrier.cycles
+        stages, cycles = self.behind(self._stages(planes, given), folder)
         progress.start(what, cycles)
         with room_for(f"the planes of {what}", folder):
             spent = run_blocks(
@@ -111,16 +108,29 @@ class Playing:
         # The scene and the recording of the source have times of their own.
         seconds |= {f"{what[4:]}: {name}" if name in seconds else name: s
                     for name, s in spent.items()}  # fmt: skip
-        return Played(stages, spent, given, folder / RECEIVED if linked else given)
+        return Played(stages, spent, given, self.shown(given))
 
     def _stages(self, planes: Planes, given: Path) -> dict[str, Any]:
-        """The stages without the link, by name."""
+        """The stages that make the planes and record them, by name."""
         stages: dict[str, Any] = {}
         if self.screen is not None and self.scene is not None:
             stages["scene"] = SceneStage(self.scene, (0, 0))
         stages["planes"] = planes.stage
         if not planes.stored:
             stages["planes to disk"] = Recorder(given, self.shape, self.cycles, self.clock)
+        return stages
+
+    def behind(self, stages: dict[str, Any], folder: Path) -> tuple[dict[str, Any], int]:
+        """The whole chain: stages that make planes, then those of the link and the display; and its
+        length, cycles."""
         if self.board is not None:
-            stages["sink"] = self.board
-        return stages if self.screen is None else self.screen.stages(stages, given.parent)
+            stages = stages | {"sink": self.board}
+        if self.screen is not None:
+            stages = self.screen.stages(stages, folder)
+        if self.carrier is not None:
+            return self.carrier.join(stages, folder), self.carrier.cycles
+        return stages, self.cycles
+
+    def shown(self, given: Path) -> Path:
+        """Recording of the planes that come to the display, of those that the source gives."""
+        return given if self.carrier is None else given.with_name(RECEIVED)

@@ -31,11 +31,18 @@ def board_capture(
     clear: Annotated[
         bool, typer.Option("--clear", help="begin with frame 0 and without charge")
     ] = False,
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            "--format", help="spikecv: a .dat, and beside it the config.yaml that SpikeCV reads"
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Capture a burst and write it as a stream. Every row is verified by number and CRC-32."""
     from cosim import InputError, Viform
     from cosim.files import FORMATS, ending_of, write_stream
+    from cosim.files.config_yaml import check_config, write_config
     from rtl_model.bringup.bench.frames import frame_clock
     from rtl_model.host import capture
     from scenarios.cli.board.regs import assignment
@@ -43,15 +50,27 @@ def board_capture(
     if ending_of(out) not in FORMATS:
         must = f"a name ending in {', '.join(FORMATS)}"
         raise InputError("--out", must, str(out), "give it one of these")
+    if layout not in (None, "spikecv"):
+        raise InputError("--format", "spikecv", layout, "correct it, or leave it out")
+    if layout is not None and ending_of(out) != ".dat":
+        raise InputError(
+            "--out", "a name ending in .dat with --format spikecv", str(out),
+            "rename it, or leave --format out",
+        )  # fmt: skip
     writes = [assignment(text) for text in assignments or ()]
     progress = make_progress()
     try:
         with connect(options, json) as connection:
+            if layout is not None:
+                info = connection.board.info()
+                check_config(out, (info.columns, info.rows))
             for name, value in writes:
                 connection.board.write(name, value)
             captured = capture.burst(connection.board, frames, clear=clear)
             clock = frame_clock(connection.board)
         stream = Viform.from_planes(captured.planes, clock)
+        if layout is not None:  # before the planes, whose size it tells
+            write_config(out, stream.shape[::-1], whole_set=True)
         lost = write_stream(stream, out)
         for text in lost:
             progress.note(text)

@@ -183,8 +183,8 @@ def test_a_config_that_is_there_is_never_overwritten(
     with pytest.raises(InputError) as refused:
         write_stream(random_stream(), tmp_path / "a.dat", config=True)
     assert str(refused.value) == (
-        f"{path} must be absent, or one that says 8x3 of a.dat, not {given}; leave --config out, "
-        "or write into another folder"
+        f"{path} must be absent, or one that says 8x3 of a.dat, not {given}; "
+        "write into another folder"
     )
     assert path.read_text() == text
     assert sorted(p.name for p in tmp_path.iterdir()) == ["b.dat", "config.yaml"]

@@ -1,0 +1,102 @@
+"""The chain of a stream that comes while the run goes on; its recording is always sound."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from dataclasses import dataclass, field
+from typing import Final
+
+from cosim import Block, Interrupted
+from cosim.config.amounts import count, number
+from cosim.files import Recorder
+from cosim.run.chain import STREAM, BlockChain
+from cosim.run.progress import Progress
+from scenarios.assemble.recording.coming import ComingPlanes
+
+__all__ = ["ComingChain"]
+
+_TOLD_S: Final = 0.5
+"""Least time between two texts of the progress, s."""
+
+
+class _Received:
+    """Progress of a stream: the planes that have come, and their rate.
+
+    Args:
+        progress: receives it.
+        planes: the stream.
+        what: beginning of the text.
+    """
+
+    def __init__(self, progress: Progress, planes: ComingPlanes, what: str) -> None:
+        self._progress, self._planes, self._what = progress, planes, what
+        self._told: float | None = None
+
+    def start(self, what: str, total: int) -> None:
+        self._progress.start(self.text(), self._planes.cycles or 0)
+
+    def text(self) -> str:
+        planes, rate = self._planes, self._planes.rate
+        speed = "" if rate is None else f" at {number(rate)} planes/s"
+        late = f", {count(planes.lateness.late)} late" if planes.lateness.late else ""
+        return f"{self._what}: {count(planes.came)} planes received{speed}{late}"
+
+    def advance(self, done: int) -> None:
+        now = time.monotonic()
+        if self._told is None or now - self._told >= _TOLD_S:
+            self._told = now
+            self._progress.tell(self.text())
+        self._progress.advance(self._planes.came)
+
+    def tell(self, what: str) -> None:
+        self._progress.tell(what)
+
+    def note(self, text: str) -> None:
+        self._progress.note(text)
+
+
+@dataclass
+class ComingChain(BlockChain):
+    """Records a stream, and sends and shows it if its length is known, as it comes.
+
+    The chain ends early if the stream does. Then, and when it is interrupted, the recording holds
+    all whole planes that have come.
+
+    Attributes:
+        planes: the first stage, as it is without a link.
+        recorder: of the stream.
+        again: whether the source can be read again, so that an interrupted run can go on.
+    """
+
+    planes: ComingPlanes = field(kw_only=True)
+    recorder: Recorder = field(kw_only=True)
+    again: bool = field(kw_only=True)
+
+    def run(self, progress: Progress) -> dict[str, float]:
+        """See `Chain`."""
+        self.planes.start()
+        try:
+            spent = super().run(_Received(progress, self.planes, self.title))
+        except Interrupted as exc:
+            kept = self._end()
+            total = self.planes.cycles or 0
+            raise Interrupted(kept, total, self._how_to_go_on(exc.remedy, kept), "planes") from None
+        if self.planes.came != self.planes.cycles:
+            self._end()
+        return spent
+
+    def _how_to_go_on(self, resume: str, kept: int) -> str:
+        if self.again:
+            return resume
+        store = shlex.quote(str(self.folder / STREAM))
+        return f"what came is {store}: viform run playback --set sensor.source=file:{store}"
+
+    def _end(self) -> int:
+        """Writes the planes that fill no block, and ends the recording; returns its cycles."""
+        planes = self.planes
+        if planes.waiting:
+            block = Block(planes.came - planes.waiting, planes.waiting)
+            self.recorder.step(planes.step(None, block), block)
+        self.recorder.end(planes.came)
+        return planes.came
