@@ -212,11 +212,14 @@ class Recorder:
         import zarr
 
         self._settle()
-        if self._store != NOT_KEPT:
+        kept = self._store != NOT_KEPT
+        if kept:
             self._sync()
         zarr.open_group(self._path, mode="r+").attrs["complete"] = True
-        if self._store != NOT_KEPT:
+        if kept:
             sync_all([self._path / "zarr.json", self._path])
+        else:
+            self._synced = None  # `state` syncs all of it, if it is called
 
     def _sync(self) -> None:
         """Waits until all that was written is on the disk: chunks since the last time, and the
