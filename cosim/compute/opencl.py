@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.errors import InputError, MissingPackages
+from cosim.errors import InputError, MissingPackages, shorten
 
 __all__ = [
     "INSTALL",
@@ -46,6 +47,8 @@ _NUMBERS = {
 """Types of the numbers that kernels take as arguments."""
 INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
+_SAID: set[str] = set()
+"""Values of VIFORM_CACHE that a line has said are not used."""
 _LOCAL_GPU = 64
 """Work-items of a work-group on a GPU; 32 and 128 differ by 1 %."""
 _PROBE = """
@@ -61,27 +64,56 @@ def cache_folder() -> Path:
     """A writable folder for compiled kernels: VIFORM_CACHE, the user's cache, or a temporary
     folder.
 
-    The temporary folder has the user's number in its name, so that runs share it. It is used only
-    if it is a folder, not a link to one, that this user owns and nobody else may enter: compiled
-    kernels are executed.
+    Compiled kernels are executed. So VIFORM_CACHE and the temporary folder are used only if they
+    are folders, not links to one, that this user owns and nobody else may enter; a line on standard
+    error says why VIFORM_CACHE is not used. The user's cache is made so. The temporary folder has
+    the user's number in its name, so that runs share it.
     """
-    choices = (("VIFORM_CACHE", "."), ("XDG_CACHE_HOME", "viform"), ("HOME", ".cache/viform"))
-    folders = [Path(os.environ[name]) / below for name, below in choices if os.environ.get(name)]
+    choices = (("XDG_CACHE_HOME", "viform"), ("HOME", ".cache/viform"))
+    caches = [Path(os.environ[name]) / below for name, below in choices if os.environ.get(name)]
     shared = Path(tempfile.gettempdir()) / f"viform-{os.getuid()}"
-    for folder in (*folders, shared):
-        try:
-            if folder == shared:
-                folder.mkdir(mode=0o700, exist_ok=True)
-                found = folder.lstat()
-                private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
-            else:
-                folder.mkdir(parents=True, exist_ok=True)
-                found, private = folder.stat(), True
-        except OSError:
-            continue
-        if private and found.st_uid == os.getuid() and os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="viform-"))
+    given = os.environ.get("VIFORM_CACHE")
+    why, found = "", None
+    if given:
+        why = _objection(Path(given))
+        found = Path(given) if not why else None
+    if found is None:
+        own = (folder for folder in caches if not _objection(folder, close=True))
+        found = next(own, None) or (shared if not _objection(shared) else None)
+    found = found or Path(tempfile.mkdtemp(prefix="viform-"))
+    if given and why and given not in _SAID:
+        _SAID.add(given)
+        print(
+            f"viform: VIFORM_CACHE must be a folder of this user that nobody else may enter (mode "
+            f"700), not {shorten(given)} ({why}); {found} is used",
+            file=sys.stderr,
+        )
+    return found
+
+
+def _objection(folder: Path, close: bool = False) -> str:
+    """Why a folder must not hold programs, "" if it may; it is made if it is not there.
+
+    close: whether to take the permissions of others away, and to follow links to folders.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+        found = folder.stat() if close else folder.lstat()
+        if stat.S_ISLNK(found.st_mode):
+            return "a link"
+        if not stat.S_ISDIR(found.st_mode):
+            return "no folder"
+        if found.st_uid != os.getuid():
+            return f"of user {found.st_uid}"
+        if found.st_mode & 0o077:
+            if not close:
+                return f"mode {found.st_mode & 0o777:03o}"
+            folder.chmod(0o700)
+    except OSError as exc:
+        return exc.strerror or type(exc).__name__
+    return "" if os.access(folder, os.W_OK | os.X_OK) else "not writable"
 
 
 def prepare_caches() -> None:
