@@ -29,6 +29,7 @@ from cosim.run.folder import (
     output_folder,
 )
 from cosim.run.foresight import Foresight
+from cosim.run.loop import noted_interrupts
 from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, dumps, write_result
@@ -92,6 +93,7 @@ def run_scenario(
         if report is None:
             load_matplotlib()
         machine, recording, reinstated = _record(machine, folder, options, progress)
+        interrupted = stack.enter_context(noted_interrupts())
         finished = False
         try:
             progress.start("images and report", 2)
@@ -112,6 +114,8 @@ def run_scenario(
             result.files.append("result.json")
             progress.advance(2)
             result.run_time_s = time.perf_counter() - began
+            if interrupted.is_set():  # and a library has lost the exception
+                raise KeyboardInterrupt
             lost = streams if options.store == NOT_KEPT else []
             sync_tree(folder, without=lost)  # all that the result names is there before it
             write_result(folder, result)

@@ -18,7 +18,7 @@ _PLANE: Final = 32
 """Bytes that each pixel of a stream takes at least while it is read: two words of 32 cycles, their
 copy, and a float64 and what it is computed from."""
 
-_LIBRARIES: Final = 256 << 20
+_LIBRARIES: Final = 400 << 20
 """Bytes of addresses of the libraries that a run loads, beyond those in memory: OpenCL with its
 compiler, OpenGL, FFmpeg."""
 _THREAD: Final = 72 << 20
@@ -51,19 +51,25 @@ def _addresses() -> int:
     return most - int(psutil.Process().memory_info().vms)
 
 
-def check_program(what: str, need: int, remedy: str) -> None:
-    """Raises InputError if the free memory does not hold a program that takes `need` bytes in all,
-    and has only begun. Under a limit of the address space (`ulimit -v`) the stacks of its threads
-    count whole, and libraries with what is not used of them."""
-    taken = int(psutil.Process().memory_info().rss)
-    spare = _LIBRARIES + _THREAD * 2 * cores()
-    if need - taken + spare > _addresses():
-        limit = _addresses() + int(psutil.Process().memory_info().vms)
-        whole = need - taken + spare + limit - _addresses()
+def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) -> None:
+    """Raises InputError if the free memory does not hold a program that takes `need` bytes in all.
+
+    Under a limit of the address space (`ulimit -v`) libraries count whole, and so do the stacks of
+    threads.
+
+    Args:
+        what, remedy: for the message.
+        need: bytes of the program with its data at its peak.
+        loaded: whether its libraries are loaded already.
+    """
+    memory = psutil.Process().memory_info()
+    more = need - int(memory.rss) + _THREAD * 2 * cores() + (0 if loaded else _LIBRARIES)
+    left = _addresses()
+    if more > left:
         raise InputError(
             "the limit of the address space (ulimit -v)",
-            f"{whole / _GIB:.3g} GiB or more for this run", f"{limit / _GIB:.3g} GiB",
-            f"raise it, or {remedy}",
+            f"{(int(memory.vms) + more) / _GIB:.3g} GiB or more for this run",
+            f"{(int(memory.vms) + left) / _GIB:.3g} GiB", f"raise it, or {remedy}",
         )  # fmt: skip
     check_memory(what, need, remedy)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -47,6 +48,8 @@ _NUMBERS = {
 """Types of the numbers that kernels take as arguments."""
 INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
+_KERNELS = 32 << 20
+"""Bytes that the compiler may write for a run: some tens of kernels, each with its stages."""
 _SAID: set[str] = set()
 """Values of VIFORM_CACHE that a line has said are not used."""
 _LOCAL_GPU = 64
@@ -162,6 +165,18 @@ def _no_device(value: str, remedy: str) -> InputError:
     return InputError("the OpenCL device", "one that this machine has", value, remedy)
 
 
+def _check_cache(folder: Path) -> None:
+    """Raises InputError if the disk of the cache is full: the compiler would end the process."""
+    free = shutil.disk_usage(folder)
+    if free.total and free.free < _KERNELS:
+        raise InputError(
+            "the cache of compiled kernels",
+            f"on a disk with {_KERNELS >> 20} MiB of room",
+            f"{folder} ({free.free >> 20} MiB free)",
+            "make room, or set VIFORM_CACHE to another folder",
+        )  # fmt: skip
+
+
 def choose_device(wanted: str | None) -> Device | None:
     """The selected OpenCL device, or None for "numba", the compiled form on the processor."""
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
@@ -174,6 +189,7 @@ def open_device(wanted: str | None = None) -> Device:
     Raises InputError if there is none.
     """
     prepare_caches()
+    _check_cache(Path(os.environ["POCL_CACHE_DIR"]))
     if not os.path.isdir("/sys/devices/system/cpu") and not probe():
         raise _no_device(
             "none (/sys is not mounted, which PoCL needs)", "mount /sys, or pass --device numba"

@@ -20,7 +20,7 @@ from cosim.files.whole import whole
 from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks, section
 
-__all__ = ["Checkpoint", "LostRecording", "run_blocks", "stop_requests"]
+__all__ = ["Checkpoint", "LostRecording", "noted_interrupts", "run_blocks", "stop_requests"]
 
 _DIGEST = "digest"
 """Name of the array with the digest of all others."""
@@ -133,14 +133,35 @@ def stop_requests() -> Iterator[threading.Event]:
             raise KeyboardInterrupt
         requested.set()
 
+    with _handlers(request):
+        yield requested
+
+
+@contextmanager
+def noted_interrupts() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set, beside the KeyboardInterrupt that they raise. A library
+    may lose the exception: one raised while it calls back is printed and forgotten."""
+    requested = threading.Event()
+
+    def request(*_: object) -> None:
+        requested.set()
+        raise KeyboardInterrupt
+
+    with _handlers(request):
+        yield requested
+
+
+@contextmanager
+def _handlers(request: Callable[..., None]) -> Iterator[None]:
+    """Calls a function for SIGINT and SIGTERM; in the main thread only, which signals reach."""
     if threading.current_thread() is not threading.main_thread():
-        yield requested  # signals reach the main thread only
+        yield
         return
     before = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
         signal.signal(number, request)
     try:
-        yield requested
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
