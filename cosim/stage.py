@@ -7,13 +7,13 @@ blocks implements `Stateful`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy.typing as npt
 
-__all__ = ["BLOCK", "Block", "Stage", "State", "Stateful", "blocks", "section"]
+__all__ = ["BLOCK", "Block", "Stage", "State", "Stateful", "WithFiles", "blocks", "section"]
 
 BLOCK = 64
 """Latch cycles in a block, unless a scenario sets another number."""
@@ -53,6 +53,18 @@ class Stateful(Protocol):
 
     def state(self) -> State: ...
     def restore(self, state: State) -> None: ...
+
+
+@runtime_checkable
+class WithFiles(Protocol):
+    """A stage whose state is worth only as much as the files that it has written before."""
+
+    def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
+        """What is wrong with the files that a `state` builds on, None if they are sound.
+
+        checked: called with the number of parts that have been checked, and that of all.
+        """
+        ...
 
 
 def section(state: Mapping[str, npt.NDArray[Any]], name: str) -> State:

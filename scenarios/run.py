@@ -17,6 +17,7 @@ from pydantic import TypeAdapter
 
 from cosim import InputError, Interrupted
 from cosim.files import NOT_KEPT, storing
+from cosim.files.durable import sync_tree
 from cosim.files.whole import whole
 from cosim.report.figures import load_matplotlib
 from cosim.run.folder import (
@@ -28,6 +29,7 @@ from cosim.run.folder import (
     output_folder,
 )
 from cosim.run.foresight import Foresight
+from cosim.run.loop import noted_interrupts
 from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, dumps, write_result
@@ -91,6 +93,7 @@ def run_scenario(
         if report is None:
             load_matplotlib()
         machine, recording, reinstated = _record(machine, folder, options, progress)
+        interrupted = stack.enter_context(noted_interrupts())
         finished = False
         try:
             progress.start("images and report", 2)
@@ -111,6 +114,10 @@ def run_scenario(
             result.files.append("result.json")
             progress.advance(2)
             result.run_time_s = time.perf_counter() - began
+            if interrupted.is_set():  # and a library has lost the exception
+                raise KeyboardInterrupt
+            lost = streams if options.store == NOT_KEPT else []
+            sync_tree(folder, without=lost)  # all that the result names is there before it
             write_result(folder, result)
             for leftover in (recording.chain.checkpoint, folder / REINSTATED):
                 leftover.unlink(missing_ok=True)
@@ -124,7 +131,7 @@ def run_scenario(
             ) from None
         finally:
             if not finished:  # after any error, the run can be resumed from its recording
-                with suppress(OSError):  # a full disk
+                with suppress(OSError, InputError):  # a full disk, or one that is read-only
                     recording.chain.save()
     return Done(result, folder, outcome)
 
@@ -156,7 +163,7 @@ def _record(
         if not new:
             chain = machine.chain(folder)
             if resume:
-                chain.load()  # raises InputError before a file is overwritten
+                resume = chain.load(progress)  # raises InputError before a file is overwritten
             begin_folder(folder, machine.toml)
             if not announced:
                 for note in machine.notes:
@@ -186,7 +193,7 @@ def _shortfall(machine: Machine, recording: Recording) -> list[Finding]:
     except BrokenPromise:
         raise
     except BaseException as exc:
-        with suppress(OSError):  # a full disk
+        with suppress(OSError, InputError):  # a full disk, or one that is read-only
             recording.chain.save()
         if isinstance(exc, KeyboardInterrupt):
             remedy = how_to_resume(recording.folder)

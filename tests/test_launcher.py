@@ -601,12 +601,14 @@ def test_an_environment_that_is_not_its_own_is_never_emptied(box):
     box.python()
     box.script("mine/bin/python", "#!/bin/sh\nexit 1\n")
     box.touch("mine/pyvenv.cfg", "mine/notes.txt")
-    for _ in range(2):
+    for other in (
+        "another", "one with viform.unfinished, the mark of an installation that did not end"
+    ):  # fmt: skip
         done = box.run("list", VIFORM_VENV=str(box.root / "mine"))
         assert done.returncode == 2
         assert done.stderr == (
             f"viform: {box.root}/mine must be a new folder, one that viform made, or an "
-            "environment of Python 3.11, 3.12 or 3.13 with pip, not another: name another in "
+            f"environment of Python 3.11, 3.12 or 3.13 with pip, not {other}: name another in "
             "VIFORM_VENV\n"
         )
         assert (box.root / "mine/notes.txt").exists() and (box.root / "mine/bin/python").exists()

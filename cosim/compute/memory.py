@@ -2,31 +2,76 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Final
 
 import psutil
 
+from cosim.compute.cgroup import free_in_groups
+from cosim.compute.cores import cores
 from cosim.errors import InputError
 
-__all__ = ["check_memory", "check_plane", "free_memory"]
+__all__ = ["check_memory", "check_plane", "check_program", "free_memory"]
 
 _GIB = 2**30
 _PLANE: Final = 32
 """Bytes that each pixel of a stream takes at least while it is read: two words of 32 cycles, their
 copy, and a float64 and what it is computed from."""
 
+_LIBRARIES: Final = 400 << 20
+"""Bytes of addresses of the libraries that a run loads, beyond those in memory: OpenCL with its
+compiler, OpenGL, FFmpeg."""
+_THREAD: Final = 72 << 20
+"""Bytes of addresses of a thread: 8 MiB of stack and 64 MiB of the allocator (glibc's arenas). Each
+core has one of OpenCL and one of numba."""
+
 
 def free_memory() -> int:
-    """Bytes that this process may still take: what the machine has, and its own limit."""
+    """Bytes that this process may still take: what the machine has, what its control groups leave,
+    and its own limit."""
+    return max(min(_present(), _addresses()), 0)
+
+
+def _present() -> int:
+    """Bytes of memory that the machine, or a group of processes, has for this one."""
     free = int(psutil.virtual_memory().available)
+    group = free_in_groups()
+    return free if group is None else min(free, group)
+
+
+def _addresses() -> int:
+    """Bytes by which the address space may still grow."""
     try:
         import resource  # not on Windows
     except ImportError:
-        return free
+        return sys.maxsize
     most, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if most != resource.RLIM_INFINITY:
-        free = min(free, most - int(psutil.Process().memory_info().vms))
-    return max(free, 0)
+    if most == resource.RLIM_INFINITY:
+        return sys.maxsize
+    return most - int(psutil.Process().memory_info().vms)
+
+
+def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) -> None:
+    """Raises InputError if the free memory does not hold a program that takes `need` bytes in all.
+
+    Under a limit of the address space (`ulimit -v`) libraries count whole, and so do the stacks of
+    threads.
+
+    Args:
+        what, remedy: for the message.
+        need: bytes of the program with its data at its peak.
+        loaded: whether its libraries are loaded already.
+    """
+    memory = psutil.Process().memory_info()
+    more = need - int(memory.rss) + _THREAD * 2 * cores() + (0 if loaded else _LIBRARIES)
+    left = _addresses()
+    if more > left:
+        raise InputError(
+            "the limit of the address space (ulimit -v)",
+            f"{(int(memory.vms) + more) / _GIB:.3g} GiB or more for this run",
+            f"{(int(memory.vms) + left) / _GIB:.3g} GiB", f"raise it, or {remedy}",
+        )  # fmt: skip
+    check_memory(what, need, remedy)
 
 
 def check_memory(what: str, need: int, remedy: str) -> None:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
 import tempfile
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -22,7 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cosim.errors import InputError, MissingPackages
+from cosim.errors import InputError, MissingPackages, shorten
 
 __all__ = [
     "INSTALL",
@@ -46,6 +48,10 @@ _NUMBERS = {
 """Types of the numbers that kernels take as arguments."""
 INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
+_KERNELS = 32 << 20
+"""Bytes that the compiler may write for a run: some tens of kernels, each with its stages."""
+_SAID: set[str] = set()
+"""Values of VIFORM_CACHE that a line has said are not used."""
 _LOCAL_GPU = 64
 """Work-items of a work-group on a GPU; 32 and 128 differ by 1 %."""
 _PROBE = """
@@ -61,27 +67,56 @@ def cache_folder() -> Path:
     """A writable folder for compiled kernels: VIFORM_CACHE, the user's cache, or a temporary
     folder.
 
-    The temporary folder has the user's number in its name, so that runs share it. It is used only
-    if it is a folder, not a link to one, that this user owns and nobody else may enter: compiled
-    kernels are executed.
+    Compiled kernels are executed. So VIFORM_CACHE and the temporary folder are used only if they
+    are folders, not links to one, that this user owns and nobody else may enter; a line on standard
+    error says why VIFORM_CACHE is not used. The user's cache is made so. The temporary folder has
+    the user's number in its name, so that runs share it.
     """
-    choices = (("VIFORM_CACHE", "."), ("XDG_CACHE_HOME", "viform"), ("HOME", ".cache/viform"))
-    folders = [Path(os.environ[name]) / below for name, below in choices if os.environ.get(name)]
+    choices = (("XDG_CACHE_HOME", "viform"), ("HOME", ".cache/viform"))
+    caches = [Path(os.environ[name]) / below for name, below in choices if os.environ.get(name)]
     shared = Path(tempfile.gettempdir()) / f"viform-{os.getuid()}"
-    for folder in (*folders, shared):
-        try:
-            if folder == shared:
-                folder.mkdir(mode=0o700, exist_ok=True)
-                found = folder.lstat()
-                private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
-            else:
-                folder.mkdir(parents=True, exist_ok=True)
-                found, private = folder.stat(), True
-        except OSError:
-            continue
-        if private and found.st_uid == os.getuid() and os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="viform-"))
+    given = os.environ.get("VIFORM_CACHE")
+    why, found = "", None
+    if given:
+        why = _objection(Path(given))
+        found = Path(given) if not why else None
+    if found is None:
+        own = (folder for folder in caches if not _objection(folder, close=True))
+        found = next(own, None) or (shared if not _objection(shared) else None)
+    found = found or Path(tempfile.mkdtemp(prefix="viform-"))
+    if given and why and given not in _SAID:
+        _SAID.add(given)
+        print(
+            f"viform: VIFORM_CACHE must be a folder of this user that nobody else may enter (mode "
+            f"700), not {shorten(given)} ({why}); {found} is used",
+            file=sys.stderr,
+        )
+    return found
+
+
+def _objection(folder: Path, close: bool = False) -> str:
+    """Why a folder must not hold programs, "" if it may; it is made if it is not there.
+
+    close: whether to take the permissions of others away, and to follow links to folders.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+        found = folder.stat() if close else folder.lstat()
+        if stat.S_ISLNK(found.st_mode):
+            return "a link"
+        if not stat.S_ISDIR(found.st_mode):
+            return "no folder"
+        if found.st_uid != os.getuid():
+            return f"of user {found.st_uid}"
+        if found.st_mode & 0o077:
+            if not close:
+                return f"mode {found.st_mode & 0o777:03o}"
+            folder.chmod(0o700)
+    except OSError as exc:
+        return exc.strerror or type(exc).__name__
+    return "" if os.access(folder, os.W_OK | os.X_OK) else "not writable"
 
 
 def prepare_caches() -> None:
@@ -130,6 +165,18 @@ def _no_device(value: str, remedy: str) -> InputError:
     return InputError("the OpenCL device", "one that this machine has", value, remedy)
 
 
+def _check_cache(folder: Path) -> None:
+    """Raises InputError if the disk of the cache is full: the compiler would end the process."""
+    free = shutil.disk_usage(folder)
+    if free.total and free.free < _KERNELS:
+        raise InputError(
+            "the cache of compiled kernels",
+            f"on a disk with {_KERNELS >> 20} MiB of room",
+            f"{folder} ({free.free >> 20} MiB free)",
+            "make room, or set VIFORM_CACHE to another folder",
+        )  # fmt: skip
+
+
 def choose_device(wanted: str | None) -> Device | None:
     """The selected OpenCL device, or None for "numba", the compiled form on the processor."""
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
@@ -142,6 +189,7 @@ def open_device(wanted: str | None = None) -> Device:
     Raises InputError if there is none.
     """
     prepare_caches()
+    _check_cache(Path(os.environ["POCL_CACHE_DIR"]))
     if not os.path.isdir("/sys/devices/system/cpu") and not probe():
         raise _no_device(
             "none (/sys is not mounted, which PoCL needs)", "mount /sys, or pass --device numba"

@@ -9,15 +9,8 @@ from cosim.files.opening import (
     open_stream,
     write_stream,
 )
-from cosim.files.zarr_store import (
-    NOT_KEPT,
-    STORES,
-    Recorder,
-    ZarrStream,
-    kept_bytes,
-    storing,
-    streams_kept,
-)
+from cosim.files.recorder import NOT_KEPT, STORES, Recorder, kept_bytes, storing, streams_kept
+from cosim.files.zarr_store import ZarrStream
 
 __all__ = [
     "FORMATS",

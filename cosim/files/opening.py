@@ -16,7 +16,8 @@ from cosim.files.losses import losses
 from cosim.files.npz import read_npz, write_npz
 from cosim.files.plane_order import DAT_ORDER, PlaneOrder
 from cosim.files.raw import RawStream, write_raw
-from cosim.files.zarr_store import ZarrStream, write_zarr
+from cosim.files.recorder import write_zarr
+from cosim.files.zarr_store import ZarrStream
 from cosim.spikes.viform import SpikeStream
 
 __all__ = ["FORMATS", "ending_of", "locate_stream", "notes_of", "open_stream", "write_stream"]

@@ -1,4 +1,5 @@
-"""Atomic writing of files: under a temporary name, which is then renamed."""
+"""Atomic writing of files: under a temporary name, which is then renamed. A reader, or the next
+start after a loss of power, finds the whole file or none."""
 
 from __future__ import annotations
 
@@ -13,8 +14,9 @@ from pathlib import Path
 from typing import Final
 
 from cosim.errors import InputError
+from cosim.files.durable import put, sync, sync_tree
 
-__all__ = ["NO_ROOM", "refusal", "whole"]
+__all__ = ["NO_ROOM", "refusal", "remove_parts", "whole"]
 
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk."""
@@ -46,9 +48,10 @@ def whole(path: Path) -> Iterator[Path]:
         _check(path)
         try:
             yield part
+            (sync_tree if part.is_dir() else sync)(part)
             if path.is_dir() and part.is_dir():
                 shutil.rmtree(path)
-            os.replace(part, path)
+            put(part, path)
         finally:
             _remove(part)
     except OSError as exc:
@@ -61,6 +64,16 @@ def _remove_abandoned(path: Path) -> None:
         number = part.name.split(".")[-2]
         if number.isdecimal() and not _alive(int(number)):
             _remove(part)
+
+
+def remove_parts(folder: Path) -> None:
+    """Removes all temporary files below a folder, of `whole` and of stores. The caller knows that
+    no other process writes there."""
+    for place, below, names in os.walk(folder):
+        for name in [*below, *names]:
+            hidden = name.startswith(".") and name.endswith(".part")
+            if hidden or name.endswith(".partial"):
+                _remove(Path(place) / name)
 
 
 def _alive(process: int) -> bool:

@@ -8,9 +8,8 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any, Final
 
-from cosim.errors import InputError
 from cosim.run.folder import how_to_resume, room_for
-from cosim.run.loop import Checkpoint, Gate, open_gate, run_blocks
+from cosim.run.loop import Checkpoint, Gate, LostRecording, open_gate, run_blocks
 from cosim.run.progress import Progress
 
 __all__ = ["CHECKPOINT", "STREAM", "BlockChain"]
@@ -55,15 +54,24 @@ class BlockChain:
         """File of the checkpoint."""
         return self.folder / CHECKPOINT
 
-    def load(self) -> None:
-        """Restores the stages. Raises InputError if the checkpoint belongs to another run, or if
-        the recording is missing."""
-        checkpoint = Checkpoint(self.checkpoint, self.identity)
-        self.begin = checkpoint.load(self.stages, self.cycles)
-        if self.begin and not (self.folder / self.recording).exists():
-            raise InputError(
-                "--resume", f"given with the run's {self.recording}", "without", "leave it out"
-            )
+    def load(self, progress: Progress) -> bool:
+        """See `Chain`. Without a part of its recording a checkpoint is worth nothing."""
+        checkpoint, begun = Checkpoint(self.checkpoint, self.identity), False
+
+        def checked(done: int, total: int) -> None:
+            nonlocal begun
+            if not begun:
+                progress.start("check of the recording", total)
+                begun = True
+            progress.advance(done)
+
+        try:
+            self.begin = checkpoint.load(self.stages, self.cycles, checked)
+        except LostRecording as lost:
+            progress.note(f"{lost}; the run begins again at its first cycle")
+            BlockChain.discard(self)  # what else a run has made, such as bands, is sound
+            return False
+        return True
 
     def run(self, progress: Progress) -> dict[str, float]:
         """Runs to the end; returns the wall time of each stage, s."""

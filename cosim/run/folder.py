@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.files.whole import NO_ROOM, whole
+from cosim.files.whole import NO_ROOM, remove_parts, whole
 from cosim.run.inputs import add_digests
 
 __all__ = [
@@ -139,6 +139,8 @@ def claim_folder(
             raise InputError(
                 "--out", "a folder that no other run is writing", str(folder), "choose another"
             ) from None
+        if not new:
+            remove_parts(folder)  # of killed runs: no other one has the lock
         with room_for("the run", folder, "" if goes_on else "run it again with another --out"):
             yield folder
     finally:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import signal
 import threading
 import time
@@ -17,10 +16,14 @@ import numpy as np
 
 from cosim.archive import load_arrays
 from cosim.errors import InputError, Interrupted, shorten
+from cosim.files.whole import whole
 from cosim.run.pipeline import Pipeline
-from cosim.stage import BLOCK, Block, Stage, State, Stateful, blocks, section
+from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks, section
 
-__all__ = ["Checkpoint", "Gate", "open_gate", "run_blocks", "stop_requests"]
+__all__ = [
+    "Checkpoint", "Gate", "LostRecording", "noted_interrupts", "open_gate", "run_blocks",
+    "stop_requests",
+]  # fmt: skip
 
 _DIGEST = "digest"
 """Name of the array with the digest of all others."""
@@ -36,9 +39,14 @@ def _digest(arrays: State) -> str:
     return found.hexdigest()
 
 
+class LostRecording(Exception):
+    """A file that a checkpoint builds on is lost or damaged. The text says which."""
+
+
 @dataclass(frozen=True)
 class Checkpoint:
-    """The state of a run in one file, which is replaced atomically.
+    """The state of a run in one file, which is replaced atomically. It is written after all that it
+    builds on is on the disk: `state` of a stage that writes files waits for them.
 
     It holds a digest of all names, types, shapes and values. Stages trust what they restore: an
     array that is short would end in their compiled code. So nothing is restored before the digest
@@ -60,25 +68,25 @@ class Checkpoint:
             if isinstance(stage, Stateful):
                 arrays |= {f"{name}/{key}": value for key, value in stage.state().items()}
         arrays[_DIGEST] = np.array(_digest(arrays))
-        part = self.path.with_suffix(".part")
-        try:
-            with part.open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(self.path)
-        finally:
-            part.unlink(missing_ok=True)  # after an error, such as a full disk
+        with whole(self.path) as part, part.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
 
-    def load(self, stages: Mapping[str, Stage], last: int | None = None) -> int:
+    def load(
+        self, stages: Mapping[str, Stage], last: int | None = None,
+        checked: Callable[[int, int], None] = lambda done, total: None,
+    ) -> int:  # fmt: skip
         """Restores the stages; returns the next cycle, 0 if there is no checkpoint.
 
         Args:
             stages: stages by name.
             last: the largest cycle that a checkpoint can have, None if unknown.
+            checked: see `WithFiles`.
 
-        Raises InputError for a damaged checkpoint, or one of another run; no stage has changed
-        unless a state is of another form than its stage has.
+        Raises:
+            LostRecording: a file that the checkpoint builds on is lost or damaged; no stage has
+                changed.
+            InputError: the checkpoint is damaged, or is one of another run; no stage has changed
+                unless a state is of another form than its stage has.
         """
         if not self.path.exists():
             return 0
@@ -93,6 +101,11 @@ class Checkpoint:
             raise self._refusal("one of this same scenario", "one of another")
         if not 0 <= cycle <= (cycle if last is None else last):
             raise self._refusal(f"at most at cycle {last}", f"one at cycle {cycle}")
+        for name, stage in stages.items():
+            if isinstance(stage, WithFiles):
+                damage = stage.damage(section(arrays, name), checked)
+                if damage is not None:
+                    raise LostRecording(damage)
         for name, stage in stages.items():
             if isinstance(stage, Stateful):
                 try:
@@ -132,14 +145,35 @@ def stop_requests() -> Iterator[threading.Event]:
             raise KeyboardInterrupt
         requested.set()
 
+    with _handlers(request):
+        yield requested
+
+
+@contextmanager
+def noted_interrupts() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set, beside the KeyboardInterrupt that they raise. A library
+    may lose the exception: one raised while it calls back is printed and forgotten."""
+    requested = threading.Event()
+
+    def request(*_: object) -> None:
+        requested.set()
+        raise KeyboardInterrupt
+
+    with _handlers(request):
+        yield requested
+
+
+@contextmanager
+def _handlers(request: Callable[..., None]) -> Iterator[None]:
+    """Calls a function for SIGINT and SIGTERM; in the main thread only, which signals reach."""
     if threading.current_thread() is not threading.main_thread():
-        yield requested  # signals reach the main thread only
+        yield
         return
     before = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
         signal.signal(number, request)
     try:
-        yield requested
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

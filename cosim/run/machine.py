@@ -82,9 +82,10 @@ class Chain(Protocol):
     @property
     def checkpoint(self) -> Path: ...
 
-    def load(self) -> None:
-        """Restores the state at the checkpoint. Raises InputError for a checkpoint of another
-        run."""
+    def load(self, progress: Progress) -> bool:
+        """Restores the state at the checkpoint. Returns False, with a note, if a file that it
+        builds on is lost or damaged: then the chain has no checkpoint any more, and begins at its
+        start. Raises InputError for a checkpoint of another run."""
         ...
 
     def run(self, progress: Progress) -> dict[str, float]:

@@ -56,9 +56,10 @@ class StepChain:
     def checkpoint(self) -> Path:
         return self.folder / CHECKPOINT
 
-    def load(self) -> None:
+    def load(self, progress: Progress) -> bool:
         """See `Chain`."""
         self.done = Checkpoint(self.checkpoint, self.identity).load(self.stages)
+        return True
 
     def save(self) -> None:
         """See `Chain`."""

@@ -11,6 +11,7 @@ import struct
 from dataclasses import dataclass
 from typing import Final
 
+from cosim.errors import InputError
 from link.coding.crc import crc32c, crc64_xz
 from link.coding.names import NAME_BYTES, safe_name
 
@@ -77,6 +78,12 @@ def source_blocks(length: int, symbol: int) -> int:
     return -(-source_symbols(length, symbol) // _MOST_SYMBOLS)
 
 
+def _is_panic(error: BaseException) -> bool:
+    """Whether a fault of the library raised it, whose class is no Exception and cannot be
+    imported."""
+    return type(error).__name__ == "PanicException"
+
+
 def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
     """Returns the first `count` packets, those of the file itself first.
 
@@ -86,7 +93,16 @@ def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
 
     needed, blocks = source_symbols(len(packed), symbol), source_blocks(len(packed), symbol)
     repair = -(-max(count - needed, 0) // blocks)
-    encoded = Encoder.with_defaults(packed, symbol).get_encoded_packets(repair)
+    try:
+        encoded = Encoder.with_defaults(packed, symbol).get_encoded_packets(repair)
+    except BaseException as exc:
+        if not _is_panic(exc):
+            raise
+        raise InputError(
+            "the file", "one that the fountain code can encode",
+            f"{len(packed)} bytes in symbols of {symbol} ({exc})",
+            "send another, or change link.modem",
+        ) from exc  # fmt: skip
     if blocks > 1:  # by symbol, then by block
         encoded.sort(key=lambda packet: (packet[1:4], packet[0]))
     return [bytes(packet) for packet in encoded[:count]]
@@ -127,9 +143,9 @@ class Gathering:
         self._numbers.add(number)
         try:
             packed = self._decoder.decode(packet)
-        except (KeyboardInterrupt, SystemExit):
-            raise
-        except BaseException:  # a panic of the library is not an Exception
+        except BaseException as exc:
+            if not isinstance(exc, Exception) and not _is_panic(exc):
+                raise
             self._begin()
             return None
         if packed is None:

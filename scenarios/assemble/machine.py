@@ -13,6 +13,7 @@ from cosim.run.inputs import PIPE
 from cosim.run.machine import Machine, Options, Study
 from cosim.run.progress import Progress
 from cosim.run.workers import check_workers, workers_for
+from scenarios.assemble.memory import check_need
 from scenarios.assemble.readout import refuse_device, refuse_leftovers
 from scenarios.assemble.schema.loading import filmed
 from scenarios.assemble.schema.scenario import (
@@ -65,6 +66,7 @@ def _check_workers(scenario: AnyScenario, options: Options) -> None:
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     check_options(scenario, options)
+    check_need(scenario, progress)
     if getattr(scenario, "readout", None) is None:
         return _assemble(name, scenario, options, progress)
     from scenarios.assemble.output.setup import readout_of

@@ -3,6 +3,7 @@ and exit code 2."""
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import signal
@@ -12,6 +13,12 @@ from contextlib import suppress
 import scenarios.cli.start  # noqa: F401  # first: its clock is the start of run_time_s
 from scenarios.cli.packages import install_and_restart, read_launcher
 
+_NO_MEMORY = (
+    (RuntimeError, "can't start new thread"), (ImportError, "failed to map segment"),
+    (ImportError, "annot allocate memory"), (RuntimeError, "OUT_OF_HOST_MEMORY"),
+    (RuntimeError, "MEM_OBJECT_ALLOCATION_FAILURE"), (RuntimeError, "OUT_OF_RESOURCES"),
+)  # fmt: skip
+"""Errors, and what they say, of Python, the loader and OpenCL without memory."""
 _PIPE = 141
 """Exit code after the reader of standard output has closed it: 128 + SIGPIPE, as in a shell."""
 
@@ -29,24 +36,51 @@ def main() -> None:
     except BrokenPipeError:
         code = _PIPE
         _drop_output()
-    except OSError as exc:  # most writers of files raise InputError; this is for the others
-        from cosim.files.whole import NO_ROOM
-
-        if exc.errno not in NO_ROOM:
-            raise
-        where = exc.filename or "standard output or an output file"
-        print(
-            f"viform: the disk must have room for the output, not fail with {exc.strerror!r} at "
-            f"{where}; make room and repeat the command",
-            file=sys.stderr,
-        )
-        code = 2
-        _drop_output()
     except KeyboardInterrupt:  # before the start of a command
         print("viform: interrupted", file=sys.stderr)
         code = 130
+    except Exception as exc:
+        line = _of_the_machine(exc)
+        if line is None:
+            raise
+        print(f"viform: {line}", file=sys.stderr)
+        code = 2
+        _drop_output()
     gc.freeze()  # otherwise the interpreter searches all objects for dead ones before it ends
     sys.exit(code)
+
+
+def _of_the_machine(error: Exception) -> str | None:
+    """The line for an error that is the machine's, not the program's: a full disk, or no memory.
+    Most writers of files raise InputError, and runs state what they need; this is for the rest."""
+    from cosim.files.whole import NO_ROOM
+
+    if isinstance(error, OSError) and error.errno in NO_ROOM:
+        where = error.filename or "standard output or an output file"
+        return (
+            f"the disk must have room for the output, not fail with {error.strerror!r} at "
+            f"{where}; make room and repeat the command"
+        )
+    cause: BaseException | None = error
+    while cause is not None:
+        if _no_memory(cause):
+            return (
+                "the memory must be enough for the command, not used up; close other programs, "
+                "raise the limit (ulimit -v), or make the input smaller"
+            )
+        cause = cause.__cause__ or cause.__context__
+    return None
+
+
+def _no_memory(error: BaseException) -> bool:
+    """Whether an error says that the system gave no memory: to an array, a thread, a library that
+    is loaded, or OpenCL."""
+    text = str(error)
+    return (
+        isinstance(error, MemoryError)
+        or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+        or any(isinstance(error, kind) and said in text for kind, said in _NO_MEMORY)
+    )
 
 
 def _drop_output() -> None:

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from cosim import Interrupted, Viform
-from cosim.files.zarr_store import write_zarr
+from cosim.files.recorder import write_zarr
 from cosim.run.chain import STREAM
 from cosim.run.folder import how_to_resume
 from cosim.run.progress import Progress
@@ -49,8 +49,9 @@ class BoardChain:
         self.fault: LineFault | None = None
         self._stages = 0
 
-    def load(self) -> None:
+    def load(self, progress: Progress) -> bool:
         """Does nothing: there is never a checkpoint."""
+        return False
 
     def save(self) -> None:
         """Does nothing: there is never a checkpoint."""

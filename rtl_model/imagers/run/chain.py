@@ -97,10 +97,11 @@ class FrameChain:
         change = max(error.mean, check.change)
         return replace(error, mean=change, high=max(error.high, check.change))
 
-    def load(self) -> None:
+    def load(self, progress: Progress) -> bool:
         """Checks the tape. Raises InputError for that of another run."""
         Tape(self.checkpoint, self._identity(), True).close()
         self._resume = True
+        return True
 
     def run(self, progress: Progress) -> dict[str, float]:
         """Films for the duration of the scenario. Returns the wall time of each stage, s. Raises

@@ -7,12 +7,14 @@ run holds at its peak, which is while it computes its images. The slow tests in
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from cosim import BLOCK
-from cosim.compute.memory import check_memory
+from cosim.compute.memory import check_program
 from cosim.files import kept_bytes
-from scenarios.assemble.camera.setup import CameraSetup
+
+if TYPE_CHECKING:
+    from scenarios.assemble.camera.setup import CameraSetup
 
 __all__ = ["check_run_memory", "memory_note", "peak_memory"]
 
@@ -52,9 +54,9 @@ def peak_memory(setup: CameraSetup, planes: float = 0.0) -> int:
 
 def check_run_memory(setup: CameraSetup, planes: float = 0.0) -> None:
     """Raises InputError for a run that the free memory does not hold."""
-    check_memory(
+    check_program(
         "the memory of this run", peak_memory(setup, planes),
-        "lower sensor.width and sensor.height, or give fewer instants as image.at",
+        "lower sensor.width and sensor.height, or give fewer instants as image.at", loaded=True,
     )  # fmt: skip
 
 

@@ -7,10 +7,11 @@ whenever the decoder has a block for them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from cosim.spikes.viform import Viform
-from cosim.stage import Block, Stage, State, Stateful
+from cosim.stage import Block, Stage, State, Stateful, WithFiles
 
 __all__ = ["EachBlock", "Later"]
 
@@ -28,6 +29,9 @@ class _Wrapped:
     def restore(self, state: State) -> None:
         if isinstance(self.stage, Stateful):
             self.stage.restore(state)
+
+    def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
+        return self._stage.damage(state, checked) if isinstance(self._stage, WithFiles) else None
 
 
 class Later(_Wrapped):

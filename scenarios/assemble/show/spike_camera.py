@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -141,6 +142,10 @@ class _Filming:
         ]
         for name, part in self._parts().items():
             part.restore(section(state, name))
+
+    def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
+        """See `WithFiles`."""
+        return self._recorder.damage(section(state, "recorder"), checked)
 
 
 class SpikesFilmer:

@@ -27,7 +27,7 @@ import numpy as np
 
 from cosim.clock import Clock
 from cosim.compute.opencl import Device
-from cosim.files.zarr_store import Recorder
+from cosim.files.recorder import Recorder
 from cosim.run.folder import check_room
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row
 from cosim.spikes.viform import Viform, Words

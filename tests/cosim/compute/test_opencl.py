@@ -29,6 +29,7 @@ def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         monkeypatch.setenv(name, "")  # so that monkeypatch restores it, whatever happens meanwhile
         monkeypatch.delenv(name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(cosim.compute.opencl, "_SAID", set())
     return tmp_path
 
 
@@ -211,14 +212,19 @@ def test_the_cache_is_the_first_folder_that_can_be_written(
         assert folder.is_dir()
 
 
-def test_a_cache_that_cannot_be_written_is_passed_over(
-    homeless: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_cache_that_cannot_be_written_is_said(
+    homeless: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (homeless / "file").touch()  # no folder can be made below a file, not even by root
     monkeypatch.setenv("HOME", str(homeless / "file"))
     monkeypatch.setenv("XDG_CACHE_HOME", "")
     monkeypatch.setenv("VIFORM_CACHE", str(homeless / "file"))
-    assert cache_folder() == homeless / f"viform-{os.getuid()}"
+    for _ in range(2):  # said once
+        assert cache_folder() == homeless / f"viform-{os.getuid()}"
+    assert capsys.readouterr().err == (
+        "viform: VIFORM_CACHE must be a folder of this user that nobody else may enter (mode 700), "
+        f"not {homeless / 'file'} (no folder); {homeless / f'viform-{os.getuid()}'} is used\n"
+    )
     # The temporary one is taken only when it is the user's own.
     other = os.getuid() + 1
     monkeypatch.setattr(os, "getuid", lambda: other)
@@ -243,6 +249,47 @@ def test_a_temporary_cache_that_others_may_change_is_not_used(
     found = cache_folder()
     assert found != shared and found.parent == homeless
     assert found.stat().st_mode & 0o777 == 0o700 and not found.is_symlink()
+
+
+@pytest.mark.parametrize("kind", ["a link", "mode 777", "mode 755", "of user 7", "not writable"])
+def test_a_foreign_cache_is_said_and_not_used(
+    homeless: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    mine = homeless / "mine"
+    (homeless / "elsewhere").mkdir(mode=0o700)
+    if kind == "a link":
+        mine.symlink_to(homeless / "elsewhere")
+    else:
+        mine.mkdir(mode=0o700)
+    if kind.startswith("mode"):
+        mine.chmod(int(kind[-3:], 8))
+    if kind == "of user 7":
+        status = list(mine.stat())
+        status[4] = 7
+        lstat = Path.lstat
+        other = os.stat_result(status)
+        monkeypatch.setattr(Path, "lstat", lambda path: other if path == mine else lstat(path))
+    if kind == "not writable":
+        monkeypatch.setattr(os, "access", lambda path, _: Path(path) != mine)
+    monkeypatch.setenv("VIFORM_CACHE", str(mine))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(homeless / "xdg"))
+    prepare_caches()
+    assert os.environ["VIFORM_CACHE"] == str(homeless / "xdg/viform")
+    assert cache_folder() == homeless / "xdg/viform"
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("viform: VIFORM_CACHE must be a folder of this user")
+    assert f"not {mine} ({kind}); {homeless / 'xdg/viform'} is used" in line
+    assert not list((homeless / "elsewhere").iterdir())
+
+
+def test_the_user_s_cache_is_closed_to_others(
+    homeless: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = homeless / ".cache/viform"
+    folder.mkdir(parents=True)
+    folder.chmod(0o755)
+    monkeypatch.setenv("HOME", str(homeless))
+    assert cache_folder() == folder and folder.stat().st_mode & 0o777 == 0o700
 
 
 def test_the_cache_stays_where_it_is_once_found(

@@ -142,7 +142,39 @@ def test_stores_of_other_codecs_are_refused(tmp_path: Path, name: str) -> None:
     if other is None:
         assert ZarrStream(tmp_path / "a.zarr").read_words(0, 2).all()
         return
-    with pytest.raises(InputError, match=type(other).__name__):
+    with pytest.raises(InputError, match=f"not one with chunks of bytes, {name}; "):
+        ZarrStream(tmp_path / "a.zarr")
+
+
+def test_what_a_store_names_is_not_loaded(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zarr imports the code of any codec that is installed, and reads an older format too."""
+    about = store / "words" / "zarr.json"
+    told = json.loads(about.read_text())
+    opened: list[object] = []
+    monkeypatch.setattr("zarr.open_group", lambda *given, **_: opened.append(given))
+    sharded = {"name": "sharding_indexed", "configuration": {}}
+    whole = {"name": "zstd", "configuration": {"level": 1, "checksum": True}}
+    first = told["codecs"][0]
+    for changed in (
+        {"codecs": [first, {"name": "numcodecs.pickle"}]}, {"codecs": [sharded]}, {"codecs": []},
+        {"codecs": [whole, first]}, {"codecs": 7}, {"zarr_format": 2}, {"node_type": "group"},
+    ):  # fmt: skip
+        about.write_text(json.dumps(told | changed))
+        with pytest.raises(InputError, match=r"must be the stream\.zarr of a finished run, not"):
+            ZarrStream(store)
+    about.write_bytes(b" " * (1 << 20) + json.dumps(told).encode())
+    with pytest.raises(InputError, match="not something else"):
+        ZarrStream(store)
+    assert not opened
+
+
+def test_a_store_of_format_2_is_refused(tmp_path: Path) -> None:
+    group = zarr.create_group(tmp_path / "a.zarr", zarr_format=2)
+    group.attrs.update(viform=1, cycles=64, clock=[40_000, 1], start=0, complete=True)
+    group.create_array(
+        "words", shape=(2, 4, 4), chunks=(2, 4, 4), dtype="uint32", compressors=None
+    )[:] = 1
+    with pytest.raises(InputError, match="not something else"):
         ZarrStream(tmp_path / "a.zarr")
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from cosim import Block, Clock, InputError, Viform
 from cosim.files import STORES, Recorder, ZarrStream, open_stream, storing
-from cosim.files.zarr_store import write_zarr
+from cosim.files.recorder import write_zarr
 from cosim.spikes.viform import pack_planes, words_for
 
 CLOCK = Clock(40_000)
@@ -64,7 +64,7 @@ def test_a_recorder_gives_what_it_wrote(
 ) -> None:
     stream = random_stream(cycles, SHAPE)
     for room in (0, 3 * stream.words[:2].nbytes, 2**20):  # of no chunk, of three, of all
-        monkeypatch.setattr("cosim.files.zarr_store._WRITTEN", room)
+        monkeypatch.setattr("cosim.files.recorder._WRITTEN", room)
         path = tmp_path / f"{room}.zarr"
         recorder = Recorder(path, SHAPE, cycles, CLOCK, keep=True)
         for given_, block in pieces(stream, sizes):
@@ -119,12 +119,12 @@ def test_any_run_of_words_is_read(tmp_path_factory, random_stream, first: int, n
 def test_the_state_is_the_count_and_the_open_word(tmp_path: Path, random_stream) -> None:
     stream = random_stream(300, SHAPE)
     recorder = Recorder(tmp_path / "a.zarr", SHAPE, stream.cycles, CLOCK)
-    assert recorder.state() == {"spikes": 0}
+    assert recorder.state() == {"cycles": 0, "spikes": 0}
     for given_, block in pieces(stream, [40, 24, 7]):
         recorder.step(given_, block)
         state = recorder.state()
         assert state["spikes"] == stream.planes()[: block.stop].sum()
-        assert state.keys() - {"spikes"} == ({"open_word"} if block.stop % 32 else set())
+        assert state.keys() - {"cycles", "spikes"} == ({"open_word"} if block.stop % 32 else set())
         if block.stop % 32:
             part = stream.planes()[block.stop // 32 * 32 : block.stop]
             np.testing.assert_array_equal(state["open_word"], pack_planes(part)[0])

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cosim import InputError
 from link.coding import Blocks, Inbox, Outbox
 from link.coding.crc import crc32c
 from link.coding.fountain import (
@@ -122,6 +123,13 @@ def test_one_wrong_packet_throws_the_file_away_and_it_may_come_again():
     second = [gathering.put(packet) for packet in made]
     assert not any(first)
     assert [file.data for file in second if file is not None][:1] == [data]
+
+
+def test_a_file_that_panics_the_library_is_one_line(capfd):
+    with pytest.raises(InputError, match="must be one that the fountain code can encode") as said:
+        packets(bytes(100), 1, 3)  # fewer bytes than the library aligns symbols to
+    assert "\n" not in str(said.value)
+    capfd.readouterr()
 
 
 def test_a_packet_that_panics_the_library_is_lost_alone(capfd):

@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Viform
-from cosim.files.zarr_store import ZarrStream, write_zarr
+from cosim.files.recorder import write_zarr
+from cosim.files.zarr_store import ZarrStream
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import pack_planes
 from scenarios.view.opened import Opened, open_run

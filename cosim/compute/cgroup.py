@@ -1,0 +1,84 @@
+"""The memory that control groups leave to this process, as a container or a batch system sets them.
+
+Every group above the process counts. What the system would give up without loss, files that are
+read and not in use, counts as free: a group's usage contains them.
+
+Sources: Linux, Documentation/admin-guide/cgroup-v2.rst (memory.max, memory.current, memory.stat),
+and cgroup-v1/memory.rst (memory.limit_in_bytes, memory.usage_in_bytes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, NamedTuple
+
+__all__ = ["free_in_groups"]
+
+_GROUPS: Final = Path("/sys/fs/cgroup")
+_OWN: Final = Path("/proc/self/cgroup")
+
+
+class _Files(NamedTuple):
+    """Names of a group's files, and of the entry in the third that says what can be given up."""
+
+    limit: str
+    usage: str
+    stat: str
+    idle: str
+
+
+_V2: Final = _Files("memory.max", "memory.current", "memory.stat", "inactive_file")
+_V1: Final = _Files(
+    "memory.limit_in_bytes", "memory.usage_in_bytes", "memory.stat", "total_inactive_file"
+)
+
+
+def free_in_groups(groups: Path = _GROUPS, own: Path = _OWN) -> int | None:
+    """Bytes that this process may still take; None without a limit, or where none can be read.
+
+    Args:
+        groups: where the groups are mounted.
+        own: file that says which are those of this process.
+    """
+    free = [
+        left for folder, files in _above(groups, own) if (left := _left(folder, files)) is not None
+    ]
+    return max(min(free), 0) if free else None
+
+
+def _above(groups: Path, own: Path) -> Iterator[tuple[Path, _Files]]:
+    """The groups of this process, and those that contain them. Within a container the path may be
+    that of the host, which is not mounted: then what is mounted is the container's own."""
+    try:
+        lines = own.read_text().splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, controllers, path = (*line.split(":", 2), "", "")[:3]
+        if "memory" in controllers.split(","):
+            root, files = groups / "memory", _V1
+        elif not controllers:
+            root, files = groups, _V2
+        else:
+            continue
+        place = root / path.lstrip("/")
+        while place != root and place.is_relative_to(root):
+            yield place, files
+            place = place.parent
+        yield root, files
+
+
+def _left(folder: Path, files: _Files) -> int | None:
+    """What one group leaves; None without a limit."""
+    with suppress(OSError, ValueError):  # `max`, or no such file
+        limit = int((folder / files.limit).read_text())
+        used = int((folder / files.usage).read_text())
+        idle = 0
+        with suppress(OSError, ValueError):
+            for line in (folder / files.stat).read_text().splitlines():
+                if line.startswith(f"{files.idle} "):
+                    idle = int(line.split()[1])
+        return limit - max(used - idle, 0)
+    return None
