@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import amount, number
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["link_capacity"]
@@ -101,10 +102,7 @@ def _write(document: dict[str, Any], out: Path) -> None:
 
 
 def _rate(bps: float) -> str:
-    for size, unit in ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s")):
-        if bps >= size:
-            return f"{bps / size:.3f} {unit}"
-    return f"{bps:.3g} bit/s"
+    return amount(bps, "bit/s", 4)
 
 
 def _text(name: str, document: dict[str, Any]) -> str:
@@ -114,15 +112,19 @@ def _text(name: str, document: dict[str, Any]) -> str:
     given, mode = document["given"], document["mode"]
     assumed = ", ".join(document["assumed"])
     lines = [
-        f"{name}: ON {given['on']:.4g} e, OFF {given['off']:.4g} e a tick, threshold "
-        f"{given['threshold']:g} e, {given['reset']} reset, {given['hz']:g} ticks/s",
-        f"{_cells(mode)}, {mode['line']}, " + word_code(mode["parity"], mode["rate"])
+        f"{name}: ON {number(given['on'], 4)} e, OFF {number(given['off'], 4)} e a tick, threshold "
+        f"{number(given['threshold'])} e, {given['reset']} reset, {number(given['hz'])} ticks/s",
+        f"{_cells(mode)}, {mode['line']}, "
+        + word_code(mode["parity"], mode["rate"])
         + (f"; not given, so assumed: {assumed}" if assumed else ""),
         "",
     ]
     for key, row in document["pixel"].items():
-        span = " [{:.5g}, {:.5g}]".format(*row["ci"]) if "ci" in row else ""
-        lines.append(f"{key:<9}{row['value']:10.4g} {row['unit']:<11}{row['what']}{span}")
+        span = ""
+        if "ci" in row:
+            low, high = (number(each, 5) for each in row["ci"])
+            span = f" [{low}, {high}]"
+        lines.append(f"{key:<9}{number(row['value'], 4):>10} {row['unit']:<11}{row['what']}{span}")
     lines += ["", f"{'':<14}{'factor':>8}{'left':>14}{'of the loss':>13}"]
     for row in document["budget"]:
         lines.append(
