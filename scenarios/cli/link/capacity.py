@@ -125,18 +125,18 @@ def _text(name: str, document: dict[str, Any]) -> str:
             low, high = (number(each, 5) for each in row["ci"])
             span = f" [{low}, {high}]"
         lines.append(f"{key:<9}{number(row['value'], 4):>10} {row['unit']:<11}{row['what']}{span}")
-    lines += ["", f"{'':<14}{'factor':>8}{'left':>14}{'of the loss':>13}"]
+    lines += ["", f"{'':<14}{'factor':>11}{'left':>14}{'of the loss':>13}"]
     for row in document["budget"]:
         lines.append(
-            f"{row['name']:<14}{row['factor']:8.3f}{_rate(row['bps']):>14}"
+            f"{row['name']:<14}{number(row['factor']):>11}{_rate(row['bps']):>14}"
             f"{row['share_of_loss']:12.1%}  {row['what']}"
         )
     share = document["share"]
     lines += [
         "",
         f"capacity of the pixels that see the panel {_rate(document['capacity_bps'])}, of the "
-        f"mode's cells {_rate(document['cells_bps'])}, raw {_rate(document['raw_bps'])}, coded "
-        f"{_rate(document['coded_bps'])}: "
+        f"mode's cells {_rate(document['cells_bps'])}, raw {_rate(document['raw_bps'])}, coded, if "
+        f"every word were decoded, {_rate(document['coded_bps'])}: "
         + (f"{share:.1%} of capacity" if share is not None else "no light, no capacity"),
         *_achievable(document),
     ]
@@ -150,9 +150,15 @@ def _achievable(document: dict[str, Any]) -> list[str]:
         return ["achievable information: none, for a receiver cannot find the panel: it is not "
                 "wholly in view, or its tags are too small"]  # fmt: skip
     mine = {**document, **document["mode"]}
+    coded, high = document["coded_bps"], mine["information_high"]
+    short = (
+        f"the coded rate, {_rate(coded)}, is above what this mode carries here: take larger cells, "
+        "longer symbols or words of a lower rate, as a run does that chooses them itself"
+    )
     return [
         f"achievable information, simulated at a phase of {document['phase']:.2f} ticks: "
-        f"{_cells(mine)} {_span(mine)}; the best, {_cells(best)}, {_span(best)}"
+        f"{_cells(mine)} {_span(mine)}; the best, {_cells(best)}, {_span(best)}",
+        *([short] if coded > high else []),
     ]
 
 

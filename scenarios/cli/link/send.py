@@ -134,7 +134,8 @@ def link_send(
         progress.note(
             f"{count(len(data))} bytes in {count(sent.outbox.frames)} frames "
             f"({count(sent.outbox.frames_needed)} are enough, {fill} only fill the last group), "
-            f"{count(sent.planes)} planes, {amount(seconds, 's', 4)}: at most {amount(rate, 'bit/s', 4)}; up to "
+            f"{count(sent.planes)} planes, {amount(seconds, 's', 4)}: at most "
+            f"{amount(rate, 'bit/s', 4)}; up to "
             f"{count(sent.outbox.room)} bytes take as long, and {known} of "
             f"{count(sent.symbols)} symbols are training and closing"
         )
