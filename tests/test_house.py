@@ -327,6 +327,18 @@ def test_rooms_import_one_way_and_nothing_imports_in_a_circle():
     assert crooked_rooms(ROOT) == []
 
 
+def test_commands_print_numbers_in_the_style_of_the_house():
+    """A precision with g would print a count of 1e6 as "1e+06"."""
+    loose = [
+        f"{path.relative_to(ROOT)}:{node.lineno} {node.value}"
+        for path in sorted((ROOT / "scenarios" / "cli").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        and re.search(r"(^|:)[<>^+ 0-9]*\.[0-9]+g(}|$)", node.value)
+    ]  # fmt: skip
+    assert not loose, "take cosim.config.amounts"
+
+
 def test_no_file_stands_loose():
     for package, allowed in LOOSE.items():
         assert {path.name for path in (ROOT / package).glob("*.py")} == allowed

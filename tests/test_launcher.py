@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TOOLS = [
     "cat",
     "cksum",
+    "cut",
     "find",
     "flock",
     "grep",
@@ -92,6 +93,7 @@ class Box:
                 (self.bin / tool).symlink_to(found)
         first, rest = (ROOT / "viform").read_text().split("\n", 1)
         rest = re.sub(r"(?<![\w$}])/(usr|etc|var)/", rf"{root}/\1/", rest)
+        rest = rest.replace("while sleep 1 ", "while sleep 0.02 ")
         self.script("a clone/viform", f"{first}\n{rest}")
         self.script("bin/id", f"#!/bin/sh\necho {uid}\n")
         for name in ("pyproject.toml", "requirements.lock", "requirements-dev.lock"):
@@ -189,6 +191,14 @@ def test_set_up_once_then_only_the_command(box):
     second = box.run("run", "film")
     assert (second.returncode, second.stdout, second.stderr) == (0, "<run><film>", "")
     assert box.calls() == [f"python3 {box.venv}/bin/viform run film"]
+
+
+def test_a_long_step_says_how_long_and_what_it_does(box):
+    box.python()
+    box.touch("pip.sleeps")
+    said = box.run("list").stderr.splitlines()
+    assert said[0] == "viform: making .venv (once, about a minute)"
+    assert said[1] in ("viform:   10 s, pip talks", "viform:   10 s, pip complains")
 
 
 def test_test_adds_its_own_and_covers_run(box):
@@ -410,7 +420,8 @@ def test_root_installs_python_and_then_what_the_command_lacks(tmp_path):
     result = box.run("run", "film")
     assert (result.returncode, result.stdout) == (0, "<run><film>")
     assert result.stderr == (
-        "viform: installing system packages: python3 python3-venv\n"
+        "viform: installing system packages (some minutes where the network is slow): "
+        "python3 python3-venv\n"
         "viform: making .venv (once, about a minute)\n"
     )
     assert [call for call in box.calls() if call.startswith("apt")] == [
@@ -421,7 +432,10 @@ def test_root_installs_python_and_then_what_the_command_lacks(tmp_path):
     box.lacks(*OPENCL)
     result = box.run("run", "film", "--set", "a=b c", "")
     assert (result.returncode, result.stdout) == (0, "<run><film><--set><a=b c><>")
-    assert result.stderr == f"viform: installing system packages: {' '.join(OPENCL)}\n"
+    assert result.stderr == (
+        "viform: installing system packages (some minutes where the network is slow): "
+        f"{' '.join(OPENCL)}\n"
+    )
     calls = box.calls()
     assert (made(calls), pips(calls), installs(calls)) == (0, [], [" ".join(OPENCL)])
     box.run("run", "film")
@@ -469,7 +483,8 @@ def test_the_tests_take_another_environment_and_any_packages(tmp_path):
     result = box.run("test", "-k", "house")
     assert result.stdout == "<test><-k><house>"
     assert result.stderr.splitlines()[1] == (
-        "viform: installing system packages: verilator g++ iverilog"
+        "viform: installing system packages (some minutes where the network is slow): "
+        "verilator g++ iverilog"
     )
     assert pips(box.calls())[0].endswith("requirements-dev.lock")
 

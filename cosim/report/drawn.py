@@ -115,10 +115,14 @@ def _rows(ax: Any) -> Iterator[tuple[str, tuple[Value, ...]]]:
     from matplotlib.container import BarContainer, ErrorbarContainer
     from matplotlib.patches import StepPatch
 
-    spans = {}
+    spans: dict[Any, list[tuple[Value, Value]]] = {}
     for container in ax.containers:
         if isinstance(container, ErrorbarContainer) and container.has_yerr and container[0]:
-            spans[container[0]] = [s[:, 1] for s in container[2][-1].get_segments()]
+            # Matplotlib gives no ends of a bar whose value or error is unknown.
+            spans[container[0]] = [
+                (float(s[0][1]), float(s[-1][1])) if len(s) else (None, None)
+                for s in container[2][-1].get_segments()
+            ]
     names = {c[0]: str(c.get_label()) for c in ax.containers if isinstance(c, ErrorbarContainer)}
     for n, line in enumerate(ax.lines, 1):
         across = line.get_transform() != ax.transData
@@ -127,8 +131,7 @@ def _rows(ax: Any) -> Iterator[tuple[str, tuple[Value, ...]]]:
             continue
         name, bars = names.get(line, str(line.get_label())), spans.get(line)
         for k, (x, y) in enumerate(zip(line.get_xdata(), line.get_ydata(), strict=True)):
-            low, high = (None, None) if bars is None else (float(bars[k][0]), float(bars[k][1]))
-            yield _named(name, n), (float(x), float(y), low, high)
+            yield _named(name, n), (float(x), float(y), *(bars[k] if bars else (None, None)))
     for n, container in enumerate(ax.containers, 1):
         if isinstance(container, BarContainer):
             across = container.orientation == "horizontal"

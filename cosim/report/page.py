@@ -12,6 +12,7 @@ from typing import Final
 from cosim.files.whole import whole
 from cosim.report.explorer import kinds_in
 from cosim.report.glossary import explained, terms_list
+from cosim.run.called import as_called
 
 __all__ = ["whole_page", "write_page"]
 
@@ -106,9 +107,11 @@ def whole_page(
 def write_page(
     folder: Path, title: str, head: str, sections: str, scripts: Sequence[str] = ()
 ) -> None:
-    """Writes report.html into a folder. The other arguments are those of `whole_page`."""
+    """Writes report.html into a folder, its commands as the user calls them. The other arguments
+    are those of `whole_page`."""
     with whole(folder / "report.html") as part:
-        part.write_text(whole_page(title, head, sections, scripts=scripts), encoding="utf-8")
+        page = whole_page(title, as_called(head), as_called(sections), scripts=scripts)
+        part.write_text(page, encoding="utf-8")
 
 
 def _inline(script: str) -> str:

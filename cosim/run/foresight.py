@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from cosim.run.progress import Progress, duration_text
+from cosim.run.progress import Pace, Progress, duration_text
 
 __all__ = ["Foresight"]
 
@@ -28,7 +28,7 @@ def _size(folder: Path) -> int:
 
 class Foresight:
     """Passes progress on, and notes the time and the disk space of the whole recording as soon as
-    its speed is known. The first step is left out of the speed, because kernels are compiled in it.
+    its speed is known.
 
     Args:
         progress: receives everything.
@@ -38,24 +38,23 @@ class Foresight:
     def __init__(self, progress: Progress, folder: Path) -> None:
         self._progress, self._folder = progress, folder
         self._what, self._total, self._said = "", 0, False
-        self._began, self._steps = 0.0, 0
-        self._first: tuple[int, float] | None = None
+        self._began, self._pace, self._since = 0.0, Pace(0), 0.0
 
     def start(self, what: str, total: int) -> None:
         self._progress.start(what, total)
         self._what, self._total, self._said = what, total, False
-        self._began, self._steps, self._first = time.monotonic(), 0, None
+        self._began, self._pace, self._since = time.monotonic(), Pace(total), 0.0
 
     def advance(self, done: int) -> None:
         self._progress.advance(done)
-        now, self._steps = time.monotonic(), self._steps + 1
-        if self._steps <= 2:  # the beginning of the run, and the end of its first step
-            self._first = done, now
-        elif self._first is not None and not self._said and now - self._first[1] >= _WATCHED_S:
+        now = time.monotonic()
+        left = self._pace.step(done, now)
+        if left is None or self._said:
+            return
+        self._since = self._since or now
+        if now - self._since >= _WATCHED_S:
             self._said = True
-            at, since = self._first
-            if done > at and self._total:
-                left = (self._total - done) * (now - since) / (done - at)
+            if self._total:
                 self._say(now - self._began + left, done)
 
     def tell(self, what: str) -> None:

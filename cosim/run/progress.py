@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Final, Protocol
 
-__all__ = ["Progress", "QuietProgress", "duration_text"]
+__all__ = ["Pace", "Progress", "QuietProgress", "duration_text"]
+
+_KEPT: Final = 64
+"""Steps from which on every other one is forgotten."""
 
 
 class Progress(Protocol):
@@ -45,6 +48,33 @@ class QuietProgress:
 
     def note(self, text: str) -> None:
         self.notes.append(text)
+
+
+class Pace:
+    """The time that a stage still takes, from the later half of its steps.
+
+    Kernels are compiled and queues fill in the first steps; they count in no estimate. There is
+    none before the fourth step, which leaves the first two out.
+
+    Args:
+        total: steps of the stage.
+    """
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._seen: list[tuple[int, float]] = []
+
+    def step(self, done: int, now: float) -> float | None:
+        """Returns the time left after `done` steps at the time `now`, s; None if it is unknown."""
+        self._seen.append((done, now))
+        if len(self._seen) < 4:
+            return None
+        before, began = self._seen[len(self._seen) // 2]
+        if len(self._seen) >= _KEPT:
+            del self._seen[1::2]
+        if done <= before:
+            return None
+        return (self._total - done) * (now - began) / (done - before)
 
 
 def duration_text(seconds: float) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from cosim.run.progress import QuietProgress, duration_text
+from cosim.run.progress import Pace, QuietProgress, duration_text
 
 __all__ = [
     "EVERY_S", "LineProgress", "SilentProgress", "TerminalProgress", "make_progress",
@@ -40,26 +40,21 @@ class LineProgress(SilentProgress):
 
     def __init__(self) -> None:
         self._last_line_at = time.monotonic()
-        self._what, self._total, self._steps = "", 0, 0
-        self._first: tuple[int, float] | None = None
+        self._what, self._total, self._pace = "", 0, Pace(0)
 
     def start(self, what: str, total: int) -> None:
-        self._what, self._total, self._first, self._steps = what, total, None, 0
+        self._what, self._total, self._pace = what, total, Pace(total)
 
     def advance(self, done: int) -> None:
-        now, self._steps = time.monotonic(), self._steps + 1
-        if self._steps <= 2:  # kernels are compiled in the first step
-            self._first = done, now
-        if now - self._last_line_at < EVERY_S or self._first is None:
+        now = time.monotonic()
+        seconds = self._pace.step(done, now)
+        if now - self._last_line_at < EVERY_S:
             return
         self._last_line_at = now
         if not self._total:
             self.note(self._what)
             return
-        before, began = self._first
-        left = ""
-        if before < done < self._total and 100 * (done - before) >= self._total:
-            left = f", {duration_text((self._total - done) * (now - began) / (done - before))} left"
+        left = f", {duration_text(seconds)} left" if seconds and done < self._total else ""
         self.note(f"{self._what}: {100 * done // self._total} %{left}")
 
     def tell(self, what: str) -> None:
@@ -76,24 +71,27 @@ class TerminalProgress(SilentProgress):
             MofNCompleteColumn,
             Progress,
             TextColumn,
-            TimeRemainingColumn,
         )
 
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[left]}"),
             console=Console(stderr=True),
         )
         self._progress.start()
         self._task: Any = None
+        self._total, self._pace = 0, Pace(0)
 
     def start(self, what: str, total: int) -> None:
-        self._task = self._progress.add_task(what, total=total or None)
+        self._total, self._pace = total, Pace(total)
+        self._task = self._progress.add_task(what, total=total or None, left="")
 
     def advance(self, done: int) -> None:
-        self._progress.update(self._task, completed=done)
+        seconds = self._pace.step(done, time.monotonic())
+        left = f"{duration_text(seconds)} left" if seconds and done < self._total else ""
+        self._progress.update(self._task, completed=done, left=left)
 
     def tell(self, what: str) -> None:
         self._progress.update(self._task, description=what)

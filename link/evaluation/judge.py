@@ -1,4 +1,4 @@
-"""Evaluation of a reception: errors against theory, rates, delays, reach."""
+"""Evaluation of a reception: errors against theory, rates, delays."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from link.prediction.capacity_input import capacity_input
 from link.prediction.cell_errors import cell_errors
 from link.prediction.chain_errors import chain_errors
 from link.prediction.drawn_cells import CellErrors
-from link.prediction.light import cell_scene, cell_sight, transmission
+from link.prediction.error_bound import CellScene, predict_errors
+from link.prediction.light import cell_scene, cell_sight
 from link.prediction.rates import link_rates
-from link.prediction.reach import CellScene, Reach, predict_errors, reach
 from link.receiving import Received
 from link.setting import LEAD
 from link.setup.setup import FileLinkSetup
@@ -44,9 +44,6 @@ _NOT_MODELLED: Final = frozenset(
     {Cause.OUT_OF_VIEW, Cause.MIRRORED, Cause.OCCLUDED, Cause.WRONG_CLOCK, Cause.INTERRUPTED}
 )
 """Causes of failure that the closed forms of a cell's errors do not model."""
-_DISTANCES: Final = 40
-"""Number of distances of the predicted rate: from the one at which the panel fills the view to
-thirty times the run's."""
 
 
 def _errors(setup: FileLinkSetup, received: Received) -> Errors:
@@ -115,22 +112,6 @@ def _theory(
     return Theory(soft, cells.rate, interval, limits)
 
 
-def _reach(setup: FileLinkSetup, scene: CellScene) -> list[Reach]:
-    setting = setup.setting
-    here = setting.air.distance
-    chip, panel, focal = setting.camera.chip, setting.panel, setting.optics.focal_length
-    tight = setting.scale * max(panel.shape[0] / chip.height, panel.shape[1] / chip.width)
-    fills = focal + (here - focal) * tight * (1 + 1e-9)
-    nearest = min(max(fills, here / 10, 2.1 * focal), 29 * here)
-    distances = np.unique([*np.geomspace(nearest, 30 * here, _DISTANCES), here])
-    clear = transmission(setting, here)
-    through = np.array([transmission(setting, d) / clear for d in distances])
-    return reach(
-        scene, setup.mode, here, focal, distances, panel.clock.hz, (chip.height, chip.width),
-        through,
-    )  # fmt: skip
-
-
 def _image(stream: SpikeStream) -> npt.NDArray[np.float32]:
     cycles = max(stream.cycles - LEAD, 1)
     return (count_spikes(stream, min(LEAD, stream.cycles - 1), stream.cycles) / cycles).astype(
@@ -184,7 +165,10 @@ def _evaluated(
         errors=errors,
         theory=_theory(setup, closed, scene, errors, received, verdict.cause),
         rates=link_rates(
-            layout, setting.panel.clock, len(setup.payload.data), seconds,
+            layout,
+            setting.panel.clock,
+            len(setup.payload.data),
+            seconds,
             setup.sent.outbox.word_rate,
         ),
         soft=_soft(setup, received),
@@ -194,7 +178,6 @@ def _evaluated(
         delays=group_delays(setting, layout, verified),
         latency=link_latency(setting, layout, verified),
         scene=scene,
-        reach=_reach(setup, scene),
         capacity=capacity,
         eye=eye(),
     )

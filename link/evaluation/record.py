@@ -14,8 +14,8 @@ from link.evaluation.errors import Errors
 from link.evaluation.eye import Eye
 from link.layout import Layout
 from link.mode import Mode
+from link.prediction.error_bound import CellScene
 from link.prediction.rates import Rates
-from link.prediction.reach import CellScene, Reach
 from link.receiving import Received
 from link.section import LinkScenario
 from link.setting import LinkSetting
@@ -81,7 +81,6 @@ class LinkEvaluation:
         delays: (groups,) int64 ps, from the light of a verified group to its verification.
         latency: of the stages.
         scene: light of the cells.
-        reach: predicted rate over distance.
         capacity: bit/s, None if the panel is not wholly in view.
     """
 
@@ -102,7 +101,6 @@ class LinkEvaluation:
     delays: npt.NDArray[np.int64]
     latency: list[Latency]
     scene: CellScene
-    reach: list[Reach]
     capacity: float | None
 
     @cached_property

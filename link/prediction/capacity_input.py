@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from link.mode import CELLS, Mode
 from link.prediction.capacity import CapacityInput
+from link.prediction.error_bound import LEAST_CELL, CellScene
 from link.prediction.light import cell_scene
-from link.prediction.reach import LEAST_CELL, CellScene
 from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
 from sensor import CameraSetting

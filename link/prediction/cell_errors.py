@@ -38,7 +38,7 @@ from link.prediction.drawn_cells import (
     own_bits,
     random_bits,
 )
-from link.prediction.reach import longest_run
+from link.prediction.error_bound import longest_run
 from link.theory import hard_patterns
 
 __all__ = ["cell_errors"]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from link.air.kernel import Psf, kernel_table, taps
 from link.detect.geometry import LEAST, PLACES, SHARES
 from link.mode import Mode
-from link.prediction.reach import CellScene, edge_share
+from link.prediction.error_bound import CellScene, edge_share
 
 __all__ = [
     "CellErrors", "CellPixels", "CellSight", "Mixed", "cell_pixels", "light_on_pixels", "own_bits",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,12 +10,12 @@ from link.air import image_of, lens_psf, levels
 from link.air.geometry import affine_at, lengths
 from link.air.sun import sun_glare
 from link.prediction.drawn_cells import CellSight, Mixed
-from link.prediction.reach import CellScene
+from link.prediction.error_bound import CellScene
 from link.setting import LinkSetting
 from link.timing import Timing
 from sensor.device.crosstalk import side_share
 
-__all__ = ["cell_scene", "cell_sight", "transmission"]
+__all__ = ["cell_scene", "cell_sight"]
 
 _AIRY = 0.42
 """Standard deviation of the Gaussian that fits an Airy core, in wavelength over aperture (Zhang,
@@ -80,8 +79,3 @@ def cell_sight(setting: LinkSetting, timing: Timing, symbols: int) -> CellSight:
         cell_scene(setting), affine_at(home, (optics.width - 1) / 2, (optics.height - 1) / 2),
         mixed, math.hypot(psf.sigma, psf.disc / 2), (begins % 1.0).ravel(),
     )  # fmt: skip
-
-
-def transmission(setting: LinkSetting, distance: float) -> float:
-    """Returns the share of the panel's light that the air transmits over another distance, m."""
-    return levels(setting.optics, replace(setting.air, distance=distance)).dimmed

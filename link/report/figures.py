@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cosim.config.amounts import amount, number
 from cosim.report.drawn import Data, drawn, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from link.evaluation.record import LinkEvaluation
-from link.prediction.reach import Reach
+from link.setup.distances import RateAt
 
 __all__ = [
     "BLUE", "bits", "delay_figure", "errors_figure", "figure_at", "lowest_rate", "rates_figure",
@@ -152,61 +148,35 @@ def delay_figure(link: LinkEvaluation, path: Path) -> Data:
     )
 
 
-def reach_figure(link: LinkEvaluation, path: Path) -> Data:
-    """Draws the predicted rate over distance, with the modes, and the measured points. Returns what
-    was drawn, b/s."""
+def reach_figure(link: LinkEvaluation, rows: list[RateAt], path: Path) -> Data:
+    """Draws the predicted rates over distance, with their modes, and the measured point. Returns
+    what was drawn, b/s."""
     with figure_at(path, 8.2, 3.3) as (figure, ax):
-        distance = np.array([r.distance for r in link.reach])
-        rate = np.array([r.rate for r in link.reach])
-        works = rate > 0
-        ax.step(distance, np.where(works, rate, np.nan), where="mid", color=BLUE, linewidth=1.4,
-                label="predicted by closed forms: coded rate of the best mode")  # fmt: skip
-        here = link.setting.air.distance
-        ends = [here, *distance[works]]
-        ax.set_xlim(min(ends) / 1.1, max(ends) * 1.25)
-        for middle, rate_there, text in _stretches(link.reach, *ax.get_xlim()):
+        works = [row for row in rows if row.rate]
+        ax.plot([row.distance for row in works], [row.rate for row in works], "o-", color=BLUE,
+                linewidth=1.0, markersize=5, label="goodput predicted by pilots")  # fmt: skip
+        for row in works:
+            assert row.mode is not None
             ax.annotate(
-                text, (middle, rate_there), (0, 5), textcoords="offset points",
-                fontsize=7.5, color=INK, ha="center",
+                f"{row.mode.cell}×{row.mode.cell}, {row.mode.ticks}", (row.distance, row.rate),
+                (0, 7), textcoords="offset points", fontsize=7.5, color=INK, ha="center",
             )  # fmt: skip
-        ax.plot(here, link.rates.coded, "o", color=PALE, label="coded rate of this run's mode")
+        here = link.setting.air.distance
         if link.rates.goodput:
-            ax.plot(here, link.rates.goodput, "o", color=MARK, label="measured goodput")
+            ax.plot(here, link.rates.goodput, "s", color=MARK, label="measured goodput")
+        ends = [here, *(row.distance for row in works)]
+        ax.set_xlim(min(ends) / 1.15, max(ends) * 1.15)
         ax.set_xscale("log")
         ax.set_yscale("log")
-        ax.set_ylim(top=max(*rate, link.rates.coded) * 2)
+        rates = [row.rate for row in works] + [link.rates.goodput or works[0].rate]
+        ax.set_ylim(min(rates) / 2, max(rates) * 2.5)
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(_some)
         ax.yaxis.set_major_formatter(_bits_axis)
+        ax.yaxis.set_minor_formatter(lambda y, _: bits(y) if f"{y:e}"[0] in "25" else "")
         ax.set_xlabel("distance (m)")
         ax.legend(frameon=False, fontsize=8.5)
     return drawn(figure)
-
-
-def _stretches(rows: list[Reach], left: float, right: float) -> list[tuple[float, float, str]]:
-    """Returns the ranges in which one cell and symbol length is the best.
-
-    Each is the distance of its label's middle, its highest rate, and the label, which is to the
-    right of the line that falls to it. Labels without room on an axis from left to right are
-    omitted.
-    """
-    stretches: list[tuple[float, float, str]] = []
-    free = 0.0
-    per_letter = 0.0068 * math.log(right / left)
-    before = None
-    for size, each in itertools.groupby(rows, lambda r: r.mode and (r.mode.cell, r.mode.ticks)):
-        group = list(each)
-        first, last = group[0].distance, group[-1].distance
-        falls, before = (before + first) / 2 if before else left, last
-        if size is None:
-            continue
-        text = f"{size[0]}x{size[0]}, {size[1]} ticks"
-        half = len(text) * per_letter / 2
-        middle = max(math.log(first * last) / 2, math.log(falls) + per_letter + half)
-        if middle - half >= free or not stretches:
-            stretches.append((math.exp(middle), max(r.rate for r in group), text))
-            free = middle + half
-    return stretches
 
 
 def _some(x: float, _: int) -> str:

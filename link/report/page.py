@@ -20,6 +20,8 @@ from link.report.figures import bits, delay_figure, rates_figure, reach_figure
 from link.report.phase import phase_section
 from link.report.signal_figures import view_figure
 from link.report.tables import NOT_KNOWN, effects_section, machine_section
+from link.setup.distances import rates_over_distance, span_of
+from link.setup.modes import fixed_mode
 from link.verdict import Cause
 
 __all__ = ["link_page"]
@@ -189,31 +191,33 @@ def _delay(link: LinkEvaluation, figures: Path) -> str:
     )  # fmt: skip
 
 
-def _tags(link: LinkEvaluation) -> str:
-    """Returns the distance from which on the tags are too small."""
-    far = [row.distance for row in link.reach if not row.tags]
-    if not far:
-        return ""
-    return (
-        f" From {number(min(far))} m on: tags too small. A module needs "
-        f"{number(least_module(link.scene.blur), 2)} camera pixels, and a panel without detected "
-        "tags is not read, however large its cells."
-    )
-
-
 def _reach(link: LinkEvaluation, figures: Path) -> str:
-    path = figures / "reach.png"
-    tags = _tags(link)
-    if not any(row.rate for row in link.reach):
-        return f"<h2>Rate against distance</h2><p>No distance is predicted to work.{tags}</p>"
-    data = reach_figure(link, path)
+    near, far = span_of(link.setting, link.mode)
+    limits = (
+        f"A receiver can find this panel from {number(near)} m, where it fills the view, to "
+        f"{number(far)} m, where its tags become too small: a module of theirs needs "
+        f"{number(least_module(link.scene.blur), 2)} camera pixels, however large the cells."
+        if near < far
+        else "At no distance can a receiver find this panel: where it fits into the view, its tags "
+        "are too small."
+    )
+    head = f"<h2>Rate against distance</h2><p>{limits} "
+    if fixed_mode(link.scenario) is not None:
+        return (
+            f"{head}The scenario gives the mode, so that no pilots predict the rate at other "
+            "distances; leave a part of the mode <code>auto</code> for them.</p>"
+        )
+    rows = rates_over_distance(link.setup)
+    if not any(row.rate for row in rows):
+        return f"{head}No mode is predicted to work at any of {count(len(rows))} distances.</p>"
+    data = reach_figure(link, rows, figures / "reach.png")
     return (
-        "<h2>Rate against distance</h2><p>A prediction from geometry and closed forms, not a "
-        "measurement, for this panel, lens, light and camera and the modes that a run tries "
-        "itself. The image of a resolved panel is equally bright at any distance, but smaller, so "
-        "cells must grow. Closer than the start of the line, the panel does not fit "
-        f"into the view. Only the dots come from this run.{tags}</p>"
-        + plot(path, "predicted rate against distance, and this run", data)
+        f"{head}At {count(len(rows))} distances the best mode was chosen as that of this run was, "
+        "by pilots through the same air and camera, with this panel, lens and light; each point "
+        "is the goodput that they predict for this file, with cell and ticks of the mode. The "
+        "image of a resolved panel is equally bright at any distance, but smaller, so cells must "
+        "grow. Between the points nothing was predicted: the rate falls in steps.</p>"
+        + plot(figures / "reach.png", "predicted rate against distance, and this run", data)
     )  # fmt: skip
 
 

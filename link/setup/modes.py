@@ -12,8 +12,8 @@ from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from link.layout import Layout
 from link.mode import CELLS, LINE_CODES, RATES, Mode, codes_of, ticks_chosen
+from link.prediction.error_bound import LEAST_CELL
 from link.prediction.light import cell_scene
-from link.prediction.reach import LEAST_CELL
 from link.receiving.tags import LEAST_MODULE
 from link.section import LinkScenario, ModemSection
 from link.setting import LinkSetting

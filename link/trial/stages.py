@@ -28,6 +28,8 @@ from cosim import Viform
 from link.coding import Inbox
 from link.layout import Layout
 from link.receiving import Receiver
+from link.setup.distances import OTHERS
+from link.setup.modes import fixed_mode
 from link.setup.setup import FileLinkSetup
 from link.trial.amounts import Amounts
 
@@ -50,6 +52,8 @@ SOFT: Final = 0.6
 """The sample of soft values beside what was sent, and the smaller figures of merit, s."""
 REPORT: Final = 1.8
 """Figures and page, s."""
+ELSEWHERE: Final = 0.9
+"""The choice of a mode at another distance, s: 1.6 pilots of a strip in the mean."""
 # They were measured in runs of 4 and 64 MB of `light-link`, as processor time of their threads
 # (two shared cores of an EPYC 9004); a machine of another speed takes another time for all.
 _SEARCH: Final = 1024
@@ -175,6 +179,7 @@ def recorder_time(todo: Amounts) -> StageTime:
 def evaluation_times(setup: FileLinkSetup, todo: Amounts, arrives: bool) -> list[StageTime]:
     """Returns the times of the closed form, of the figures of merit and of the report. arrives:
     whether data are predicted to be read, which they are computed from."""
+    others = 0 if fixed_mode(setup.scenario) is not None else OTHERS
     bits = todo.data_symbols * setup.sent.layout.cells if arrives else 0
 
     def row(stage: str, amount: float, unit: str, seconds: float) -> StageTime:
@@ -185,6 +190,7 @@ def evaluation_times(setup: FileLinkSetup, todo: Amounts, arrives: bool) -> list
         row("eye", todo.cycles, "cycles", EYE[0] + EYE[1] * todo.cycles if arrives else 0.0),
         row("errors", bits, "bits", ERRORS * bits + (SOFT if arrives else 0.0)),
         row("report", 1, "pages", REPORT),
+        row("rates at other distances", others, "distances", ELSEWHERE * others),
     ]
 
 

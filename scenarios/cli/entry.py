@@ -96,6 +96,7 @@ def _main(arguments: list[str]) -> int:
     from cosim import Interrupted
     from cosim.compute.opencl import prepare_caches
     from cosim.errors import MissingPackages, ViformError
+    from cosim.run.called import as_called
     from scenarios.cli.app import app
 
     with suppress(OSError):  # most commands work without a cache
@@ -106,15 +107,15 @@ def _main(arguments: list[str]) -> int:
         text = " ".join(exc.format_message().split()).rstrip(".")
         context = getattr(exc, "ctx", None)
         where = context.command_path if context is not None else "viform"
-        print(f"viform: {text}; see `{where} --help`", file=sys.stderr)
+        print(as_called(f"viform: {text}; see `{where} --help`"), file=sys.stderr)
         return 2
     except Interrupted as exc:
-        print(f"viform: {exc}", file=sys.stderr)
+        print(as_called(f"viform: {exc}"), file=sys.stderr)
         return 130
     except ViformError as exc:
         if isinstance(exc, MissingPackages):
             install_and_restart(exc.packages)
-        print(f"viform: {exc}", file=sys.stderr)
+        print(as_called(f"viform: {exc}"), file=sys.stderr)
         return 2
     except (Abort, KeyboardInterrupt):
         print("viform: interrupted", file=sys.stderr)

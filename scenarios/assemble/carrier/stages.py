@@ -31,7 +31,7 @@ class _Wrapped:
             self.stage.restore(state)
 
     def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
-        return self._stage.damage(state, checked) if isinstance(self._stage, WithFiles) else None
+        return self.stage.damage(state, checked) if isinstance(self.stage, WithFiles) else None
 
 
 class Later(_Wrapped):

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import number
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document
@@ -89,5 +90,5 @@ def board_capture(
         return
     for name in ("frames", "width", "height", "clock_hz", "retries", "bytes", "bytes_per_s"):
         value = document[name]
-        print(f"{name:<12} {value:.6g}" if isinstance(value, float) else f"{name:<12} {value}")
+        print(f"{name:<12} {number(value)}")
     print(f"{'written':<12} {out}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.config.amounts import number
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, SilentProgress, print_document
 
@@ -114,7 +115,8 @@ def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> str
     lines = [
         f"target     {target.board}, {target.part}",
         f"board      {size.rows} rows x {size.columns} columns, {size.lanes} lanes, "
-        f"{size.clock_hz / 1e6:g} MHz, a tick of {size.clock_hz / size.tick_clocks / 1e3:.4g} kHz",
+        f"{size.clock_hz / 1e6:g} MHz, a tick of "
+        f"{number(size.clock_hz / size.tick_clocks / 1e3, 4)} kHz",
         f"memories   capture {size.capture_words} words, sink {size.sink_words} words",
         f"serial     {size.baud} baud, off by {100 * design.baud_error:+.2f} %",
         f"build      {design.build:08x}",

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from cosim.config.amounts import count, elapsed
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document
@@ -37,11 +38,11 @@ def board_prbs(
     else:
         for report in reports:
             print(
-                f"order {report.order:>2}: {32 * report.words} bits in each direction, "
+                f"order {report.order:>2}: {count(32 * report.words)} bits in each direction, "
                 f"{report.bits_wrong_from_board} wrong from the board, "
                 f"{report.bits_wrong_to_board} to the board, "
                 f"{report.words_lost_to_board} words lost, {report.faults} answers interrupted, "
-                f"{report.seconds:.3g} s"
+                f"{elapsed(report.seconds)}"
             )
     if not clean:
         raise typer.Exit(1)

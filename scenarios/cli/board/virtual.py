@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.config.amounts import number
 from rtl_model.bringup.bench.endpoint import checked_level, virtual_board
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, SilentProgress, print_document
@@ -157,8 +158,8 @@ def _text(board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | N
         f"port       {board.port}" + (f", {geometry.baud} baud" if serial else ", Etherbone"),
         f"{board.imager or 'board':<10} {geometry.rows} rows x {geometry.columns} columns, {lanes}"
         f"{geometry.clock_hz / 1e6:g} MHz, level {board.level}",
-        f"speed      {board.clocks_per_second / 1e6:.3g} million clocks per second; a host should "
-        f"wait {board.time_scale:.1f} times as long",
+        f"speed      {number(board.clocks_per_second / 1e6)} million clocks per second; a host "
+        f"should wait {board.time_scale:.1f} times as long",
     ]
     if csr is not None:
         lines.append(f"csr        {csr}")

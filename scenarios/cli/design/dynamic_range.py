@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import number
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["design_dynamic_range"]
@@ -72,11 +73,11 @@ def _text(document: dict[str, Any], top: int) -> str:
             f"{best['clock'] / 1e6:g} MHz, {best['adc']}, circuit "
             f"{best['circuit_noise'] * 1e3:g} mV, analog gain {best['analog_gain']:g}, digital "
             f"gain {best['digital_gain']:g}",
-            f"  dynamic range {best['dr_db']:.2f} dB: {best['saturation']:.4g} e "
-            f"({best['limited_by']}) over {best['least_signal']:.4g} e (SNR 1); by the formula of "
-            f"the document {best['dr_document_db']:.2f} dB",
+            f"  dynamic range {best['dr_db']:.2f} dB: {number(best['saturation'], 4)} e "
+            f"({best['limited_by']}) over {number(best['least_signal'], 4)} e (SNR 1); by the "
+            f"formula of the document {best['dr_document_db']:.2f} dB",
             "  noise, e RMS: "
-            + ", ".join(f"{name} {value:.3g}" for name, value in best["noise"].items()),
+            + ", ".join(f"{name} {number(value)}" for name, value in best["noise"].items()),
             f"  converter {rule['adc_db']:.1f} dB; twice the sensor's "
             f"{best['sensor_db']:.1f} dB is {rule['ratio_db']:.1f} dB as a ratio "
             f"({'holds' if rule['ratio_holds'] else 'does not hold'}), "
@@ -104,7 +105,7 @@ def _text(document: dict[str, Any], top: int) -> str:
     for row in rows[:top]:
         lines.append(
             f"{row['sensor'][:17]:<18}{row['adc'][:10]:<11}{row['temperature']:6g}"
-            f"{row['clock'] / 1e6:7g}{row['circuit_noise'] * 1e3:7.3g}{row['analog_gain']:8g}"
+            f"{row['clock'] / 1e6:7g}{number(row['circuit_noise'] * 1e3):>7}{row['analog_gain']:8g}"
             f"{row['digital_gain']:8g}{row['dr_db']:8.2f}{row['dr_document_db']:9.2f}"
             f"{_watts(row):>7}  {row['note']}".rstrip()
         )

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import number
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["link_ber"]
@@ -81,25 +82,26 @@ def _text(document: dict[str, Any]) -> str:
     for curve in document["curves"]:
         lines.append(f"{curve['title']}   ({curve['name']})")
         beside = curve.get("beside")
-        head = f"  {curve['x_unit']:>16} {'theory':>10} {'measured':>10}  {'interval':<23}"
+        head = f"  {curve['x_unit']:>16} {'theory':>14} {'measured':>14}  {'interval':<30}"
         head += f"{'errors':>7} {curve['trial'] + 's':>10}  theory"
         lines.append(head + (f"   {beside['name']}" if beside else ""))
         for i, x in enumerate(curve["x"]):
-            span = f"[{curve['low'][i]:.3g}, {curve['high'][i]:.3g}]"
+            span = f"[{number(curve['low'][i])}, {number(curve['high'][i])}]"
             mark = "inside" if curve["inside"][i] else "OUTSIDE"
-            row = f"  {x:16.4g} {curve['theory'][i]:10.4g} {curve['measured'][i]:10.4g}  {span:<23}"
+            theory, measured = (number(curve[key][i], 4) for key in ("theory", "measured"))
+            row = f"  {number(x, 4):>16} {theory:>14} {measured:>14}  {span:<30}"
             row += f"{curve['errors'][i]:7} {curve['bits'][i]:10}  "
             row += mark if curve["judged"][i] else f"({mark})"
             if beside:
                 refuted = "outside" if beside["refuted"][i] else "inside"
-                row += f"   {beside['theory'][i]:.3g}, {refuted}"
+                row += f"   {number(beside['theory'][i])}, {refuted}"
             lines.append(row)
         lines.append("")
     holds = "all of them inside" if document["holds"] else "NOT all of them inside"
     lines.append(
         f"{document['points_judged']} points of 100 errors or more, {holds}: Clopper-Pearson at "
-        f"{document['pointwise_level']:.6g} each, which holds for all together at "
-        f"{document['level']:.2g} (Bonferroni)"
+        f"{number(document['pointwise_level'], 6)} each, which holds for all together at "
+        f"{number(document['level'], 2)} (Bonferroni)"
     )
     return "\n".join([*lines, *_detectors(document["detectors"])])
 
@@ -109,14 +111,14 @@ def _detectors(rows: list[dict[str, Any]]) -> list[str]:
     if not rows:
         return []
     limits = "99.9 % interval"
-    head = f"  {'':<40}{'theory':>10} {'measured':>10}  {limits:<21}{'errors':>7} {'bits':>8}  gain"
+    head = f"  {'':<40}{'theory':>12} {'measured':>12}  {limits:<26}{'errors':>7} {'bits':>8}  gain"
     lines = ["", "Detectors on exact pixels: residual reset, Q = 100 e, ON 1.5 Q, OFF 0.1 Q", head]
     for row in rows:
-        theory = "" if row["theory"] is None else f"{row['theory']:.3g}"
-        gain = "" if row["gain_low"] is None else f"at least {row['gain_low']:.3g} times"
-        span = f"[{row['low']:.3g}, {row['high']:.3g}]"
+        theory = "" if row["theory"] is None else number(row["theory"])
+        gain = "" if row["gain_low"] is None else f"at least {number(row['gain_low'])} times"
+        span = f"[{number(row['low'])}, {number(row['high'])}]"
         lines.append(
-            f"  {row['what']:<40}{theory:>10} {row['rate']:10.3g}  {span:<21}{row['errors']:7} "
-            f"{row['bits']:8}  {gain}"
+            f"  {row['what']:<40}{theory:>12} {number(row['rate']):>12}  {span:<26}"
+            f"{row['errors']:7} {row['bits']:8}  {gain}"
         )
     return lines

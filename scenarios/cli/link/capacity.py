@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import amount, number
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["link_capacity"]
@@ -101,10 +102,7 @@ def _write(document: dict[str, Any], out: Path) -> None:
 
 
 def _rate(bps: float) -> str:
-    for size, unit in ((1e9, "Gbit/s"), (1e6, "Mbit/s"), (1e3, "kbit/s")):
-        if bps >= size:
-            return f"{bps / size:.3f} {unit}"
-    return f"{bps:.3g} bit/s"
+    return amount(bps, "bit/s", 4)
 
 
 def _text(name: str, document: dict[str, Any]) -> str:
@@ -114,27 +112,31 @@ def _text(name: str, document: dict[str, Any]) -> str:
     given, mode = document["given"], document["mode"]
     assumed = ", ".join(document["assumed"])
     lines = [
-        f"{name}: ON {given['on']:.4g} e, OFF {given['off']:.4g} e a tick, threshold "
-        f"{given['threshold']:g} e, {given['reset']} reset, {given['hz']:g} ticks/s",
-        f"{_cells(mode)}, {mode['line']}, " + word_code(mode["parity"], mode["rate"])
+        f"{name}: ON {number(given['on'], 4)} e, OFF {number(given['off'], 4)} e a tick, threshold "
+        f"{number(given['threshold'])} e, {given['reset']} reset, {number(given['hz'])} ticks/s",
+        f"{_cells(mode)}, {mode['line']}, "
+        + word_code(mode["parity"], mode["rate"])
         + (f"; not given, so assumed: {assumed}" if assumed else ""),
         "",
     ]
     for key, row in document["pixel"].items():
-        span = " [{:.5g}, {:.5g}]".format(*row["ci"]) if "ci" in row else ""
-        lines.append(f"{key:<9}{row['value']:10.4g} {row['unit']:<11}{row['what']}{span}")
-    lines += ["", f"{'':<14}{'factor':>8}{'left':>14}{'of the loss':>13}"]
+        span = ""
+        if "ci" in row:
+            low, high = (number(each, 5) for each in row["ci"])
+            span = f" [{low}, {high}]"
+        lines.append(f"{key:<9}{number(row['value'], 4):>10} {row['unit']:<11}{row['what']}{span}")
+    lines += ["", f"{'':<14}{'factor':>11}{'left':>14}{'of the loss':>13}"]
     for row in document["budget"]:
         lines.append(
-            f"{row['name']:<14}{row['factor']:8.3f}{_rate(row['bps']):>14}"
+            f"{row['name']:<14}{number(row['factor']):>11}{_rate(row['bps']):>14}"
             f"{row['share_of_loss']:12.1%}  {row['what']}"
         )
     share = document["share"]
     lines += [
         "",
         f"capacity of the pixels that see the panel {_rate(document['capacity_bps'])}, of the "
-        f"mode's cells {_rate(document['cells_bps'])}, raw {_rate(document['raw_bps'])}, coded "
-        f"{_rate(document['coded_bps'])}: "
+        f"mode's cells {_rate(document['cells_bps'])}, raw {_rate(document['raw_bps'])}, coded, if "
+        f"every word were decoded, {_rate(document['coded_bps'])}: "
         + (f"{share:.1%} of capacity" if share is not None else "no light, no capacity"),
         *_achievable(document),
     ]
@@ -148,9 +150,15 @@ def _achievable(document: dict[str, Any]) -> list[str]:
         return ["achievable information: none, for a receiver cannot find the panel: it is not "
                 "wholly in view, or its tags are too small"]  # fmt: skip
     mine = {**document, **document["mode"]}
+    coded, high = document["coded_bps"], mine["information_high"]
+    short = (
+        f"the coded rate, {_rate(coded)}, is above what this mode carries here: take larger cells, "
+        "longer symbols or words of a lower rate, as a run does that chooses them itself"
+    )
     return [
         f"achievable information, simulated at a phase of {document['phase']:.2f} ticks: "
-        f"{_cells(mine)} {_span(mine)}; the best, {_cells(best)}, {_span(best)}"
+        f"{_cells(mine)} {_span(mine)}; the best, {_cells(best)}, {_span(best)}",
+        *([short] if coded > high else []),
     ]
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cosim.config.amounts import amount, count
 from scenarios.cli.output import Json, SilentProgress, print_document, size_option
 
 if TYPE_CHECKING:
@@ -143,8 +144,8 @@ def _tell(document: dict[str, Any]) -> None:
     print(f"{document['outcome']}: {document['verdict']}")
     if document["file"] is not None:
         rate = document["goodput_bps"]
-        shown = f", {rate / 1e6:.4g} Mbit/s" if rate is not None else ""
-        print(f"file: {document['file']['name']}, {document['file']['bytes']} bytes{shown}")
+        shown = f", {amount(rate, 'bit/s', 4)}" if rate is not None else ""
+        print(f"file: {document['file']['name']}, {count(document['file']['bytes'])} bytes{shown}")
     if document["timing"] is not None:
         mode, timing = document["mode"], document["timing"]
         first, offset = round(timing["first_tick"], 2), round(timing["clock_offset_ppm"])

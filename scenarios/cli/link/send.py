@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from cosim.config.amounts import amount, count, number
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
@@ -131,10 +132,12 @@ def link_send(
         rate = 8 * len(data) / seconds
         known = TRAINING + sent.layout.closing
         progress.note(
-            f"{len(data)} bytes in {sent.outbox.frames} frames ({sent.outbox.frames_needed} are "
-            f"enough, {fill} only fill the last group), {sent.planes} planes, "
-            f"{seconds * 1e3:.4g} ms: at most {rate / 1e6:.4g} Mbit/s; up to {sent.outbox.room} "
-            f"bytes take as long, and {known} of {sent.symbols} symbols are training and closing"
+            f"{count(len(data))} bytes in {count(sent.outbox.frames)} frames "
+            f"({count(sent.outbox.frames_needed)} are enough, {fill} only fill the last group), "
+            f"{count(sent.planes)} planes, {amount(seconds, 's', 4)}: at most "
+            f"{amount(rate, 'bit/s', 4)}; up to "
+            f"{count(sent.outbox.room)} bytes take as long, and {known} of "
+            f"{count(sent.symbols)} symbols are training and closing"
         )
 
 
@@ -187,7 +190,7 @@ def _read(path: Path) -> bytes:
         given = f"{path} ({exc.strerror or exc})"
         raise InputError("FILE", "a file that can be read", given, "check it") from exc
     must = f"at most {MOST_BYTES // 2**20} MiB"
-    raise InputError("FILE", must, f"{length / 2**20:.6g} MiB", "send it in parts")
+    raise InputError("FILE", must, f"{number(length / 2**20, 6)} MiB", "send it in parts")
 
 
 def _refused(text: str) -> Exception:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from cosim.run.called import as_called
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["doctor"]
@@ -23,6 +24,6 @@ def doctor(json: Json = False) -> None:
             print(f"{mark:<8} {check.name:<12} {check.state}")
             if not check.ok:
                 print(f"{'':<8} {'':<12} remedy: {check.remedy}")
-        print("`viform run film` can work" if ready else "`viform run film` cannot work yet")
+        print(as_called(f"`viform run film` {'can work' if ready else 'cannot work yet'}"))
     if not ready:
         raise typer.Exit(1)

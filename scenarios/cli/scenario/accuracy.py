@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import count, number
 from scenarios.cli.options import ScenarioName, ScenarioOptions, expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
@@ -65,7 +66,7 @@ def accuracy(
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}"
+    return "" if value is None else number(value)
 
 
 def _error(row: dict[str, Any]) -> str:
@@ -73,7 +74,7 @@ def _error(row: dict[str, Any]) -> str:
         return "unknown"
     low, high = row["ci"] or (None, None)
     span = "" if high is None else f" [{_number(low)}, {_number(high)}]"
-    return f"{row['error']:.3g}{span}"
+    return f"{number(row['error'])}{span}"
 
 
 def _tiles_text(name: str, document: dict[str, Any]) -> str:
@@ -90,7 +91,7 @@ def _tiles_text(name: str, document: dict[str, Any]) -> str:
         over = row["over_tolerance"]
         lines.append(
             f"{_number(row['tolerance']):>9}  {row['tier']:<6}{_error(row):<32}"
-            f"{row['outcome']:<10}{row['worst_error']:>10.3g} ({row['worst_tile']:>5})"
+            f"{row['outcome']:<10}{number(row['worst_error']):>10} ({row['worst_tile']:>5})"
             f"{row['over_limit']:>13}{'' if over is None else over:>17}"
             f"{row['full_physics_tiles']:>14}"
         )
@@ -106,9 +107,9 @@ def _text(name: str, document: dict[str, Any]) -> str:
     where = "the worst tile"
     if "bits" in reference:
         where = (
-            f"of the {document['error_of']}, on {reference['bits']:,} bits of "
-            f"{reference['patches']} patches (rate {reference['bit_error_rate']:.3g}, half-width "
-            f"in the run {reference['half_width']:.3g})"
+            f"of the {document['error_of']}, on {count(reference['bits'])} bits of "
+            f"{reference['patches']} patches (rate {number(reference['bit_error_rate'])}, "
+            f"half-width in the run {number(reference['half_width'])})"
         )
     if "frames" in reference:
         where = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.config.amounts import amount, count, percent
+from cosim.config.amounts import amount, count, elapsed, number, percent
 from scenarios.cli.options import ScenarioName, ScenarioOptions, Tolerance, expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
@@ -34,10 +34,6 @@ def plan(
         print(_text(document))
 
 
-def _number(value: float | None, unit: str = "") -> str:
-    return "unknown" if value is None else f"{value:.3g}{unit}"
-
-
 def _quantity(document: dict[str, Any]) -> str:
     """The quantity to which the error is relative."""
     if "mode" in document:
@@ -63,7 +59,7 @@ def _spans(planes: int) -> str:
 def _total_bound(document: dict[str, Any]) -> str:
     """The sum of the bounds of all effects left out and of the tier's arithmetic: "at most" only if
     every bound is proven."""
-    size = f"{_number(document['promised'])} of {_quantity(document)}"
+    size = f"{number(document['promised'])} of {_quantity(document)}"
     where = "" if "mode" in document or "imager" in document else " in the worst tile"
     if document["promised_kind"] == "proof":
         return f"error bound: at most {size}{where}, a sum of proven bounds"
@@ -74,11 +70,12 @@ def _imager(document: dict[str, Any]) -> list[str]:
     expected, predicted = document["expected"], document["predicted"]
     (low, high), (dark, bright) = expected["exposure_s"], expected["photoelectrons"]
     return [
-        f"about {expected['frames']} frames, exposures of {_number(low)} to {_number(high)} s, "
-        f"{_number(dark)} to {_number(bright)} photoelectrons per pixel and frame",
-        f"pixels: {_number(predicted['sensor_s'])} s predicted "
-        f"({_number(predicted['ns_per_pixel_cycle'])} ns per pixel and frame), "
-        f"{_number(predicted['everything_s'])} s with every effect",
+        f"about {count(expected['frames'])} frames, exposures of {amount(low, 's')} to "
+        f"{amount(high, 's')}, {number(dark)} to {number(bright)} photoelectrons per pixel and "
+        "frame",
+        f"pixels: {elapsed(predicted['sensor_s'])} predicted "
+        f"({number(predicted['ns_per_pixel_cycle'])} ns per pixel and frame), "
+        f"{elapsed(predicted['everything_s'])} with every effect",
         "a bound with ~ is a doubled estimate; costs are per pixel and frame",
     ]
 
@@ -89,20 +86,21 @@ def _run(document: dict[str, Any]) -> list[str]:
     goodput = carried["goodput_bps"]
     arrives = "no file is predicted to arrive"
     if goodput is not None:
-        arrives = f"goodput {_number(goodput)} bit/s predicted"
+        arrives = f"goodput {amount(goodput, 'bit/s')} predicted"
     return [
-        f"{amounts['file_bytes']} bytes in {amounts['frames']} frames and {amounts['symbols']} "
-        f"symbols: {amounts['cycles']} cycles; {arrives} ({_number(carried['raw_bps'])} raw, "
-        f"{_number(carried['coded_bps'])} coded)",
+        f"{count(amounts['file_bytes'])} bytes in {count(amounts['frames'])} frames and "
+        f"{count(amounts['symbols'])} symbols: {count(amounts['cycles'])} cycles; {arrives} "
+        f"({amount(carried['raw_bps'], 'bit/s')} raw, {amount(carried['coded_bps'], 'bit/s')} "
+        "coded)",
         "",
         f"{'stage':<38}{'works on':>28}{'processor':>12}",
         *(
-            f"{row['stage']:<38}{row['amount']:>15.6g} {row['unit']:<13}"
-            f"{_number(row['processor_s'], ' s'):>11}"
+            f"{row['stage']:<38}{count(row['amount']):>15} {row['unit']:<13}"
+            f"{elapsed(row['processor_s']):>11}"
             for row in predicted["stages"]
         ),
-        f"the run takes about {_number(predicted['total_s'])} s, if nothing else uses the machine, "
-        f"and {_number(predicted['processor_s'])} s of its processors",
+        f"the run takes about {elapsed(predicted['total_s'])}, if nothing else uses the machine, "
+        f"and {elapsed(predicted['processor_s'])} of its processors",
     ]
 
 
@@ -134,18 +132,18 @@ def _readout(readout: dict[str, Any]) -> list[str]:
 def _text(document: dict[str, Any]) -> str:
     """The document as text."""
     tiles = document["tiles"]
-    counts = ", ".join(f"{count} {kind}" for kind, count in tiles.items() if count)
+    counts = ", ".join(f"{count(many)} {kind}" for kind, many in tiles.items() if many)
     lines = [
-        f"{document['scenario']}: tolerance {document['tolerance']:g}, {document['tier']} tier on "
-        f"{document['device']}",
+        f"{document['scenario']}: tolerance {number(document['tolerance'])}, {document['tier']} "
+        f"tier on {document['device']}",
         *([f"tiles: {counts}"] if counts else []),
         *([f"mode: {_mode(document['mode'])}"] if "mode" in document else []),
         "",
         f"{'effect':<28}{'kept in':>10}{'leaving it out changes':>24}{'costs':>14}",
     ]
     for row in document["rows"]:
-        bound = f"{'' if row['kind'] == 'proof' else '~'}{_number(row['bound'])}"
-        cost = f"{row['cost_ns']:.3g} ns" if row["cost_ns"] else "nothing"
+        bound = f"{'' if row['kind'] == 'proof' else '~'}{number(row['bound'])}"
+        cost = f"{number(row['cost_ns'])} ns" if row["cost_ns"] else "nothing"
         lines.append(f"{row['effect']:<28}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
     lines.append("")
     if document["promised"] == 0 and not document.get("left_out"):
@@ -166,7 +164,7 @@ def _text(document: dict[str, Any]) -> str:
             )
     for phase in document.get("writes", []):
         lines.append(
-            f"from cycle {phase['start']}: threshold {phase['threshold']:g} e, rows "
+            f"from cycle {phase['start']}: threshold {number(phase['threshold'])} e, rows "
             f"{phase['window'][0]} to {phase['window'][1] - 1}"
         )
     if document.get("writes"):
@@ -184,19 +182,19 @@ def _text(document: dict[str, Any]) -> str:
         return "\n".join([*lines, *_imager(document)])
     predicted = document["predicted"]
     if predicted["sensor_s"] is None:
-        lines.append(f"full physics would take {_number(predicted['full_physics_s'])} s")
+        lines.append(f"full physics would take {elapsed(predicted['full_physics_s'])}")
     else:
         lines.append(
-            f"sensor: {_number(predicted['sensor_s'])} s predicted "
-            f"({_number(predicted['ns_per_pixel_cycle'])} ns per pixel and cycle), "
-            f"{_number(predicted['everything_s'])} s with every effect; full physics would take "
-            f"{_number(predicted['full_physics_s'])} s; drawing the scene takes "
-            f"{_number(predicted['scene_s'])} s"
+            f"sensor: {elapsed(predicted['sensor_s'])} predicted "
+            f"({number(predicted['ns_per_pixel_cycle'])} ns per pixel and cycle), "
+            f"{elapsed(predicted['everything_s'])} with every effect; full physics would take "
+            f"{elapsed(predicted['full_physics_s'])}; drawing the scene takes "
+            f"{elapsed(predicted['scene_s'])}"
         )
     if "stages" in predicted:
         lines += _run(document)
     if "memory_bytes" in predicted:
         gib = predicted["memory_bytes"] / 2**30
-        lines.append(f"a run needs about {gib:.2g} GiB of memory at its peak")
+        lines.append(f"a run needs about {number(gib, 2)} GiB of memory at its peak")
     lines.append("a bound with ~ is a doubled estimate; costs are per pixel and cycle")
     return "\n".join(lines)

@@ -121,7 +121,7 @@ def print_result(
         verdict: lines of a link, printed first; its unknown metrics share one line.
         json: whether the document is printed.
     """
-    from cosim.config.amounts import amount
+    from cosim.config.amounts import amount, elapsed
 
     if json:
         print_document(result.document())
@@ -150,7 +150,7 @@ def print_result(
     for name_of, text in _checked(result):
         print(f"{name_of:<{wide}} {text}")
     light = amount(result.simulated_s, "s", 4)
-    print(f"{'run time':<{wide}} {result.run_time_s:.3g} s for {light} of light")
+    print(f"{'run time':<{wide}} {elapsed(result.run_time_s)} for {light} of light")
     if not verdict:
         print(f"{'outcome':<{wide}} {result.outcome}")
     print(f"{'report':<{wide}} {folder / 'report.html'}")
@@ -159,22 +159,24 @@ def print_result(
 def _checked(result: Result) -> list[tuple[str, str]]:
     """Labels and texts of the lines on the error, on the run time of full physics, and on the
     effects left out."""
+    from cosim.config.amounts import elapsed, number
+
     error, lines = result.error, []
     if error.value is None:
         lines.append(("error", "unknown"))
     else:
-        high = "" if error.ci is None else f", at most {error.ci[1]:.2g} (99.9 %)"
-        lines.append(("error", f"{error.value:.2g}{high} against full physics; {error.kind}"))
+        high = "" if error.ci is None else f", at most {number(error.ci[1], 2)} (99.9 %)"
+        lines.append(
+            ("error", f"{number(error.value, 2)}{high} against full physics; {error.kind}")
+        )
     full, camera = (result.metrics.get(name) for name in ("full_physics", "camera"))
     if full is not None and full.value is not None:
-        text = f"{full.value:.3g} s predicted for the camera"
+        text = f"{elapsed(full.value)} predicted for the camera"
         if camera is not None and camera.value is not None:
-            text += f", which took {camera.value:.3g} s"
+            text += f", which took {elapsed(camera.value)}"
         lines.append(("full physics", text))
     for n, row in enumerate(result.left_out):
-        promised, measured = (
-            "unknown" if row[key] is None else f"{row[key]:.2g}" for key in ("bound", "measured")
-        )
+        promised, measured = number(row["bound"], 2), number(row["measured"], 2)
         measured = "no change found" if row["measured"] == 0 else f"{measured} measured"
         text = f"{row['effect']}: bound {promised} ({row['kind']}), {measured}"
         lines.append(("" if n else "left out", text))

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import amount, number
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["bench"]
@@ -107,16 +108,16 @@ def _print_rows(document: dict[str, Any]) -> None:
     ceiling = document["ceiling"]
     print(document["device"])
     if ceiling["value"] is not None:
-        print(f"ceiling {ceiling['value']:.3g} {ceiling['unit']}: {ceiling['what']}")
+        print(f"ceiling {amount(ceiling['value'], ceiling['unit'])}: {ceiling['what']}")
     names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8}"
     wide = max(len(row["tier"]) for row in document["rows"])
-    print(f"{'':<20} {'tier':<{wide}} {'':>9} {'':<15} {names}")
+    print(f"{'':<20} {'tier':<{wide}} {'':<25} {names}")
     for row in document["rows"]:
         real, share, plain = (
-            "" if row[key] is None else f"{row[key]:{form}}"
-            for key, form in (("realtime", ".3g"), ("ceiling_ratio", ".3f"), ("plain_ratio", ".1f"))
+            "" if row[key] is None else number(row[key])
+            for key in ("realtime", "ceiling_ratio", "plain_ratio")
         )
         print(
-            f"{row['name']:<20} {row['tier']:<{wide}} {row['value']:9.3g} {row['unit']:<15} "
+            f"{row['name']:<20} {row['tier']:<{wide}} {amount(row['value'], row['unit']):<25} "
             f"{real:>11} {share:>10} {plain:>8}"
         )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cosim.run.called import as_called
 from scenarios.cli.output import Json, make_progress, print_document, size_option
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def _text(result: Calibration, document: dict[str, Any], folder: Path) -> str:
     preset = folder / "camera.toml"
     lines.append(f"{folder / 'report.html'}")
     if "camera.toml" in document["files"]:
-        lines.append(f"viform run film --set sensor.preset={preset}")
+        lines.append(as_called(f"viform run film --set sensor.preset={preset}"))
     else:
         lines.append("no camera.toml: it takes the temporal noise, which is not known")
     return "\n".join(lines)

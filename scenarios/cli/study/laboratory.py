@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.config.amounts import count, number
 from scenarios.cli.output import Json, print_document, size_option
 
 __all__ = ["laboratory"]
@@ -109,21 +110,21 @@ def _laws(path: Path, size: str | None, figure: Path | None) -> dict[str, Any]:
 def _laws_text(document: dict[str, Any]) -> str:
     """The laws as text."""
     lines = [
-        f"{document['recording']}: {document['cycles']} cycles of {document['width']} x "
-        f"{document['height']} pixels, {document['rate']:.4g} spikes a cycle",
+        f"{document['recording']}: {count(document['cycles'])} cycles of {document['width']} x "
+        f"{document['height']} pixels, {number(document['rate'], 4)} spikes a cycle",
         "",
         f"fixed pattern  {document['core_spread']:.3%} without tails, {document['spread']:.3%} in "
-        f"all, kurtosis {document['kurtosis']:.3g}",
+        f"all, kurtosis {number(document['kurtosis'])}",
         f"               {document['above']} pixels above 15 %, {document['below']} below, the "
-        f"highest by {document['highest']:.3g} spikes a cycle",
+        f"highest by {number(document['highest'])} spikes a cycle",
         f"rows, columns  {document['row_spread']:.3%}, {document['column_spread']:.3%}; neighbours "
         "correlate by " + " and ".join(f"{c:.3f}" for c in document["neighbours"]),
-        f"common noise   {document['common_variance']:.3g} times the variance of pixels alone",
+        f"common noise   {number(document['common_variance'])} times the variance of pixels alone",
         "",
         "mean interval   pixels  variance  correlation of successive intervals",
     ]
     lines += [
-        f"{law['mean']:>13g}{law['pixels']:>9}{law['variance']:>10.4f}{law['correlation']:>13.3f}"
+        f"{number(law['mean']):>13}{law['pixels']:>9}{law['variance']:>10.4f}{law['correlation']:>13.3f}"
         for law in document["intervals"]
     ]
     lines += ["", *document["notes"]] if document["notes"] else []
@@ -145,10 +146,10 @@ def _text(document: dict[str, Any]) -> str:
         if row["section"] != section:
             section = row["section"]
             lines.append(f"-- {section}")
-        limits = f"[{row['low']:.4g}, {row['high']:.4g}]"
+        limits = f"[{number(row['low'], 4)}, {number(row['high'], 4)}]"
         unit = "" if row["unit"] == "1" else row["unit"]
         lines.append(
-            f"{row['symbol']:<10}{row['value']:>11.4g}  {limits:<26}{unit:<11}{row['what']}"
+            f"{row['symbol']:<10}{number(row['value'], 4):>11}  {limits:<26}{unit:<11}{row['what']}"
         )
     lines += ["", *document["notes"]]
     if document["figure"] is not None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cosim.config.amounts import number
 from scenarios.cli.output import Json, print_document
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _text(value: Any) -> str:
         return ", ".join(_text(each) for each in value)
     if isinstance(value, bool) or value is None:
         return {None: "none", True: "yes", False: "no"}[value]
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return number(value, 6) if isinstance(value, float | int) else str(value)
 
 
 def _table(title: str, rows: list[Row]) -> str:

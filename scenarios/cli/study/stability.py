@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cosim.config.amounts import number
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["stability"]
@@ -29,16 +30,16 @@ def stability(
     from cosim.compute.opencl import choose_device
     from scenarios.studies.stability import CASES
 
-    known = {str(number): case for number, case in CASES.items()}
-    for number in cases or []:
-        if number not in known:
+    known = {str(key): case for key, case in CASES.items()}
+    for key in cases or []:
+        if key not in known:
             raise InputError(
                 "a case",
                 f"one of {', '.join(known)}",
-                repr(number),
+                repr(key),
                 "leave the numbers out to run all",
             )
-    chosen = [known[number] for number in dict.fromkeys(cases or known)]
+    chosen = [known[key] for key in dict.fromkeys(cases or known)]
     target, rows = choose_device(device), []
     for n, case in enumerate(chosen, 1):
         text = f"viform: {n}/{len(chosen)} case {case.number}, {case.name}:"
@@ -52,8 +53,8 @@ def stability(
         width = max(len(row.name) for row in rows)
         print(f"{'case':>4} {'':<{width}}  {'':<5} {'value':>9} {'limit':>9} unit")
         for row in rows:
-            value = "none" if row.value is None else f"{row.value:.3g}"
-            limit = "" if row.limit is None else f"{row.limit:.3g}"
+            value = "none" if row.value is None else number(row.value)
+            limit = "" if row.limit is None else number(row.limit)
             mark = "holds" if row.holds else "FAILS"
             print(f"{row.case:>4} {row.name:<{width}}  {mark} {value:>9} {limit:>9} {row.unit}")
     if not all(row.holds for row in rows):

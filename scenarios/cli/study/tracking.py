@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cosim.config.amounts import number
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["compare_tracking"]
@@ -62,7 +63,7 @@ def compare_tracking(
         print_document(tracking_document(conditions, rows))
         return
     print(tracking_table(rows))
-    light = f"white {conditions.electrons:.3g} electrons/s in each pixel"
+    light = f"white {number(conditions.electrons)} electrons/s in each pixel"
     print(f"{light}; {trials} trials, seed {seed}")
     if figure is not None:
         print(f"figure  {figure}")

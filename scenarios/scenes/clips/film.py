@@ -84,10 +84,15 @@ class FilmSource:
         first = self._frame_number(0)
         if first and self._clip.frame(first) is None:
             length = self._clip.count / float(self._rate)
-            by = "" if self._rate == clip_rate else f" at {float(self._rate):g} frames/s"
+            by, remedy = "", "start earlier"
+            if self._rate != clip_rate:
+                by = f" at {float(self._rate):g} frames/s"
+                remedy = (
+                    "start earlier: it counts time at scene.frame_rate, where a second of the file "
+                    f"takes {float(clip_rate / self._rate):.3g} s"
+                )
             raise InputError(
-                "scene.start", f"within the {length:.3g} s of the clip{by}", f"{start:g} s",
-                "start earlier",
+                "scene.start", f"within the {length:.3g} s of the clip{by}", f"{start:g} s", remedy
             )  # fmt: skip
 
     def _uneven(self) -> bool:

@@ -44,6 +44,12 @@ def test_curves_bars_and_panels_have_names():
     ]
 
 
+def test_a_bar_of_an_unknown_value_or_error_has_no_ends():
+    figure, ax = subplots(figsize=(3, 2))
+    ax.errorbar([1, 2, 3], [10, np.nan, 30], [1, np.nan, np.nan], label="measured")
+    assert [row[2:] for row in drawn(figure).rows] == [(9, 11), (None, None), (None, None)]
+
+
 def test_steps_dots_and_small_maps():
     figure, (a, b, c) = subplots(3, 1, figsize=(3, 6))
     a.stairs([3, 4], [0, 1, 2], label="count")

@@ -63,7 +63,15 @@ def test_a_resumed_recording_counts_what_is_left(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("seconds", "text"), [(0.2, "1 s"), (119, "119 s"), (150, "2.5 min"), (36_000, "10 h")]
+    ("seconds", "text"),
+    [
+        (0.2, "1 s"),
+        (119, "119 s"),
+        (150, "2.5 min"),
+        (600, "10 min"),
+        (9000, "2.5 h"),
+        (36_000, "10 h"),
+    ],
 )
 def test_times_are_short(seconds, text):
     assert duration_text(seconds) == text

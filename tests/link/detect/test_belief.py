@@ -16,7 +16,7 @@ from link.detect.footprints import Footprints, seen_by
 from link.detect.propagation import graph_of, propagate
 from link.layout import TRAINING, Layout, training
 from link.mode import Mode
-from link.prediction.reach import edge_share
+from link.prediction.error_bound import edge_share
 from link.theory.soft_information import soft_information
 from link.timing import Registration, Timing
 from tests.link.detect import scenes

@@ -16,7 +16,6 @@ from link.air import Scene
 from link.air.effects import charge_changes
 from link.layout import TRAINING
 from link.mode import Mode
-from link.prediction.reach import CellScene, reach
 from link.sending import FileTransmission, Transmission
 from link.setting import LinkSetting, link_setting
 from link.setup.truth import true_timing
@@ -308,18 +307,6 @@ def test_true_timing_is_where_rows_meet_the_symbols(setting: LinkSetting) -> Non
     assert timing.first == pytest.approx(setting.first_light / clock.edge(1), abs=0.01)
     still = true_timing(setting, np.zeros(height, np.int64), 2)
     assert still.slope == pytest.approx(-setting.camera.row_skew, rel=1e-6)
-
-
-def test_no_rate_is_foreseen_where_the_tags_are_too_small() -> None:
-    scene = CellScene(1.0, 0.3, 1.4, 0.01, 1000.0, 5.8, "hard", 0.9)
-    mode = Mode(960, 960, 2, 2, "8b10b", 32)  # tags of 10 panel pixels a module
-    distances = np.array([2.0, 12.0, 13.0, 40.0])
-    found = reach(scene, mode, 2.0, 0.02, distances, 40e3, (1000, 1000), np.ones(4))
-    assert [row.tags for row in found] == [True, True, False, False]
-    assert found[1].rate > 0 and [row.rate for row in found[2:]] == [0, 0]
-    soft = reach(replace(scene, blur=1.0), mode, 2.0, 0.02, distances, 40e3, (1000, 1000),
-                 np.ones(4))  # fmt: skip
-    assert [row.tags for row in soft] == [True, False, False, False]  # 3.1 camera pixels
 
 
 def test_plan_says_what_is_left_out_and_accuracy_refuses_what_it_cannot_see() -> None:

@@ -121,7 +121,7 @@ def test_the_report_is_one_file_with_every_section(sent):
                   "What was kept and what was left out", "Run time"):  # fmt: skip
         assert title in page
     assert "http://" not in page and "https://" not in page
-    for name in ("view", "rates", "errors", "eye", "soft", "cells", "latency", "reach"):
+    for name in ("view", "rates", "errors", "eye", "soft", "cells", "latency"):
         assert (folder / "figures" / f"{name}.png").stat().st_size > 1000
 
 

@@ -14,6 +14,7 @@ import cosim.compute.opencl
 import display.render.context
 import scenarios.cli.maintenance.test
 import scenarios.studies.bench.sensor
+from cosim.run.called import as_called
 from scenarios.cli.entry import _main
 from scenarios.cli.packages import has_launcher, install_and_restart, read_launcher
 from tests.browser.driver import PROGRAMS
@@ -139,3 +140,20 @@ def test_the_tests_ask_for_everything_at_once(monkeypatch, restarts):
         *OPENCL.split(), *EGL.split(), "verilator", "g++", "iverilog", "yosys",
         *PROGRAMS.values(), "zlib1g-dev",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("called", "text", "shown"),
+    [
+        (None, "see `viform list`", "see `viform list`"),
+        ("./viform", "<pre>viform run a\nviform image b</pre>",
+         "<pre>./viform run a\n./viform image b</pre>"),
+        ("/a clone/viform", "`viform link send F`", "`'/a clone/viform' link send F`"),
+        ("./viform", "viform 0.1, viform: /b/viform run", "viform 0.1, viform: /b/viform run"),
+    ],
+)  # fmt: skip
+def test_commands_are_printed_as_the_user_calls_them(monkeypatch, called, text, shown):
+    monkeypatch.delenv("VIFORM_CALLED", raising=False)
+    if called:
+        monkeypatch.setenv("VIFORM_CALLED", called)
+    assert as_called(text) == shown

@@ -314,7 +314,7 @@ def test_a_start_behind_the_end_is_refused_with_the_clip_s_length(tmp_path, make
         FilmSource(path, SHAPE, LUX, CLOCK, 100, start=0.5, rate=100.0)
     assert str(caught.value) == (
         "scene.start must be within the 0.25 s of the clip at 100 frames/s, not 0.5 s; start "
-        "earlier"
+        "earlier: it counts time at scene.frame_rate, where a second of the file takes 0.25 s"
     )
 
 

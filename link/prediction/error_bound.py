@@ -1,4 +1,4 @@
-"""Predicted rate and error rate at any distance, from geometry and closed forms.
+"""A bound on the error rate of a cell, from geometry and closed forms.
 
 A cell is observed by its camera pixels in its ticks. The charge of an observation is normal about
 its mean: the cell's share of the light, the neighbours' (each on half of the time), and the
@@ -12,19 +12,15 @@ drift are not included. The result is therefore an estimate, which a run may exc
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import Layout
-from link.mode import CELLS, LINE_CODES, Mode, codes_of, ticks_chosen
-from link.receiving.tags import least_module
-from link.theory import Reset, word_loss
+from link.mode import Mode
+from link.theory import Reset
 
-__all__ = [
-    "LEAST_CELL", "CellScene", "Reach", "edge_share", "longest_run", "predict_errors", "reach",
-]  # fmt: skip
+__all__ = ["LEAST_CELL", "CellScene", "edge_share", "longest_run", "predict_errors"]
 
 _PLACES = 5
 """Positions of a camera pixel within the cell's grid, along each axis, that are averaged."""
@@ -32,8 +28,6 @@ _WORTH = 1e-3
 """Share of its cell's light below which an observation is not counted."""
 _ALIVE = 1e-12
 """Probability of no spike so far below which all pixels are taken to have fired."""
-_LOST = 0.03
-"""Share of frames that may be lost: what the default overhead recovers."""
 LEAST_CELL = 1.2
 """Smallest side of a cell that a run chooses itself, camera pixels: closer to 1, the beat of both
 grids leaves cells without a pixel of their own."""
@@ -150,76 +144,3 @@ def predict_errors(scene: CellScene, mode: Mode) -> float:
     factor = np.where(mine > _WORTH, np.minimum(factor, 1.0), 1.0)
     product = np.exp(np.log(np.maximum(factor, 1e-30)).sum(axis=(2, 3, 4)))
     return float(0.5 * product.mean())
-
-
-@dataclass(frozen=True)
-class Reach:
-    """Predicted rate at a distance.
-
-    Attributes:
-        distance: m.
-        rate: of the best mode that works, bit/s; 0 if none does.
-        mode: that mode.
-        errors: its predicted raw bit error rate.
-        tags: whether the tags are large enough in the image to be detected; otherwise no rate is
-            predicted.
-    """
-
-    distance: float
-    rate: float
-    mode: Mode | None
-    errors: float
-    tags: bool = True
-
-
-def reach(
-    scene: CellScene, mode: Mode, at: float, focal_length: float, distances: Values, hz: float,
-    sensor: tuple[int, int], air: Values,
-) -> list[Reach]:  # fmt: skip
-    """Returns the best rate at other distances, with this panel, lens and camera.
-
-    Only modes that a run would choose itself are considered, at the run's phase. The irradiance of
-    a resolved panel does not fall with distance; the images of its pixels shrink.
-
-    Args:
-        scene, mode: of the run; the panel stays.
-        at: distance of the run, m.
-        focal_length: m.
-        distances: m.
-        hz: planes per second.
-        sensor: (height, width) of the camera.
-        air: transmission at each distance, relative to the run's.
-    """
-    modes = [
-        Mode(mode.width, mode.height, cell, ticks, line, parity, rate)
-        for cell in CELLS for line in LINE_CODES[1:] for ticks in ticks_chosen(line)
-        for parity, rate in codes_of(line)
-    ]  # fmt: skip
-    worth = sorted(modes, key=lambda m: -_coded(m, hz))
-    out = []
-    for distance, through in zip(distances, air, strict=True):
-        pixel = scene.pixel * (at - focal_length) / (distance - focal_length)
-        best = Reach(float(distance), 0.0, None, 0.5)
-        there = replace(scene, pixel=pixel, on=scene.on * through)
-        errors: dict[tuple[int, int, str], float] = {}
-        if pixel * Layout(mode).module < least_module(scene.blur):
-            out.append(replace(best, tags=False))
-            continue
-        if pixel * mode.height <= sensor[0] and pixel * mode.width <= sensor[1]:
-            for each in worth:
-                key = (each.cell, each.ticks, each.line)
-                if each.cell * pixel < LEAST_CELL:
-                    continue
-                if key not in errors:
-                    errors[key] = predict_errors(there, each)
-                if word_loss(each, errors[key]) < _LOST:
-                    best = Reach(float(distance), _coded(each, hz), each, errors[key])
-                    break
-        out.append(best)
-    return out
-
-
-def _coded(mode: Mode, hz: float) -> float:
-    layout = Layout(mode)
-    line = mode.code.bits / layout.group
-    return layout.cells * hz / mode.ticks * line * mode.word_rate

@@ -1,0 +1,23 @@
+"""Commands in messages and reports as this user calls them: `viform run` or `./viform run`."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+
+__all__ = ["as_called"]
+
+_COMMAND = re.compile(
+    r"(?<![\w./-])viform (?=(?:run|list|plan|test|doctor|convert|image|accuracy|stability|paper|"
+    r"bench|link|board|design|compare|compare-methods|live|view|sweep|dataset|calibrate|laboratory)"
+    r"\b)"
+)
+"""The program's name before a command; "viform 1.2" is no command."""
+
+
+def as_called(text: str) -> str:
+    """The text with the name by which the launcher was called, VIFORM_CALLED, before each command.
+    Without it the program is on the user's path as `viform`."""
+    name = shlex.quote(os.environ.get("VIFORM_CALLED") or "viform")
+    return _COMMAND.sub(lambda _: f"{name} ", text)
