@@ -48,6 +48,7 @@ def link_capacity(
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input
     from scenarios.assemble.link import link_camera
+    from scenarios.assemble.output.setup import refuse_readout
     from scenarios.assemble.schema.loading import linked, load
 
     if out is not None and (out.exists() or not out.absolute().parent.is_dir()):
@@ -56,6 +57,7 @@ def link_capacity(
         )
     name, loaded = load(scenario, assignments, seed=seed)
     link = linked(loaded, "link capacity")
+    refuse_readout(link, "link capacity")
     camera = link_camera(link)
     given, mode, assumed = scenario_input(link, camera)
     document = capacity_document(given, mode, link.seed)
@@ -116,7 +118,8 @@ def _text(name: str, document: dict[str, Any]) -> str:
     lines = [
         f"{name}: ON {given['on']:.4g} e, OFF {given['off']:.4g} e a tick, threshold "
         f"{given['threshold']:g} e, {given['reset']} reset, {given['hz']:g} ticks/s",
-        f"{_cells(mode)}, {mode['line']}, " + word_code(mode["parity"], mode["rate"])
+        f"{_cells(mode)}, {mode['line']}, "
+        + word_code(mode["parity"], mode["rate"])
         + (f"; not given, so assumed: {assumed}" if assumed else ""),
         "",
     ]
