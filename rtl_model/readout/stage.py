@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
-from cosim.files.raw_layout import RAW_SIZE
+from cosim.files.raw_layout import BLOCK_BYTES, RAW_SIZE
 from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, State, section
@@ -54,8 +54,10 @@ class ScanStage:
         self.buffer, self._cycles, self._folder = buffer, cycles, folder
         window = buffer.timing.window
         self._first, self._last = window.rows
+        self._rows = window.places[::2] // 2  # in the order of the scan
         self._shut = ~window.open.reshape(-1)
         self._readout = None if device is None or not keep else Readout(device, window)
+        self._raw: Bytes | None = None
         self._file = HostFile(folder / RAW) if keep else None
         self.fill = np.zeros(cycles, np.int64)
         self.lost = np.zeros((cycles, RAW_SIZE[1] // 8), np.uint8)
@@ -76,7 +78,7 @@ class ScanStage:
         self.fill[cycles] = peak
         if not kept.all():
             gone = np.zeros((block.cycles, RAW_SIZE[1]), np.bool_)
-            gone[:, self._first : self._last + 1] = ~kept
+            gone[:, self._rows] = ~kept
             self.lost[cycles] = np.packbits(gone, axis=1, bitorder="little")
         if block.stop == self._cycles:
             self._finish()
@@ -84,7 +86,9 @@ class ScanStage:
 
     def _read(self, words: Words, cycles: int) -> Bytes:
         if self._readout is not None:
-            return self._readout.read(words, cycles)
+            if self._raw is None or len(self._raw) != cycles:  # written before the next block
+                self._raw = np.empty((cycles, self._readout.blocks, BLOCK_BYTES), np.uint8)
+            return self._readout.read(words, cycles, self._raw)
         window = self.buffer.timing.window
         parts = [
             read_in_numpy(words[n : n + 1], min(WORD, cycles - n * WORD), window)
@@ -105,7 +109,7 @@ class ScanStage:
             bits[: len(kept)] = kept
             places = np.arange(WORD, dtype=np.uint32)[:, None]
             masks = np.bitwise_or.reduce(bits.reshape(-1, WORD, kept.shape[1]) << places, axis=1)
-            words[:, self._first : self._last + 1] &= masks[:, :, None]
+            words[:, self._rows] &= masks[:, :, None]
         return replace(stream, words=words)
 
     def _finish(self) -> None:

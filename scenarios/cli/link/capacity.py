@@ -49,6 +49,7 @@ def link_capacity(
     from link.prediction.capacity import capacity_document
     from link.prediction.capacity_input import scenario_input
     from scenarios.assemble.link import link_camera
+    from scenarios.assemble.output.setup import refuse_readout
     from scenarios.assemble.schema.loading import linked, load
 
     if out is not None and (out.exists() or not out.absolute().parent.is_dir()):
@@ -57,6 +58,7 @@ def link_capacity(
         )
     name, loaded = load(scenario, assignments, seed=seed)
     link = linked(loaded, "link capacity")
+    refuse_readout(link, "link capacity")
     camera = link_camera(link)
     given, mode, assumed = scenario_input(link, camera)
     document = capacity_document(given, mode, link.seed)

@@ -182,7 +182,14 @@ def test_other_sources_have_no_row_scan(refused: Callable[..., str], name: str) 
 def test_a_steered_clock_has_no_room_for_the_scan(refused: Callable[..., str]) -> None:
     said = refused("run", "light-link", "--set", "readout.file=true")
     assert said.startswith("sensor.clock_steering must be false with a [readout]: a shortened tick")
-    assert "absent for viform live" in refused("live", "step", "--set", "readout.file=true")
+
+
+@pytest.mark.parametrize(("command", "name"), [("live", "step"), ("link capacity", "light-link")])
+def test_commands_without_a_host_refuse_it(
+    refused: Callable[..., str], command: str, name: str
+) -> None:
+    said = refused(*command.split(), name, "--set", "readout.file=true")
+    assert said.startswith(f"readout must be absent for viform {command}, not given; leave it out")
 
 
 CHAINS = {
