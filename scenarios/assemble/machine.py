@@ -66,13 +66,17 @@ def _check_workers(scenario: AnyScenario, options: Options) -> None:
 def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario, checked and planned. Raises InputError."""
     check_options(scenario, options)
-    check_need(scenario, progress)
-    if getattr(scenario, "readout", None) is None:
-        return _assemble(name, scenario, options, progress)
-    from scenarios.assemble.output.setup import readout_of
+    need = check_need(scenario)
+    readout = None
+    if getattr(scenario, "readout", None) is not None:
+        from scenarios.assemble.output.setup import readout_of
 
-    readout = readout_of(scenario)  # refused before the machine is assembled, which takes longer
+        readout = readout_of(scenario)  # refused before the machine is assembled: that takes longer
     machine = _assemble(name, scenario, options, progress)
+    if need is not None:
+        progress.note(need)
+    if readout is None:
+        return machine
     from scenarios.assemble.output.machine import with_readout
 
     return with_readout(readout, machine, options.device)

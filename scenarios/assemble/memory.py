@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 from cosim.compute.memory import check_program
-from cosim.run.progress import Progress
 from scenarios.assemble.camera.memory import DISPLAY, PROGRAM, SEEN, SHOWN
 from scenarios.assemble.schema.scenario import (
     AnyScenario,
@@ -74,11 +73,15 @@ def least_memory(scenario: AnyScenario) -> int:
     return need
 
 
-def check_need(scenario: AnyScenario, progress: Progress) -> None:
-    """Notes what a run needs; raises InputError if the free memory, or the limit of the address
-    space, does not hold it."""
+def check_need(scenario: AnyScenario) -> str | None:
+    """What a run needs, as a note; None of a latched camera, which says it itself.
+
+    Raises:
+        InputError: if the free memory, or the limit of the address space, does not hold it.
+    """
     need = least_memory(scenario)
     check_program("the memory of this run", need, _SMALLER)
     latched = getattr(getattr(scenario, "sensor", None), "readout", None) == "synchronous"
-    if not latched or isinstance(scenario, LinkScenario):
-        progress.note(f"the run needs at least {need / 2**30:.2g} GiB of memory")
+    if latched and not isinstance(scenario, LinkScenario):
+        return None
+    return f"the run needs at least {need / 2**30:.2g} GiB of memory"
