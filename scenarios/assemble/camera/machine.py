@@ -268,10 +268,14 @@ class LatchedMachine:
             ),
         ]  # fmt: skip
 
+    def recorder(self, recording: Recording) -> Any:
+        """The stage that has recorded the chip's stream."""
+        return recording.chain.stages["recorder"]
+
     def _images(self, recording: Recording) -> _Images:
         """Images and size of the stream, for a run without a display."""
         begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
-        recorder = recording.chain.stages["recorder"]
+        recorder = self.recorder(recording)
         stream, spikes = recorder.recorded(), recorder.spikes
         image = self.scenario.image
         threshold, noise = setup.setting.threshold, setup.setting.threshold_noise

@@ -60,6 +60,9 @@ class CarriedMachine(LatchedMachine):
     def stages(self, folder: Path) -> dict[str, Any]:
         return self.carrier.join(super().stages(folder), folder)
 
+    def recorder(self, recording: Recording) -> Any:
+        return super().recorder(recording).stage  # which runs later
+
     def identity(self) -> str:
         text = super().identity() + self.carrier.identity()
         return hashlib.sha256(text.encode()).hexdigest()

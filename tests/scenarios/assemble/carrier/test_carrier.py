@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED
 from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
+from scenarios.run import run_scenario
 
 
 class Quiet:
@@ -54,7 +56,7 @@ def run(folder: Path, *sets: str, parallel: bool = True, **given: Any) -> Any:
     made = machine_of(*sets, **given)
     chain = made.chain(folder)
     chain.parallel = parallel
-    chain.load()
+    chain.load(Quiet())
     chain.run(Quiet())
     made.close()
     return chain
@@ -79,6 +81,17 @@ def test_a_stream_that_fits_arrives_bit_for_bit(whole: tuple[Path, Any]) -> None
     far, near = chain.stages["receiver"], chain.stages["code"]
     assert near.sender.counts.dropped == far.late == far.missing == 0
     assert far.receiver.frames_lost == 0
+
+
+def test_a_chip_without_a_display_has_its_images_and_those_that_arrived(tmp_path: Path) -> None:
+    name, scenario = load("glass-over-light", TINY)
+    scenario = scenario.model_copy(update={"display": None})
+    options = Options()
+    done = run_scenario(
+        name, scenario, tmp_path / "run", options=options, progress=Quiet(),
+        began=time.perf_counter(), report=lambda machine, run: [],
+    )  # fmt: skip
+    assert done.result.outcome == "ok" and list((tmp_path / "run" / "images").iterdir())
 
 
 def test_stages_one_after_another_give_the_same_bits(
