@@ -209,6 +209,7 @@ class Recorder:
     Attributes:
         bytes_written: bytes of words, before compression.
         spikes: spikes so far, also of the run that is resumed.
+        stop: the cycle after the last one that this process has written.
         watched: words of the watched pixels, (words, ...) uint32 with the shape of `watch`; None
             without any.
     """
@@ -226,7 +227,7 @@ class Recorder:
         self._open_word: Words | None = None
         self._written: dict[int, Words] = {}
         self._room = kept_bytes(words_for(cycles) * 4 * shape[0] * shape[1]) if keep else 0
-        self.bytes_written = self.spikes = 0
+        self.bytes_written = self.spikes = self.stop = 0
         self._watch = watch
         self.watched: Words | None = None
         if watch is not None:
@@ -298,6 +299,7 @@ class Recorder:
             rows, columns = self._watch
             self.watched[first : first + len(words)] = words[:, rows, columns]
         self.bytes_written += words.nbytes
+        self.stop = block.stop
         if block.start % (_CHUNK * WORD) == 0:
             self._keep(words, block)
         self._open_word = words[-1].copy() if block.stop % WORD else None

@@ -40,17 +40,19 @@ class LineProgress(SilentProgress):
 
     def __init__(self) -> None:
         self._last_line_at = time.monotonic()
-        self._what, self._total, self._steps = "", 0, 0
+        self._what, self._total, self._steps, self._told = "", 0, 0, False
         self._first: tuple[int, float] | None = None
 
     def start(self, what: str, total: int) -> None:
         self._what, self._total, self._first, self._steps = what, total, None, 0
+        self._told = False
 
     def advance(self, done: int) -> None:
         now, self._steps = time.monotonic(), self._steps + 1
         if self._steps <= 2:  # kernels are compiled in the first step
             self._first = done, now
-        if now - self._last_line_at < EVERY_S or self._first is None:
+        known = self._total or self._told  # a text that changes says something by itself
+        if now - self._last_line_at < EVERY_S or not known or self._first is None:
             return
         self._last_line_at = now
         if not self._total:
@@ -63,7 +65,7 @@ class LineProgress(SilentProgress):
         self.note(f"{self._what}: {100 * done // self._total} %{left}")
 
     def tell(self, what: str) -> None:
-        self._what = what
+        self._what, self._told = what, True
 
 
 class TerminalProgress(SilentProgress):
@@ -90,13 +92,16 @@ class TerminalProgress(SilentProgress):
         self._task: Any = None
 
     def start(self, what: str, total: int) -> None:
-        self._task = self._progress.add_task(what, total=total or None)
+        self._task = self._progress.add_task(what, total=total)
 
     def advance(self, done: int) -> None:
         self._progress.update(self._task, completed=done)
 
     def tell(self, what: str) -> None:
         self._progress.update(self._task, description=what)
+        task = next(each for each in self._progress.tasks if each.id == self._task)
+        if task.total == 0:  # their number is not known
+            task.total = None
 
     def note(self, text: str) -> None:
         self._progress.console.print(f"viform: {text}", markup=False, highlight=False)

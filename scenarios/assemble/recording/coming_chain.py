@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shlex
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
-from cosim import Block, Interrupted
+from cosim import Block, InputError, Interrupted
 from cosim.config.amounts import count, number
 from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
@@ -40,7 +41,8 @@ class _Received:
         planes, rate = self._planes, self._planes.rate
         speed = "" if rate is None else f" at {number(rate)} planes/s"
         late = f", {count(planes.lateness.late)} late" if planes.lateness.late else ""
-        return f"{self._what}: {count(planes.came)} planes received{speed}{late}"
+        came = "1 plane" if planes.came == 1 else f"{count(planes.came)} planes"
+        return f"{self._what}: {came} received{speed}{late}"
 
     def advance(self, done: int) -> None:
         now = time.monotonic()
@@ -76,17 +78,23 @@ class ComingChain(BlockChain):
     def run(self, progress: Progress) -> dict[str, float]:
         """See `Chain`."""
         self.planes.start()
+        begin = self.planes.came - self.planes.waiting
         try:
             spent = super().run(_Received(progress, self.planes, self.title))
         except Interrupted as exc:
             kept = self._end()
             total = self.planes.cycles or 0
-            raise Interrupted(kept, total, self._how_to_go_on(exc.remedy, kept), "planes") from None
+            raise Interrupted(kept, total, self._how_to_go_on(exc.remedy), "planes") from None
+        except InputError:  # of the source, or a full disk, on which not even this may be possible
+            with suppress(OSError):
+                if kept := max(begin, self.recorder.stop):
+                    self.recorder.end(kept)
+            raise
         if self.planes.came != self.planes.cycles:
             self._end()
         return spent
 
-    def _how_to_go_on(self, resume: str, kept: int) -> str:
+    def _how_to_go_on(self, resume: str) -> str:
         if self.again:
             return resume
         store = shlex.quote(str(self.folder / STREAM))

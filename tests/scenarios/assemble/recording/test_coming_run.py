@@ -29,7 +29,7 @@ LINK = {
 SHOWN = {"duration": "3.75 ms", "display": PANEL}
 CARRIED = SHOWN | {"link": LINK, "code": {"cycles": 32, "buffer": "1 ms"}}
 COUNTED = {
-    "planes_received", "planes_rate", "planes_late", "planes_delay_us", "bytes_incomplete",
+    "planes_received", "planes_rate", "planes_late", "planes_delay_s", "bytes_incomplete",
 }  # fmt: skip
 """Metrics of a stream that comes alone."""
 
@@ -213,6 +213,21 @@ def test_an_interrupted_file_goes_on_and_what_came_is_readable(recorded, shown, 
     np.testing.assert_array_equal(kept.read_words(0, 2), whole.read_words(0, 2))
     path.write_bytes(recorded[1])
     same(run(given, tmp_path / "run", resume=True), shown)
+
+
+def test_a_file_that_shrinks_ends_the_run_and_what_was_processed_is_readable(recorded, tmp_path):
+    path = tmp_path / "g.dat"
+    path.write_bytes(recorded[1][: 70 * FRAME])
+
+    class Shrinking(SilentProgress):
+        def advance(self, done):
+            if done >= 64:
+                os.truncate(path, 5)
+
+    given = scenario(f"file:{path}", source_timeout="60 s")
+    with pytest.raises(InputError, match=r"which shrank to 5 bytes after \d+ were read; let its"):
+        run(given, tmp_path / "run", Shrinking())
+    assert open_stream(tmp_path / "run/stream.zarr").cycles == 64
 
 
 def test_an_interrupted_pipe_leaves_what_came_and_is_not_resumed(recorded, tmp_path):
