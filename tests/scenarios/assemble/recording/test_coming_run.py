@@ -268,6 +268,19 @@ def test_a_size_that_is_assumed_is_said_and_doubted(tmp_path):
     assert "832000 bytes are whole planes of 416x250: sensor.width and sensor.height say so" in told
 
 
+def test_a_config_beside_a_file_that_grows_tells_its_size(tmp_path):
+    """416 x 250 is 400 x 250 with head, whose columns are no pixels."""
+    planes = np.random.default_rng(4).random((64, 250, 400)) < 0.1
+    given = Viform.from_planes(planes, Clock(40_000))
+    write_stream(given, tmp_path / "a.dat", head=True, config=True)
+    sensor = {"width": None, "height": None, "source_timeout": "1 ms"}
+    progress = Noting()
+    run(scenario(f"file:{tmp_path / 'a.dat'}", **sensor), tmp_path / "run", progress)
+    assert not any("assumed" in told for told in progress.told)
+    got = open_stream(tmp_path / "run/stream.zarr")
+    np.testing.assert_array_equal(got.read_words(0, 2), given.words)
+
+
 class Noting(SilentProgress):
     def __init__(self):
         self.told, self.texts = [], []
