@@ -19,6 +19,8 @@ __all__ = ["ComingChain"]
 
 _TOLD_S: Final = 0.5
 """Least time between two texts of the progress, s."""
+_LEAST_S: Final = 1e-9
+"""Least time of a stage, s, by which speeds are divided."""
 
 
 class _Received:
@@ -83,8 +85,10 @@ class ComingChain(BlockChain):
             spent = super().run(_Received(progress, self.planes, self.title))
         except Interrupted as exc:
             kept = self._end()
-            total = self.planes.cycles or 0
-            raise Interrupted(kept, total, self._how_to_go_on(exc.remedy), "planes") from None
+            done, total, unit = kept, self.planes.cycles or 0, "planes"
+            if kept == total and exc.done < exc.total:  # all came, but the link has not sent all
+                done, total, unit = exc.done, exc.total, "cycles"
+            raise Interrupted(done, total, self._how_to_go_on(exc.remedy), unit) from None
         except InputError:  # of the source, or a full disk, on which not even this may be possible
             with suppress(OSError):
                 if kept := max(begin, self.recorder.stop):
@@ -92,7 +96,8 @@ class ComingChain(BlockChain):
             raise
         if self.planes.came != self.planes.cycles:
             self._end()
-        return spent
+        # A run that goes on may have left nothing to do to a stage, whose speed is not told then.
+        return {name: max(seconds, _LEAST_S) for name, seconds in spent.items()}
 
     def _how_to_go_on(self, resume: str) -> str:
         if self.again:

@@ -132,6 +132,15 @@ def test_a_file_is_sent_over_the_link_and_shown_while_it_grows(recorded, tmp_pat
     assert open_stream(tmp_path / "grown/received.zarr").cycles == CYCLES
     pipe = piped(recorded[1], tmp_path)
     same(run(scenario(f"pipe:{pipe}", CARRIED | {"duration": None}), tmp_path / "after"), whole)
+    path = tmp_path / "part.dat"
+    path.write_bytes(recorded[1][: 100 * FRAME])
+    given = scenario(f"file:{path}", CARRIED, source_timeout="60 s")
+    with pytest.raises(Interrupted, match=r"after \d+ of 150 planes"):
+        run(given, tmp_path / "part", Stopping())
+    path.write_bytes(recorded[1])
+    again = run(given, tmp_path / "part", resume=True)
+    assert again.result.throughput == []
+    same(again, whole)
 
 
 def piped(data, folder):
@@ -186,29 +195,32 @@ def test_a_stream_that_ends_before_its_time_is_that_of_its_length(recorded, show
 
 
 class Stopping(SilentProgress):
-    """The user stops the run when planes have come."""
+    """The user stops the run, once, when a block of planes has come."""
 
-    def __init__(self, more=lambda: None):
-        self.more = more
+    comes = False
+
+    def start(self, what, total):
+        self.comes = "received" in what
 
     def advance(self, done):
-        if done >= 64:
+        if self.comes and done >= 64:
+            self.comes = False
             signal.raise_signal(signal.SIGINT)
-            self.more()
 
     def note(self, text): ...
 
 
-def test_an_interrupted_file_goes_on_and_what_came_is_readable(recorded, shown, tmp_path):
+@pytest.mark.parametrize("there", [100 * FRAME + 5, CYCLES * FRAME])
+def test_an_interrupted_file_goes_on_and_what_came_is_readable(recorded, shown, tmp_path, there):
     path = tmp_path / "g.dat"
-    path.write_bytes(recorded[1][: 100 * FRAME + 5])
+    path.write_bytes(recorded[1][:there])
     given = scenario(f"file:{path}", SHOWN, source_timeout="60 s")
     with pytest.raises(Interrupted) as caught:
         run(given, tmp_path / "run", Stopping())
     text = str(caught.value)
-    assert " of 150 planes; go on with the same command" in text and "--resume" in text
+    assert " of 150 planes" in text and "; go on with the same command" in text
     kept = open_stream(tmp_path / "run/stream.zarr")
-    assert 64 <= kept.cycles <= 100 and f"after {kept.cycles} of" in text
+    assert 64 <= kept.cycles <= there // FRAME and f"after {kept.cycles} of" in text
     whole = open_stream(shown.folder / "stream.zarr")
     np.testing.assert_array_equal(kept.read_words(0, 2), whole.read_words(0, 2))
     path.write_bytes(recorded[1])
