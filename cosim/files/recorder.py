@@ -93,6 +93,7 @@ class Recorder:
     Attributes:
         bytes_written: bytes of words, before compression.
         spikes: spikes so far, also of the run that is resumed.
+        stop: the cycle after the last one that is written, also by the run that is resumed.
         watched: words of the watched pixels, (words, ...) uint32 with the shape of `watch`; None
             without any.
     """
@@ -108,14 +109,13 @@ class Recorder:
         self._pool: ThreadPoolExecutor | None = None
         self._writing: deque[Future[None]] = deque()
         self._open_word: Words | None = None
-        self._stop = 0  # the cycle after the last block
         self._synced: int | None = None  # chunks before this one are on the disk
         self._written: dict[int, Words] = {}
         size = words_for(cycles) * 4 * shape[0] * shape[1]
         self._room = kept_bytes(size) if keep else 0
         if self._room < size:  # `recorded` decodes the others, and keeps some of those
             self._room = max(self._room - KEPT, 0)
-        self.bytes_written = self.spikes = 0
+        self.bytes_written = self.spikes = self.stop = 0
         self._watch = watch
         self.watched: Words | None = None
         if watch is not None:
@@ -163,7 +163,7 @@ class Recorder:
                 self._resize(self._cycles, complete=False)
                 group = zarr.open_group(self._store_of(), mode="r+")
             words = group["words"]
-            if resumed and self._stop < self._cycles:
+            if resumed and self.stop < self._cycles:
                 self._go_back(group)
         except Exception as exc:  # zarr raises many types for what is no store
             remedy = f"start afresh: remove {self._path.parent}"
@@ -175,7 +175,7 @@ class Recorder:
         """Makes the store as it was at the checkpoint that the run is resumed from."""
         if group.attrs["complete"]:
             group.attrs["complete"] = False
-        for n in range(_chunks(self._stop), _chunks(self._cycles)):
+        for n in range(_chunks(self.stop), _chunks(self._cycles)):
             self._chunk_path(n).unlink(missing_ok=True)
 
     def _chunk_path(self, n: int) -> Path:
@@ -205,7 +205,7 @@ class Recorder:
         if block.start % (CHUNK * WORD) == 0:
             self._keep(words, block)
         self._open_word = words[-1].copy() if block.stop % WORD else None
-        self._stop = block.stop
+        self.stop = block.stop
         if block.stop == self._cycles:
             self._finish()
         return data
@@ -230,7 +230,7 @@ class Recorder:
         if self._array is None:
             return
         words = self._path / "words"
-        files = [self._chunk_path(n) for n in range(self._synced or 0, _chunks(self._stop))]
+        files = [self._chunk_path(n) for n in range(self._synced or 0, _chunks(self.stop))]
         folders = {folder for file in files for folder in (file.parent, file.parent.parent)}
         folders.add(words / "c")
         if self._synced is None:
@@ -238,7 +238,7 @@ class Recorder:
             folders |= {words, self._path, self._path.parent}
         sync_all(files)
         sync_all(folders)
-        self._synced = self._stop // (CHUNK * WORD)
+        self._synced = self.stop // (CHUNK * WORD)
 
     def _write(self, first: int, words: Words, block: Block) -> None:
         """Writes words from number `first` on: in a thread if they are whole chunks, which no other
@@ -311,13 +311,13 @@ class Recorder:
         self._sync()
         parts = {"open_word": self._open_word, "watched": self.watched}
         state = {key: part.copy() for key, part in parts.items() if part is not None}
-        return {"cycles": np.full(1, self._stop), "spikes": np.full(1, self.spikes), **state}
+        return {"cycles": np.full(1, self.stop), "spikes": np.full(1, self.spikes), **state}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
         self._open_word, self.spikes = state.get("open_word"), int(state["spikes"][0])
-        self._stop = int(state["cycles"][0])
-        self._synced = self._stop // (CHUNK * WORD)
+        self.stop = int(state["cycles"][0])
+        self._synced = self.stop // (CHUNK * WORD)
         self.watched = state.get("watched")
 
     def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
@@ -328,11 +328,10 @@ class Recorder:
             return None
         try:
             stream = ZarrStream(self._path, kept=0, unfinished=stop < self._cycles)
-            ended = stream.cycles == stop  # before its time, as a stream may
-            cycles = stop if ended else self._cycles
-            if (stream.shape, stream.cycles, stream.clock, stream.start) != (
-                self._shape, cycles, self._clock, self._start,
-            ):  # fmt: skip
+            mine = (stream.shape, stream.clock, stream.start) == (
+                self._shape, self._clock, self._start,
+            )  # fmt: skip
+            if not (mine and stop <= stream.cycles <= self._cycles):  # it may have been ended
                 raise not_a_store(self._path, "that of another run")
             pool = ThreadPoolExecutor(min(cores(), 16))
             try:

@@ -14,7 +14,7 @@ class Progress(Protocol):
     """Receives the progress of a run, and notes."""
 
     def start(self, what: str, total: int) -> None:
-        """Begins a stage of `total` steps; 0 if their number is not known."""
+        """Begins a stage of `total` steps; 0 for none, and before `tell` for an unknown number."""
         ...
 
     def advance(self, done: int) -> None:

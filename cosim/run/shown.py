@@ -40,15 +40,16 @@ class LineProgress(SilentProgress):
 
     def __init__(self) -> None:
         self._last_line_at = time.monotonic()
-        self._what, self._total, self._pace = "", 0, Pace(0)
+        self._what, self._total, self._pace, self._told = "", 0, Pace(0), False
 
     def start(self, what: str, total: int) -> None:
-        self._what, self._total, self._pace = what, total, Pace(total)
+        self._what, self._total, self._pace, self._told = what, total, Pace(total), False
 
     def advance(self, done: int) -> None:
         now = time.monotonic()
         seconds = self._pace.step(done, now)
-        if now - self._last_line_at < EVERY_S:
+        known = self._total or self._told  # a text that changes says something by itself
+        if now - self._last_line_at < EVERY_S or not known:
             return
         self._last_line_at = now
         if not self._total:
@@ -58,7 +59,7 @@ class LineProgress(SilentProgress):
         self.note(f"{self._what}: {100 * done // self._total} %{left}")
 
     def tell(self, what: str) -> None:
-        self._what = what
+        self._what, self._told = what, True
 
 
 class TerminalProgress(SilentProgress):
@@ -86,7 +87,7 @@ class TerminalProgress(SilentProgress):
 
     def start(self, what: str, total: int) -> None:
         self._total, self._pace = total, Pace(total)
-        self._task = self._progress.add_task(what, total=total or None, left="")
+        self._task = self._progress.add_task(what, total=total, left="")
 
     def advance(self, done: int) -> None:
         seconds = self._pace.step(done, time.monotonic())
@@ -95,6 +96,9 @@ class TerminalProgress(SilentProgress):
 
     def tell(self, what: str) -> None:
         self._progress.update(self._task, description=what)
+        task = next(each for each in self._progress.tasks if each.id == self._task)
+        if task.total == 0:  # their number is not known
+            task.total = None
 
     def note(self, text: str) -> None:
         self._progress.console.print(f"viform: {text}", markup=False, highlight=False)

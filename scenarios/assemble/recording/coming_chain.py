@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shlex
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
-from cosim import Block, Interrupted
+from cosim import Block, InputError, Interrupted
 from cosim.config.amounts import count, number
 from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
@@ -18,6 +19,8 @@ __all__ = ["ComingChain"]
 
 _TOLD_S: Final = 0.5
 """Least time between two texts of the progress, s."""
+_LEAST_S: Final = 1e-9
+"""Least time of a stage, s, by which speeds are divided."""
 
 
 class _Received:
@@ -40,7 +43,8 @@ class _Received:
         planes, rate = self._planes, self._planes.rate
         speed = "" if rate is None else f" at {number(rate)} planes/s"
         late = f", {count(planes.lateness.late)} late" if planes.lateness.late else ""
-        return f"{self._what}: {count(planes.came)} planes received{speed}{late}"
+        came = "1 plane" if planes.came == 1 else f"{count(planes.came)} planes"
+        return f"{self._what}: {came} received{speed}{late}"
 
     def advance(self, done: int) -> None:
         now = time.monotonic()
@@ -76,17 +80,26 @@ class ComingChain(BlockChain):
     def run(self, progress: Progress) -> dict[str, float]:
         """See `Chain`."""
         self.planes.start()
+        begin = self.planes.came - self.planes.waiting
         try:
             spent = super().run(_Received(progress, self.planes, self.title))
         except Interrupted as exc:
             kept = self._end()
-            total = self.planes.cycles or 0
-            raise Interrupted(kept, total, self._how_to_go_on(exc.remedy, kept), "planes") from None
+            done, total, unit = kept, self.planes.cycles or 0, "planes"
+            if kept == total and exc.done < exc.total:  # all came, but the link has not sent all
+                done, total, unit = exc.done, exc.total, "cycles"
+            raise Interrupted(done, total, self._how_to_go_on(exc.remedy), unit) from None
+        except InputError:  # of the source, or a full disk, on which not even this may be possible
+            with suppress(OSError):
+                if kept := max(begin, self.recorder.stop):
+                    self.recorder.end(kept)
+            raise
         if self.planes.came != self.planes.cycles:
             self._end()
-        return spent
+        # A run that goes on may have left nothing to do to a stage, whose speed is not told then.
+        return {name: max(seconds, _LEAST_S) for name, seconds in spent.items()}
 
-    def _how_to_go_on(self, resume: str, kept: int) -> str:
+    def _how_to_go_on(self, resume: str) -> str:
         if self.again:
             return resume
         store = shlex.quote(str(self.folder / STREAM))

@@ -15,9 +15,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Any
 
-from cosim import Block, seconds_to_ps
+from cosim import PS, Block, seconds_to_ps
 from cosim.config.amounts import amount, count, number
 from cosim.config.quantity import DAY
 from cosim.files import Recorder
@@ -40,9 +40,6 @@ from scenarios.assemble.show.machine import PlayedMachine
 from scenarios.assemble.show.playing import Played
 
 __all__ = ["ComingMachine", "assemble_coming"]
-
-_US: Final = 1e-6
-"""Microseconds in a picosecond."""
 
 
 class ComingMachine:
@@ -190,7 +187,7 @@ class ComingMachine:
             "planes_received": Metric(float(planes.came), "planes"),
             "planes_rate": Metric(None if resumed else planes.rate, "planes/s"),
             "planes_late": Metric(float(late), "planes"),
-            "planes_delay_us": Metric(None if worst is None else worst * _US, "us"),
+            "planes_delay_s": Metric(None if worst is None else worst / PS, "s"),
             "bytes_incomplete": Metric(float(planes.incomplete), "bytes"),
         }
 
@@ -227,7 +224,7 @@ class ComingMachine:
              "gives plane n the time n cycles after the first plane"],
             ["late planes", count(metrics["planes_late"].value),
              f"processing began later than {bound} after the plane's time (sensor.source_latency)"],
-            ["largest delay", text("planes_delay_us"), "from a plane's time to its processing"],
+            ["largest delay", text("planes_delay_s"), "from a plane's time to its processing"],
             ["bytes of an incomplete last plane", count(metrics["bytes_incomplete"].value),
              "left out"],
         ]  # fmt: skip

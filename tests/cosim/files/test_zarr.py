@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from cosim import Block, Clock, InputError, Viform
 from cosim.files import STORES, Recorder, ZarrStream, open_stream, storing
 from cosim.files.recorder import write_zarr
-from cosim.spikes.viform import pack_planes, words_for
+from cosim.spikes.viform import pack_planes, part_of, words_for
 
 CLOCK = Clock(40_000)
 SHAPE = (2, 3)
@@ -194,6 +194,44 @@ def test_an_unfinished_store_is_refused_with_the_way_to_finish_it(
         )
     recorder.step(*list(pieces(stream, [64]))[-1])
     assert open_stream(path.parent).cycles == 200
+
+
+@pytest.mark.parametrize("end", [64, 70, 130])
+def test_a_store_that_ends_before_its_time_is_sound_and_can_go_on(
+    tmp_path: Path, random_stream, end: int
+) -> None:
+    whole = random_stream(200)
+
+    def step(recorder: Recorder, start: int, stop: int) -> None:
+        recorder.step(part_of(whole, slice(start, stop)), Block(start, stop - start))
+
+    recorder = Recorder(tmp_path / "s.zarr", whole.shape, 200, whole.clock)
+    step(recorder, 0, 64)
+    state = recorder.state()
+    if end > 64:
+        step(recorder, 64, end)
+    recorder.end(end)
+    assert recorder.stop == end
+    ended = ZarrStream(tmp_path / "s.zarr")
+    assert ended.cycles == end
+    assert part_of(ended) == part_of(whole, slice(0, end))
+    later = Recorder(tmp_path / "s.zarr", whole.shape, 200, whole.clock)
+    later.restore(state)
+    step(later, 64, 128)
+    with pytest.raises(InputError, match="one that was interrupted"):
+        ZarrStream(tmp_path / "s.zarr")
+    step(later, 128, 200)
+    assert part_of(later.recorded()) == part_of(whole)
+
+
+def test_a_store_of_unknown_length_ends_at_once(tmp_path: Path, random_stream) -> None:
+    """A day at 40 kHz, of which 70 cycles come: chunks that never were are not looked for."""
+    whole = random_stream(70)
+    recorder = Recorder(tmp_path / "s.zarr", whole.shape, 40_000 * 86_400, whole.clock, keep=True)
+    recorder.step(part_of(whole, slice(0, 64)), Block(0, 64))
+    recorder.step(part_of(whole, slice(64, 70)), Block(64, 6))
+    recorder.end(70)
+    assert part_of(recorder.recorded()) == part_of(whole)
 
 
 def test_resuming_without_the_store_is_refused(tmp_path: Path, random_stream) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -241,3 +242,35 @@ def test_what_is_no_checkpoint_is_refused(tmp_path: Path, content: bytes | None)
     path.mkdir() if content is None else path.write_bytes(content)
     with pytest.raises(InputError, match="one that this run wrote, not a damaged file; remove"):
         Checkpoint(path, "this run").load(chain())
+
+
+def test_a_gate_ends_the_run_and_is_asked_before_each_block() -> None:
+    asked, seen = [], []
+
+    class Seen:
+        def step(self, data: object, block: Block) -> None:
+            seen.append(block.start)
+
+    def gate(block: Block, stopping: object) -> bool:
+        asked.append(block.start)
+        return block.start < 128
+
+    for parallel in (False, True):
+        run_blocks({"seen": Seen()}, 640, gate=gate, parallel=parallel)
+        assert (asked, seen) == ([0, 64, 128], [0, 64])
+        asked.clear(), seen.clear()
+
+
+def test_a_gate_that_waits_ends_when_the_user_asks_to_stop(tmp_path: Path) -> None:
+    """All blocks before it have passed all stages, and the checkpoint is there."""
+
+    def gate(block: Block, stopping: Callable[[], bool]) -> bool:
+        if block.start == 128:
+            signal.raise_signal(signal.SIGINT)
+            assert stopping()
+        return block.start < 128
+
+    checkpoint = Checkpoint(tmp_path / "c.npz", "x")
+    with pytest.raises(Interrupted, match="after 128 of 640 cycles"):
+        run_blocks({}, 640, gate=gate, checkpoint=checkpoint)
+    assert checkpoint.load({}) == 128

@@ -90,3 +90,13 @@ def test_a_terminal_has_its_bar(monkeypatch):
     progress.advance(1)
     progress.close()
     assert isinstance(progress, TerminalProgress)
+
+
+def test_a_run_of_unknown_length_says_what_it_has_been_told(hand, capsys):
+    progress = LineProgress()
+    progress.start("a: 0 planes", 0)
+    for done in (0, 64, 128):
+        progress.tell(f"a: {done} planes")
+        progress.advance(done)
+        hand.now += 11
+    assert capsys.readouterr().err == "viform: a: 64 planes\nviform: a: 128 planes\n"

@@ -29,7 +29,7 @@ LINK = {
 SHOWN = {"duration": "3.75 ms", "display": PANEL}
 CARRIED = SHOWN | {"link": LINK, "code": {"cycles": 32, "buffer": "1 ms"}}
 COUNTED = {
-    "planes_received", "planes_rate", "planes_late", "planes_delay_us", "bytes_incomplete",
+    "planes_received", "planes_rate", "planes_late", "planes_delay_s", "bytes_incomplete",
 }  # fmt: skip
 """Metrics of a stream that comes alone."""
 
@@ -132,6 +132,15 @@ def test_a_file_is_sent_over_the_link_and_shown_while_it_grows(recorded, tmp_pat
     assert open_stream(tmp_path / "grown/received.zarr").cycles == CYCLES
     pipe = piped(recorded[1], tmp_path)
     same(run(scenario(f"pipe:{pipe}", CARRIED | {"duration": None}), tmp_path / "after"), whole)
+    path = tmp_path / "part.dat"
+    path.write_bytes(recorded[1][: 100 * FRAME])
+    given = scenario(f"file:{path}", CARRIED, source_timeout="60 s")
+    with pytest.raises(Interrupted, match=r"after \d+ of 150 planes"):
+        run(given, tmp_path / "part", Stopping())
+    path.write_bytes(recorded[1])
+    again = run(given, tmp_path / "part", resume=True)
+    assert again.result.throughput == []
+    same(again, whole)
 
 
 def piped(data, folder):
@@ -186,33 +195,51 @@ def test_a_stream_that_ends_before_its_time_is_that_of_its_length(recorded, show
 
 
 class Stopping(SilentProgress):
-    """The user stops the run when planes have come."""
+    """The user stops the run, once, when a block of planes has come."""
 
-    def __init__(self, more=lambda: None):
-        self.more = more
+    comes = False
+
+    def start(self, what, total):
+        self.comes = "received" in what
 
     def advance(self, done):
-        if done >= 64:
+        if self.comes and done >= 64:
+            self.comes = False
             signal.raise_signal(signal.SIGINT)
-            self.more()
 
     def note(self, text): ...
 
 
-def test_an_interrupted_file_goes_on_and_what_came_is_readable(recorded, shown, tmp_path):
+@pytest.mark.parametrize("there", [100 * FRAME + 5, CYCLES * FRAME])
+def test_an_interrupted_file_goes_on_and_what_came_is_readable(recorded, shown, tmp_path, there):
     path = tmp_path / "g.dat"
-    path.write_bytes(recorded[1][: 100 * FRAME + 5])
+    path.write_bytes(recorded[1][:there])
     given = scenario(f"file:{path}", SHOWN, source_timeout="60 s")
     with pytest.raises(Interrupted) as caught:
         run(given, tmp_path / "run", Stopping())
     text = str(caught.value)
-    assert " of 150 planes; go on with the same command" in text and "--resume" in text
+    assert " of 150 planes" in text and "; go on with the same command" in text
     kept = open_stream(tmp_path / "run/stream.zarr")
-    assert 64 <= kept.cycles <= 100 and f"after {kept.cycles} of" in text
+    assert 64 <= kept.cycles <= there // FRAME and f"after {kept.cycles} of" in text
     whole = open_stream(shown.folder / "stream.zarr")
     np.testing.assert_array_equal(kept.read_words(0, 2), whole.read_words(0, 2))
     path.write_bytes(recorded[1])
     same(run(given, tmp_path / "run", resume=True), shown)
+
+
+def test_a_file_that_shrinks_ends_the_run_and_what_was_processed_is_readable(recorded, tmp_path):
+    path = tmp_path / "g.dat"
+    path.write_bytes(recorded[1][: 70 * FRAME])
+
+    class Shrinking(SilentProgress):
+        def advance(self, done):
+            if done >= 64:
+                os.truncate(path, 5)
+
+    given = scenario(f"file:{path}", source_timeout="60 s")
+    with pytest.raises(InputError, match=r"which shrank to 5 bytes after \d+ were read; let its"):
+        run(given, tmp_path / "run", Shrinking())
+    assert open_stream(tmp_path / "run/stream.zarr").cycles == 64
 
 
 def test_an_interrupted_pipe_leaves_what_came_and_is_not_resumed(recorded, tmp_path):
@@ -251,6 +278,19 @@ def test_a_size_that_is_assumed_is_said_and_doubted(tmp_path):
     told = " ".join(done.outcome.notes)
     assert "only 7000 of its 12500 bytes came: check sensor.width" in told
     assert "832000 bytes are whole planes of 416x250: sensor.width and sensor.height say so" in told
+
+
+def test_a_config_beside_a_file_that_grows_tells_its_size(tmp_path):
+    """416 x 250 is 400 x 250 with head, whose columns are no pixels."""
+    planes = np.random.default_rng(4).random((64, 250, 400)) < 0.1
+    given = Viform.from_planes(planes, Clock(40_000))
+    write_stream(given, tmp_path / "a.dat", head=True, config=True)
+    sensor = {"width": None, "height": None, "source_timeout": "1 ms"}
+    progress = Noting()
+    run(scenario(f"file:{tmp_path / 'a.dat'}", **sensor), tmp_path / "run", progress)
+    assert not any("assumed" in told for told in progress.told)
+    got = open_stream(tmp_path / "run/stream.zarr")
+    np.testing.assert_array_equal(got.read_words(0, 2), given.words)
 
 
 class Noting(SilentProgress):
