@@ -48,7 +48,7 @@ ROOMS = {
         "section trial", "camera", "chain stability",
     ),
     "rtl_model": (
-        "geometry prbs", "registers", "cycle readout", "verilated", "imagers lockstep synthesis",
+        "geometry prbs", "registers", "cycle readout", "verilated", "imagers lockstep synthesis events",
         "host", "virtual", "bringup gateware stand_in",
     ),
     "link": (

@@ -110,8 +110,9 @@ def _lane(bits):  # type: ignore[no-untyped-def]
 def _run(s, queue, pixels, table, size, tiles, ready, clock, out):  # type: ignore[no-untyped-def]
     """Runs ready.size clocks from `clock` on; the number of words that left.
 
-    s: (STATE,) int64. queue: (depth + 1, 5) int64, the last its head. pixels: (n, 3) int64, whether a pixel has fired in
-    this packet, cycle of its last spike, width - 1. All three are changed.
+    s: (STATE,) int64. queue: (depth + 1, 5) int64, the last its head. pixels: (n, 3) int64,
+    whether a pixel has fired in this packet, cycle of its last spike, width - 1. All three are
+    changed.
     """
     rows, columns, lanes, row_tiles, cycles, number = size
     depth, wide, shift = queue.shape[0] - 1, row_tiles * lanes, lowest_bit(cycles)
