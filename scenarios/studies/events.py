@@ -23,9 +23,9 @@ LATCH_HZ: Final = 40_000
 RATES: Final = (0.002, 0.005, 0.01, 0.02, 0.034, 0.05, 0.1, 0.2, 0.3, 0.6)
 """Spikes a pixel and cycle."""
 SIZES: Final = (
-    EventSize(32, 32, 32, depth=256),
-    EventSize(64, 64, 64, depth=512),
-    EventSize(128, 128, 64, depth=4096),
+    EventSize(32, 32, depth=256),
+    EventSize(64, 64, depth=512),
+    EventSize(128, 128, depth=4096),
 )
 
 

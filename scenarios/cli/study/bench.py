@@ -101,7 +101,7 @@ def bench(
         _print_study(part, device, figure, json)
         return
     if figure is not None:
-        drawn = " or ".join(f"bench {name}" for name in STUDIES)
+        drawn = "bench " + ", ".join(STUDIES)
         raise InputError("--figure", f"given with {drawn}", "without", "leave it out")
     usual = [name for name in PARTS if name not in LARGE]
     document = measure(choose_device(device), [part] if part else usual)

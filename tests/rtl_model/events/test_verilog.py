@@ -96,7 +96,9 @@ FAULTS = {
     "the checksum lacks the head": Fault(
         ENCODER, "if (put && body) crc", "if (put && body && state != HEAD) crc", WORD
     ),
-    "the head's cycle is twice what it is": Fault(ENCODER, "<< (GROUP - 5)", "<< (GROUP - 4)", WORD),
+    "the head's cycle is twice what it is": Fault(
+        ENCODER, "<< (GROUP - 5)", "<< (GROUP - 4)", WORD
+    ),
     "a row word for each event": Fault(
         ENCODER, "&& said_row == due_row", "&& said_row == due_row && !m_tdata[15]", WORD
     ),
