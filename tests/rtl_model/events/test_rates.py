@@ -9,8 +9,8 @@ SIZE = EventSize()
 
 
 def test_dim_pixels_have_one_and_a_half_events_a_spike():
-    """At a spike in 333 to 1000 cycles a packet of 128 has at most one spike of a pixel. It comes at
-    any cycle t alike, with width t + 1; a closing one follows where t + t + 1 < 128, half of
+    """At a spike in 333 to 1000 cycles a packet of 128 has at most one spike of a pixel. It comes
+    at any cycle t alike, with width t + 1; a closing one follows where t + t + 1 < 128, half of
     them."""
     got = measure(SIZE, 0.002, 1200)
     spikes = got.rate * SIZE.pixels * SIZE.cycles * 24
