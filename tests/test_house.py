@@ -48,8 +48,8 @@ ROOMS = {
         "section trial", "camera", "chain stability",
     ),
     "rtl_model": (
-        "geometry prbs", "registers", "cycle readout", "verilated", "imagers lockstep synthesis",
-        "host stream", "virtual", "bringup gateware stand_in",
+        "geometry prbs", "registers", "cycle readout", "verilated",
+        "imagers lockstep synthesis events", "host stream", "virtual", "bringup gateware stand_in",
     ),
     "link": (
         "line_codes timing verdict", "mode", "layout", "coding detect", "receiving sending theory",

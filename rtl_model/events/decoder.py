@@ -56,8 +56,13 @@ class Decoded(NamedTuple):
     taken: int
 
 
-def room_for(halves: Output, size: EventSize) -> tuple[npt.NDArray[np.void], npt.NDArray[np.void]]:
-    """Room for the words and the gaps that halves can give, one packet before them included."""
+def room_for(
+    halves: Output, offered: Ready, ready: Ready, size: EventSize
+) -> tuple[npt.NDArray[np.void], npt.NDArray[np.void]]:
+    """Room for the words and the gaps that halves can give, one packet before them included.
+    Raises ValueError for `offered` and `ready` of different lengths."""
+    if len(offered) != len(ready):
+        raise ValueError(f"offered must have the {len(ready)} clocks of ready, not {len(offered)}")
     packets = int(halves["last"].sum()) + 1
     return np.empty(packets * size.cycles // 32 * size.pixels, SPIKES), np.empty(len(halves), GAP)
 
@@ -97,7 +102,7 @@ class EventDecoder:
                 `m_tready`.
             clocks, idle: number of clocks.
         """
-        words, gaps = room_for(halves, self.size)
+        words, gaps = room_for(halves, offered, ready, self.size)
         size = (self.size.rows, self.size.columns, self.size.cycles)
         passed, taken, count, places = _run(
             self._state, self._pixels, self._memory, CRC_TABLE, size, halves, offered, ready,

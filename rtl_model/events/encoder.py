@@ -34,8 +34,9 @@ LOST_ROWS, LOST_SPIKES, E_DUE, E_CYCLE, E_ROW, E_INDEX, E_BITS, VALID = range(9,
 PHASE, STEP, OPEN, PLACED, IN_GAP, GAP_SAID, GROUP, CRC = range(17, 25)
 SERVED, SWEEP_ROW, SWEEP_COLUMN, SWEPT = range(25, 29)
 DUE, D_SWEEP, D_CYCLE, D_ROW, D_COLUMN, D_PIXEL = range(29, 35)
-SAID, SAID_SWEEP, SAID_CYCLE, SAID_ROW, M_VALID, M_DATA, M_LAST = range(35, 42)
-STATE = 42
+SAID, SAID_SWEEP, SAID_CYCLE, SAID_ROW = range(35, 39)
+M_VALID, M_DATA, M_LAST, LAST_ROW = range(39, 43)
+STATE = 43
 
 
 def _table() -> npt.NDArray[np.int64]:
@@ -110,8 +111,9 @@ def _lane(bits):  # type: ignore[no-untyped-def]
 def _run(s, queue, pixels, table, size, tiles, ready, clock, out):  # type: ignore[no-untyped-def]
     """Runs ready.size clocks from `clock` on; the number of words that left.
 
-    s: (STATE,) int64. queue: (depth + 1, 5) int64, the last its head. pixels: (n, 3) int64, whether a pixel has fired in
-    this packet, cycle of its last spike, width - 1. All three are changed.
+    s: (STATE,) int64. queue: (depth + 1, 5) int64, the last its head. pixels: (n, 3) int64,
+    whether a pixel has fired in this packet, cycle of its last spike, width - 1. All three are
+    changed.
     """
     rows, columns, lanes, row_tiles, cycles, number = size
     depth, wide, shift = queue.shape[0] - 1, row_tiles * lanes, lowest_bit(cycles)
@@ -200,14 +202,16 @@ def _run(s, queue, pixels, table, size, tiles, ready, clock, out):  # type: igno
             first, taken = tile_index == 0, s[TAKING] != 0
         if first:
             next_frame = (s[LAST_FRAME] + 1) & 0xFFFFFFFF
-            jump = s[SEEN] != 0 and frame != s[LAST_FRAME] and frame != next_frame
+            follows = frame == next_frame or (frame == s[LAST_FRAME] and tile_row > s[LAST_ROW])
+            jump = s[SEEN] != 0 and not follows
             if s[LOST]:
                 room = s[LEVEL] <= depth // 2
             else:
                 room = s[LEVEL] <= depth - row_tiles - 2 and not jump
             taken, loss = room, not room and s[LOST] == 0
             lies = loss and jump  # from the frame that should have come
-            begin_frame, begin_row = next_frame if lies else frame, 0 if lies else tile_row
+            begin_frame = next_frame if lies else frame
+            begin_row = np.int64(0) if lies else tile_row
             fresh = begin_frame >> shift != s[PLACED_GROUP]
             place = room and (s[LOST] != 0 or fresh)
         push = loss or place or s[E_DUE] != 0
@@ -301,7 +305,8 @@ def _run(s, queue, pixels, table, size, tiles, ready, clock, out):  # type: igno
             s[PLACED_GROUP] = frame >> shift
         if first:
             s[JUMPED] = not room and (s[JUMPED] != 0 or jump)
-            s[TAKING], s[SEEN], s[LAST_FRAME], s[LOST] = room, 1, frame, not room
+            s[TAKING], s[SEEN], s[LOST] = room, 1, not room
+            s[LAST_FRAME], s[LAST_ROW] = frame, tile_row
             if not room:
                 s[LOST_ROWS] = (s[LOST_ROWS] + 1) & 0xFFFFFFFF
     return count

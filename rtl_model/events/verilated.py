@@ -81,7 +81,7 @@ class VerilatedDecoder(_Verilated):
 
     def run(self, halves: Output, offered: Ready, ready: Ready, clocks: int, idle: int) -> Decoded:
         """As `EventDecoder.run`."""
-        words, gaps = room_for(halves, self.size)
+        words, gaps = room_for(halves, offered, ready, self.size)
         self.clock += self._library.viform_run(
             self._board, clocks, idle, halves.ctypes.data, len(halves), offered.ctypes.data,
             ready.ctypes.data, len(ready), words.ctypes.data, gaps.ctypes.data,

@@ -37,13 +37,15 @@ module viform_event_queue #(
 
     reg lost, seen, taking, jumped;
     reg [31:0] last_frame;        // of the row before
+    reg [6:0] last_row;
     reg [31-GROUP:0] group;       // that was placed last
     reg [BITS:0] level;
     reg [BITS-1:0] put, get;
 
     wire first = tile_valid && tile_index == 2'd0;
     wire [31:0] next_frame = last_frame + 32'd1;
-    wire jump = first && seen && tile_frame != last_frame && tile_frame != next_frame;
+    wire follows = tile_frame == next_frame || tile_frame == last_frame && tile_row > last_row;
+    wire jump = first && seen && !follows;
     wire room = lost ? level <= HALF[BITS:0] : level <= ROOM[BITS:0] && !jump;
     wire taken = first ? room : taking;
     wire loss = first && !room && !lost;
@@ -91,6 +93,7 @@ module viform_event_queue #(
             taking <= room;
             seen <= 1'b1;
             last_frame <= tile_frame;
+            last_row <= tile_row;
             lost <= !room;
             jumped <= !room && (jumped || jump);
             if (!room) lost_rows <= lost_rows + 32'd1;

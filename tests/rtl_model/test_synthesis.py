@@ -6,6 +6,7 @@ import pytest
 
 from cosim import InputError
 from rtl_model import synthesis
+from rtl_model.events.size import EventSize
 from rtl_model.synthesis import Cells, synthesise
 
 needs_yosys = pytest.mark.skipif(
@@ -22,6 +23,16 @@ CEILINGS = {
         "xc7", 5300, 2260, block_rams=23, distributed_rams=0, carries=1000, large_block_rams=13
     ),
 }
+
+EVENTS = {
+    ("encoder", "ice40"): Cells("ice40", 1130, 410, 8, 0, 210),
+    ("encoder", "ecp5"): Cells("ecp5", 1350, 410, 3, 0, 120),
+    ("encoder", "xc7"): Cells("xc7", 890, 410, 2, 0, 57, large_block_rams=1),
+    ("decoder", "ice40"): Cells("ice40", 655, 485, 36, 0, 133),
+    ("decoder", "ecp5"): Cells("ecp5", 550, 485, 9, 0, 74),
+    ("decoder", "xc7"): Cells("xc7", 492, 485, 5, 0, 36, large_block_rams=4),
+}
+"""32 x 32 pixels, packets of 128 cycles, a queue of 256 entries."""
 
 
 def within(cells: Cells, ceiling: Cells) -> bool:
@@ -43,6 +54,17 @@ def within(cells: Cells, ceiling: Cells) -> bool:
 def test_the_board_keeps_below_its_ceiling(family):
     cells = synthesise(family)
     assert within(cells, CEILINGS[family]), cells
+
+
+@needs_yosys
+@pytest.mark.slow
+@pytest.mark.parametrize(("module", "family"), sorted(EVENTS))
+def test_the_event_path_keeps_below_its_ceiling(module, family):
+    top = f"viform_event_{module}"
+    text = (synthesis.VERILOG / f"{top}.v").read_text()
+    settings = {n: value for n, value in EventSize().verilog.items() if f"] {n} =" in text}
+    cells = synthesise(family, top=top, settings=settings)
+    assert within(cells, EVENTS[module, family]), cells
 
 
 @needs_yosys

@@ -37,7 +37,15 @@ def _continuous(device: str | None) -> Study:
     return {"rows": [asdict(row) for row in rows]}, markdown(rows), traces_figure
 
 
-STUDIES = {"code": _code, "continuous": _continuous}
+def _events(device: str | None) -> Study:
+    """The study of what the event path of a board carries; it needs no device."""
+    from scenarios.studies.events import bench_events, draw, markdown
+
+    document = bench_events()
+    return document, markdown(document), lambda part: draw(document, part)
+
+
+STUDIES = {"code": _code, "continuous": _continuous, "events": _events}
 
 
 def _print_study(name: str, device: str | None, figure: Path | None, json: bool) -> None:
@@ -63,21 +71,22 @@ def bench(
         typer.Argument(
             help="one part only, such as sensor; growth: by number of pixels and cycles; view: "
             "answers of viform view, with 2.2 GB of disk; code: sizes of streams; continuous: "
-            "absolute intensities against spikes"
+            "absolute intensities against spikes; events: what the event path of a board carries"
         ),
     ] = None,
     device: Annotated[
         str | None, typer.Option(help="part of an OpenCL device's name, or numba")
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(help="PNG to draw, for code and continuous")
+        Path | None, typer.Option(help="PNG to draw, for code, continuous and events")
     ] = None,
     json: Json = False,
 ) -> None:
     """Measure throughput against real time, a measured ceiling and a plain implementation.
 
     `bench code` measures the compressed sizes of streams and takes minutes; `bench continuous`
-    compares continuous photographing with spikes for the same light.
+    compares continuous photographing with spikes for the same light; `bench events` runs the event
+    path of a board.
     """
     from cosim import InputError
     from cosim.compute.opencl import choose_device
@@ -93,7 +102,7 @@ def bench(
         _print_study(part, device, figure, json)
         return
     if figure is not None:
-        drawn = " or ".join(f"bench {name}" for name in STUDIES)
+        drawn = "bench " + ", ".join(STUDIES)
         raise InputError("--figure", f"given with {drawn}", "without", "leave it out")
     usual = [name for name in PARTS if name not in LARGE]
     document = measure(choose_device(device), [part] if part else usual)

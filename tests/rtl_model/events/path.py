@@ -180,7 +180,9 @@ def run(
         tiles = tiles_of(words, size, tick, first, clock)
         ready = random_ready(cycles * tick, light.ready, seed)
         out = one.encode(tiles, ready)
-        one.decode(out, one.compare(packets_in(out)), random_ready(99_991, 0.9, seed), ready)
+        one.decode(
+            out, one.compare(packets_in(out)), random_ready(len(ready), 0.9, -seed % 2**31), ready
+        )
         result.pixels += size.pixels * cycles
         result.spikes += int(np.bitwise_count(words).sum())
         first, clock = first + cycles, clock + cycles * tick

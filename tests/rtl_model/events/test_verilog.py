@@ -96,8 +96,8 @@ FAULTS = {
     "the checksum lacks the head": Fault(
         ENCODER, "if (put && body) crc", "if (put && body && state != HEAD) crc", WORD
     ),
-    "the head's cycle is that of the packet before": Fault(
-        ENCODER, "group <= entry[31:GROUP];", "if (step != 3'd0) group <= entry[31:GROUP];", WORD
+    "the head's cycle is twice what it is": Fault(
+        ENCODER, "<< (GROUP - 5)", "<< (GROUP - 4)", WORD
     ),
     "a row word for each event": Fault(
         ENCODER, "&& said_row == due_row", "&& said_row == due_row && !m_tdata[15]", WORD

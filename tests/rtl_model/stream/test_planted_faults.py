@@ -9,7 +9,7 @@ from rtl_model.stream.lockstep import run
 from rtl_model.stream.program import Case
 from rtl_model.verilated import VERILOG
 from rtl_model.verilated.build import missing
-from tests.rtl_model.lockstep.test_gates import MODELS, netlist_of
+from tests.rtl_model.netlist import MODELS, netlist
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
 
@@ -147,7 +147,7 @@ def test_a_planted_fault_is_caught(name, tmp_path):
 def test_the_netlist_is_the_model(case, tmp_path):
     settings = case.geometry.verilog | case.settings
     top = f"viform_stream_{case.source}"
-    sources = netlist_of(top, settings, VERILOG, tmp_path / "gates")
+    sources = netlist(VERILOG, tmp_path / "gates", top, settings)
     assert "SB_LUT4" in (sources / f"{top}.v").read_text()
     outcome = run(case, sources=sources)
     assert outcome.difference is None, outcome.difference
@@ -160,5 +160,5 @@ def test_a_fault_in_the_source_is_caught_in_the_netlist(name, tmp_path):
     case, *fault = FAULTS[name]
     copy = planted(*fault, tmp_path / "verilog")
     settings = case.geometry.verilog | case.settings
-    sources = netlist_of("viform_stream_lines", settings, copy, tmp_path / "gates")
+    sources = netlist(copy, tmp_path / "gates", "viform_stream_lines", settings)
     assert run(case, sources=sources).difference is not None

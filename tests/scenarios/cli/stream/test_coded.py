@@ -253,6 +253,6 @@ def test_the_bench_of_the_code_is_a_command(viform, refused, monkeypatch, tmp_pa
     code, out, _ = viform("bench", "code", "--json")
     assert code == 0 and json.loads(out) == empty
     assert refused("bench", "--figure", tmp_path / "a.png") == (
-        "--figure must be given with bench code or bench continuous, not without; leave it out"
+        "--figure must be given with bench code, continuous, events, not without; leave it out"
     )
     assert refused("bench", "code", "--figure", "a.jpg").startswith("--figure must be a name")
