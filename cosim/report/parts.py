@@ -124,14 +124,27 @@ def cards(rows: list[Card]) -> str:
     return f'<div class="cards">{"".join(texts)}</div>' if rows else ""
 
 
-def run_time(result: Result, seconds: dict[str, float]) -> str:
-    """Table of the wall time of each stage, throughputs, and the peak memory."""
+def run_time(result: Result, seconds: dict[str, float], total: float) -> str:
+    """Table of the wall time of each stage, throughputs, and the peak memory.
+
+    Args:
+        result: of the run.
+        seconds: of each stage, s; stages may run side by side.
+        total: of the run so far, s.
+    """
     import resource  # POSIX only; pages of boards are written on Windows too
 
     rows = [[stage, elapsed(spent)] for stage, spent in seconds.items()]
+    rest = total - sum(seconds.values())
+    beside = (
+        "" if rest >= 0 else " Stages run side by side, so they add up to more than the total."
+    )
+    if rest > 0:
+        rows.append(["start, plan, images and all else", elapsed(rest)])
+    rows.append(["total", elapsed(total)])
     rows += [[f"{t.stage} throughput", amount(t.value, t.unit)] for t in result.throughput]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     rows.append(["peak memory", amount(peak, "GiB")])
-    return f"<h2>Run time</h2><p>On {html.escape(result.device)}.</p>" + table(
+    return f"<h2>Run time</h2><p>On {html.escape(result.device)}.{beside}</p>" + table(
         ["stage", "took"], rows
     )

@@ -19,13 +19,14 @@ def write_report(machine: Machine, run: Run) -> list[str]:
     begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)
     page = machine.page(run)
-    run.seconds["report"] = time.perf_counter() - begin
+    now = time.perf_counter()
+    run.seconds["report"], spent = now - begin, now - run.began
     again = [*page.commands, f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"]
     sections = [
         *page.sections,
-        run_time(run.result, run.seconds),
+        run_time(run.result, run.seconds, spent),
         f"<h2>Make it again</h2>{page.commands_do}<pre>{html.escape(chr(10).join(again))}</pre>",
         f"<h2>The resolved scenario</h2><pre>{html.escape(machine.toml)}</pre>",
     ]
-    write_page(run.folder, page.title, summary_of_run(page, run), "".join(sections))
+    write_page(run.folder, page.title, summary_of_run(page, run, spent), "".join(sections))
     return [*page.files, "report.html"]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from cosim.config.amounts import amount, count, elapsed, number
 from cosim.report.parts import cards
 from cosim.report.summary import big, listed, paragraph, summary
@@ -13,7 +11,7 @@ from cosim.run.result import Result
 __all__ = ["summary_of_run"]
 
 
-def summary_of_run(page: Page, run: Run) -> str:
+def summary_of_run(page: Page, run: Run, spent: float) -> str:
     """HTML of the heading, and of the answers: what was simulated, how good the machine is, how
     wrong the simulation may be, how long it took, what was left out."""
     result = run.result
@@ -21,7 +19,7 @@ def summary_of_run(page: Page, run: Run) -> str:
         ("What was simulated", paragraph(page.simulated)),
         (page.good, cards(page.cards) + paragraph(page.quality)),
         ("How wrong the simulation may be", _wrong(result, page.unmeasured)),
-        ("How long it took", _long(run)),
+        ("How long it took", _long(run, spent)),
         ("What was left out", _out(result)),
         ("Notes of the run", listed(run.notes)),
     ]
@@ -76,9 +74,8 @@ def _wrong(result: Result, unmeasured: str) -> str:
     )
 
 
-def _long(run: Run) -> str:
-    result, spent = run.result, time.perf_counter() - run.began
-    text = ""
+def _long(run: Run, spent: float) -> str:
+    result, text = run.result, ""
     if result.simulated_s > 0:
         ratio = spent / result.simulated_s
         speed = (

@@ -83,6 +83,11 @@ def test_pictures_are_those_of_viform_image(opened: Browser, method: str, window
         assert (codes(opened, method, at, window) == picture(method, at, window)).all()
 
 
+def test_a_window_beyond_the_widest_is_the_widest(opened: Browser) -> None:
+    codes(opened, "tfp", 150, 5000)
+    assert opened.run(EXPLORER + "return [e.window.value, e.window.max]") == ["1001", "1001"]
+
+
 def test_nothing_is_asked_for_and_no_error(opened: Browser, page: Path) -> None:
     assert opened.requests() == [page.resolve().as_uri()]
     assert opened.complaints() == []

@@ -54,6 +54,14 @@ def test_a_pixel_has_the_values_of_the_frames(opened: Browser) -> None:
     assert opened.complaints() == []
 
 
+def test_dark_frames_are_not_the_first_that_is_shown(browser: Browser, tmp_path: Path) -> None:
+    dark, grey, white = (np.full((12, 20), level, np.uint16) for level in (40, 400, 1600))
+    dark[3, 4] = 60
+    browser.open(page(tmp_path, [dark, dark, grey, white]))
+    browser.run(f"{EXPLORER} return e.opened.then(() => null)")
+    assert browser.run(EXPLORER + "return [e.at, e.number.value]") == [3, "3"]
+
+
 def test_the_picture_is_that_of_the_values(opened: Browser) -> None:
     pixels = opened.run(
         EXPLORER + "e.tone.value = 'linear'; e.levels.value = 'frame'; e.go(2);"

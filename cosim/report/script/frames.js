@@ -67,7 +67,23 @@ class Frames {
   async open() {
     this.bytes = new Uint8Array(await unpacked(this.given.values));
     this.half = this.bytes.length / 2;
+    this.at = this.firstLit();
     this.draw();
+  }
+
+  /** The first frame that reaches a quarter of the range of all values: those before are dark. */
+  firstLit() {
+    let least = Infinity;
+    const most = this.given.sizes.map(([rows, columns], n) => {
+      let high = 0;
+      for (let y = 0; y < rows; y++) for (let x = 0; x < columns; x++) {
+        const value = this.value(n, x, y);
+        high = Math.max(high, value);
+        least = Math.min(least, value);
+      }
+      return high;
+    });
+    return most.findIndex((high) => high >= least + (Math.max(...most) - least) / 4);
   }
 
   /** Value of a pixel in the n-th frame shown; null beyond a smaller frame. */

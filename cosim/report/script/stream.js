@@ -4,6 +4,7 @@
 // `viform image`: round(255 clip(x / scale, 0, 1)) with halves to even, from rates in single precision.
 
 const WORD = 32;
+const WIDEST = 1001;  // cycles of a window
 
 function popcount(x) {
   x -= (x >>> 1) & 0x55555555;
@@ -193,7 +194,7 @@ class Explorer {
     this.method = choice(
       [["tfp", "TFP: mean of a window"], ["tfi", "TFI: 1 / interval"], ["tau", "255 − τ"]], "tfp"
     );
-    this.window = element("input", { type: "number", min: 1, step: 2, max: 1001, value: window });
+    this.window = element("input", { type: "number", min: 1, step: 2, max: WIDEST, value: window });
     this.scale = element("input", { type: "number", min: 0.0001, step: "any", value: white });
     this.tone = choice([["display", "as on a display (sRGB)"], ["linear", "linear"]], "display");
     this.scrub = element("input", {
@@ -291,7 +292,7 @@ class Explorer {
 
   async drawOnce() {
     const { source, at } = this, method = this.method.value, scale = Number(this.scale.value);
-    const window = Math.max(1, Number(this.window.value) | 1);
+    const window = Math.min(Math.max(1, Number(this.window.value) | 1), WIDEST);
     if (!(scale > 0)) throw new Error("white must be a rate above 0");
     this.window.value = window;
     this.window.disabled = method !== "tfp";

@@ -44,19 +44,19 @@ def adaptive_sections(model: AdaptiveModel, run: ImagerRun) -> str:
     response = _response(model, folder / "response.png")
     timing = _timing(run, model, folder / "timing.png")
     return (
-        "<h2>Exposure and signal as the light changes</h2><p>This is figure 6a of the document. "
+        "<h2>Exposure and signal as the light changes</h2><p>This is figure 6a of its source. "
         "The light is that of the brightest pixel. The exposure is T 2<sup>n</sup> with T = 1 "
         "&micro;s. The signal is the largest unsaturated value of the window, which the exposure "
         f"selection keeps between {HALF} and 255. Square marks: more pixels are saturated than "
         "allowed.</p>"
         + plot(folder / "exposure.png", "light, exposure and signal over time", course)
         + _changes(run)
-        + "<h2>Response</h2><p>This is figure 6b of the document. A sensor of this kind with "
+        + "<h2>Response</h2><p>This is figure 6b of its source. A sensor of this kind with "
         f"{SMALL} x {SMALL} pixels films constant light of each level until its exposure settles. "
         f"At each exposure the response is linear. With {HALF} DN added for every halving of the "
         "exposure, the values join to one curve that is close to the logarithm of the light.</p>"
         + plot(folder / "response.png", "signal and exposure over light", response)
-        + "<h2>Two reset counters</h2><p>These are figures 4 and 5 of the document, from the trace "
+        + "<h2>Two reset counters</h2><p>These are figures 4 and 5 of its source, from the trace "
         "of this sensor. Above: the rows that are reset and read around a change of exposure. "
         "Below: its signals during the first rows. Hold is the frame time minus the exposure.</p>"
         + plot(folder / "timing.png", "reset and readout of all rows, and the signals", timing)

@@ -51,7 +51,7 @@ def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
         for size, rate in window_table(timing)
     ]
     return (
-        "<h2>Modes</h2><p>These are figures 4 and 5 of the document: the first frame with each "
+        "<h2>Modes</h2><p>These are figures 4 and 5 of its source: the first frame with each "
         "setting that the serial line has written. Each frame is stretched to its range, which the "
         "table gives. If the register overflows, charge spills into the columns that follow.</p>"
         + plot(folder / "modes.png", "the first frame with each setting")
@@ -62,7 +62,7 @@ def emccd_sections(model: EmccdModel, run: ImagerRun) -> str:
         + "<h2>Settings over time</h2><p>Vertical lines are register writes. All writes before the "
         "start of a cycle take effect at this start.</p>"
         + plot(folder / "course.png", "settings and signal over time", course)
-        + "<h2>Window and frame rate</h2><p>Table 2 of the document is lost. This table follows "
+        + "<h2>Window and frame rate</h2><p>Table 2 of its source is lost. This table follows "
         "from its sequence at an exposure of 2 ms: two frame transfers of "
         f"{timing.rows} rows, the exposure, a clear of the horizontal register, {timing.rows} - K "
         f"dumped rows, and a shift and {timing.line} pixel clocks for each of K rows.</p>"

@@ -38,7 +38,7 @@ def chain_sections(model: HardwareChainModel, run: ImagerRun) -> str:
     holds = [(m, m.holds) for m in (Mapping(1.0, model.mapping.bits), model.mapping)]
     return (
         text + "<h2>Tones</h2><p>The frame of the widest spread by linear and by gamma mapping "
-        "(figure 9 of the document); the pictures of this run are mapped by the latter. "
+        "(figure 9 of its source); the pictures of this run are mapped by the latter. "
         + " "
         "".join(f"Gamma {number(m.gamma)} holds {db:.1f} dB in {m.bits} bits." for m, db in holds)
         + "</p>" + plot(folder / "tones.png", "a frame by linear and by gamma mapping", tones)

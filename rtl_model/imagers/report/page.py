@@ -23,7 +23,9 @@ def _simulated(kind: ImagerKind, run: ImagerRun) -> str:
         f"“{run.planned.spec.title}” for {amount(run.run.result.simulated_s, 's', 4)}: "
         f"{kind.title}. Its digital side was simulated clock by clock, its pixels with the noise "
         "of the light and of the circuit."
-    )
+        + (f" Its source, to whose figures this page refers: {kind.document[1]}."
+           if kind.document is not None else "")
+    )  # fmt: skip
 
 
 def _cards(run: ImagerRun) -> list[Card]:

@@ -334,8 +334,8 @@ class Verifier(DisplayTrial):
             return []
         if float(np.max(self._end_error)) > accepted / 2 and self.patches_error().high <= accepted:
             return [
-                f"the error is {number(error.value, 2)} and at most {number(error.high, 2)} where "
-                f"the tolerance is {number(tolerance)}: spikes may be latched across the end of "
+                f"the error is {number(error.value, 2)} and may be {number(error.high, 4)}, above "
+                f"the tolerance of {number(tolerance)}: spikes may be latched across the end of "
                 "the run, whose last plane the observer still sees; make the run longer, or the "
                 "images earlier"
             ]

@@ -16,6 +16,7 @@ from link.prediction.capacity import CapacityInput, capacity_document
 from link.prediction.capacity_input import scenario_input
 from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
+from scenarios.cli.link.capacity import _achievable
 
 NAMES = ["poisson-threshold", "reset-hard", "reset-residual", "reset-subtract"]
 KEYED = [f"{law}-{c}" for c in ("peak", "average") for law in ("awgn", "log-normal", "gamma-gamma")]
@@ -171,6 +172,27 @@ class TestCapacity:
         code, text, _ = viform("link", "capacity", *given)
         assert code == 0 and "of capacity" in text and "not given, so assumed: ticks" in text
         assert "achievable information, simulated" in text
+
+    @pytest.mark.parametrize(("coded", "says"), [(4.7e8, True), (3.5e8, False)])
+    def test_a_coded_rate_that_the_mode_does_not_carry_is_said(
+        self, coded: float, says: bool
+    ) -> None:
+        one = {"cell": 8, "ticks": 1, "information_bps": 3.6e8, "information_low": 3.5e8,
+               "information_high": 3.7e8, "information_bit": 0.67}  # fmt: skip
+        mode = {"cell": 8, "ticks": 1}
+        lines = _achievable(
+            {**one, "mode": mode, "information_best": one, "coded_bps": coded, "phase": 0.9}
+        )
+        assert lines[0].endswith("the best, cells of 8 x 8, 1 tick, 360 Mbit/s [350 Mbit/s, "
+                                 "370 Mbit/s], 0.6700 bit of a cell's symbol")  # fmt: skip
+        assert (
+            lines[1:]
+            == [
+                f"the coded rate, {coded / 1e6:.0f} Mbit/s, is above what this mode carries here: take "
+                "larger cells, longer symbols or words of a lower rate, as a run does that chooses "
+                "them itself"
+            ][: int(says)]
+        )
 
     def test_promises_nothing_where_the_tags_cannot_be_found(
         self, viform: Callable[..., Any]
