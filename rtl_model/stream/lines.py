@@ -16,7 +16,7 @@ FIND = 4
 LOSE = 4
 """Wrong words in a row, outside rows, that are its loss."""
 SKEW = 3
-"""Largest difference between two lanes, clocks."""
+"""Largest difference between two lanes, clocks of eight bits."""
 _HEAD = 3  # words between marker and bits
 
 

@@ -7,7 +7,7 @@
 //
 // The memory carries out commands in order, one at each clock at which `mem_valid` and `mem_ready`
 // are high. A command waits unchanged. Words that are read come with `mem_rvalid`, in order, after
-// any number of clocks; none is held back.
+// any number of clocks; none is held back. A reset of the array must find no read under way.
 module viform_external #(
     parameter [31:0] ROWS = 128,
     parameter [31:0] COLUMNS = 128,

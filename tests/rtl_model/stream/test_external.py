@@ -49,9 +49,9 @@ def test_its_planes_are_those_of_the_array_in_block_ram(rule, pattern):
     ):
         _, found, _ = scanned(
             SIZE, settings, electrons, pixels=8, in_flight=8, latency=3,
-            ready=lambda clock: rng.random() < 0.9, clocks=1500,
+            ready=lambda clock: rng.random() < 0.9, clocks=800,
         )  # fmt: skip
-        assert len(found) > 10
+        assert len(found) > 5
         assert found.any()
         inside = found[:, slice(*_ends(settings.rows))]  # rows outside the window have no tile
         wanted = planes(SIZE, settings, electrons, len(found))

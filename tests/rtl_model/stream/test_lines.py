@@ -78,7 +78,9 @@ def test_a_lane_finds_each_boundary_in_closed_form(offset):
     assert lane.word == TRAINING
 
 
-@pytest.mark.parametrize("skews", [(0, 0, 0, 0), (1, 6, 0, 3), (0, 8 * SKEW - 8, 5, 11)])
+@pytest.mark.parametrize(
+    "skews", [(0, 0, 0, 0), (1, 6, 0, 3), (0, 8 * SKEW, 5, 11), (7, 7 + 8 * SKEW, 20, 8)]
+)
 def test_every_row_arrives_whatever_the_skew(skews):
     planes = planes_of(4, first=4094)
     words = sent(planes, 4)
