@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cosim.config.amounts import amount, number
 from scenarios.cli.output import Json, make_progress, print_document, size_option
 
 __all__ = ["board_links"]
@@ -72,11 +73,11 @@ def board_links(
              "coded": coded, "links": links}
         )  # fmt: skip
         return
-    print(f"{rows} x {columns} pixels at {hz:g} Hz: {raw / 1e9:.4g} Gbit/s")
+    print(f"{rows} x {columns} pixels at {amount(hz, "Hz")}: {amount(raw, "bit/s", 4)}")
     print()
     print("| link | Mbit/s |" + "".join(f" {name} |" for name in bits))
     print("|---|---|" + "---|" * len(bits))
     print("| bits per pixel and cycle | |" + "".join(f" {each:.3f} |" for each in bits.values()))
     for link in LINKS:
-        cells = "".join(f" {share:.3g} |" for share in shares[link.name].values())
-        print(f"| {link.name} | {link.rate / 1e6:.4g} |{cells}")
+        cells = "".join(f" {number(share)} |" for share in shares[link.name].values())
+        print(f"| {link.name} | {number(link.rate / 1e6, 4)} |{cells}")

@@ -125,7 +125,7 @@ def _readout(readout: dict[str, Any]) -> list[str]:
             f"cycles; {remedy}"
         )
     if readout["file_bytes"]:
-        lines.append(f"readout.raw takes {readout['file_bytes'] / 2**30:.3g} GiB")
+        lines.append(f"readout.raw takes {number(readout['file_bytes'] / 2**30)} GiB")
     return lines
 
 

@@ -188,8 +188,8 @@ class TestCapacity:
         assert (
             lines[1:]
             == [
-                f"the coded rate, {coded / 1e6:.0f} Mbit/s, is above what this mode carries here: take "
-                "larger cells, longer symbols or words of a lower rate, as a run does that chooses "
+                f"the coded rate, {coded / 1e6:.0f} Mbit/s, is above what this mode carries here: "
+                "take larger cells, longer symbols or words of a lower rate, as a run does that chooses "
                 "them itself"
             ][: int(says)]
         )
