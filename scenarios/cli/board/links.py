@@ -73,7 +73,7 @@ def board_links(
              "coded": coded, "links": links}
         )  # fmt: skip
         return
-    print(f"{rows} x {columns} pixels at {amount(hz, "Hz")}: {amount(raw, "bit/s", 4)}")
+    print(f"{rows} x {columns} pixels at {amount(hz, 'Hz')}: {amount(raw, 'bit/s', 4)}")
     print()
     print("| link | Mbit/s |" + "".join(f" {name} |" for name in bits))
     print("|---|---|" + "---|" * len(bits))
