@@ -189,8 +189,8 @@ class TestCapacity:
             lines[1:]
             == [
                 f"the coded rate, {coded / 1e6:.0f} Mbit/s, is above what this mode carries here: "
-                "take larger cells, longer symbols or words of a lower rate, as a run does that chooses "
-                "them itself"
+                "take larger cells, longer symbols or words of a lower rate, as a run does that "
+                "chooses them itself"
             ][: int(says)]
         )
 
