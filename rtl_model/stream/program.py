@@ -141,7 +141,7 @@ class Case:
             # A lane may be late by up to the skew, and rarely by more. What slips in is taken out
             # later, so that rows come together again.
             most = 8 * SKEW if rng.random() < 0.95 else 8 * SKEW + 15
-            skew = int(rng.choice([0, most, rng.integers(most + 1)]))
+            skew = int(rng.choice([0, most, int(rng.integers(most + 1))]))
             slips = [(0, skew)]
             for at in rng.integers(0, bits, bits // 40_000).tolist():
                 count, later = int(rng.choice([1, 2, 7, 9])), int(rng.integers(100, 8000))
