@@ -146,8 +146,10 @@ class Case:
             for at in rng.integers(0, bits, bits // 40_000).tolist():
                 count, later = int(rng.choice([1, 2, 7, 9])), int(rng.integers(100, 8000))
                 slips += [(at, count), (at + later, -count)]
-            wrong = rng.integers(0, bits, bits // 10_000).tolist()
-            words[:, lane] = disturbed(words[:, lane], slips=slips, wrong=wrong)
+            wrong = set(rng.integers(0, bits, bits // 10_000).tolist())
+            for at in rng.integers(0, bits - 80, bits // 40_000).tolist():
+                wrong |= set(range(at, at + 80, 16))  # in every second word of ten
+            words[:, lane] = disturbed(words[:, lane], slips=slips, wrong=sorted(wrong))
         shifts = 8 * np.arange(words.shape[1], dtype=np.int64)
         return (words.astype(np.int64) << shifts).sum(axis=1)[:, None]
 
