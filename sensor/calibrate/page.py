@@ -69,7 +69,9 @@ def _sections(
     fits = listed(result.does_not_fit)
     body = [
         "<h2>Known</h2>",
-        table(["parameter", "value and limits", "from"], [[p.title, p.text, p.why] for p in known]),
+        table(["parameter", "value and limits", "from"], [[p.title, p.text, p.why] for p in known])
+        if known
+        else "<p>No parameter: the recordings leave all of them open.</p>",
         "<h2>Not known, and why</h2>",
         table(
             ["parameter", "limits", "why", "what would make it known"],

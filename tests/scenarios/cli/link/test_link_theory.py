@@ -185,14 +185,8 @@ class TestCapacity:
         )
         assert lines[0].endswith("the best, cells of 8 x 8, 1 tick, 360 Mbit/s [350 Mbit/s, "
                                  "370 Mbit/s], 0.6700 bit of a cell's symbol")  # fmt: skip
-        assert (
-            lines[1:]
-            == [
-                f"the coded rate, {coded / 1e6:.0f} Mbit/s, is above what this mode carries here: "
-                "take larger cells, longer symbols or words of a lower rate, as a run does that "
-                "chooses them itself"
-            ][: int(says)]
-        )
+        said = f"the coded rate, {coded / 1e6:.0f} Mbit/s, is above what this mode carries here"
+        assert [line.partition(":")[0] for line in lines[1:]] == [said][: int(says)]
 
     def test_promises_nothing_where_the_tags_cannot_be_found(
         self, viform: Callable[..., Any]

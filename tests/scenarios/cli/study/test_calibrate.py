@@ -97,6 +97,16 @@ def test_what_one_moving_recording_cannot_tell(viform, tmp_path):
     assert found["ci"] == [0, pytest.approx((636 + 1) / 239 / 40_000)]
 
 
+def test_a_page_without_a_known_parameter_says_so(viform, tmp_path):
+    rng = np.random.default_rng(1)
+    planes = rng.random((256, 8, 8)) < np.where(np.arange(256) < 128, 0.5, 0.1)[:, None, None]
+    write_stream(Viform.from_planes(planes.astype(np.uint8), Clock(40_000)), tmp_path / "a.npz")
+    code, out, err = viform("calibrate", tmp_path / "a.npz", "--out", tmp_path / "o", "--json")
+    assert code == 0, err
+    assert not any(each["known"] for each in json.loads(out)["parameters"].values())
+    assert "No parameter: the recordings leave all" in (tmp_path / "o/report.html").read_text()
+
+
 @pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here: public recording of a scene")
 def test_a_moving_scene_gives_limits(viform, tmp_path):
     code, out, err = viform("calibrate", DATA, "--out", tmp_path / "o", "--json")
