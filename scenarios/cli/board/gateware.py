@@ -132,14 +132,14 @@ def _document(design: Design, files: list[str], cells: Fit | None) -> dict[str, 
         "family": target.device.family,
         "part": target.part,
         "clock_hz": design.geometry.clock_hz,
-        "ethernet": None if design.ethernet is None else design.ethernet.name,
-        "ip": None if design.network is None else design.network.ip,
         "baud": design.geometry.baud,
         "baud_error": design.baud_error,
         "geometry": design.geometry._asdict(),
         "build": f"{design.build:08x}",
         "files": files,
         "cells": None if cells is None else cells._asdict(),
+        "ethernet": None if design.ethernet is None else design.ethernet.name,
+        "ip": None if design.network is None else design.network.ip,
     }
 
 
