@@ -45,6 +45,7 @@ def test_every_stage_passes_through_a_lossy_network_and_the_report_names_the_los
     assert f"{lost} of 512 packets are lost" in page and "packets lost" in page
 
 
+@pytest.mark.slow
 def test_more_loss_than_a_tenth_is_a_fault(board):
     with proxy_of(board, seed=3, loss=0.1, repeat=0, reorder=0) as proxy:
         report = bring_up(proxy.url)

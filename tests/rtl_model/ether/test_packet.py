@@ -85,7 +85,7 @@ def test_bytes_that_are_no_packet_are_told_in_one_line(packet, says):
     assert says in str(refused.value) and "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])
 def test_any_bytes_are_parsed_or_refused_on_both_sides(seed, bus):
     r = random.Random(seed)
     seeds = [bytes.fromhex(text) for text in (LITEX_READ, LITEX_WRITE, LITEX_PROBE)]
@@ -94,7 +94,7 @@ def test_any_bytes_are_parsed_or_refused_on_both_sides(seed, bus):
         record_packet(9, big(0x50000000), 0x50000000, big(0, 0x100000, 1, 5)),
     ]
     refused = 0
-    for _ in range(2000):
+    for _ in range(1000):
         data = bytearray(r.choice(seeds))
         for _ in range(r.randrange(4)):
             place = r.randrange(len(data) + 1)
@@ -115,6 +115,6 @@ def test_any_bytes_are_parsed_or_refused_on_both_sides(seed, bus):
             reply = answer(data, bus)
             assert reply is None or parse(reply)
         answered(data)
-    assert refused > 100
+    assert refused > 50
     # Whatever was written, the board still answers.
     assert answered(answer(record_packet(3, big(0)), bus)) == (3, big(MAGIC))

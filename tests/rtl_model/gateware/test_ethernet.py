@@ -48,6 +48,7 @@ def test_constraints_name_every_port_once(name, phy):
 
 
 @pytest.mark.skipif(shutil.which("verilator") is None, reason="needs Verilator")
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "phy"),
     [(name, ETHERNET[name][0]) for name in ("ulx3s-25f", "colorlight-i5", "arty-a7-35")],
