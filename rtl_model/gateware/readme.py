@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from rtl_model.gateware.ethernet import Ethernet, Network
+from rtl_model.gateware.ethernet_top import ethernet_pins
 from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import pins
 from rtl_model.geometry import Geometry
@@ -9,8 +11,22 @@ from rtl_model.geometry import Geometry
 __all__ = ["readme"]
 
 
-def readme(target: Target, geometry: Geometry, build: int) -> str:
-    """The text of README.md; `build` is the value of `ctrl_build`."""
+def readme(
+    target: Target,
+    geometry: Geometry,
+    build: int,
+    ethernet: Ethernet | None = None,
+    network: Network | None = None,
+) -> str:
+    """The text of README.md.
+
+    Args:
+        target: the board.
+        geometry: of the build.
+        build: value of `ctrl_build`.
+        ethernet: PHY that replaces the serial line, None for the line.
+        network: addresses of the board on it.
+    """
     if target.device.family == "ecp5":
         tools = "yosys, nextpnr-ecp5 and ecppack (Project Trellis)"
         variables = "`make YOSYS=... NEXTPNR=... ECPPACK=...` names tools in other folders."
@@ -27,11 +43,27 @@ def readme(target: Target, geometry: Geometry, build: int) -> str:
             "    make program    # openFPGALoader, into the FPGA, until power is removed\n"
             "    make flash      # into the flash, for every power-on"
         )
-    pin = pins(target)
+    line, port, waits = (
+        f"The serial line is on {target.serial}.", f"/dev/ttyUSB0 --baud {geometry.baud}",
+        "If it\nblinks fast all the time, `serial_rx` is low.",
+    )  # fmt: skip
+    rate, heard = f"{geometry.baud} baud, ", "bytes arrive"
+    levels = {"serial_rx": ", to the FPGA", "serial_tx": ", from the FPGA"}
+    if ethernet is None or network is None:
+        sites = pins(target)
+    else:
+        sites = ethernet_pins(target, ethernet)
+        tools += ", and liteeth_gen of LiteEth (`pip install litex liteeth`), which writes its core"
+        line = f"Ethernet is on {ethernet.connector}. The board answers ping at {network.ip}."
+        port, rate, waits, heard = f"udp:{network.ip}", "", "", "frames arrive"
+    rows = "\n".join(
+        f"| `{name}`{levels.get(name, '')} | {pin} |"
+        for name, pin in sites.items() if name not in ("clk_in", "led")
+    )  # fmt: skip
     return f"""\
 # {geometry.rows} x {geometry.columns} pixels on a {target.board}
 
-{target.part}, {geometry.clock_hz / 1e6:g} MHz, {geometry.lanes} lanes, {geometry.baud} baud, build
+{target.part}, {geometry.clock_hz / 1e6:g} MHz, {geometry.lanes} lanes, {rate}build
 {build:08x}.
 
 ## Build
@@ -47,20 +79,18 @@ needs {tools}. {variables} The result is
 
 ## Bring up
 
-The serial line is on {target.serial}.
+{line}
 
-    viform board identify --port /dev/ttyUSB0 --baud {geometry.baud}
-    viform board bringup --port /dev/ttyUSB0 --baud {geometry.baud} --out bringup
+    viform board identify --port {port}
+    viform board bringup --port {port} --out bringup
 
 `identify` must print build {build:08x}. `csr.csv` is the register map for LiteX's host tools.
 
-The LED blinks once in one to two seconds while the clock runs, and fast while bytes arrive. If it
-blinks fast all the time, `serial_rx` is low.
+The LED blinks once in one to two seconds while the clock runs, and fast while {heard}. {waits}
 
 | port | pin |
 |---|---|
-| `clk_in` ({target.pin_hz / 1e6:g} MHz) | {pin["clk_in"]} |
-| `serial_rx`, to the FPGA | {pin["serial_rx"]} |
-| `serial_tx`, from the FPGA | {pin["serial_tx"]} |
-| `led`, lit by a {"low" if target.led_low else "high"} level | {pin["led"]} |
+| `clk_in` ({target.pin_hz / 1e6:g} MHz) | {sites["clk_in"]} |
+{rows}
+| `led`, lit by a {"low" if target.led_low else "high"} level | {sites["led"]} |
 """

@@ -10,19 +10,25 @@ from rtl_model.gateware.top import TOP
 __all__ = ["recipe"]
 
 
-def recipe(target: Target, sources: Sequence[str], constraint: str) -> dict[str, str]:
+def recipe(
+    target: Target, sources: Sequence[str], constraint: str, *, core: str = ""
+) -> dict[str, str]:
     """Names and texts of the files that build and load a design.
 
     Args:
         target: the board.
         sources: names of the Verilog files and headers.
         constraint: name of the constraint file.
+        core: Verilog file that LiteEth writes from liteeth.yml, empty for none.
     """
+    sources = [*sources, core] if core else sources
     modules = [name for name in sources if name.endswith(".v")]
+    liteeth = _LITEETH.format(core=core) if core else ""
     head = f"# {target.board}. `make` builds viform.bit, `make program` loads it.\n"
     tail = (
         f".DELETE_ON_ERROR:\n.PHONY: all clean {' '.join(_loads(target))}\n"
         f"VERILOG = {' '.join(sources)}\n\nall: viform.bit\n\n"
+        f"{liteeth}"
     )
     if target.device.family == "ecp5":
         return {"Makefile": head + _TOOLS + tail + _ecp5(target, modules, constraint)}
@@ -38,6 +44,13 @@ def recipe(target: Target, sources: Sequence[str], constraint: str) -> dict[str,
     }
 
 
+_LITEETH = """\
+LITEETH_GEN ?= liteeth_gen
+{core}: liteeth.yml
+\t$(LITEETH_GEN) --no-compile --output-dir liteeth liteeth.yml
+\tcp liteeth/gateware/{core} $@
+
+"""
 _TOOLS = """\
 YOSYS ?= yosys
 NEXTPNR ?= nextpnr-ecp5

@@ -28,7 +28,11 @@ from cosim.spikes.viform import words_for
 from rtl_model.cycle import Bridge, System
 from rtl_model.geometry import Geometry
 from rtl_model.host import read_csr
+from rtl_model.host.ether.packet import answer_packet, answered, probe, record_packet
 from rtl_model.imagers.run.tape import Tape
+from rtl_model.virtual.ethernet.answers import answer
+from rtl_model.virtual.ethernet.bus import make_bus
+from rtl_model.virtual.faults import Faults
 from scenarios.assemble.schema.loading import load
 from scenarios.run import _reinstated_before
 from scenarios.scenes.clips.film import FilmSource
@@ -393,6 +397,24 @@ def _to_board(data: bytes, folder: Path) -> None:
     assert bridge.idle
 
 
+def _etherbone_packets(folder: Path) -> list[bytes]:
+    read, write = b"".join(n.to_bytes(4, "big") for n in (0, 4, 0x100000)), bytes(8)
+    numbered = b"".join(n.to_bytes(4, "big") for n in (0, 0x100000, 1, 7))
+    return [
+        record_packet(1, read), record_packet(2, read, 0x304, write),
+        record_packet(3, read, 0x50000000, numbered), probe(4), answer_packet([(1, write)]),
+    ]  # fmt: skip
+
+
+def _etherbone_board(data: bytes, folder: Path) -> None:
+    """The board answers or drops a packet, and then still answers; the host takes no notice."""
+    answered(data)
+    bus = make_bus("model", Geometry(rows=2, columns=32, clock_hz=4_000_000), Faults())
+    answer(data, bus)
+    reply = answered(answer(record_packet(9, bytes(4)), bus) or b"")
+    assert reply is not None and reply[0] == 9
+
+
 TARGETS: tuple[Target, ...] = (
     Target("dat", _written(".dat"), _file("a.dat", lambda p: _read(p, (24, 20)))),
     Target("dat without a size", _written(".dat", 3, (250, 400)), _file("a.dat", _read)),
@@ -427,4 +449,5 @@ TARGETS: tuple[Target, ...] = (
     Target("picture", _pictures, _file("a.mp4", _film)),
     Target("transmission", _sent, _file("a.dat", _receive), weight=40),
     Target("request", _requests, _to_board),
+    Target("etherbone", _etherbone_packets, _etherbone_board),
 )  # fmt: skip

@@ -16,7 +16,8 @@ class BoardSection(Section):
 
     port: str = Field(
         default="virtual",
-        description="a device, any URL of pyserial, or virtual: a board in a simulator is started",
+        description="a device, any URL of pyserial, udp:HOST[:PORT], or virtual: a board in a "
+        "simulator is started",
     )
     level: Literal["bytes", "pins", "model"] = Field(
         default="bytes", description="of a virtual board: the Verilog behind bytes or pins, or the "

@@ -24,7 +24,8 @@ __all__ = ["TITLE", "Sections", "make_sections", "write_board_report"]
 TITLE = "Bring-up of a board"
 JUNIT = "junit.xml"
 _UNITS: Final = {
-    "_bytes_per_s": ("B/s", 1.0), "_per_s": ("1/s", 1.0), "_hz": ("Hz", 1.0), "_ms": ("s", 1e-3),
+    "_bits_per_s": ("bit/s", 1.0), "_bytes_per_s": ("B/s", 1.0), "_per_s": ("1/s", 1.0),
+    "_hz": ("Hz", 1.0), "_ms": ("s", 1e-3),
 }  # fmt: skip
 """Ends of names of figures with their unit, and its size in it."""
 _OMITTED: Final = {"rates", "first_wrong", "note"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.config.amounts import number
+from cosim.config.amounts import amount, number
 from rtl_model.bringup.bench.stage import Stage
 
 __all__ = ["stage_text"]
@@ -49,8 +49,8 @@ def _mtu(stage: Stage) -> str:
 def _rate(stage: Stage) -> str:
     f = stage.figures
     return (
-        f"payload {number(f['read_bits_per_s'] / 1e6, 4)} Mb/s read, "
-        f"{number(f['write_bits_per_s'] / 1e6, 4)} Mb/s written, {f['packets_in_flight']} packets "
+        f"payload {amount(f['read_bits_per_s'], 'bit/s')} read, "
+        f"{amount(f['write_bits_per_s'], 'bit/s')} written, {f['packets_in_flight']} packets "
         "in flight"
     )
 

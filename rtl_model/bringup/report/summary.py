@@ -72,7 +72,11 @@ def cards_of(report: Report) -> list[Card]:
         rows.append(("", count(sum(len(burst.got) for burst in report.bursts)), "frames compared"))
     for stage, name, unit, what in (
         ("counters", "round_trips_per_s", "1/s", "round trips"),
+        ("link", "round_trips_per_s", "1/s", "round trips"),
         ("patterns", "capture_bytes_per_s", "B/s", "capture rate of stage patterns"),
+        ("rate", "read_bits_per_s", "bit/s", "payload read"),
+        ("rate", "write_bits_per_s", "bit/s", "payload written"),
+        ("loss", "loss_percent", "%", "packets lost"),
     ):
         value = report.figure(stage, name)
         if value is not None:

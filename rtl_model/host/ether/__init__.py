@@ -5,7 +5,6 @@ from rtl_model.host.ether.etherbone import AROUND, Etherbone
 from rtl_model.host.ether.exchange import PacketPort
 from rtl_model.host.ether.packet import Malformed, Words, answer_packet, parse, probe_reply
 from rtl_model.host.ether.udp import (
-    DEFAULT_PORT,
     UdpAddress,
     is_loopback,
     is_udp,
@@ -16,7 +15,6 @@ from rtl_model.host.ether.udp import (
 
 __all__ = [
     "AROUND",
-    "DEFAULT_PORT",
     "Etherbone",
     "Malformed",
     "PacketPort",

@@ -188,7 +188,7 @@ class Etherbone:
         while True:
             size = 4 * self.words_at_once
             try:
-                parts = self._read_blocks(
+                parts = self.read_blocks(
                     [every[at : at + size] for at in range(0, len(every), size)]
                 )
             except LineFault as fault:
@@ -270,8 +270,15 @@ class Etherbone:
         """Waits. Late answers that arrive meanwhile are counted."""
         self.exchange.listen(seconds)
 
-    def _read_blocks(self, blocks: list[bytes]) -> list[bytes]:
-        """The words at the addresses of each block, in order."""
+    def read_blocks(self, blocks: Sequence[bytes]) -> list[bytes]:
+        """Reads words with many requests in flight, each block by one packet.
+
+        Args:
+            blocks: byte addresses (big-endian) of at most `words_at_once` words each.
+
+        Returns:
+            The words of each block, big-endian. Raises LineFault SILENT or GONE.
+        """
         exchange = self.exchange
         exchange.begin()
         parts: list[bytes | None] = [None] * len(blocks)

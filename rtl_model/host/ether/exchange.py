@@ -23,10 +23,10 @@ __all__ = ["Counts", "Exchange", "PacketPort", "is_answered", "silent"]
 
 _LATER = 3  # answers to later requests that prove a loss, as in TCP (RFC 5681, section 3.2)
 _GAIN, _VARIATION_GAIN = 1 / 8, 1 / 4  # of the smoothed round trip and its variation (RFC 6298)
-_LEAST_WAIT_S = 10e-3  # before an answer is overdue: a busy machine may suspend a thread so long
+_LEAST_WAIT_S = 20e-3  # before an answer is overdue: a busy machine may suspend a thread so long
 _DOUBTFUL_WAIT_S = 50e-3  # least wait for an answer that may never come
 _FIRST_WAIT = 0.1  # share of the patience before a round trip is known
-_WINDOW, _MOST_WINDOW = 4.0, 32.0  # requests in flight: at first, and at most
+_WINDOW, _MOST_WINDOW = 4.0, 128.0  # requests in flight: at first, and at most
 _SILENCES = 4  # times the patience, after which an exchange without any answer is given up
 _REMEMBERED = 4096  # requests given up, and answered ones, that are recognised later
 _TAGS = 1 << 32
@@ -303,10 +303,10 @@ def is_answered(exchange: Exchange, make: Callable[[int], bytes], tries: int = 6
         make: returns the packet for a tag.
         tries: most packets that may be lost.
     """
-    exchange.begin()
     exchange.least_wait_s = _DOUBTFUL_WAIT_S
     try:
         for _ in range(tries):
+            exchange.begin()  # waits no longer for each than for the first
             exchange.send(0, make)
             while True:
                 if exchange.receive() is not None:

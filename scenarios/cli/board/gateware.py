@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -41,12 +41,31 @@ def board_gateware(
         bool,
         typer.Option("--cells", help="count cells with yosys; write only a build that fits"),
     ] = False,
+    ethernet: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PHY",
+            help="Ethernet by LiteEth instead of the serial line; --list names the PHYs",
+        ),
+    ] = None,
+    ip: Annotated[str, typer.Option(help="IPv4 address with --ethernet")] = "192.168.1.50",
+    mac: Annotated[
+        str, typer.Option(help="Ethernet address with --ethernet")
+    ] = "10:e2:d5:00:00:01",
     listing: Annotated[bool, typer.Option("--list", help="list the supported boards")] = False,
     json: Json = False,
 ) -> None:
     """Write a folder in which `make` builds the bitstream for a board."""
     from cosim import InputError
-    from rtl_model.gateware import check_folder, design_for, fit, target_named, write_folder
+    from rtl_model.gateware import (
+        check_folder,
+        design_for,
+        ethernet_named,
+        fit,
+        network,
+        target_named,
+        write_folder,
+    )
 
     if listing:
         _list(json)
@@ -59,7 +78,15 @@ def board_gateware(
         )  # fmt: skip
     if build.lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(build.lanes), "choose one")
-    design = design_for(target_named(target), **asdict(build))
+    board = target_named(target)
+    wire: dict[str, Any] = {}
+    if ethernet is not None:
+        wire = {"ethernet": ethernet_named(target, ethernet), "network": network(ip, mac)}
+        if cells:
+            raise InputError(
+                "--cells", "left out with --ethernet", "given", "LiteEth's core is made by `make`"
+            )
+    design = design_for(board, **asdict(build), **wire)
     check_folder(out)
     counted = None
     if cells:
@@ -76,21 +103,26 @@ def board_gateware(
 
 
 def _list(json: bool) -> None:
-    from rtl_model.gateware import TARGETS
+    from rtl_model.gateware import ETHERNET, TARGETS
 
+    phys = {name: [one.name for one in ETHERNET.get(name, ())] for name in TARGETS}
     if json:
         rows = [
             {
                 "target": one.name, "board": one.board, "family": one.device.family,
                 "part": one.part, "clock_hz": one.clock_hz, "luts": one.device.luts,
                 "flip_flops": one.device.flip_flops, "block_rams": one.device.block_rams,
+                "ethernet": phys[one.name],
             }
             for one in TARGETS.values()
         ]  # fmt: skip
         print_document({"ok": True, "targets": rows})
         return
     for one in TARGETS.values():
-        print(f"{one.name:<16} {one.part:<19} {one.clock_hz / 1e6:g} MHz  {one.board}")
+        print(
+            f"{one.name:<16} {one.part:<19} {one.clock_hz / 1e6:g} MHz  {one.board}"
+            + (f", Ethernet {', '.join(phys[one.name])}" if phys[one.name] else "")
+        )
 
 
 def _document(design: Design, files: list[str], cells: Fit | None) -> dict[str, object]:
@@ -100,13 +132,15 @@ def _document(design: Design, files: list[str], cells: Fit | None) -> dict[str, 
         "target": target.name,
         "family": target.device.family,
         "part": target.part,
-        "clock_hz": target.clock_hz,
+        "clock_hz": design.geometry.clock_hz,
         "baud": design.geometry.baud,
         "baud_error": design.baud_error,
         "geometry": design.geometry._asdict(),
         "build": f"{design.build:08x}",
         "files": files,
         "cells": None if cells is None else cells._asdict(),
+        "ethernet": None if design.ethernet is None else design.ethernet.name,
+        "ip": None if design.network is None else design.network.ip,
     }
 
 
@@ -118,7 +152,9 @@ def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> str
         f"{size.clock_hz / 1e6:g} MHz, a tick of "
         f"{number(size.clock_hz / size.tick_clocks / 1e3, 4)} kHz",
         f"memories   capture {size.capture_words} words, sink {size.sink_words} words",
-        f"serial     {size.baud} baud, off by {100 * design.baud_error:+.2f} %",
+        f"serial     {size.baud} baud, off by {100 * design.baud_error:+.2f} %"
+        if design.ethernet is None or design.network is None
+        else f"ethernet   {design.ethernet.connector}, {design.network.ip}",
         f"build      {design.build:08x}",
     ]
     if cells is not None:
@@ -131,6 +167,11 @@ def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> str
     lines += [
         f"written    {len(files)} files in {out}",
         f"try        make -C {out} && make -C {out} program",
-        f"then       viform board bringup --port /dev/ttyUSB0 --baud {size.baud}",
+        "then       viform board bringup --port "
+        + (
+            f"/dev/ttyUSB0 --baud {size.baud}"
+            if design.network is None
+            else f"udp:{design.network.ip}"
+        ),
     ]
     return "\n".join(lines)

@@ -20,7 +20,10 @@ def verilog():
     return VerilatedSystem(SIZE)
 
 
-@pytest.fixture(params=[lambda: System(SIZE), verilog], ids=["model", "verilog"])
+@pytest.fixture(
+    params=[lambda: System(SIZE), pytest.param(verilog, marks=pytest.mark.slow)],
+    ids=["model", "verilog"],
+)
 def board(request):
     return request.param()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -27,38 +27,34 @@ def check_rate(bench: UdpBench) -> Figures:
     bench.write("sensor_run", 0)
     previous = bone.read_words(base, words).tobytes()
     random = np.random.Generator(np.random.Philox(1))
-    image = random.integers(1 << 32, size=words, dtype=np.uint32).astype(">u4")
+    image = random.integers(1 << 32, size=words, dtype=np.uint32).astype(">u4").tobytes()
+    sent, asked = min(words, bone.words_at_once - AROUND), min(words, bone.words_at_once)
+    places = (base + 4 * np.arange(asked, dtype=np.int64)).astype(">u4").tobytes()
+    wrong = 0
+
+    def read(packets: int) -> None:
+        nonlocal wrong
+        wrong += sum(got != image[: 4 * asked] for got in bone.read_blocks([places] * packets))
+
     try:
-        size = min(words, bone.words_at_once - AROUND)
-        blocks = [(base + 4 * at, image[at : at + size].tobytes()) for at in range(0, words, size)]
-        written = _measured(bench, lambda count: bone.write_blocks((blocks * count)[:count]))
-        bone.write_blocks(blocks)
-        whole = (base + 4 * np.arange(words, dtype=np.int64)).astype(">u4")
-        wrong = 0
-
-        def read(count: int) -> None:
-            nonlocal wrong
-            places = np.resize(whole, count * bone.words_at_once)
-            got = bone.read_addresses(places)
-            wrong += int((got != np.resize(image, got.size)).sum())
-
+        written = _measured(bench, lambda n: bone.write_blocks([(base, image[: 4 * sent])] * n))
+        bone.write_words(base, image)
         received = _measured(bench, read)
     finally:
         bone.write_words(base, previous)
     figures: Figures = {
-        "read_bits_per_s": 32 * bone.words_at_once * received,
-        "write_bits_per_s": 32 * sum(len(block[1]) for block in blocks) / 4 / len(blocks) * written,
+        "read_bits_per_s": 32 * asked * received, "write_bits_per_s": 32 * sent * written,
         "packets_in_flight": int(bone.exchange.window),
     }  # fmt: skip
     if wrong:
         raise StageFault(
-            "words", f"{wrong} words of the pattern memory read wrong at full rate",
+            "words", f"{wrong} packets with wrong words of the pattern memory at full rate",
             "check the timing of the design's bus and memories", figures,
         )  # fmt: skip
     return figures
 
 
-def _measured(bench: UdpBench, act: Any) -> float:
+def _measured(bench: UdpBench, act: Callable[[int], None]) -> float:
     """Packets per second of `act`, which exchanges a number of packets."""
     count = _PACKETS
     while True:

@@ -29,7 +29,7 @@ def test_a_folder_and_its_document(tmp_path: Path) -> None:
     document = json.loads(done.stdout)
     assert list(document) == [
         "ok", "target", "family", "part", "clock_hz", "baud", "baud_error", "geometry", "build",
-        "files", "cells",
+        "files", "cells", "ethernet", "ip",
     ]  # fmt: skip
     assert document["geometry"] == Geometry(16, 32, 32, 50_000_000, 1_000_000)._asdict()
     assert (document["ok"], document["cells"], document["baud_error"]) == (True, None, 0.0)
@@ -104,3 +104,24 @@ def test_what_does_not_fit_is_told_and_not_written(
         assert "luts       25000 of 24288, 103 %\n" in out
         assert out.endswith("is too small: nothing was written\n")
     assert not (tmp_path / "board").exists()
+
+
+def test_ethernet_and_its_refusals(tmp_path: Path) -> None:
+    out = tmp_path / "board"
+    done = run(
+        "colorlight-i5", "--ethernet", "phy1", "--ip", "10.0.0.7", "--out", str(out), "--json"
+    )
+    document = json.loads(done.stdout)
+    assert (document["ethernet"], document["ip"], document["clock_hz"]) == (
+        "phy1", "10.0.0.7", 37_500_000,
+    )  # fmt: skip
+    assert "ip_address: 10.0.0.7" in (out / "liteeth.yml").read_text()
+    for options, says in (
+        (["--ethernet", "phy9"], "must be one of phy0, phy1"),
+        (["--ethernet", "phy0", "--ip", "x"], "an IPv4 address"),
+        (["--ethernet", "phy0", "--cells"], "--cells must be left out with --ethernet"),
+    ):
+        done = run("colorlight-i5", *options, "--out", str(tmp_path / "other"))
+        assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+        assert says in done.stderr
+    assert not (tmp_path / "other").exists()
