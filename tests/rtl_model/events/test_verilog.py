@@ -20,7 +20,7 @@ DIM, BUSY = Light(0.02), Light(0.1)
 
 @pytest.mark.parametrize(("light", "slack"), [(DIM, 50), (BUSY, 0)])
 def test_the_verilog_is_the_model(light, slack):
-    result = run(SIZE, light, 2e6, slack=slack, verilog=True)
+    result = run(SIZE, light, 8e6, slack=slack, verilog=True)
     assert result.failure == ""
     assert result.packets > 40
     assert result.gaps > 40 and result.lost_spikes > 0
