@@ -13,7 +13,7 @@ import pytest
 from tests.survival.forked import Command
 from tests.survival.spine import run
 
-STEP = 7
+STEP = 11
 """Every so many calls in the ordinary suite."""
 
 
