@@ -327,6 +327,8 @@ class Recorder:
         if not chunks:
             return None
         try:
+            if not self._path.exists():
+                raise not_a_store(self._path, "lost")
             stream = ZarrStream(self._path, kept=0, unfinished=stop < self._cycles)
             mine = (stream.shape, stream.clock, stream.start) == (
                 self._shape, self._clock, self._start,

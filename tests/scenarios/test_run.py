@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import math
+import os
 import re
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -385,6 +388,24 @@ def test_an_interrupted_check_keeps_the_recording(film, tmp_path, monkeypatch):
     monkeypatch.setattr(Recorder, "step", interrupted)  # all of it is there
     result, _ = film("step", folder, "scene.at=1.26 ms", resume=True)
     assert result.outcome == "ok"
+
+
+def test_an_interrupt_that_a_library_loses_ends_the_run(film, tmp_path):
+    """As an exception does that is raised while C code calls back, such as a finaliser."""
+
+    def lose(machine: Any, run: Any) -> list[str]:
+        with contextlib.suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        return []
+
+    folder = tmp_path / "run"
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(Interrupted, match="before the images and the report; go on with"):
+        film("step", folder, report=lose)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert not (folder / "result.json").exists() and (folder / "checkpoint.npz").exists()
+    film("step", folder, resume=True)
+    assert (folder / "result.json").is_file() and not (folder / "checkpoint.npz").exists()
 
 
 def test_a_disk_that_is_full_by_the_report_is_said(film, tmp_path, monkeypatch):

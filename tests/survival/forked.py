@@ -58,6 +58,7 @@ def _run(words: tuple[str, ...], log: Path, prepare: Callable[[], None] | None) 
     with log.open("wb") as file:
         for stream in (1, 2):
             os.dup2(file.fileno(), stream)
+    assert "scenarios.run" in sys.modules, "the server has not imported tests.survival.warm whole"
     if prepare is not None:
         prepare()
     from scenarios.cli.entry import main

@@ -5,16 +5,18 @@ Nothing is executed here: threads of OpenCL or numba would not survive the fork.
 
 import av  # noqa: F401
 import cv2  # noqa: F401
-import matplotlib.subplots  # noqa: F401
+import matplotlib.figure  # noqa: F401
 import moderngl  # noqa: F401
 import numba  # noqa: F401
 import pyopencl  # noqa: F401
 import scipy.optimize  # noqa: F401
+import zarr.codecs  # noqa: F401
 
 import scenarios.assemble.asynchronous
 import scenarios.assemble.camera
 import scenarios.assemble.continuous
 import scenarios.assemble.imager
 import scenarios.assemble.link
+import scenarios.assemble.schema.loading
 import scenarios.cli.entry
 import scenarios.run  # noqa: F401

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError
+from cosim.files.durable import sync
 from sensor.imagers import Exposed, PixelModel
 
 __all__ = ["TAPE", "NoTape", "Tape", "Taped"]
@@ -63,7 +64,8 @@ class Tape:
             size, self._file = 0, path.open("w+b")
         if size == 0:
             self._file.write(head)
-            self._file.flush()  # the head of a killed run then tells that the tape is its own
+            self.sync()  # the head of a killed run then tells that the tape is its own
+            sync(path.parent)
         self._file.seek(len(head))
 
     def _check(self, head: bytes) -> int:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from pathlib import Path
 from shutil import rmtree
 from typing import Any, Final
 
 from cosim.files import open_stream, write_stream
+from cosim.files.durable import put
 from cosim.run.inputs import digest
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
@@ -41,7 +41,7 @@ def make_item(item: Item, places: Places, device: str | None) -> dict[str, Any]:
         for part, name in made.items():
             place = places.folder / name
             place.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(part, place)
+            put(part, place)
         write_document(places.document(item), document)
     finally:
         rmtree(parts, ignore_errors=True)

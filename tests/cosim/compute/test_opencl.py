@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -280,6 +281,19 @@ def test_a_foreign_cache_is_said_and_not_used(
     assert line.startswith("viform: VIFORM_CACHE must be a folder of this user")
     assert f"not {mine} ({kind}); {homeless / 'xdg/viform'} is used" in line
     assert not list((homeless / "elsewhere").iterdir())
+
+
+def test_a_full_disk_of_the_cache_is_said(homeless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The compiler writes its stages there, and ends the process where it cannot."""
+    monkeypatch.setenv("VIFORM_CACHE", str(homeless / "mine"))
+    full = SimpleNamespace(total=1 << 40, free=31 << 20)
+    monkeypatch.setattr("cosim.compute.opencl.shutil.disk_usage", lambda _: full)
+    with pytest.raises(InputError) as refused:
+        open_device()
+    assert str(refused.value) == (
+        "the cache of compiled kernels must be on a disk with 32 MiB of room, not "
+        f"{homeless / 'mine/pocl'} (31 MiB free); make room, or set VIFORM_CACHE to another folder"
+    )
 
 
 def test_the_user_s_cache_is_closed_to_others(

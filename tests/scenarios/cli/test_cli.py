@@ -360,7 +360,7 @@ def test_a_run_interrupted_in_its_report_need_not_film_again(film, step_run, tmp
     np.testing.assert_array_equal(words(folder), words(step_run.folder))
 
 
-def test_going_on_without_the_stream_is_refused(film, refused, tmp_path):
+def test_going_on_without_the_stream_begins_again(film, viform, tmp_path):
     folder = tmp_path / "run"
 
     def stop(machine: Any, run: Any) -> list[str]:
@@ -369,9 +369,12 @@ def test_going_on_without_the_stream_is_refused(film, refused, tmp_path):
     with pytest.raises(Interrupted):
         film("step", folder, "scene.at=1.26 ms", report=stop)
     shutil.rmtree(folder / "stream.zarr")
-    assert refused(*STEP, "--out", folder, "--resume") == (
-        "--resume must be given with the run's stream.zarr, not without; leave it out"
-    )
+    code, _, err = viform(*STEP, "--out", folder, "--resume")
+    assert code == 0 and (folder / "result.json").exists()
+    assert (
+        f"viform: {folder / 'stream.zarr'} must be as the run wrote it, not lost; the run "
+        "begins again at its first cycle\n"
+    ) in err
 
 
 def test_a_run_stores_its_stream_as_it_is_told(viform, refused, tmp_path):

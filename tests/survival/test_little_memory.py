@@ -1,0 +1,56 @@
+"""Runs of every kind under a limit of the address space: done, or one line that says what is
+needed, before anything is written."""
+
+from __future__ import annotations
+
+import resource
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from tests.survival.commands import RUNS
+from tests.survival.forked import Command
+
+GIB = 1 << 30
+LIMITS = (0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 3.0)
+"""Limits behind the marker, GiB."""
+
+
+def limit(gib: float) -> None:
+    most = int(gib * GIB)
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def outcome(kind: str, gib: float, place: Path) -> tuple[int | None, list[str]]:
+    """Exit code and lines of a run."""
+    words = ("run", *RUNS[kind], "--out", str(place / "run"))
+    code = Command(words, place / "log", partial(limit, gib)).wait()
+    return code, (place / "log").read_text().splitlines()
+
+
+def check(kind: str, gib: float, place: Path) -> None:
+    code, lines = outcome(kind, gib, place)
+    assert code in (0, 2), lines
+    assert not any("Traceback" in line or "OpenCL device" in line for line in lines), lines
+    if code == 2:
+        assert "memory" in lines[-1] or "address space" in lines[-1], lines
+        assert all(line.startswith("viform: ") for line in lines), lines
+        assert not (place / "run" / "result.json").exists()
+
+
+@pytest.mark.parametrize("kind", ["latched", "emccd"])
+def test_too_little_is_said_before_the_run(kind: str, tmp_path: Path) -> None:
+    code, lines = outcome(kind, 1.0, tmp_path)
+    (line,) = lines
+    assert code == 2 and line.startswith(
+        "viform: the limit of the address space (ulimit -v) must be "
+    )
+    assert line.endswith("or close other programs") and not (tmp_path / "run").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", RUNS)
+@pytest.mark.parametrize("gib", LIMITS)
+def test_any_limit(kind: str, gib: float, tmp_path: Path) -> None:
+    check(kind, gib, tmp_path)
