@@ -97,7 +97,7 @@ def packets_in(words: Output) -> list[Packet]:
     """The packets of words that end with the last word of a packet. Raises Damaged for others."""
     data = words["data"].astype("<u2").tobytes()
     ends = 2 * (np.flatnonzero(words["last"]) + 1)
-    return [packet_of_line(data[a:b]) for a, b in zip(np.append(0, ends[:-1]), ends, strict=True)]
+    return [packet_of_line(data[a:b]) for a, b in zip(np.append(0, ends)[:-1], ends, strict=True)]
 
 
 @njit(cache=True, nogil=True)

@@ -62,7 +62,8 @@ def test_a_thousand_million_pixel_cycles(size, light, slack):
 )  # fmt: skip
 def test_small_arrays(size, seed):
     rng = np.random.default_rng(seed)
-    light = Light(rng.choice([0.002, 0.05, 0.3, 1.2]), rng.random(), rng.random(), rng.random())
+    ready = rng.uniform(0.2, 1)
+    light = Light(rng.choice([0.002, 0.05, 0.3, 1.2]), rng.random(), rng.random(), ready)
     same(run(size, light, 40 * size.pixels * size.cycles, slack=seed, seed=seed), 1)
 
 
