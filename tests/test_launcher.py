@@ -61,6 +61,7 @@ case "$*" in
             [ -z "${{VIFORM_INSTALL-}}" ] ||
                 {{ export VIFORM_INSTALL && exec "$VIFORM_LAUNCHER" "$@"; }}
         fi
+        echo "$VIFORM_CALLED" >"$BOX/called"
         printf '<%s>' "$@" ;;
 esac
 """
@@ -438,6 +439,12 @@ def test_root_installs_python_and_then_what_the_command_lacks(tmp_path):
     )
     calls = box.calls()
     assert (made(calls), pips(calls), installs(calls)) == (0, [], [" ".join(OPENCL)])
+    box.lacks(*OPENCL)
+    link = box.root / "a link"
+    link.symlink_to(box.clone / "viform")
+    box.run("run", "film", at="a link")  # starts the script once more, by its path
+    assert (box.root / "called").read_text() == f"{link}\n"
+    box.calls()
     box.run("run", "film")
     assert len(box.calls()) == 1
 
