@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event
 from typing import Protocol
@@ -24,6 +24,7 @@ from link.evaluation.metrics import link_metrics, lock_metrics
 from link.evaluation.reception import receive_stream
 from link.report.page import link_page
 from link.sending import Transmission
+from link.setup.distances import RateAt, rates_over_distance
 from link.setup.setup import FileLinkSetup
 from link.trial.planned import PlannedLink, check_plan, plan_link
 from sensor.latched.readout import readout_stages
@@ -93,8 +94,8 @@ class _Beside:
 
 
 class LinkMachine:
-    """The machine of a link; see `Machine`. The check of the plan, on patches, runs beside the
-    recording: each of the two leaves cores idle.
+    """The machine of a link; see `Machine`. The check of the plan, on patches, and the pilots at
+    other distances run beside the recording and the receiver: each of them leaves cores idle.
 
     Args:
         name: short name of the scenario.
@@ -109,6 +110,7 @@ class LinkMachine:
         self._link: PlannedLink = plan_link(setup)
         self._pool, self._beside = ThreadPoolExecutor(1), _Beside()
         self._checked: Future[tuple[PlannedLink, list[Finding]]] | None = None
+        self._distances: Future[list[RateAt]] | None = None
 
     @property
     def toml(self) -> str:
@@ -132,6 +134,8 @@ class LinkMachine:
 
     def trial(self, progress: Progress) -> list[Finding]:
         self._checked = self._pool.submit(check_plan, self._link, self._beside)
+        if self._distances is None:
+            self._distances = self._pool.submit(rates_over_distance, self._setup, self._beside)
         return []
 
     def keep(self, effects: Sequence[str]) -> LinkMachine:
@@ -181,6 +185,8 @@ class LinkMachine:
             received = receive_stream(stream, setup.scenario.link.modem, setup.device, progress)
             seconds["receiver"] = time.perf_counter() - begin
         link = evaluate_link(setup, self._link, stream, received, closed.result)
+        if self._distances is not None:
+            link = replace(link, over_distance=self._distances.result())
         outcome = "degraded" if self._link.beyond else "ok"
         fault = None if self._loop is None else self._loop.fault
         faults = [] if fault is None else [fault]

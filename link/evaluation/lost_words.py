@@ -11,6 +11,7 @@ signs in white noise. It is not known
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -60,14 +61,25 @@ def lost_share(
         words: number of words that were read, or of frames.
         together: words of a frame; 1 for the share of words.
     """
-    from scipy.stats import binom
-
     if mode.rate is None or information is None or abs(drift) > _STILL or not words:
         return LostShare()
     share, most, least = (
         ldpc_word_error(mode.rate, each, data_bits)
         for each in (information.bits, information.low - _OFF, information.high + _OFF)
     )
-    low = float(binom.ppf(_OUTSIDE, words, least)) / words
-    high = float(binom.ppf(1 - _OUTSIDE, words, min(together * most, 1.0))) / words
-    return LostShare(1 - (1 - share) ** together, max(low, 0.0), high)
+    low = _quantile(_OUTSIDE, words, least) / words
+    high = _quantile(1 - _OUTSIDE, words, min(together * most, 1.0)) / words
+    return LostShare(1 - (1 - share) ** together, low, high)
+
+
+def _quantile(chance: float, count: int, share: float) -> int:
+    """The least number of hits, of `count` trials that hit with probability `share` each, that is
+    not exceeded with probability `chance`."""
+    from scipy.special import bdtr, bdtrik  # scipy.stats, which has it too, takes 0.4 s to load
+
+    if share >= 1:
+        return count
+    if bdtr(0, count, share) >= chance:  # of no hit; bdtrik has no answer for the least shares
+        return 0
+    found = math.ceil(bdtrik(chance, count, share))
+    return found - 1 if bdtr(found - 1, count, share) >= chance else found

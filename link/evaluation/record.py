@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from link.prediction.rates import Rates
 from link.receiving import Received
 from link.section import LinkScenario
 from link.setting import LinkSetting
+from link.setup.distances import RateAt
 from link.setup.setup import FileLinkSetup
 from link.theory.soft_information import SoftInformation, soft_information
 from link.trial.check import LinkCheck
@@ -82,6 +83,7 @@ class LinkEvaluation:
         latency: of the stages.
         scene: light of the cells.
         capacity: bit/s, None if the panel is not wholly in view.
+        over_distance: predicted rates at this and other distances, empty if the mode was given.
     """
 
     setup: FileLinkSetup
@@ -102,6 +104,7 @@ class LinkEvaluation:
     latency: list[Latency]
     scene: CellScene
     capacity: float | None
+    over_distance: list[RateAt] = field(default_factory=list)
 
     @cached_property
     def information(self) -> SoftInformation | None:

@@ -197,7 +197,8 @@ def _tables(drawn: list[_Drawn], shape: float, rng: np.random.Generator) -> Valu
         here = np.zeros((len(each.charge), *counts.shape[1:]), np.int32)
         normal = rng.standard_normal(each.charge.shape, np.float32)
         _count(each.charge, normal, each.bits, each.share, shape, here)
-        np.add.at(counts, each.phase, here)
+        for phase in np.unique(each.phase):
+            counts[phase] += here[each.phase == phase].sum(axis=0)
     every = counts.sum(axis=3, keepdims=True)
     prior = (every[..., 1] + 0.5) / (every.sum(-1) + 1)
     chance = (counts[..., 1] + _PRIOR * prior) / (counts.sum(-1) + _PRIOR)

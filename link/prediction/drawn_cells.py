@@ -86,6 +86,8 @@ class CellErrors:
 def random_bits(rng: np.random.Generator, shape: tuple[int, ...], longest: int) -> Flags:
     """Returns random bits whose runs along the last axis have at most `longest` bits."""
     out = rng.random(shape) < 0.5
+    if longest >= shape[-1]:
+        return out
     run = np.ones(shape[:-1], np.int64)
     for n in range(1, shape[-1]):
         same = out[..., n] == out[..., n - 1]

@@ -20,7 +20,7 @@ from link.report.figures import bits, delay_figure, rates_figure, reach_figure
 from link.report.phase import phase_section
 from link.report.signal_figures import view_figure
 from link.report.tables import NOT_KNOWN, effects_section, machine_section
-from link.setup.distances import rates_over_distance, span_of
+from link.setup.distances import span_of
 from link.setup.modes import fixed_mode
 from link.verdict import Cause
 
@@ -207,7 +207,7 @@ def _reach(link: LinkEvaluation, figures: Path) -> str:
             f"{head}The scenario gives the mode, so that no pilots predict the rate at other "
             "distances; leave a part of the mode <code>auto</code> for them.</p>"
         )
-    rows = rates_over_distance(link.setup)
+    rows = link.over_distance
     if not any(row.rate for row in rows):
         return f"{head}No mode is predicted to work at any of {count(len(rows))} distances.</p>"
     data = reach_figure(link, rows, figures / "reach.png")

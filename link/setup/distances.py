@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from cosim import InputError
-from cosim.run.progress import QuietProgress
+from cosim.run.progress import Progress
 from link.layout import Layout
 from link.mode import Mode
 from link.prediction.light import cell_scene
@@ -28,7 +28,7 @@ from link.setup.truth import panel_in_view
 
 __all__ = ["OTHERS", "RateAt", "rates_over_distance", "span_of"]
 
-OTHERS: Final = 5
+OTHERS: Final = 3
 """Number of distances beside the run's: each takes one to three pilots."""
 _CLOSE: Final = 0.04
 """Difference of two distances, as a share, below which one stands for both."""
@@ -71,7 +71,7 @@ def _moved(setting: LinkSetting, distance: float) -> LinkSetting:
     return replace(setting, air=replace(setting.air, distance=distance))
 
 
-def rates_over_distance(setup: FileLinkSetup) -> list[RateAt]:
+def rates_over_distance(setup: FileLinkSetup, progress: Progress) -> list[RateAt]:
     """Returns the predicted rates at the run's distance and at OTHERS, in the order of distance.
     Empty if the scenario gives the mode, which then is not chosen by pilots."""
     if fixed_mode(setup.scenario) is not None:
@@ -80,7 +80,8 @@ def rates_over_distance(setup: FileLinkSetup) -> list[RateAt]:
     near, far = span_of(setup.setting, setup.mode)
     others = np.geomspace(near, far, OTHERS) if far > near else np.empty(0)
     apart = [float(d) for d in others if abs(d / here - 1) > _CLOSE]
-    rows = [_rate(here, setup.choice), *(_rate(d, _choice(setup, d)) for d in apart)]
+    rows = [_rate(here, setup.choice)]
+    rows += [_rate(d, _choice(setup, d, progress)) for d in apart]
     return sorted(rows, key=lambda row: row.distance)
 
 
@@ -91,7 +92,7 @@ def _rate(distance: float, choice: Choice | None) -> RateAt:
     return RateAt(distance, rate or 0.0, choice.mode)
 
 
-def _choice(setup: FileLinkSetup, distance: float) -> Choice | None:
+def _choice(setup: FileLinkSetup, distance: float, progress: Progress) -> Choice | None:
     """The choice of a mode at a distance, with the clock locked if it is in the run; None where
     nothing can arrive."""
     link = setup.scenario.link
@@ -105,4 +106,4 @@ def _choice(setup: FileLinkSetup, distance: float) -> Choice | None:
     if setup.lock is not None:
         setting = at_lock(setting)
     size = len(setup.payload.data)
-    return choose_mode(scenario, setting, size, setup.device, QuietProgress())[1]
+    return choose_mode(scenario, setting, size, setup.device, progress)[1]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from link.evaluation.lost_words import LostShare, lost_share
+from link.evaluation.lost_words import LostShare, _quantile, lost_share
 from link.mode import Mode
 from link.theory import ldpc_word_error
 from link.theory.soft_information import SoftInformation
@@ -53,3 +53,13 @@ def test_limits_hold_for_runs_of_any_information_in_the_interval():
     for true in (0.903, 0.906, 0.909):
         lost = rng.binomial(500, ldpc_word_error(0.88, true), 2000) / 500
         assert ((lost >= found.low) & (lost <= found.high)).mean() > 0.999
+
+
+def test_quantiles_are_those_of_the_binomial_law():
+    random = np.random.default_rng(1)
+    for _ in range(500):
+        count, tiny = int(random.integers(1, 100_000)), random.random() < 0.3
+        share = 10 ** random.uniform(-320 if tiny else -7, 0)
+        for chance in (0.0005, 0.9995):
+            assert _quantile(chance, count, share) == max(binom.ppf(chance, count, share), 0)
+    assert _quantile(0.5, 10, 1.0) == 10

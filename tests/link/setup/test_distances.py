@@ -50,14 +50,14 @@ def test_the_panel_fills_the_view_at_one_end_and_its_tags_are_as_small_as_can_be
     for distance, found in ((far * 0.999, True), (far * 1.02, False)):
         setting = at(distance)
         assert (setting.scale * module >= least_module(cell_scene(setting).blur)) is found
-    assert rates_over_distance(made) == []  # the scenario gives the mode
+    assert rates_over_distance(made, QuietProgress()) == []  # the scenario gives the mode
 
 
 @pytest.mark.slow
 def test_runs_have_the_goodput_that_is_predicted_at_their_distances(tmp_path, monkeypatch):
     """The figure of a run at 2 m, and runs at two of its other distances."""
     monkeypatch.setattr(distances, "OTHERS", 4)
-    rows = rates_over_distance(set_up())
+    rows = rates_over_distance(set_up(), QuietProgress())
     assert len(rows) >= 4 and all(row.rate for row in rows[:-1])
     for row in [row for row in rows if row.distance != 2.0 and row.rate][:2]:
         name, given = load("light-link", [*SMALL, f"link.distance={row.distance} m"])
