@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Final
+from typing import IO, Any, Final, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ import numpy.typing as npt
 from cosim.compute.memory import check_memory
 from cosim.errors import shorten
 
-__all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays"]
+__all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays", "save_array"]
 
 _ENTRY = 46
 """Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). An entry
@@ -34,6 +34,19 @@ _HEADER: Final = 10_000
 _TIMES: Final = 2
 """Arrays of a file may take one part in so many of the free memory: what is made of them takes as
 much again."""
+
+
+class _Plain:
+    """A file that numpy does not know to be one: with its own call for files, `save` raises an
+    OSError without a reason where the disk is full."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self.write = file.write
+
+
+def save_array(file: IO[bytes], array: npt.ArrayLike) -> None:
+    """Writes an array as `.npy`. Raises OSError with its reason."""
+    np.save(cast(Any, _Plain(file)), array, allow_pickle=False)
 
 
 def _members(archive: zipfile.ZipFile) -> Iterator[tuple[str, zipfile.ZipInfo]]:

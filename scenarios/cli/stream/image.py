@@ -52,6 +52,7 @@ def image(
     import numpy as np
 
     from cosim import InputError
+    from cosim.archive import save_array
     from cosim.files import notes_of
     from cosim.files.whole import whole
     from cosim.report.png import to_linear_bytes, write_png
@@ -106,7 +107,7 @@ def image(
         grey = to_linear_bytes(values, scale)
     if out.suffix.lower() == ".npy":
         with whole(out) as part, part.open("wb") as file:
-            np.save(file, values)
+            save_array(file, values)
     else:
         write_png(out, grey)
     for note in (*notes, *notes_of(opened)):

@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import Block, InputError, Interrupted, Light, Viform
+from cosim.archive import save_array
 from cosim.clock import Clock
 from cosim.files.whole import whole
 from cosim.plan.tiles import TILE
@@ -169,7 +170,7 @@ class BandedCamera:
 def _write(path: Path, words: Words) -> None:
     """Writes a band as `.npy`, with the digest of the file behind the array."""
     with path.open("w+b") as file:
-        np.save(file, words)
+        save_array(file, words)
         file.seek(0)
         digest = hashlib.file_digest(file, "sha256").digest()
         file.seek(0, os.SEEK_END)
