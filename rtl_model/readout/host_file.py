@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from io import FileIO
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
+from cosim.files.durable import put, sync, sync_all
 
 __all__ = ["HostFile"]
 
@@ -30,13 +31,15 @@ class HostFile:
         self.written = 0
 
     def resume(self, written: int) -> None:
-        """Goes on after `written` bytes. Nothing is changed before the next `write`. Raises
-        ValueError if the file has fewer."""
+        """Goes on after `written` bytes, which `damage` has found. Nothing is changed before the
+        next `write`."""
+        self.written = written
+
+    def damage(self, written: int) -> str | None:
+        """What is wrong if the file must have `written` bytes; None if it has."""
         there = self._there()
         size = there.stat().st_size if there.is_file() else 0
-        if size < written:
-            raise ValueError(f"{there.name} has {size} of {written} bytes")
-        self.written = written
+        return None if size >= written else f"{there} must have {written} bytes, not {size}"
 
     def _there(self) -> Path:
         """The file as it is: whole, if the run ended after its last block."""
@@ -45,7 +48,7 @@ class HostFile:
     def write(self, data: npt.NDArray[np.uint8]) -> None:
         """Appends a contiguous array. Raises OSError (full disk)."""
         if not self._begun and self._there() != self._part:
-            os.replace(self._path, self._part)
+            put(self._path, self._part)
         self._begun = True
         with FileIO(self._part, "r+" if self.written else "w") as file:
             file.truncate(self.written)
@@ -56,12 +59,12 @@ class HostFile:
         self.written += data.nbytes
 
     def settle(self) -> None:
-        """Waits until the bytes are on the disk."""
+        """Waits until the bytes and the name are on the disk."""
         there = self._there()
         if there.is_file():
-            with FileIO(there, "r+") as file:
-                os.fsync(file.fileno())
+            sync_all([there, there.parent])
 
     def finish(self) -> None:
-        """Gives the file its name."""
-        os.replace(self._part, self._path)
+        """Gives the file its name, once its bytes are on the disk."""
+        sync(self._part)
+        put(self._part, self._path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -29,7 +30,8 @@ Bytes = npt.NDArray[np.uint8]
 
 
 class ScanStage:
-    """Passes the planes of a chip through its row scan and the buffer of a link; see `Stateful`.
+    """Passes the planes of a chip through its row scan and the buffer of a link; see `Stateful` and
+    `WithFiles`.
 
     The planes go on as the host rebuilds them: a row that was lost, or that is not read, is dark.
     The host is taken to know the cycle of a row, as a frame grabber with time stamps does; the
@@ -129,11 +131,16 @@ class ScanStage:
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
-        """Continues from a `state`. Raises ValueError for one of another form, and if the file has
-        fewer bytes than it had."""
+        """Continues from a `state`. Raises ValueError for one of another form."""
         if state["fill"].shape != self.fill.shape or state["lost"].shape != self.lost.shape:
             raise ValueError("the readout has another number of cycles")
         self.fill, self.lost = state["fill"].copy(), state["lost"].copy()
         self.buffer.restore(section(state, "buffer"))
         if self._file is not None:
             self._file.resume(int(state["written"][0]))
+
+    def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
+        """See `WithFiles`: the number of bytes is compared, not the bytes."""
+        if self._file is None or "written" not in state:
+            return None
+        return self._file.damage(int(state["written"][0]))
