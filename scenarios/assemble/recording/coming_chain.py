@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
-from cosim import Block, InputError, Interrupted
+from cosim import InputError, Interrupted
 from cosim.config.amounts import count, number
 from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
@@ -109,7 +109,6 @@ class ComingChain(BlockChain):
         """Writes the planes that fill no block, and ends the recording; returns its cycles."""
         planes = self.planes
         if planes.waiting:
-            block = Block(planes.came - planes.waiting, planes.waiting)
-            self.recorder.step(planes.step(None, block), block)
+            self.recorder.step(*planes.rest())
         self.recorder.end(planes.came)
         return planes.came
