@@ -111,6 +111,11 @@ def _size(
     """The stored size of a plane, what has told it, and a note if nothing has."""
     given = given_size(section)
     if given is not None:
+        if given[0] * given[1] % 8:
+            raise InputError(
+                _KEYS, "a size as stored, with a product that is a multiple of 8",
+                f"{given[0]} x {given[1]}", "give the columns with those that fill up a byte",
+            )  # fmt: skip
         return given, "scenario", ""
     config = None if piped else adjacent_config(path)
     if config is not None:
