@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Callable
 from io import FileIO
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +14,9 @@ import numpy.typing as npt
 from cosim.files.durable import put, sync, sync_all
 
 __all__ = ["HostFile"]
+
+_PART: Final = 1 << 24
+"""Bytes that are checked at a time."""
 
 
 class HostFile:
@@ -23,23 +29,32 @@ class HostFile:
 
     Attributes:
         written: bytes so far, also of the run that is resumed.
+        crc: CRC-32 of them (ISO-HDLC, as in zlib).
     """
 
     def __init__(self, path: Path) -> None:
         self._path, self._part = path, path.with_name(f"{path.name}.part")
         self._begun = False
-        self.written = 0
+        self.written = self.crc = 0
 
-    def resume(self, written: int) -> None:
-        """Goes on after `written` bytes, which `damage` has found. Nothing is changed before the
-        next `write`."""
-        self.written = written
+    def resume(self, written: int, crc: int) -> None:
+        """Goes on after `written` bytes, which `damage` has found sound. Nothing is changed before
+        the next `write`."""
+        self.written, self.crc = written, crc
 
-    def damage(self, written: int) -> str | None:
-        """What is wrong if the file must have `written` bytes; None if it has."""
-        there = self._there()
+    def damage(self, written: int, crc: int, checked: Callable[[int, int], None]) -> str | None:
+        """What is wrong if the file must begin with `written` bytes of the CRC `crc`; None if it
+        does. checked: see `WithFiles`."""
+        there, parts, found = self._there(), -(-written // _PART), 0
         size = there.stat().st_size if there.is_file() else 0
-        return None if size >= written else f"{there} must have {written} bytes, not {size}"
+        if size < written:
+            return f"{there} must have {written} bytes, not {size}"
+        if parts:
+            with FileIO(there) as file:
+                for n in range(parts):
+                    found = zlib.crc32(file.read(min(_PART, written - n * _PART)), found)
+                    checked(n + 1, parts)
+        return None if found == crc else f"{there} must be as the run wrote it, not damaged"
 
     def _there(self) -> Path:
         """The file as it is: whole, if the run ended after its last block."""
@@ -53,10 +68,11 @@ class HostFile:
         with FileIO(self._part, "r+" if self.written else "w") as file:
             file.truncate(self.written)
             file.seek(self.written)
-            left = data.reshape(-1).data
+            left = whole = data.reshape(-1).data
             while left:
                 left = left[file.write(left) :]
         self.written += data.nbytes
+        self.crc = zlib.crc32(whole, self.crc)
 
     def settle(self) -> None:
         """Waits until the bytes and the name are on the disk."""

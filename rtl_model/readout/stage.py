@@ -121,12 +121,12 @@ class ScanStage:
             np.savez_compressed(file, lost=self.lost, fill=self.fill)
 
     def state(self) -> State:
-        """The buffer, the cycles so far, and the number of bytes in the file."""
+        """The buffer, the cycles so far, and the number of bytes in the file and their CRC."""
         if self._file is not None:
             self._file.settle()
-        written = 0 if self._file is None else self._file.written
+        written = [0, 0] if self._file is None else [self._file.written, self._file.crc]
         return {
-            "fill": self.fill.copy(), "lost": self.lost.copy(), "written": np.array([written]),
+            "fill": self.fill.copy(), "lost": self.lost.copy(), "file": np.array(written),
             **{f"buffer/{name}": value for name, value in self.buffer.state().items()},
         }  # fmt: skip
 
@@ -137,10 +137,12 @@ class ScanStage:
         self.fill, self.lost = state["fill"].copy(), state["lost"].copy()
         self.buffer.restore(section(state, "buffer"))
         if self._file is not None:
-            self._file.resume(int(state["written"][0]))
+            written, crc = (int(n) for n in state["file"])
+            self._file.resume(written, crc)
 
     def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
-        """See `WithFiles`: the number of bytes is compared, not the bytes."""
-        if self._file is None or "written" not in state:
+        """See `WithFiles`."""
+        if self._file is None or "file" not in state:
             return None
-        return self._file.damage(int(state["written"][0]))
+        written, crc = (int(n) for n in state["file"])
+        return self._file.damage(written, crc, checked)

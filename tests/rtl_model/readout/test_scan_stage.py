@@ -142,7 +142,13 @@ def test_without_a_part_of_the_file_the_run_begins_again(
     saved.save(32, {"scan": made})
     part = tmp_path / f"{RAW}.part"
     assert saved.load({"scan": stage(tmp_path, device)}) == 32
-    part.write_bytes(part.read_bytes()[:-1])
+    data = part.read_bytes()
+    part.write_bytes(data[:-1] + bytes([data[-1] ^ 1]) + b"what was written later")
+    with pytest.raises(LostRecording, match=f"{RAW}.part must be as the run wrote it, not damaged"):
+        saved.load({"scan": stage(tmp_path, device)})
+    part.write_bytes(data + b"what was written later")
+    assert saved.load({"scan": stage(tmp_path, device)}) == 32
+    part.write_bytes(data[:-1])
     with pytest.raises(LostRecording, match=f"{RAW}.part must have 4096000 bytes, not 4095999"):
         saved.load({"scan": stage(tmp_path, device)})
     part.unlink()
