@@ -56,7 +56,7 @@ class Coming:
                 f"the last plane is left out, because only {planes.incomplete} of its "
                 f"{planes.frame} bytes came: check {_KEYS} if its writer was not stopped within it"
             )
-        if not self.assumed:
+        if not self.assumed or planes.came == planes.cycles:  # then there may be more bytes
             return notes
         bytes_ = planes.came * planes.frame + planes.incomplete
         try:

@@ -282,6 +282,11 @@ def test_a_size_that_is_assumed_is_said_and_doubted(tmp_path):
     told = " ".join(done.outcome.notes)
     assert "only 7000 of its 12500 bytes came: check sensor.width" in told
     assert "832000 bytes are whole planes of 416x250: sensor.width and sensor.height say so" in told
+    part = {"duration": "1.3 ms", "image": {"at": [26], "window": 21}}
+    sensor = {"width": None, "height": None, "source_timeout": "1 ms"}
+    short = run(scenario(f"file:{tmp_path / 'a.dat'}", part, **sensor), tmp_path / "short")
+    told = " ".join(short.outcome.notes)  # 52 planes of it are 50 of 416x250, but more would come
+    assert "52 planes came" in told and "416x250" not in told
 
 
 def test_a_config_beside_a_file_that_grows_tells_its_size(tmp_path):
