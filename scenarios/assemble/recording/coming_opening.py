@@ -17,10 +17,10 @@ from cosim.run.inputs import FILE, PIPE
 from scenarios.assemble.recording.coming import ComingPlanes
 from scenarios.assemble.recording.opening import given_size
 from scenarios.assemble.recording.origin import open_origin
-from scenarios.assemble.schema.scenario import RecordingScenario
+from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Coming", "comes", "open_coming"]
+__all__ = ["Coming", "comes", "open_coming", "refuse_pipe"]
 
 _KEYS: Final = "sensor.width and sensor.height"
 
@@ -72,6 +72,16 @@ class Coming:
 def comes(section: RecordedSection) -> bool:
     """Whether a stream comes while the run goes on: by a pipe, or as a file that is followed."""
     return section.source.startswith(PIPE) or section.source_timeout is not None
+
+
+def refuse_pipe(scenario: AnyScenario, command: str) -> None:
+    """Raises InputError for a scenario whose stream comes by a pipe, for commands that read it more
+    than once."""
+    if isinstance(scenario, RecordingScenario) and scenario.sensor.source.startswith(PIPE):
+        raise InputError(
+            "sensor.source", f"a file for viform {command}", scenario.sensor.source,
+            "write the pipe's bytes into a .dat and name that",
+        )  # fmt: skip
 
 
 def open_coming(scenario: RecordingScenario) -> Coming:

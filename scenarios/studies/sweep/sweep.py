@@ -15,10 +15,11 @@ from typing import Any
 
 from cosim import InputError, Interrupted
 from cosim.run.folder import how_to_resume, room_for
-from cosim.run.inputs import PIPE, add_digests
+from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
+from scenarios.assemble.recording.coming_opening import refuse_pipe
 from scenarios.assemble.schema.loading import load, to_toml
-from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario
+from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
 from scenarios.studies.batch.folder import begin_batch, read_document, write_document
 from scenarios.studies.batch.workers import run_jobs
@@ -68,11 +69,7 @@ class Sweep:
                 self.scenario, [*self.assignments, *varied], tolerance=self.tolerance,
                 seed=self.seed,
             )  # fmt: skip
-            if isinstance(scenario, RecordingScenario) and scenario.sensor.source.startswith(PIPE):
-                raise InputError(
-                    "sensor.source", "a file for viform sweep, whose points all read it",
-                    scenario.sensor.source, "write the pipe's bytes into a .dat and name that",
-                )  # fmt: skip
+            refuse_pipe(scenario, "sweep, whose points all read it")
             found.append(scenario)
         return name, found
 
