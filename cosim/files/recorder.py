@@ -175,8 +175,10 @@ class Recorder:
         """Makes the store as it was at the checkpoint that the run is resumed from."""
         if group.attrs["complete"]:
             group.attrs["complete"] = False
-        for n in range(_chunks(self.stop), _chunks(self._cycles)):
-            self._chunk_path(n).unlink(missing_ok=True)
+        # Those that are there: a stream of unknown length is laid out for tens of millions.
+        for folder in (self._path / "words").glob("c/*"):
+            if int(folder.name) >= _chunks(self.stop):
+                self._chunk_path(int(folder.name)).unlink(missing_ok=True)
 
     def _chunk_path(self, n: int) -> Path:
         """File of chunk n, by the key that zarr gives it by default."""

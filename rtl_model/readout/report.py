@@ -124,8 +124,9 @@ def readout_section(stage: ScanStage, lanes: int, folder: Path) -> str:
     what = "fill of the buffer, and rows lost a plane, over the run"
     return (
         "<h2>From the chip to the host</h2><p>The chip sends each plane row by row, in blocks of "
-        "500 pixels with a marker, during the cycle after its latch. The rows wait in a buffer for "
-        "the link to the host. The scan cannot wait: a row that finds no room is lost as a whole. "
+        "500 pixels with a marker that names their place, during the cycle after its latch. The "
+        "rows wait in a buffer for the link to the host. The scan cannot wait: a row that finds no "
+        "room is lost as a whole. "
         f"{seen}</p>{table(['readout', 'value'], texts)}{plot(folder / FIGURE, what, data)}"
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -29,7 +30,8 @@ Bytes = npt.NDArray[np.uint8]
 
 
 class ScanStage:
-    """Passes the planes of a chip through its row scan and the buffer of a link; see `Stateful`.
+    """Passes the planes of a chip through its row scan and the buffer of a link; see `Stateful` and
+    `WithFiles`.
 
     The planes go on as the host rebuilds them: a row that was lost, or that is not read, is dark.
     The host is taken to know the cycle of a row, as a frame grabber with time stamps does; the
@@ -119,21 +121,28 @@ class ScanStage:
             np.savez_compressed(file, lost=self.lost, fill=self.fill)
 
     def state(self) -> State:
-        """The buffer, the cycles so far, and the number of bytes in the file."""
+        """The buffer, the cycles so far, and the number of bytes in the file and their CRC."""
         if self._file is not None:
             self._file.settle()
-        written = 0 if self._file is None else self._file.written
+        written = [0, 0] if self._file is None else [self._file.written, self._file.crc]
         return {
-            "fill": self.fill.copy(), "lost": self.lost.copy(), "written": np.array([written]),
+            "fill": self.fill.copy(), "lost": self.lost.copy(), "file": np.array(written),
             **{f"buffer/{name}": value for name, value in self.buffer.state().items()},
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
-        """Continues from a `state`. Raises ValueError for one of another form, and if the file has
-        fewer bytes than it had."""
+        """Continues from a `state`. Raises ValueError for one of another form."""
         if state["fill"].shape != self.fill.shape or state["lost"].shape != self.lost.shape:
             raise ValueError("the readout has another number of cycles")
         self.fill, self.lost = state["fill"].copy(), state["lost"].copy()
         self.buffer.restore(section(state, "buffer"))
         if self._file is not None:
-            self._file.resume(int(state["written"][0]))
+            written, crc = (int(n) for n in state["file"])
+            self._file.resume(written, crc)
+
+    def damage(self, state: State, checked: Callable[[int, int], None]) -> str | None:
+        """See `WithFiles`."""
+        if self._file is None or "file" not in state:
+            return None
+        written, crc = (int(n) for n in state["file"])
+        return self._file.damage(written, crc, checked)

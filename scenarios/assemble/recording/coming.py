@@ -62,7 +62,7 @@ class ComingPlanes:
         self._held, self._taken = bytearray(), 0  # bytes that no block has taken, planes taken
         self._lock = threading.Lock()
         self._begin: tuple[int, int] | None = None  # planes that had come, and when, ns
-        self._last = 0
+        self._last = self._begun = 0  # when the last plane was there, and a block begun, ns
         self.lateness = Lateness(clock, bound)
         self.came = self.incomplete = 0
         self.end = ""
@@ -143,7 +143,19 @@ class ComingPlanes:
 
     def step(self, data: Any, block: Block) -> Viform:
         """The planes of a block, which `wait` has found; `data` is not used."""
-        self.lateness.begun(block.start, block.stop, self._now())
+        return self._take(block, self._now())
+
+    def rest(self) -> tuple[Viform, Block]:
+        """The planes that fill no block, after the end. They were held back until nothing more
+        came, which makes none of them late: their processing could have begun with the last of
+        them."""
+        block = Block(self._taken, self.waiting)
+        return self._take(block, max(self._last, self._begun)), block
+
+    def _take(self, block: Block, at: int) -> Viform:
+        """The planes of a block. at: when its processing began, ns."""
+        self.lateness.begun(block.start, block.stop, at)
+        self._begun = at
         size = block.cycles * self.frame
         with self._lock:
             frames = np.frombuffer(bytes(self._held[:size]), np.uint8)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
-from cosim import Block, InputError, Interrupted
+from cosim import InputError, Interrupted
 from cosim.config.amounts import count, number
 from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
@@ -24,7 +24,8 @@ _LEAST_S: Final = 1e-9
 
 
 class _Received:
-    """Progress of a stream: the planes that have come, and their rate.
+    """Progress of a stream: the planes that have come, and their rate. The share that is done, of a
+    stream with a length, is that of the whole chain, which goes on for longer with a link.
 
     Args:
         progress: receives it.
@@ -37,7 +38,7 @@ class _Received:
         self._told: float | None = None
 
     def start(self, what: str, total: int) -> None:
-        self._progress.start(self.text(), self._planes.cycles or 0)
+        self._progress.start(self.text(), total if self._planes.cycles else 0)
 
     def text(self) -> str:
         planes, rate = self._planes, self._planes.rate
@@ -51,7 +52,7 @@ class _Received:
         if self._told is None or now - self._told >= _TOLD_S:
             self._told = now
             self._progress.tell(self.text())
-        self._progress.advance(self._planes.came)
+        self._progress.advance(done if self._planes.cycles else self._planes.came)
 
     def tell(self, what: str) -> None:
         self._progress.tell(what)
@@ -109,7 +110,6 @@ class ComingChain(BlockChain):
         """Writes the planes that fill no block, and ends the recording; returns its cycles."""
         planes = self.planes
         if planes.waiting:
-            block = Block(planes.came - planes.waiting, planes.waiting)
-            self.recorder.step(planes.step(None, block), block)
+            self.recorder.step(*planes.rest())
         self.recorder.end(planes.came)
         return planes.came

@@ -129,8 +129,7 @@ class ComingMachine:
         return []
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
-        planes, chain = self.coming.planes, recording.chain
-        recorder = chain.recorder
+        planes, recorder = self.coming.planes, recording.chain.recorder
         whole = Stream(
             self.coming.path, planes.shape, planes.clock, planes.came, 1.0, [], recorder.recorded(),
             self.coming.sized_by,
@@ -141,9 +140,7 @@ class ComingMachine:
             self.name, self.scenario, replace(whole, white_rate=white, notes=[told]),
             choose_windows(self.scenario, whole.cycles),
         )  # fmt: skip
-        source = replace(
-            recording, chain=SimpleNamespace(stages={"file": planes, "recorder": recorder})
-        )
+        source = self._source_of(recording)
         if self.live is not None and planes.came == planes.cycles:
             outcome, notes = self._judge_live(self.live, inner, recording, source, progress), [told]
         else:
@@ -153,6 +150,12 @@ class ComingMachine:
             metrics=outcome.metrics | self._metrics(recording.resumed),
             notes=[*notes, *self._told(), *outcome.notes],
         )
+
+    def _source_of(self, recording: Recording) -> Recording:
+        """The recording of the stream alone, whose stages a link has put into its own clock."""
+        chain = recording.chain
+        stages = {"file": self.coming.planes, "recorder": chain.recorder}
+        return replace(recording, chain=SimpleNamespace(stages=stages))
 
     def _judge_live(
         self, live: PlayedMachine, inner: RecordingMachine, recording: Recording,
@@ -208,7 +211,7 @@ class ComingMachine:
 
     def page(self, run: Run) -> Page:
         assert self._done is not None
-        page = self._done.page(run)
+        page = self._done.page(replace(run, recording=self._source_of(run.recording)))
         store = shlex.quote(str(run.folder / STREAM))
         metrics = {name: run.result.metrics[name] for name in self._metrics(False)}
 

@@ -17,10 +17,10 @@ from cosim.run.inputs import FILE, PIPE
 from scenarios.assemble.recording.coming import ComingPlanes
 from scenarios.assemble.recording.opening import given_size
 from scenarios.assemble.recording.origin import open_origin
-from scenarios.assemble.schema.scenario import RecordingScenario
+from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Coming", "comes", "open_coming"]
+__all__ = ["Coming", "comes", "open_coming", "refuse_pipe"]
 
 _KEYS: Final = "sensor.width and sensor.height"
 
@@ -56,7 +56,7 @@ class Coming:
                 f"the last plane is left out, because only {planes.incomplete} of its "
                 f"{planes.frame} bytes came: check {_KEYS} if its writer was not stopped within it"
             )
-        if not self.assumed:
+        if not self.assumed or planes.came == planes.cycles:  # then there may be more bytes
             return notes
         bytes_ = planes.came * planes.frame + planes.incomplete
         try:
@@ -72,6 +72,16 @@ class Coming:
 def comes(section: RecordedSection) -> bool:
     """Whether a stream comes while the run goes on: by a pipe, or as a file that is followed."""
     return section.source.startswith(PIPE) or section.source_timeout is not None
+
+
+def refuse_pipe(scenario: AnyScenario, command: str) -> None:
+    """Raises InputError for a scenario whose stream comes by a pipe, for commands that read it more
+    than once."""
+    if isinstance(scenario, RecordingScenario) and scenario.sensor.source.startswith(PIPE):
+        raise InputError(
+            "sensor.source", f"a file for viform {command}", scenario.sensor.source,
+            "write the pipe's bytes into a .dat and name that",
+        )  # fmt: skip
 
 
 def open_coming(scenario: RecordingScenario) -> Coming:
@@ -111,6 +121,11 @@ def _size(
     """The stored size of a plane, what has told it, and a note if nothing has."""
     given = given_size(section)
     if given is not None:
+        if given[0] * given[1] % 8:
+            raise InputError(
+                _KEYS, "a size as stored, with a product that is a multiple of 8",
+                f"{given[0]} x {given[1]}", "give the columns with those that fill up a byte",
+            )  # fmt: skip
         return given, "scenario", ""
     config = None if piped else adjacent_config(path)
     if config is not None:

@@ -98,8 +98,9 @@ RULES: tuple[_Rule, ...] = (
         lambda data: "readout" in data
         and (_unlatched(data) or _value(data, "sensor", "source") is not None
              or not data.keys().isdisjoint(("imager", "board"))),
-        "readout", "given with a simulated latched chip alone", "with another source",
-        "leave it out: the row scan is that of a latched chip",
+        "readout", "given with a simulated chip whose pixels a clock latches",
+        "with another source or kind of pixels",
+        "leave it out: the row scan is that of such a chip",
     ),
     _Rule(
         lambda data: "camera" in data and "display" not in data, "camera",

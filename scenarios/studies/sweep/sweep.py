@@ -17,6 +17,7 @@ from cosim import InputError, Interrupted
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
+from scenarios.assemble.recording.coming_opening import refuse_pipe
 from scenarios.assemble.schema.loading import load, to_toml
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
@@ -68,6 +69,7 @@ class Sweep:
                 self.scenario, [*self.assignments, *varied], tolerance=self.tolerance,
                 seed=self.seed,
             )  # fmt: skip
+            refuse_pipe(scenario, "sweep, whose points all read it")
             found.append(scenario)
         return name, found
 

@@ -83,3 +83,35 @@ def test_what_was_written_after_the_state_does_not_matter(
         again.step(stream[block.start : block.stop], block)
     assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == whole
     assert np.array_equal(ZarrStream(path).read_words(0, 8), stream.words)
+
+
+def test_a_day_that_goes_on_looks_at_the_chunks_that_are_there(
+    tmp_path: Path, random_stream: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stream of unknown length is laid out for a day, of which tens of millions of chunks are
+    never written."""
+    stream, path, day = random_stream(CYCLES, SHAPE), tmp_path / "a.zarr", 86_400 * 40_000
+    recorder = Recorder(path, SHAPE, day, CLOCK)
+    for block in STEPS:
+        recorder.step(stream[block.start : block.stop], block)
+        if block.stop == 100:
+            state = recorder.state()
+    recorder.end(CYCLES)
+    again = Recorder(path, SHAPE, day, CLOCK)
+    again.restore(state)
+    removed: list[Path] = []
+    unlink = Path.unlink
+
+    def counted(file: Path, **given: Any) -> None:
+        removed.append(file)
+        assert len(removed) < 10, "more files than the store has"
+        unlink(file, **given)
+
+    monkeypatch.setattr(Path, "unlink", counted)
+    again.step(stream[100:150], STEPS[2])
+    assert sorted(removed) == [path / f"words/c/{n}/0/0" for n in (2, 3)]
+    monkeypatch.undo()
+    for block in STEPS[3:]:
+        again.step(stream[block.start : block.stop], block)
+    again.end(CYCLES)
+    assert np.array_equal(ZarrStream(path).read_words(0, 8), stream.words)

@@ -12,7 +12,7 @@ from cosim import Block, Clock, InputError
 from cosim.compute.opencl import Device
 from cosim.files.raw import RawStream, write_raw
 from cosim.files.raw_layout import TABLE, markers
-from cosim.run.loop import Checkpoint
+from cosim.run.loop import Checkpoint, LostRecording
 from cosim.spikes.viform import Viform, Words, unpack_planes
 from rtl_model.readout import BIT_RATE
 from rtl_model.readout.buffer import RowBuffer
@@ -133,7 +133,7 @@ def test_an_interrupted_run_has_the_same_bytes_and_counts(
     assert readout_metrics(resumed, 4) == readout_metrics(whole, 4)
 
 
-def test_a_file_that_has_become_shorter_is_refused(
+def test_without_a_part_of_the_file_the_run_begins_again(
     tmp_path: Path, device: Device, words: Words
 ) -> None:
     made = stage(tmp_path, device)
@@ -141,9 +141,22 @@ def test_a_file_that_has_become_shorter_is_refused(
     saved = Checkpoint(tmp_path / "checkpoint.npz", "this run")
     saved.save(32, {"scan": made})
     part = tmp_path / f"{RAW}.part"
-    part.write_bytes(part.read_bytes()[:-1])
-    with pytest.raises(InputError, match=f"{RAW}.part has 4095999 of 4096000 bytes"):
+    assert saved.load({"scan": stage(tmp_path, device)}) == 32
+    data = part.read_bytes()
+    part.write_bytes(data[:-1] + bytes([data[-1] ^ 1]) + b"what was written later")
+    with pytest.raises(LostRecording, match=f"{RAW}.part must be as the run wrote it, not damaged"):
         saved.load({"scan": stage(tmp_path, device)})
+    part.write_bytes(data + b"what was written later")
+    assert saved.load({"scan": stage(tmp_path, device)}) == 32
+    part.write_bytes(data[:-1])
+    with pytest.raises(LostRecording, match=f"{RAW}.part must have 4096000 bytes, not 4095999"):
+        saved.load({"scan": stage(tmp_path, device)})
+    part.unlink()
+    again = stage(tmp_path, device)
+    with pytest.raises(LostRecording, match=f"{RAW}.part must have 4096000 bytes, not 0"):
+        saved.load({"scan": again})
+    passed(again, words)
+    assert (tmp_path / RAW).stat().st_size == CYCLES * 128_000
 
 
 def test_a_window_is_all_that_is_offered(tmp_path: Path, device: Device, words: Words) -> None:

@@ -30,6 +30,14 @@ def small(*axes: str, **options: Any) -> Sweep:
     return Sweep("film", tuple(map(read_axis, axes)), SMALL, tolerance=1e-2, **options)
 
 
+def test_a_pipe_is_not_read_by_several_points(tmp_path: Path) -> None:
+    """The first point would take all that comes."""
+    axes = (read_axis("sensor.white_rate=0.4,0.6"),)
+    with pytest.raises(InputError, match=r"a file for viform sweep.*, not pipe:-; write"):
+        swept(Sweep("playback", axes, ("sensor.source=pipe:-",)), tmp_path / "sweep")
+    assert not (tmp_path / "sweep").exists()
+
+
 def swept(sweep: Sweep, folder: Path, workers: int = 1, resume: bool = False) -> dict[str, Any]:
     return run_sweep(
         sweep, folder, device=None, workers=workers, scheduler=None, resume=resume,

@@ -150,8 +150,8 @@ def test_a_plan_says_what_the_link_must_carry() -> None:
     [
         ("sensor.chip=spikeone", "readout must be given with a chip of 1000 x 1000 pixels"),
         ("sensor.width=900", "not with 900 x 1000; set sensor.chip=spiketwo"),
-        ("sensor.readout=asynchronous", "readout must be given with a simulated latched chip"),
-        ("sensor.source=serial:virtual", "readout must be given with a simulated latched chip"),
+        ("sensor.readout=asynchronous", "readout must be given with a simulated chip whose"),
+        ("sensor.source=serial:virtual", "readout must be given with a simulated chip whose"),
         ("sensor.clock=50 kHz", "the clock of a readout must be at most 40000 Hz, at which 1000"),
         ("readout.lanes=3", "readout.lanes must be a power of two, so that a block of 512 bits"),
         ("readout.rows=[0,1001]", "within 0 to 1000, not [0, 1001]; change it"),
@@ -174,8 +174,8 @@ def test_what_cannot_be_read_out_is_refused_in_one_line(
 def test_other_sources_have_no_row_scan(refused: Callable[..., str], name: str) -> None:
     said = refused("run", name, "--set", "readout.file=true")
     assert said == (
-        "readout must be given with a simulated latched chip alone, not with another source; leave "
-        "it out: the row scan is that of a latched chip"
+        "readout must be given with a simulated chip whose pixels a clock latches, not with "
+        "another source or kind of pixels; leave it out: the row scan is that of such a chip"
     )
 
 

@@ -160,6 +160,32 @@ def test_late_planes_are_counted_exactly():
     assert (again.lateness.late, again.lateness.worst) == (18, 20 * MS)
 
 
+def test_planes_that_fill_no_block_are_not_late_for_the_wait_for_more():
+    """Plane 0 is there at 100 ms, all at 104 ms. The source is known to have ended 2 s later."""
+    now = [100.0]
+    planes = coming(Parts(bytes(14)), None, lambda: int(now[0] * 1e6))
+    planes.first(lambda: None)
+    planes.start()
+    now[0] = 104.0
+    assert planes.wait(7)
+    assert not planes.wait(64)
+    now[0] = 2104.0
+    got, block = planes.rest()
+    assert (block, got.cycles, planes.waiting) == (Block(0, 7), 7, 0)
+    assert (planes.lateness.late, planes.lateness.worst) == (0, 4 * MS)
+
+
+def test_planes_that_fill_no_block_are_late_after_a_late_block():
+    now = [0.0]
+    planes = coming(Parts(bytes(14)), None, lambda: int(now[0] * 1e6))
+    planes.start()
+    assert planes.wait(4) and not planes.wait(8)
+    now[0] = 50.0
+    planes.step(None, Block(0, 4))
+    planes.rest()
+    assert (planes.lateness.late, planes.lateness.worst) == (7, 50 * MS)
+
+
 @given(
     first=st.integers(0, 1000), start=st.integers(0, 100), count=st.integers(1, 64),
     begin=st.integers(0, 10**9), after=st.integers(-(10**8), 10**9), bound=st.integers(0, 10**10),

@@ -5,6 +5,8 @@ import signal
 import sys
 import threading
 import time
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,7 +110,7 @@ class Grower(SilentProgress):
     def note(self, text): ...
 
 
-def grown(recorded, folder, *parts):
+def grown(recorded, folder, *parts, run=run):
     grower = Grower(folder / "g.dat", recorded[1])
     given = scenario(f"file:{folder / 'g.dat'}", *parts, source_timeout="60 s")
     done = run(given, folder / "grown", grower)
@@ -126,19 +128,21 @@ def test_a_file_is_shown_while_it_grows(recorded, shown, tmp_path):
 
 @pytest.mark.slow
 def test_a_file_is_sent_over_the_link_and_shown_while_it_grows(recorded, tmp_path):
-    """With the check of the link's plan."""
-    whole = run(scenario(f"file:{recorded[0]}", CARRIED), tmp_path / "whole")
-    same(grown(recorded, tmp_path, CARRIED), whole)
+    """With the check of the link's plan, and with the report."""
+    reported = partial(run, report=write_report)
+    whole = reported(scenario(f"file:{recorded[0]}", CARRIED), tmp_path / "whole")
+    same(grown(recorded, tmp_path, CARRIED, run=reported), whole)
     assert open_stream(tmp_path / "grown/received.zarr").cycles == CYCLES
     pipe = piped(recorded[1], tmp_path)
-    same(run(scenario(f"pipe:{pipe}", CARRIED | {"duration": None}), tmp_path / "after"), whole)
+    open_end = scenario(f"pipe:{pipe}", CARRIED | {"duration": None})
+    same(reported(open_end, tmp_path / "after"), whole)
     path = tmp_path / "part.dat"
     path.write_bytes(recorded[1][: 100 * FRAME])
     given = scenario(f"file:{path}", CARRIED, source_timeout="60 s")
     with pytest.raises(Interrupted, match=r"after \d+ of 150 planes"):
         run(given, tmp_path / "part", Stopping())
     path.write_bytes(recorded[1])
-    again = run(given, tmp_path / "part", resume=True)
+    again = reported(given, tmp_path / "part", resume=True)
     assert again.result.throughput == []
     same(again, whole)
 
@@ -278,6 +282,11 @@ def test_a_size_that_is_assumed_is_said_and_doubted(tmp_path):
     told = " ".join(done.outcome.notes)
     assert "only 7000 of its 12500 bytes came: check sensor.width" in told
     assert "832000 bytes are whole planes of 416x250: sensor.width and sensor.height say so" in told
+    part = {"duration": "1.3 ms", "image": {"at": [26], "window": 21}}
+    sensor = {"width": None, "height": None, "source_timeout": "1 ms"}
+    short = run(scenario(f"file:{tmp_path / 'a.dat'}", part, **sensor), tmp_path / "short")
+    told = " ".join(short.outcome.notes)  # 52 planes of it are 50 of 416x250, but more would come
+    assert "52 planes came" in told and "416x250" not in told
 
 
 def test_a_config_beside_a_file_that_grows_tells_its_size(tmp_path):
@@ -314,11 +323,32 @@ def test_the_progress_has_the_planes_received_and_their_rate(recorded, tmp_path,
     assert "planes/s" in progress.texts[-1]
 
 
+@pytest.mark.parametrize(("cycles", "total", "done"), [(400, 1534, 64), (None, 0, 390)])
+def test_the_share_that_is_done_is_that_of_the_chain(cycles, total, done):
+    """With a link, all planes have come long before all are sent."""
+    from scenarios.assemble.recording.coming_chain import _Received
+
+    class Counting(Noting):
+        def start(self, what, total):
+            self.total = total
+
+        def advance(self, done):
+            self.done = done
+
+    late = SimpleNamespace(late=0)
+    planes = SimpleNamespace(cycles=cycles, came=390, rate=None, lateness=late)
+    progress = Counting()
+    received = _Received(progress, planes, "a")
+    received.start("", 1534 if cycles else 10**9)
+    received.advance(64)
+    assert (progress.total, progress.done) == (total, done)
+
+
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"width": 5}, "the size of a .dat frame must be WIDTHxHEIGHT with a product that is a "
-         "multiple of 8, not 5x33; use .npz or .zarr for other sizes"),
+        ({"width": 5}, "sensor.width and sensor.height must be a size as stored, with a product "
+         "that is a multiple of 8, not 5 x 33; give the columns with those that fill up a byte"),
         ({"width": 8, "byte_order": "big-16"},
          "the bytes of a plane must be a multiple of 2, as its words are big-16, not 33; correct "
          "its size or its order of bytes"),
