@@ -71,7 +71,8 @@ uint64_t viform_run(Board *board, uint64_t clocks, const Tile *tiles, uint64_t t
             ++next;
         }
         top.m_tready = ready[n];
-        if (board->waits && (!top.m_tvalid || top.m_tdata != board->data || top.m_tlast != board->last))
+        if (board->waits &&
+            (!top.m_tvalid || top.m_tdata != board->data || top.m_tlast != board->last))
             ++counts[2];
         board->waits = top.m_tvalid && !ready[n];
         board->data = top.m_tdata;

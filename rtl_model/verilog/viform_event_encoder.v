@@ -1,7 +1,7 @@
-// First spikes of a pixel array as packets of the stream code `event`, on an AXI-Stream. The spikes
-// of a tile are served one at a time, the lowest column first: the pixel's memory says when it fired
-// last and after what width, and a spike whose width is the same is not sent. After a group of
-// cycles all pixels are looked at once more, for closing spikes.
+// First spikes of a pixel array as packets of the stream code `event`, on an AXI-Stream. The
+// spikes of a tile are served one at a time, the lowest column first: the pixel's memory says when
+// it fired last and after what width, and a spike whose width is the same is not sent. After a
+// group of cycles all pixels are looked at once more, for closing spikes.
 module viform_event_encoder #(
     parameter [31:0] ROWS = 32,    // 1 to 128
     parameter [31:0] COLUMNS = 32, // 1 to 128
