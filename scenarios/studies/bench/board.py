@@ -12,15 +12,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Final
 
 from cosim.compute.opencl import Device
 from cosim.run.timing import Row
 from rtl_model.bringup.stages.ethernet.rate import measured_rates
 from rtl_model.geometry import Geometry
-from rtl_model.host import default_map, opened_bone
-from rtl_model.host.ether import answer_packet, record_packet
+from rtl_model.host import default_map
+from rtl_model.host.bone import patience_s
+from rtl_model.host.ether import Etherbone, answer_packet, open_udp, record_packet
 
 __all__ = ["AIM", "board_rows"]
 
@@ -57,7 +58,8 @@ def board_rows(device: Device | None, ceiling: float | None) -> list[Row]:
         device, ceiling: not used; these rows have ceilings of their own.
     """
     base, words = default_map().base("pattern_mem"), Geometry().pattern_bytes // 4
-    with _child(_BOARD) as port, opened_bone(port, 1, simulated=True) as (bone, _):
+    with _child(_BOARD) as port, closing(open_udp(port)) as udp:
+        bone = Etherbone(udp, patience_s=patience_s(True, 1.0))
         rates = measured_rates(bone, base, words, SECONDS)
     if rates.wrong:
         raise RuntimeError(f"{rates.wrong} packets with wrong words of the pattern memory")
