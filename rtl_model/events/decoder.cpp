@@ -1,9 +1,6 @@
 // viform_event_decoder, stepped in batches: words of packets, s_tvalid and m_tready in, words of
 // spikes out.
-#include <cstdint>
-#include <memory>
-
-#include "Vtop.h"
+#include "clocked.h"
 
 namespace {
 
@@ -24,19 +21,10 @@ struct Gap {
     uint16_t place;
 };
 
-struct Board {
-    VerilatedContext context;
-    std::unique_ptr<Vtop> top;
+struct Board : Clocked {
     uint64_t clock = 0;
     bool waits = false;  // a word that was not taken must stay as it is
     Word held{};
-
-    void edge() {
-        top->clk = 1;
-        top->eval();
-        top->clk = 0;
-        top->eval();
-    }
 };
 
 }  // namespace
@@ -45,18 +33,11 @@ extern "C" {
 
 Board *viform_open() {
     Board *board = new Board;
-    board->top.reset(new Vtop(&board->context));
-    Vtop &top = *board->top;
-    top.reset = 1;
-    for (int n = 0; n < 4; ++n) board->edge();
-    top.reset = 0;
+    board->reset(board->top->reset);
     return board;
 }
 
-void viform_close(Board *board) {
-    board->top->final();
-    delete board;
-}
+void viform_close(Board *board) { close_board(board); }
 
 // Runs until all halves are taken and then `idle` clocks more, or until `clocks` clocks have
 // passed; returns the clocks. A half is offered where offered[n % size] is 1, and stays until it is

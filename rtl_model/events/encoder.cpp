@@ -1,8 +1,5 @@
 // viform_event_encoder, stepped in batches: timed tiles and m_tready in, words of the stream out.
-#include <cstdint>
-#include <memory>
-
-#include "Vtop.h"
+#include "clocked.h"
 
 namespace {
 
@@ -19,20 +16,11 @@ struct Word {
     uint8_t last;
 };
 
-struct Board {
-    VerilatedContext context;
-    std::unique_ptr<Vtop> top;
+struct Board : Clocked {
     uint64_t clock = 0;
     bool waits = false;  // a word that was not taken must stay as it is
     uint16_t data = 0;
     uint8_t last = 0;
-
-    void edge() {
-        top->clk = 1;
-        top->eval();
-        top->clk = 0;
-        top->eval();
-    }
 };
 
 }  // namespace
@@ -41,18 +29,11 @@ extern "C" {
 
 Board *viform_open() {
     Board *board = new Board;
-    board->top.reset(new Vtop(&board->context));
-    Vtop &top = *board->top;
-    top.reset = 1;
-    for (int n = 0; n < 4; ++n) board->edge();
-    top.reset = 0;
+    board->reset(board->top->reset);
     return board;
 }
 
-void viform_close(Board *board) {
-    board->top->final();
-    delete board;
-}
+void viform_close(Board *board) { close_board(board); }
 
 // Runs `clocks` clocks; returns the number of words. counts: rows and spikes lost, and clocks in
 // which the stream broke the rule that a word stays until it is taken.
@@ -71,7 +52,8 @@ uint64_t viform_run(Board *board, uint64_t clocks, const Tile *tiles, uint64_t t
             ++next;
         }
         top.m_tready = ready[n];
-        if (board->waits && (!top.m_tvalid || top.m_tdata != board->data || top.m_tlast != board->last))
+        if (board->waits &&
+            (!top.m_tvalid || top.m_tdata != board->data || top.m_tlast != board->last))
             ++counts[2];
         board->waits = top.m_tvalid && !ready[n];
         board->data = top.m_tdata;

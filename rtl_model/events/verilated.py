@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,28 +11,20 @@ from rtl_model.cycle import Tiles
 from rtl_model.events.decoder import Decoded, room_for
 from rtl_model.events.encoder import OUTPUT, Output, Ready
 from rtl_model.events.size import EventSize
-from rtl_model.verilated import library
+from rtl_model.verilated import VerilatedModule, library
 
 __all__ = ["VerilatedDecoder", "VerilatedEncoder"]
 
 
-class _Verilated:
+class _Verilated(VerilatedModule):
     """A module behind a shim. Raises InputError where Verilator is missing."""
 
     def __init__(self, name: str, size: EventSize, sources: Path | None) -> None:
         shim = Path(__file__).with_name(f"{name}.cpp")
         self.size, self.clock = size, 0
         path = library(f"viform_event_{name}", size, shim, sources=sources)
-        self._library: Any = ctypes.CDLL(str(path))
-        self._library.viform_open.restype = ctypes.c_void_p
-        self._library.viform_close.argtypes = [ctypes.c_void_p]
+        super().__init__(path)
         self._library.viform_run.restype = ctypes.c_uint64
-        self._board: int | None = self._library.viform_open()
-
-    def __del__(self) -> None:
-        board, self._board = getattr(self, "_board", None), None
-        if board is not None:
-            self._library.viform_close(board)
 
 
 class VerilatedEncoder(_Verilated):

@@ -53,7 +53,7 @@ def readme(
         sites = pins(target)
     else:
         sites = ethernet_pins(target, ethernet)
-        tools += ", and liteeth_gen of LiteEth (`pip install litex liteeth`), which writes its core"
+        tools += ", and liteeth_gen (`pip install litex==2024.12 liteeth==2024.12`) for the core"
         line = f"Ethernet is on {ethernet.connector}. The board answers ping at {network.ip}."
         port, rate, waits, heard = f"udp:{network.ip}", "", "", "frames arrive"
     rows = "\n".join(

@@ -52,14 +52,11 @@ def run(case: Case, *, sources: Path | None = None) -> Outcome:
     """
     model = model_outputs(case)
     memory = case.memory if case.source == "external" else None
-    verilog = VerilatedStream(
+    with VerilatedStream(
         case.source, case.geometry, case.settings, sources=sources, memory=memory,
         latency=case.latency,
-    )  # fmt: skip
-    try:
+    ) as verilog:  # fmt: skip
         found = verilog.run(case.inputs)
-    finally:
-        verilog.close()
     wrong = np.argwhere(found != model)
     if not len(wrong):
         return Outcome(len(model), model, None)

@@ -60,6 +60,8 @@ def read_stream(beats: Iterable[Beat], geometry: Geometry) -> Received:
                 if plane >= 0 and not 0 < step < _NUMBERS // 2:
                     raise _refusal(f"a plane after number {plane}", place, beat)
                 if beat.user & 2:
+                    if plane < 0:
+                        raise _refusal("a first plane with none before it", place, beat)
                     found.incomplete.add(plane)
                 found.missing.update(range(plane + 1, plane + step))
                 plane = plane + step if plane >= 0 else number

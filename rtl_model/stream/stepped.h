@@ -1,27 +1,9 @@
 // A module stepped with a row of numbers for its inputs and one for its outputs at each clock. The
 // outputs are those before the edge.
 #pragma once
-#include <cstdint>
-#include <memory>
+#include "clocked.h"
 
-#include "Vtop.h"
-#include "verilated.h"
-
-struct Stepped {
-    VerilatedContext context;
-    std::unique_ptr<Vtop> top{new Vtop(&context)};
-
-    void edge() {
-        top->clk = 1;
-        top->eval();
-        top->clk = 0;
-        top->eval();
-    }
-    void reset() {
-        top->rst = 1;
-        for (int n = 0; n < 4; ++n) edge();
-        top->rst = 0;
-    }
+struct Stepped : Clocked {
     // The stream's outputs: valid, data, last, user, lost planes, lost rows.
     uint64_t *stream(uint64_t *out) const {
         const bool valid = top->m_tvalid;
@@ -42,13 +24,10 @@ struct Stepped {
     unsigned viform_outputs() { return OUTPUTS; }                                           \
     Board *viform_open() {                                                                  \
         Board *board = new Board;                                                           \
-        board->reset();                                                                     \
+        board->reset(board->top->rst);                                                      \
         return board;                                                                       \
     }                                                                                       \
-    void viform_close(Board *board) {                                                       \
-        board->top->final();                                                                \
-        delete board;                                                                       \
-    }                                                                                       \
+    void viform_close(Board *board) { close_board(board); }                                 \
     void viform_steps(Board *board, const uint64_t *in, uint64_t *out, uint64_t clocks) {   \
         for (uint64_t n = 0; n < clocks; ++n, in += INPUTS, out += OUTPUTS) {               \
             board->set(in);                                                                 \

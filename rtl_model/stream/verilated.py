@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rtl_model.geometry import Geometry
-from rtl_model.verilated import library
+from rtl_model.verilated import VerilatedModule, library
 
 __all__ = ["COLUMNS", "VerilatedStream"]
 
@@ -27,7 +26,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {
 Numbers = npt.NDArray[np.uint64]
 
 
-class VerilatedStream:
+class VerilatedStream(VerilatedModule):
     """`viform_stream_array`, `_external` or `_lines` in Verilator.
 
     Args:
@@ -57,20 +56,16 @@ class VerilatedStream:
         path = library(
             f"viform_stream_{source}", geometry, shim, sources=sources, settings=settings
         )
-        self._library = _load(path)
+        super().__init__(path)
+        number, pointer = ctypes.c_uint64, ctypes.c_void_p
+        self._library.viform_steps.argtypes = [pointer, pointer, pointer, number]
         self._columns = len(COLUMNS[source])
         assert self._library.viform_outputs() == self._columns
-        self._board: int | None = self._library.viform_open()
         if memory is not None:
+            self._library.viform_memory.argtypes = [pointer, pointer, number, number]
             parts = [[word >> 64 * n & (1 << 64) - 1 for n in range(3)] for word in memory]
             words = np.array(parts, np.uint64)
             self._library.viform_memory(self._board, words.ctypes.data, len(words), latency)
-
-    def close(self) -> None:
-        """Ends the model."""
-        board, self._board = self._board, None
-        if board is not None:
-            self._library.viform_close(board)
 
     def run(self, inputs: Numbers) -> Numbers:
         """Steps one clock a row.
@@ -87,15 +82,3 @@ class VerilatedStream:
         out = np.empty((len(given), self._columns), np.uint64)
         self._library.viform_steps(self._board, given.ctypes.data, out.ctypes.data, len(given))
         return out
-
-
-def _load(path: Path) -> Any:
-    loaded = ctypes.CDLL(str(path))
-    pointer = ctypes.c_void_p
-    loaded.viform_open.restype = pointer
-    loaded.viform_close.argtypes = [pointer]
-    loaded.viform_steps.argtypes = [pointer, pointer, pointer, ctypes.c_uint64]
-    if hasattr(loaded, "viform_memory"):
-        number = ctypes.c_uint64
-        loaded.viform_memory.argtypes = [pointer, pointer, number, number]
-    return loaded

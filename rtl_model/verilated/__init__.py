@@ -8,6 +8,7 @@ from rtl_model.verilated.build import (
     library,
     verilog_files,
 )
+from rtl_model.verilated.module import VerilatedModule
 from rtl_model.verilated.pins import VerilatedPins
 from rtl_model.verilated.system import VerilatedSystem, Waves, trace_format
 from rtl_model.verilated.view import board_signals, system_signals, write_view
@@ -15,6 +16,7 @@ from rtl_model.verilated.view import board_signals, system_signals, write_view
 __all__ = [
     "VERILOG",
     "BuildFailed",
+    "VerilatedModule",
     "VerilatedPins",
     "VerilatedSystem",
     "Waves",

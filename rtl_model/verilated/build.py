@@ -45,6 +45,7 @@ __all__ = [
     "verilog_files",
 ]  # fmt: skip
 
+_SHARED = Path(__file__).parent.resolve()  # headers of several rooms' shims
 VERILOG = Path(__file__).parents[1] / "verilog"
 """Folder of the design's sources."""
 
@@ -164,7 +165,8 @@ def library(
     flags = [*_FLAGS, *(f"-DVIFORM_{name}={value}" for name, value in parameters.items())]
     flags += {"": [], "fst": ["-DVIFORM_FST"], "vcd": ["-DVIFORM_VCD"]}[trace]
     key = hashlib.sha256(repr((verilate, flags, _LINK, _versions())).encode())
-    for path in [*verilog_files(folder), shim, *sorted(shim.parent.glob("*.h"))]:
+    headers = {*shim.parent.glob("*.h"), *_SHARED.glob("*.h")}
+    for path in [*verilog_files(folder), shim, *sorted(headers)]:
         key.update(f"\0{path.name}\0".encode() + path.read_bytes())
     output = _cache() / f"{top}-{key.hexdigest()[:24]}.so"
     with _locked(output.with_suffix(".lock"), unless=output):
@@ -234,7 +236,8 @@ def _build(
         often = [unit for unit in units if unit not in slow]
         (part / "once.cpp").write_text(_include(slow), encoding="utf-8")
         (part / "often.cpp").write_text(_include([*often, str(shim.resolve())]), encoding="utf-8")
-        compiler = ["g++", *flags, *_runtime_flags(t), f"-I{name}", f"-I{shim.parent.resolve()}"]
+        folders = [f"-I{name}", f"-I{shim.parent.resolve()}", f"-I{_SHARED}"]
+        compiler = ["g++", *flags, *_runtime_flags(t), *folders]
         commands = [
             [*compiler, "-O0", "-c", "once.cpp"],
             [*compiler, "-O3", "-c", "often.cpp"],

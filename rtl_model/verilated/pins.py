@@ -11,6 +11,7 @@ from cosim import InputError
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.verilated.build import library
+from rtl_model.verilated.module import VerilatedModule
 from rtl_model.verilated.system import Waves
 
 __all__ = ["VerilatedPins"]
@@ -19,7 +20,7 @@ _SHIM = Path(__file__).with_name("pins.cpp")
 _BITS = 10
 
 
-class VerilatedPins:
+class VerilatedPins(VerilatedModule):
     """`viform_board` in Verilator, with a host that sends 8N1 at the board's baud.
 
     Args:
@@ -36,8 +37,11 @@ class VerilatedPins:
     def __init__(self, geometry: Geometry, waves: Waves) -> None:
         self.geometry, self.clock = geometry, 0
         path = library("viform_board", geometry, _SHIM, trace=waves.format)
-        self._library = _load(path)
-        self._board: int | None = self._library.viform_open()
+        super().__init__(path)
+        number, pointer, text = ctypes.c_uint64, ctypes.c_void_p, ctypes.c_char_p
+        self._library.viform_waves.argtypes = [pointer, text, number, number]
+        self._library.viform_send.restype = number
+        self._library.viform_send.argtypes = [pointer, text, number, number, pointer, number]
         opened = self._library.viform_waves(
             self._board, str(waves.path).encode(), waves.first, waves.last
         )
@@ -46,18 +50,6 @@ class VerilatedPins:
             raise InputError(
                 f"{waves.path}", "a file that can be written", "refused", "choose another name"
             )
-
-    def __enter__(self) -> VerilatedPins:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Ends the model and completes its waveforms."""
-        board, self._board = getattr(self, "_board", None), None
-        if board is not None:
-            self._library.viform_close(board)
 
     def line_clocks(self, count: int) -> int:
         """Duration of `count` bytes on the line, clocks."""
@@ -72,14 +64,3 @@ class VerilatedPins:
         )
         self.clock += clocks
         return tiles[:count].copy()
-
-
-def _load(path: Path) -> ctypes.CDLL:
-    loaded = ctypes.CDLL(str(path))
-    number, pointer = ctypes.c_uint64, ctypes.c_void_p
-    loaded.viform_open.restype = pointer
-    loaded.viform_close.argtypes = [pointer]
-    loaded.viform_waves.argtypes = [pointer, ctypes.c_char_p, number, number]
-    loaded.viform_send.restype = number
-    loaded.viform_send.argtypes = [pointer, ctypes.c_char_p, number, number, pointer, number]
-    return loaded

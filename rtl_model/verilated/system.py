@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from cosim import InputError
 from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.verilated.build import Trace, library
+from rtl_model.verilated.module import VerilatedModule
 
 __all__ = ["SHIM", "VerilatedSystem", "Waves", "trace_format"]
 
@@ -50,7 +50,7 @@ def trace_format(path: Path) -> Trace:
     return endings[path.suffix.lower()]
 
 
-class VerilatedSystem:
+class VerilatedSystem(VerilatedModule):
     """`viform_system` in Verilator. Clock n is the n-th edge after reset.
 
     Args:
@@ -72,8 +72,8 @@ class VerilatedSystem:
         self.geometry = geometry
         trace: Trace = "" if waves is None else waves.format
         path = library("viform_system", geometry, SHIM, sources=sources, trace=trace, build=build)
-        self._library = _load(path)
-        self._board: int | None = self._library.viform_open()
+        super().__init__(path)
+        _declare(self._library)
         self._clock = 0
         self._tiles: list[Tiles] = []
         self._sink_tiles: list[Tiles] = []
@@ -87,26 +87,6 @@ class VerilatedSystem:
             raise InputError(
                 f"{waves.path}", "a file that can be written", "refused", "choose another name"
             )
-
-    def __enter__(self) -> VerilatedSystem:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def __del__(self) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Ends the model and completes its waveforms."""
-        board, self._board = getattr(self, "_board", None), None
-        if board is not None:
-            self._library.viform_close(board)
 
     @property
     def clock(self) -> int:
@@ -180,10 +160,7 @@ def _joined(parts: list[Tiles]) -> Tiles:
     return tiles
 
 
-def _load(path: Path) -> Any:
-    loaded = ctypes.CDLL(str(path))
-    loaded.viform_open.restype = ctypes.c_void_p
-    loaded.viform_close.argtypes = [ctypes.c_void_p]
+def _declare(loaded: Any) -> None:
     loaded.viform_run.restype = ctypes.c_uint64
     loaded.viform_run.argtypes = [
         ctypes.c_void_p,
@@ -210,4 +187,3 @@ def _load(path: Path) -> Any:
             ctypes.c_uint64,
             ctypes.c_uint64,
         ]
-    return loaded

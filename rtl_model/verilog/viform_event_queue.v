@@ -22,7 +22,7 @@ module viform_event_queue #(
     input wire [6:0] tile_row,
     input wire [1:0] tile_index,
     input wire [LANES-1:0] tile_bits,
-    output reg entry_valid,
+    output wire entry_valid,
     output wire [WIDTH-1:0] entry,
     input wire take,
     output reg [31:0] lost_rows,
@@ -33,14 +33,12 @@ module viform_event_queue #(
     localparam [31:0] ROOM = DEPTH - TILES - 2; // a row, its place, and word of the next loss
     localparam [31:0] HALF = DEPTH / 2;
     localparam [31:0] LAST_CYCLE = CYCLES - 1;
-    localparam [BITS:0] ONE = {{BITS{1'b0}}, 1'b1};
 
     reg lost, seen, taking, jumped;
     reg [31:0] last_frame;        // of the row before
     reg [6:0] last_row;
     reg [31-GROUP:0] group;       // that was placed last
-    reg [BITS:0] level;
-    reg [BITS-1:0] put, get;
+    wire [BITS:0] level;
 
     wire first = tile_valid && tile_index == 2'd0;
     wire [31:0] next_frame = last_frame + 32'd1;
@@ -67,11 +65,10 @@ module viform_event_queue #(
            1'b0, place ? jumped || jump : fresh, {LANES - 32{1'b0}}, begin_frame}
         : {2'd0, due_cycle, due_row, due_index, due_bits};
     wire push = loss || place || tile_due;
-    wire fetch = level != {BITS + 1{1'b0}} && (!entry_valid || take);
 
-    viform_ram #(.DEPTH(DEPTH), .WIDTH(WIDTH), .ADDRESS_BITS(BITS)) memory (
-        .clk(clk), .write(push), .write_address(put), .write_data(pushed),
-        .read(fetch), .read_address(get), .read_data(entry)
+    viform_fifo #(.DEPTH(DEPTH), .WIDTH(WIDTH), .INDEX_BITS(BITS)) entries (
+        .clk(clk), .reset(reset), .put(push), .put_data(pushed), .out_valid(entry_valid),
+        .out_ready(take), .out_data(entry), .level(level)
     );
 
     function [6:0] ones;
@@ -100,21 +97,12 @@ module viform_event_queue #(
         end
         if (place) group <= tile_frame[31:GROUP];
         if (tile_valid && !taken) lost_spikes <= lost_spikes + {25'd0, ones(tile_bits)};
-
-        if (push) put <= put + ONE[BITS-1:0];
-        if (fetch) get <= get + ONE[BITS-1:0];
-        level <= level + (push ? ONE : {BITS + 1{1'b0}}) - (fetch ? ONE : {BITS + 1{1'b0}});
-        entry_valid <= fetch || entry_valid && !take;
         if (reset) begin
             lost <= 1'b1; // the stream begins as after a loss
             seen <= 1'b0;
             taking <= 1'b0;
             jumped <= 1'b0;
             tile_due <= 1'b0;
-            level <= {BITS + 1{1'b0}};
-            put <= {BITS{1'b0}};
-            get <= {BITS{1'b0}};
-            entry_valid <= 1'b0;
             lost_rows <= 32'd0;
             lost_spikes <= 32'd0;
         end

@@ -98,7 +98,7 @@ extern "C" {
 Board *viform_open() {
     Board *board = new Board;
     board->top->serial_rx = 1;
-    board->reset();
+    board->reset(board->top->rst);
     return board;
 }
 

@@ -33,7 +33,7 @@ Board *viform_open() {
     Board *board = new Board;
     board->top->shortest_low = 0xFFFFFFFF;  // there is no line
     board->top->tx_ready = 1;
-    board->reset();
+    board->reset(board->top->rst);
     return board;
 }
 

@@ -2,38 +2,15 @@
 #ifndef VIFORM_SERVED_H
 #define VIFORM_SERVED_H
 
-#include <cstdint>
-#include <memory>
+#include "clocked.h"
 
-#include "Vtop.h"
-#include "verilated.h"
-
-struct Served {
-    VerilatedContext context;
-    std::unique_ptr<Vtop> top{new Vtop(&context)};
+struct Served : Clocked {
     uint64_t clock = 0;
     uint64_t last = 0;  // clock of the last activity on the line
     bool moved = false;
 
-    void edge() {
-        top->clk = 1;
-        top->eval();
-        top->clk = 0;
-        top->eval();
-    }
-    void reset() {
-        top->rst = 1;
-        for (int n = 0; n < 4; ++n) edge();
-        top->rst = 0;
-    }
     bool still(uint64_t clocks) const { return !moved || clock - last >= clocks; }
 };
-
-template <class Board>
-void close_board(Board *board) {
-    board->top->final();
-    delete board;
-}
 
 // Runs at most `clocks` clocks. If a transmission was in progress, it stops when that is complete.
 // Returns the number of waiting bytes, plus one if a transmission is in progress; 0 is a quiet line.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import NamedTuple
 
+from cosim.config.amounts import number
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 
@@ -54,7 +55,7 @@ def check_timing(bench: Bench) -> Figures:
     figures |= {"differences": compared, "clock_hz": hz, "clock_doubt_hz": doubt}
     if bench.simulated:
         figures["note"] = (
-            f"simulated board: {hz:.4g} clocks per second of the host's time, "
+            f"simulated board: {number(hz, 4)} clocks per second of the host's time, "
             f"{hz / size.clock_hz:.3g} times real time; a real clock is not measured"
         )
         return figures

@@ -3,7 +3,14 @@
 from rtl_model.host.ether.diagnosis import count_losses, most_words
 from rtl_model.host.ether.etherbone import AROUND, Etherbone
 from rtl_model.host.ether.exchange import PacketPort
-from rtl_model.host.ether.packet import Malformed, Words, answer_packet, parse, probe_reply
+from rtl_model.host.ether.packet import (
+    Malformed,
+    Words,
+    answer_packet,
+    parse,
+    probe_reply,
+    record_packet,
+)
 from rtl_model.host.ether.udp import (
     UdpAddress,
     is_loopback,
@@ -28,6 +35,7 @@ __all__ = [
     "open_udp",
     "parse",
     "probe_reply",
+    "record_packet",
     "resolved",
     "udp_address",
 ]

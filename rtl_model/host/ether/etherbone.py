@@ -100,11 +100,12 @@ class Etherbone:
     def probe(self) -> float:
         """Sends Etherbone probes until one is answered; returns its round trip, s.
 
-        Raises LineFault SILENT.
+        Raises LineFault SILENT, or GARBLED if datagrams of another kind arrive.
         """
         port, begun = self.port, self.port.now()
         port.refused = False
         wait = max(_PROBE_WAIT_S, self.patience_s / _PROBES)
+        others = 0
         for _ in range(_PROBES):
             sent = port.now()
             port.send(probe(0))
@@ -114,6 +115,7 @@ class Etherbone:
                     return port.now() - sent
                 if data is None and port.refused:
                     break
+                others += data is not None
             if port.refused and port.now() - begun > wait:
                 break
         if port.refused:
@@ -121,6 +123,12 @@ class Etherbone:
                 Cause.SILENT, f"no program listens at {port.name}",
                 "check address and port, or start `viform board virtual --udp`",
             )  # fmt: skip
+        if others:
+            raise LineFault(
+                Cause.GARBLED,
+                f"{others} datagrams from {port.name}, none of them the answer to a probe",
+                "check address and port",
+            )
         raise silent(port, port.now() - begun, False)
 
     def require_answer(self) -> None:
@@ -128,11 +136,12 @@ class Etherbone:
         try:
             self.probe()
         except LineFault as fault:
-            if fault.cause is not Cause.SILENT:
+            given = {Cause.SILENT: "silent", Cause.GARBLED: "another program's or design's"}
+            if fault.cause not in given:
                 raise
             raise InputError(
-                self.port.name, "the address of a board that answers", f"silent ({fault.text})",
-                fault.advice,
+                self.port.name, "the address of a board that answers",
+                f"{given[fault.cause]} ({fault.text})", fault.advice,
             ) from fault  # fmt: skip
 
     def read(

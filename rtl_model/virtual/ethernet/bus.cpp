@@ -1,23 +1,14 @@
 // viform_ethernet, with the accesses of LiteEth's AXI-Lite master: one at a time, address and data
 // of a write together.
-#include <cstdint>
-#include <memory>
-
-#include "Vtop.h"
-#include "verilated.h"
+#include "clocked.h"
 
 namespace {
 
-struct Board {
-    VerilatedContext context;
-    std::unique_ptr<Vtop> top{new Vtop(&context)};
+struct Board : Clocked {
     uint64_t clock = 0;
 
     void edge() {
-        top->clk = 1;
-        top->eval();
-        top->clk = 0;
-        top->eval();
+        Clocked::edge();
         ++clock;
     }
 };
@@ -31,17 +22,11 @@ Board *viform_open() {
     Vtop &top = *board->top;
     top.mmap_bready = top.mmap_rready = 1;
     top.mmap_wstrb = 15;
-    top.rst = 1;
-    for (int n = 0; n < 4; ++n) board->edge();
-    top.rst = 0;
-    board->clock = 0;
+    board->reset(top.rst);
     return board;
 }
 
-void viform_close(Board *board) {
-    board->top->final();
-    delete board;
-}
+void viform_close(Board *board) { close_board(board); }
 
 // Runs `clocks` clocks; like the accesses, returns the clock reached.
 uint64_t viform_run(Board *board, uint64_t clocks) {

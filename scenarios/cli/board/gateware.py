@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 __all__ = ["board_gateware"]
 
 
+_IP, _MAC = "192.168.1.50", "10:e2:d5:00:00:01"  # of a board that is given none
+
+
 @dataclass(frozen=True)
 class BuildOptions:
     """Options of the build."""
@@ -48,10 +51,12 @@ def board_gateware(
             help="Ethernet by LiteEth instead of the serial line; --list names the PHYs",
         ),
     ] = None,
-    ip: Annotated[str, typer.Option(help="IPv4 address with --ethernet")] = "192.168.1.50",
+    ip: Annotated[
+        str | None, typer.Option(help=f"IPv4 address with --ethernet, {_IP} when absent")
+    ] = None,
     mac: Annotated[
-        str, typer.Option(help="Ethernet address with --ethernet")
-    ] = "10:e2:d5:00:00:01",
+        str | None, typer.Option(help=f"Ethernet address with --ethernet, {_MAC} when absent")
+    ] = None,
     listing: Annotated[bool, typer.Option("--list", help="list the supported boards")] = False,
     json: Json = False,
 ) -> None:
@@ -80,8 +85,14 @@ def board_gateware(
         raise InputError("--lanes", "32 or 64", str(build.lanes), "choose one")
     board = target_named(target)
     wire: dict[str, Any] = {}
+    if ethernet is None and (ip is not None or mac is not None):
+        raise InputError(
+            "--ip and --mac", "given with --ethernet PHY", "without",
+            "leave them out, or name a PHY of --list",
+        )  # fmt: skip
     if ethernet is not None:
-        wire = {"ethernet": ethernet_named(target, ethernet), "network": network(ip, mac)}
+        addresses = network(_IP if ip is None else ip, _MAC if mac is None else mac)
+        wire = {"ethernet": ethernet_named(target, ethernet), "network": addresses}
         if cells:
             raise InputError(
                 "--cells", "left out with --ethernet", "given", "LiteEth's core is made by `make`"

@@ -35,7 +35,8 @@ def board_identify(
             document |= {"ours": False, "registers": len(board.csr.registers)}
         else:
             document |= {"ours": True, "registers": len(board.csr.registers)}
-            document |= {"board": info._asdict() | {"build": f"{info.build:08x}"}}
+            found = info._asdict() | {"build": f"{info.build:08x}"}
+            document |= {"board": found if rate else found | {"baud": None}}
             if isinstance(info, BoardInfo) and info.build_matches is not None:
                 document |= {"build_matches": info.build_matches}
     if json:
@@ -47,6 +48,8 @@ def board_identify(
     board_rows = document.get("board")
     if isinstance(board_rows, dict):
         for name, value in board_rows.items():
+            if value is None:  # baud, over UDP
+                continue
             print(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
         if "build_matches" in document:
             origin = "this program's" if document["build_matches"] else "not this program's"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -25,9 +26,13 @@ class StreamOptions:
     columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32
     lanes: Annotated[int, typer.Option(help="pixels of a tile, 32 or 64")] = 32
     depth: Annotated[int, typer.Option(help="of the ring buffer, beats, a power of two")] = 64
-    pixels: Annotated[int, typer.Option(help="external: of a memory word, 1, 2, 4 or 8")] = 4
-    latency: Annotated[int, typer.Option(min=1, max=1000, help="external: clocks of a read")] = 5
-    clocks: Annotated[int, typer.Option(min=1, max=10**7, help="to compare")] = 50_000
+    pixels: Annotated[
+        int | None, typer.Option(help="external: of a memory word, 1, 2, 4 (when absent) or 8")
+    ] = None
+    latency: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="external: clocks of a read, 5 when absent")
+    ] = None
+    clocks: Annotated[int, typer.Option(min=1, max=10**7, help="to compare at least")] = 50_000
     seed: Annotated[int, typer.Option(min=0, help="of the random inputs")] = 1
 
 
@@ -54,8 +59,8 @@ def board_stream(
     from rtl_model.stream.program import Case
     from rtl_model.verilated import BuildFailed
 
-    case = Case(source, **asdict(options))
-    _check(case)
+    given = {name: value for name, value in asdict(options).items() if value is not None}
+    _check(case := Case(source, **given), given)
     SilentProgress().note(f"comparing {options.clocks} clocks of viform_stream_{source}")
     try:
         outcome = run(case, sources=sources)
@@ -72,7 +77,7 @@ def board_stream(
     if json:
         names = ("clock", "output", "verilog", "model")
         print_document({
-            "ok": difference is None, "source": source, **asdict(options),
+            "ok": difference is None, "source": source, **_build(case),
             "compared": outcome.clocks, "beats": moved, "lost_planes": int(last[4]),
             "lost_rows": int(last[5]),
             "difference": None if difference is None else dict(zip(names, difference, strict=True)),
@@ -89,10 +94,23 @@ def board_stream(
         raise typer.Exit(1)
 
 
-def _check(case: Case) -> None:
-    """Refuses what the Verilog does not support."""
+def _build(case: Case) -> dict[str, object]:
+    """The options of the document; those of another source are None."""
+    values = asdict(case)
+    foreign = () if case.source == "external" else ("pixels", "latency")
+    names = StreamOptions.__dataclass_fields__
+    return {name: None if name in foreign else values[name] for name in names}
+
+
+def _check(case: Case, given: Collection[str]) -> None:
+    """Refuses what the Verilog does not support, and options of another source."""
     from cosim import InputError
 
+    if case.source != "external" and {"pixels", "latency"} & set(given):
+        raise InputError(
+            "--pixels and --latency", "given with external", f"with {case.source}",
+            "leave them out",
+        )  # fmt: skip
     if case.lanes not in (32, 64):
         raise InputError("--lanes", "32 or 64", str(case.lanes), "choose one")
     if case.pixels not in (1, 2, 4, 8):

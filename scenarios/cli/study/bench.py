@@ -69,9 +69,10 @@ def bench(
     part: Annotated[
         str | None,
         typer.Argument(
-            help="one part only, such as sensor; growth: by number of pixels and cycles; view: "
-            "answers of viform view, with 2.2 GB of disk; code: sizes of streams; continuous: "
-            "absolute intensities against spikes; events: what the event path of a board carries"
+            help="one part only, such as sensor; board: a simulated board over UDP; growth: by "
+            "number of pixels and cycles; view: answers of viform view, with 2.2 GB of disk; code: "
+            "sizes of streams; continuous: absolute intensities against spikes; events: what the "
+            "event path of a board carries"
         ),
     ] = None,
     device: Annotated[

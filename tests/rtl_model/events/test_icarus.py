@@ -28,7 +28,8 @@ def test_packets_are_the_coders_and_come_back_in_icarus(tmp_path):
             for t in tiles
         )
     )
-    sources = [*sorted(VERILOG.glob("viform_event_*.v")), VERILOG / "viform_ram.v", BENCH]
+    memories = [VERILOG / f"viform_{name}.v" for name in ("fifo", "ram")]
+    sources = [*sorted(VERILOG.glob("viform_event_*.v")), *memories, BENCH]
     clocks = int(tiles["clock"][-1]) + 3000
     command = [
         "iverilog",

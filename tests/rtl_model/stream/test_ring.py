@@ -106,6 +106,7 @@ def test_beats_that_are_no_rows_are_refused_in_one_line(tiles):
         "the end of a row after 3 tiles": [*beats[:3], *beats[4:]],
         "a head of a row below 6": [Beat(7, False, 1)],
         "a plane after number 39": [*beats, *beats],
+        "a first plane with none before it": [beats[0]._replace(user=3), *beats[1:]],
     }
     for words, wrong in cases.items():
         with pytest.raises(InputError, match=words):

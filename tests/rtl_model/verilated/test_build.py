@@ -10,7 +10,7 @@ import pytest
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.verilated import BuildFailed, VerilatedSystem, build_crc, library
+from rtl_model.verilated import BuildFailed, VerilatedSystem, build, build_crc, library
 from rtl_model.verilated.build import CACHE_BYTES, UNUSED_DAYS, _first_error, missing, prune
 from rtl_model.verilated.system import trace_format
 
@@ -64,6 +64,20 @@ def test_the_build_number_follows_sources_and_parameters(tmp_path):
     assert first != build_crc(Geometry(rows=33), tmp_path)
     (tmp_path / "tiny.v").write_text(TINY + "// changed\n")
     assert first != build_crc(Geometry(), tmp_path)
+
+
+@pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
+def test_a_header_of_several_shims_is_part_of_a_library_s_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("VIFORM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(build, "_SHARED", tmp_path)
+    monkeypatch.setattr(build, "_build", lambda output, *_: output.write_bytes(b""))
+    folder = tmp_path / "design"
+    folder.mkdir()
+    names = set()
+    for text in ("one", "two", "two"):
+        (tmp_path / "clocked.h").write_text(text)
+        names.add(library("tiny", Geometry(), tiny(folder) / "shim.cpp", sources=folder))
+    assert len(names) == 2
 
 
 @pytest.mark.slow

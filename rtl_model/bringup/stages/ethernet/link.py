@@ -17,8 +17,8 @@ _READS = 64  # one after another, of one word
 def check_link(bench: UdpBench) -> Figures:
     """Sends probes, which the network core answers, and reads, which the design's bus answers.
 
-    Raises LineFault silent; StageFault bus if probes are answered and reads are not, garbled if one
-    register gives several values.
+    Raises LineFault silent, or garbled if what arrives is no Etherbone; StageFault bus if probes
+    are answered and reads are not, garbled if one register gives several values.
     """
     probes = [bench.bone.probe() for _ in range(_PROBES)]
     address = bench.address("ctrl_magic") if bench.csr.is_viform_board else 0

@@ -120,6 +120,7 @@ def test_ethernet_and_its_refusals(tmp_path: Path) -> None:
         (["--ethernet", "phy9"], "must be one of phy0, phy1"),
         (["--ethernet", "phy0", "--ip", "x"], "an IPv4 address"),
         (["--ethernet", "phy0", "--cells"], "--cells must be left out with --ethernet"),
+        (["--ip", "10.0.0.7"], "--ip and --mac must be given with --ethernet PHY"),
     ):
         done = run("colorlight-i5", *options, "--out", str(tmp_path / "other"))
         assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)

@@ -50,4 +50,7 @@ def test_what_the_verilog_does_not_support_is_one_line(refused: Callable[..., st
     wide = ["board", "stream", "lines", "--columns", "1000"]
     assert "at least 33, which holds a row, not 32; take 64" in refused(*wide, "--depth", "32")
     assert "--lanes must be 32 or 64" in refused(*wide, "--lanes", "48")
-    assert "--pixels must be 1, 2, 4 or 8" in refused(*wide, "--pixels", "3")
+    external = ["board", "stream", "external", "--columns", "32"]
+    assert "--pixels must be 1, 2, 4 or 8" in refused(*external, "--pixels", "3")
+    for option in ("--pixels", "--latency"):
+        assert "given with external, not with lines" in refused(*wide, option, "4")

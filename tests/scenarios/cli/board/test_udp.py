@@ -1,6 +1,8 @@
 """`viform board` over UDP: every command of a port, and wrong addresses in one line."""
 
 import json
+import socket
+import threading
 
 import pytest
 
@@ -25,6 +27,8 @@ def document(viform, *arguments):
 def test_commands_that_take_a_port_take_a_udp_address(viform, refused, port, tmp_path):
     told = document(viform, "board", "identify", "--port", port)
     assert (told["port"], told["baud"], told["ours"]) == (port, None, True)
+    assert (told["board"]["rows"], told["board"]["baud"]) == (4, None)
+    assert "baud" not in viform("board", "identify", "--port", port)[1]
     log = tmp_path / "line.jsonl"
     regs = ("board", "regs", "--port", port, "--set", "sensor_threshold=3", "sensor_threshold")
     told = document(viform, *regs, "--log", log)
@@ -61,6 +65,26 @@ def test_a_board_that_does_not_answer_says_what_to_check(refused, monkeypatch):
     with EthernetBoard("udp:127.0.0.1:0", SIZE, level="model", faults=["silent"]) as board:
         told = refused("board", "identify", "--port", board.port)
     assert "IP address" in told and "firewall" in told
+
+
+def test_a_program_that_is_no_board_is_not_called_silent(refused, monkeypatch):
+    monkeypatch.setattr("rtl_model.host.ether.etherbone._PROBE_WAIT_S", 0.01)
+    monkeypatch.setattr("rtl_model.host.bone.SIMULATED_PATIENCE_S", 0.1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+        udp.bind(("127.0.0.1", 0))
+
+        def echo():
+            while (taken := udp.recvfrom(100))[0] != b"end":
+                udp.sendto(taken[0], taken[1])
+
+        thread = threading.Thread(target=echo)
+        thread.start()
+        try:
+            told = refused("board", "identify", "--port", f"udp:127.0.0.1:{udp.getsockname()[1]}")
+        finally:
+            udp.sendto(b"end", udp.getsockname())
+            thread.join()
+    assert "another program's or design's (8 datagrams" in told and "silent" not in told
 
 
 @pytest.mark.parametrize(
