@@ -31,6 +31,11 @@ AROUND: Final = 2
 EDGE: Final = 1 / 32
 """Distance of a symbol's begin from a tick edge, ticks, within which it is moved: a quarter of a
 class of phase."""
+_MOVED: Final = 2 * EDGE
+"""Ticks by which it is moved. It may then drift by as much before it falls into the tick before,
+whose laws are worse: they know the bit before and that of the symbol, but the spikes of that tick
+depend on the charge of the two bits before. Measured at 8 m: .0475 of the bits wrong instead of
+.055."""
 Values = npt.NDArray[np.float64]
 
 
@@ -55,7 +60,7 @@ class Joint:
         self.cells = cell_images(layout, registration)
         self.ticks = layout.mode.ticks
         phase = float(timing.start(0, timing.rows / 2)) % 1
-        self.delay = EDGE if min(phase, 1 - phase) < EDGE else 0.0
+        self.delay = _MOVED if min(phase, 1 - phase) < EDGE else 0.0
         first = timing.first + self.delay
         self._time = first, timing.period, timing.slope, float(timing.rows)
         shape = (

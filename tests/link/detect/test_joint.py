@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from link.detect.catalogue import make_detector
-from link.detect.counting import CONTEXT, PAIRS, PHASES
+from link.detect.counting import CONTEXT, PAIRS, PHASES, _begin
 from link.detect.forward_backward import ForwardBackward
 from link.detect.geometry import PLACES, cell_images
 from link.detect.joint import Joint
@@ -268,3 +268,15 @@ def test_pilots_outside_the_words_are_refused(scene: Scene) -> None:
     detector = Joint(scene.layout, scene.registration, scene.timing)
     with pytest.raises(ValueError, match="at least one whole symbol must be in the words"):
         detector.learn_pilots(scene.words, 0, 10_000, 4)
+
+
+@pytest.mark.parametrize("first", [4.97, 5.0, 5.03])
+def test_symbols_that_begin_with_a_tick_may_drift_without_another_class(first: float) -> None:
+    """1000 ticks at 3e-5: such a drift is within the error of an estimated period."""
+    layout = Layout(Mode(128, 128, 2, 1, "scrambled", 32))
+    registration = Registration(homography(layout, (150, 150), 0.995, 0.3, (0.3, -0.4), 0.0),
+                                np.zeros((0, 3)), 0.35)  # fmt: skip
+    for drift in (-3e-5, 3e-5):
+        moving = Joint(layout, registration, Timing(first, 1 + drift, 0.0, 150))
+        classes = {_begin(moving._time, n, 75) for n in range(1000)}
+        assert {(tick, phase) for tick, phase in classes if phase} == set(), classes
