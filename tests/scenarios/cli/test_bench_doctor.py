@@ -88,7 +88,7 @@ def test_bench_prints_rows_that_lack_a_ratio(
     monkeypatch.setitem(bench.PARTS, "link", lambda device, ceiling: [row])
     assert _main(["bench", "link", "--device", "numba"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
-    assert last.split() == ["link.detector", "packed", "0.998", "bit", "2.0"]
+    assert last.split() == ["link.detector", "packed", "0.998", "bit", "2"]
 
 
 def test_bench_refuses_a_part_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
