@@ -22,6 +22,8 @@ module viform_pixels #(
     input wire rising,           // one more in each lane
     input wire [7:0] even,       // of lane 0, and of all even lanes where they do not rise
     input wire [7:0] odd,
+    input wire reading,          // charges are compared and not changed
+    input wire [11:0] against,
     output reg [3:0] bits
 );
     localparam [7:0] COLUMN = FIRST_LANE[7:0];
@@ -114,8 +116,12 @@ module viform_pixels #(
                 source(stored, electrons[31:24], rising, odd, COLUMN + 8'd3),
                 level, rule
             );
-            charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
-            bits <= {next_3[12], next_2[12], next_1[12], next_0[12]};
+            if (!reading)
+                charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
+            bits <= !reading ? {next_3[12], next_2[12], next_1[12], next_0[12]} : live & {
+                charge[47:36] > against, charge[35:24] > against,
+                charge[23:12] > against, charge[11:0] > against
+            };
         end
     end
 endmodule
