@@ -52,8 +52,8 @@ REGISTERS: tuple[str, ...] = (
 ACTIVE, START, END, SELECT, TOP, BOTTOM, LEFT, RIGHT, ROW, INDEX = range(10)
 FRAMES, ROWS_READ, SPIKES, CLEAR = range(10, 14)
 LAST, LAST_SPIKES, LAST_ENDS = range(14, 17)  # edge of the last tile, its spikes, if it ends a row
-# Of the reading: n of the next one, passes that have not begun, number of the pass in progress (0 in
-# a frame), whether it takes the charges as 0, and in 1/128 e the height of its ramp and a step.
+# Of the reading: n of the next one, passes that have not begun, number of the pass in progress (0
+# in a frame), whether it takes the charges as 0, and in 1/128 e the height of its ramp and a step.
 REQUEST, PASSES, PASS, FRESH, RAMP, STEP = range(17, 23)
 STATE = 23
 

@@ -41,6 +41,7 @@ module viform_pixels #(
     (* ram_style = "block" *)
     reg [47:0] charges[0:DEPTH-1];
     reg [47:0] charge;
+    wire store = compute && !reading;
     integer i;
     initial for (i = 0; i < DEPTH; i = i + 1) charges[i] = 48'd0;
 
@@ -93,7 +94,7 @@ module viform_pixels #(
 
     always @(posedge clk) begin
         if (read) charge <= fresh ? 48'd0
-            : compute && read_address == address ? 48'bx : charges[read_address];
+            : store && read_address == address ? 48'bx : charges[read_address];
         if (compute) begin : update
             reg [12:0] next_0, next_1, next_2, next_3;
             next_0 = tick(
@@ -116,7 +117,7 @@ module viform_pixels #(
                 source(stored, electrons[31:24], rising, odd, COLUMN + 8'd3),
                 level, rule
             );
-            if (!reading)
+            if (store)
                 charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
             bits <= !reading ? {next_3[12], next_2[12], next_1[12], next_0[12]} : live & {
                 charge[47:36] > against, charge[35:24] > against,

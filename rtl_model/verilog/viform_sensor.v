@@ -65,9 +65,9 @@ module viform_sensor #(
         .TICK_MINIMUM(TICK_MINIMUM), .ADDRESS_BITS(ADDRESS_BITS)
     ) scan (
         .clk(clk), .reset(reset), .run(run), .pass(pass), .clear(clear),
-        .clock_select(clock_select), .tick_clocks(tick_clocks), .rows(rows), .columns(columns), .frames(frames),
-        .start(start), .read(scan_read), .read_address(read_address), .scanning(scanning),
-        .compute(compute), .address(address), .row(row), .tile(tile), .last_tile(last_tile),
+        .clock_select(clock_select), .tick_clocks(tick_clocks), .rows(rows), .columns(columns),
+        .frames(frames), .start(start), .read(scan_read), .read_address(read_address),
+        .scanning(scanning), .compute(compute), .address(address), .row(row), .tile(tile), .last_tile(last_tile),
         .row_live(row_live), .live(live), .ramp(ramp), .parity(parity), .frame(frame),
         .fresh(fresh), .double(double)
     );

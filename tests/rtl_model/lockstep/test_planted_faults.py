@@ -98,7 +98,7 @@ FAULTS = {
         "viform_scan.v", "cleared <= clear;", "cleared <= 1'b0;", "spike"
     ),
     "a reading collects electrons": Fault(
-        "viform_pixels.v", "if (!reading)\n", "if (1'b1)\n", "spike"
+        "viform_pixels.v", "if (store)\n", "if (compute)\n", "spike"
     ),
     "a reading counts above a step, not at it": Fault(
         "viform_reading.v", "first - 19'd1;", "first;", "spike"
