@@ -58,7 +58,8 @@ module viform_sensor #(
     wire [31:0] frame;
     wire pass, taken, reading;
     wire [6:0] pass_number;
-    wire [11:0] against;
+    wire [3:0] read_level;
+    wire [11:0] lent;
 
     viform_scan #(
         .ROWS(ROWS), .COLUMNS(COLUMNS), .LANES(LANES), .TILES(TILES), .ROW_CLOCKS(ROW_CLOCKS),
@@ -67,22 +68,27 @@ module viform_sensor #(
         .clk(clk), .reset(reset), .run(run), .pass(pass), .clear(clear),
         .clock_select(clock_select), .tick_clocks(tick_clocks), .rows(rows), .columns(columns),
         .frames(frames), .start(start), .read(scan_read), .read_address(read_address),
-        .scanning(scanning), .compute(compute), .address(address), .row(row), .tile(tile), .last_tile(last_tile),
-        .row_live(row_live), .live(live), .ramp(ramp), .parity(parity), .frame(frame),
-        .fresh(fresh), .double(double)
+        .scanning(scanning), .compute(compute), .address(address), .row(row), .tile(tile),
+        .last_tile(last_tile), .row_live(row_live), .live(live), .ramp(ramp), .parity(parity),
+        .frame(frame), .fresh(fresh), .double(double)
     );
 
     viform_reading charges_read (
         .clk(clk), .reset(reset), .start(start), .request(request), .threshold(threshold),
-        .pass(pass), .taken(taken), .reading(reading), .number(pass_number), .against(against)
+        .pass(pass), .taken(taken), .reading(reading), .number(pass_number),
+        .level(read_level), .lent(lent)
     );
 
-    // Electrons of the patterns that are none of the memory, in even lanes and in odd ones.
-    wire stored = pattern == 2'd0;
-    wire rising = pattern == 2'd2;
+    // Electrons of the patterns that are none of the memory, in even lanes and in odd ones; in a
+    // reading those that it lends.
+    wire stored = !reading && pattern == 2'd0;
+    wire rising = !reading && pattern == 2'd2;
     wire [7:0] first = level + ramp;
-    wire [7:0] even = rising ? first : pattern == 2'd1 || pattern[0] && parity ? level : 8'd0;
-    wire [7:0] odd = rising ? first : pattern == 2'd1 || pattern[0] && !parity ? level : 8'd0;
+    wire lit = pattern == 2'd1; // in all lanes
+    wire [7:0] even = reading ? lent[7:0]
+        : rising ? first : lit || pattern[0] && parity ? level : 8'd0;
+    wire [7:0] odd = reading ? lent[7:0]
+        : rising ? first : lit || pattern[0] && !parity ? level : 8'd0;
 
     genvar group;
     generate
@@ -99,9 +105,10 @@ module viform_sensor #(
                 .pattern_data(wdata),
                 .read(scan_read), .read_address(read_address),
                 .compute(compute), .address(address), .live(live[4*group +: 4]),
-                .fresh(fresh), .double(double), .level(threshold), .rule(rule),
+                .fresh(fresh), .double(double && !reading),
+                .level(reading ? read_level : threshold), .rule(rule),
                 .stored(stored), .rising(rising), .even(even), .odd(odd),
-                .reading(reading), .against(against),
+                .upper(reading ? lent[11:8] : 4'd0), .hold(reading),
                 .bits(tile_bits[4*group +: 4])
             );
         end

@@ -14,7 +14,7 @@ needs_yosys = pytest.mark.skipif(
 )
 
 # About 10 % over what yosys 0.23 gives; block RAM exactly, since memories must be nothing else.
-PIXELS = Cells("ice40", luts=631, flip_flops=87, block_rams=5, distributed_rams=0, carries=304)
+PIXELS = Cells("ice40", luts=562, flip_flops=87, block_rams=5, distributed_rams=0, carries=250)
 
 CEILINGS = {
     "ice40": Cells("ice40", 9190, 2430, block_rams=84, distributed_rams=0, carries=3460),

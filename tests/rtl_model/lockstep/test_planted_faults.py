@@ -100,11 +100,17 @@ FAULTS = {
     "a reading collects electrons": Fault(
         "viform_pixels.v", "if (store)\n", "if (compute)\n", "spike"
     ),
-    "a reading counts above a step, not at it": Fault(
-        "viform_reading.v", "first - 19'd1;", "first;", "spike"
+    "a reading lends an electron more": Fault(
+        "viform_reading.v", "= ramp[18:7];", "= ramp[18:7] + 12'd1;", "spike"
+    ),
+    "a reading compares with the threshold of now": Fault(
+        "viform_sensor.v", "reading ? read_level : threshold", "threshold", "spike"
+    ),
+    "a reading lends twice at 20 kHz": Fault(
+        "viform_sensor.v", "double && !reading", "double", "spike"
     ),
     "the threshold moves a reading under way": Fault(
-        "viform_reading.v", "ramp + step;", "ramp + first;", "spike"
+        "viform_reading.v", "ramp - step;", "ramp - first;", "spike"
     ),
     "a reading lacks its last pass": Fault(
         "viform_reading.v",
