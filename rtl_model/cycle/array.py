@@ -61,6 +61,26 @@ class PixelArray:
         """Requests a clear: the next frame is number 0 and starts without charge."""
         self._state[scan.CLEAR] = 1
 
+    def read_charges(self, exponent: int) -> None:
+        """Requests a reading in 2 ** exponent levels, 1 to 7; 0 cancels a request."""
+        self._state[scan.REQUEST] = exponent
+
+    @property
+    def passing(self) -> bool:
+        """Whether the scan in progress, or the last one, is a pass of a reading."""
+        return bool(self._state[scan.PASS])
+
+    @property
+    def number(self) -> int:
+        """Number of the scan in progress: of the pass, or of the frame since the clear."""
+        return int(self._state[scan.PASS]) or self.frames - 1
+
+    @property
+    def _scans(self) -> bool:
+        """Whether another scan follows."""
+        state = self._state
+        return bool(self._registers[scan.RUN] or state[scan.PASSES] or state[scan.REQUEST])
+
     @property
     def frames(self) -> int:
         """Frames begun since the clear."""
@@ -68,7 +88,7 @@ class PixelArray:
 
     @property
     def frame_clock(self) -> int:
-        """Edge at which the last frame began; 0 before the first."""
+        """Edge at which the last frame or pass began; 0 before the first."""
         return int(self._state[scan.START])
 
     def rows_read(self, clock: int) -> int:
@@ -86,19 +106,19 @@ class PixelArray:
 
     @property
     def period(self) -> int:
-        """Clocks of a frame that begins now."""
+        """Clocks of a frame or pass that begins now."""
         registers = self._registers
         tick = max(int(registers[scan.TICK]), self._tick_minimum)
         return tick << int(registers[scan.CLOCK_SELECT])
 
     def next_frame(self, clock: int) -> int | None:
-        """The edge at or after `clock` at which a frame starts, or at which the present one ends.
+        """The edge at or after `clock` at which a scan starts, or at which the present one ends.
 
-        None if the sensor is stopped.
+        None if none follows.
         """
         if self._state[scan.ACTIVE] and clock < self._state[scan.END]:
             return int(self._state[scan.END])
-        return clock if self._registers[scan.RUN] else None
+        return clock if self._scans else None
 
     def word(self, index: int) -> int:
         """Word `index` of the pattern memory."""
@@ -119,7 +139,7 @@ class PixelArray:
 
     def set_words(self, index: int, words: bytes) -> bool:
         """Writes words (big-endian) from `index` on if no scan can read them; returns whether."""
-        if self._state[scan.ACTIVE] or self._registers[scan.RUN] or self._pending:
+        if self._state[scan.ACTIVE] or self._scans or self._pending:
             return False
         pixels = np.frombuffer(words, ">u4").astype("<u4").view(np.uint8)
         for memory in (self.memory, self._scanned):
@@ -136,6 +156,11 @@ class PixelArray:
             stop = min(stop, self._pending[0][0])
         if self._idle(stop):
             return stop
+        state = self._state
+        if state[scan.PASS] or state[scan.PASSES] or state[scan.REQUEST]:
+            # One scan a call, so that all its tiles are of a frame or all of a pass.
+            within = state[scan.ACTIVE] and clock < state[scan.END]
+            return min(stop, int(state[scan.END]) if within else clock + self.period)
         return min(stop, clock + max(1, _TILES_AT_ONCE // self._tiles) * self.period)
 
     def run(self, clock: int, stop: int) -> Tiles:
@@ -171,7 +196,7 @@ class PixelArray:
         """
         state, size = self._state, self.geometry
         if not state[scan.ACTIVE]:
-            return not self._registers[scan.RUN]
+            return not self._scans
         row = int(state[scan.ROW])
         if row >= size.rows:
             return stop <= int(state[scan.END])

@@ -1,4 +1,5 @@
-"""The row scan, compiled by numba: frames and tiles between two changes of a register.
+"""The row scan, compiled by numba: frames, passes of a reading and tiles between two changes of a
+register.
 
 `tests/rtl_model/cycle/edge_by_edge.py` computes the same in numpy, edge by edge.
 """
@@ -18,7 +19,10 @@ __all__ = [
     "LAST",
     "LAST_ENDS",
     "LAST_SPIKES",
+    "PASS",
+    "PASSES",
     "REGISTERS",
+    "REQUEST",
     "ROW",
     "ROWS_READ",
     "RUN",
@@ -48,11 +52,14 @@ REGISTERS: tuple[str, ...] = (
 ACTIVE, START, END, SELECT, TOP, BOTTOM, LEFT, RIGHT, ROW, INDEX = range(10)
 FRAMES, ROWS_READ, SPIKES, CLEAR = range(10, 14)
 LAST, LAST_SPIKES, LAST_ENDS = range(14, 17)  # edge of the last tile, its spikes, if it ends a row
-STATE = 17
+# Of the reading: n of the next one, passes that have not begun, number of the pass in progress (0
+# in a frame), whether it takes the charges as 0, and in 1/128 e the height of its ramp and a step.
+REQUEST, PASSES, PASS, FRESH, RAMP, STEP = range(17, 23)
+STATE = 23
 
 
 @njit(cache=True)
-def _begin(registers, state, charge, clock, tick_minimum):  # type: ignore[no-untyped-def]
+def _begin(registers, state, charge, clock, tick_minimum, q):  # type: ignore[no-untyped-def]
     state[ACTIVE] = 1
     state[START] = clock
     state[SELECT] = registers[CLOCK_SELECT]
@@ -60,6 +67,20 @@ def _begin(registers, state, charge, clock, tick_minimum):  # type: ignore[no-un
     state[TOP], state[BOTTOM] = registers[ROWS] & 0xFFFF, registers[ROWS] >> 16
     state[LEFT], state[RIGHT] = registers[COLUMNS] & 0xFFFF, registers[COLUMNS] >> 16
     state[ROW] = state[INDEX] = 0
+    state[FRESH] = state[CLEAR]
+    if state[PASSES]:
+        state[PASSES] -= 1
+        state[PASS] += 1
+        state[RAMP] += state[STEP]
+        return
+    if state[REQUEST]:
+        state[PASSES] = (1 << state[REQUEST]) - 2
+        state[PASS] = 1
+        state[STEP] = q << (7 - state[REQUEST])
+        state[RAMP] = state[STEP] - 1  # a charge above its whole electrons is at or above a step
+        state[REQUEST] = 0
+        return
+    state[PASS] = 0
     if state[CLEAR]:
         state[CLEAR] = state[FRAMES] = state[ROWS_READ] = state[SPIKES] = 0
         charge[:] = 0
@@ -111,6 +132,15 @@ def _tick(charge, base, electrons, offset, shift, q, rule):  # type: ignore[no-u
 
 
 @njit(cache=True)
+def _above(state, charge, row, first, lanes):  # type: ignore[no-untyped-def]
+    """The pixels of a tile whose charge is above the ramp, as bits."""
+    bits, height = np.uint64(0), 4095 if state[FRESH] else state[RAMP] >> 7
+    for j in range(lanes):
+        bits |= np.uint64(charge[row, first + j] > height) << np.uint64(j)
+    return bits
+
+
+@njit(cache=True)
 def _ones(bits):  # type: ignore[no-untyped-def]
     """Counts the ones of 64 bits, in pairs, nibbles and bytes."""
     bits -= (bits >> np.uint64(1)) & np.uint64(0x5555555555555555)
@@ -146,9 +176,9 @@ def scan(  # type: ignore[no-untyped-def]
     while clock < stop:
         if state[ACTIVE] == 0 or clock >= state[END]:
             state[ACTIVE] = 0
-            if registers[RUN] == 0:
+            if registers[RUN] == 0 and state[PASSES] == 0 and state[REQUEST] == 0:
                 break
-            _begin(registers, state, charge, clock, tick_minimum)
+            _begin(registers, state, charge, clock, tick_minimum, q)
             clock += 1
             continue
         if state[ROW] >= rows:
@@ -164,13 +194,14 @@ def scan(  # type: ignore[no-untyped-def]
         low = min(max(state[LEFT], first), first + lanes)
         high = max(min(state[RIGHT] + 1, first + lanes, columns), low)
         if not inside:
-            charge[row, first : first + lanes] = 0
+            if state[PASS] == 0:
+                charge[row, first : first + lanes] = 0
         else:
-            frame = (state[FRAMES] - 1) & 0xFFFFFFFF
+            frame = state[PASS] if state[PASS] else (state[FRAMES] - 1) & 0xFFFFFFFF
             base = row * wide + first
             shift = np.int32(state[SELECT])
-            bits = np.uint64(0)
-            for lane in range(0, lanes, 32):
+            bits = _above(state, charge, row, first, lanes) if state[PASS] else np.uint64(0)
+            for lane in range(0, 0 if state[PASS] else lanes, 32):
                 at = base + lane
                 if registers[PATTERN] == 0:
                     part = _tick(all_charge, at, all_memory, at, shift, q, registers[RULE])
@@ -179,8 +210,9 @@ def scan(  # type: ignore[no-untyped-def]
                     part = _tick(all_charge, at, electrons, 0, shift, q, registers[RULE])
                 bits |= np.uint64(part) << np.uint64(lane)
             if high - low < lanes:  # pixels outside the window are held in reset
-                charge[row, first:low] = 0
-                charge[row, high : first + lanes] = 0
+                if state[PASS] == 0:
+                    charge[row, first:low] = 0
+                    charge[row, high : first + lanes] = 0
                 for j in range(lanes):
                     if not low <= first + j < high:
                         bits &= ~(np.uint64(1) << np.uint64(j))
@@ -190,13 +222,14 @@ def scan(  # type: ignore[no-untyped-def]
             out[count_out].tile = tile
             out[count_out].bits = bits
             count_out += 1
-            count = _ones(bits)
-            state[SPIKES] = (state[SPIKES] + count) & 0xFFFFFFFF
-            state[LAST], state[LAST_SPIKES], state[LAST_ENDS] = edge, count, tile == tiles - 1
+            if state[PASS] == 0:
+                count = _ones(bits)
+                state[SPIKES] = (state[SPIKES] + count) & 0xFFFFFFFF
+                state[LAST], state[LAST_SPIKES], state[LAST_ENDS] = edge, count, tile == tiles - 1
         state[INDEX] += 1
         if state[INDEX] == tiles:
             state[INDEX] = 0
             state[ROW] += 1
-            if inside:
+            if inside and state[PASS] == 0:
                 state[ROWS_READ] = (state[ROWS_READ] + 1) & 0xFFFFFFFF
     return count_out

@@ -216,8 +216,8 @@ class System:
         self._row += [bits >> 32 * n & _WORD for n in range(size.lanes // 32)]
         if index == size.tiles - 1:
             begun = self._array.frame_clock + 1 + row * size.row_clocks
-            frame = self._array.frames - 1
-            self._capture.store(begun + 2 * size.row_clocks + 4, frame, row, self._row)
+            number = self._array.number
+            self._capture.store(begun + 2 * size.row_clocks + 4, number, row, self._row)
             self._row = []
 
     def _strobe_write(self, clock: int, address: int, value: int) -> None:
@@ -314,6 +314,7 @@ class System:
             "prbs_order": self._set_order,
             "prbs_check": self._check,
             "sensor_clear": lambda value: self._array.clear() if value else None,
+            "sensor_reading": lambda value: self._array.read_charges(value),
             "capture_source": self._set_source,
             "capture_arm": lambda value: self._capture.arm(value),
             "capture_pointer": self._seek,

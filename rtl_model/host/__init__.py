@@ -12,11 +12,13 @@ from rtl_model.host.csr import CsrMap, default_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log import LineLog
 from rtl_model.host.ports import Port, SerialPort, is_pty, open_port
+from rtl_model.host.reading import LEVELS, Reading, read_charges
 from rtl_model.host.replay import ReplayPort
 from rtl_model.host.uartbone import BAUD_MIN, Uartbone
 
 __all__ = [
     "BAUD_MIN",
+    "LEVELS",
     "BaudReport",
     "Board",
     "BoardInfo",
@@ -27,6 +29,7 @@ __all__ = [
     "LineFault",
     "LineLog",
     "Port",
+    "Reading",
     "ReplayPort",
     "SerialPort",
     "Uartbone",
@@ -38,6 +41,7 @@ __all__ = [
     "opened_bone",
     "pattern",
     "prbs",
+    "read_charges",
     "read_csr",
     "recognised",
 ]

@@ -19,7 +19,7 @@ from rtl_model.host.board import Board, BoardInfo
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.registers import mask
 
-__all__ = ["SETTINGS", "Captured", "burst", "drain"]
+__all__ = ["SETTINGS", "Captured", "burst", "drain", "stop"]
 
 SETTINGS = (
     "sensor_threshold",
@@ -64,7 +64,7 @@ class Captured(NamedTuple):
     settings: dict[str, int]
 
 
-def burst(board: Board, frames: int, *, clear: bool = False) -> Captured:
+def burst(board: Board, frames: int, *, clear: bool = False, reading: int = 0) -> Captured:
     """Captures a burst. A stopped sensor is started for it and stopped afterwards.
 
     Args:
@@ -72,6 +72,8 @@ def burst(board: Board, frames: int, *, clear: bool = False) -> Captured:
         frames: number of frames.
         clear: whether the burst begins with frame 0 and without charge. A running sensor is stopped
             first.
+        reading: value of `sensor_reading`, for a burst of its passes by a stopped sensor; 0 for
+            frames.
 
     Raises:
         InputError: for a burst that does not fit in the board's memory.
@@ -80,16 +82,17 @@ def burst(board: Board, frames: int, *, clear: bool = False) -> Captured:
     info = board.info()
     settings = {name: board.read_twice(name) for name in SETTINGS}
     rows = _Rows(info, settings)
-    _check_size(info, rows, frames)
+    _check_size(info, rows, frames, reading > 0)
     ran = board.read_twice("sensor_run")
     if clear and ran:
-        board.write("sensor_run", 0)
-        _await_stop(board, info, settings)
+        stop(board, info, settings)
     if clear:
         board.write("sensor_clear", 1)
     board.write("capture_arm", 0)  # empties the memory, so that a lost write is detected
     board.write("capture_arm", frames)
-    if clear or not ran:
+    if reading:
+        board.write("sensor_reading", reading)
+    elif clear or not ran:
         board.write("sensor_run", 1)
     try:
         _await(board, info, settings, frames)
@@ -267,12 +270,19 @@ class _Drain:
         raise LineFault(Cause.MISPLACED, f"the board's read pointer cannot be set to {word}")
 
 
-def _check_size(info: BoardInfo, rows: _Rows, frames: int) -> None:
+def _check_size(info: BoardInfo, rows: _Rows, frames: int, reading: bool) -> None:
     if rows.count == 0:
         raise InputError("the window", "at least one row", "empty", "write sensor_rows")
     if not 1 <= frames < 1 << 32:
         raise InputError("the frames of a burst", "1 to 4294967295", str(frames), "give fewer")
     fit = info.capture_words // (rows.words * rows.count)
+    if frames > fit and reading:
+        raise InputError(
+            "the levels of a reading",
+            f"at most {fit + 1} of {rows.count} rows, for whose {fit} passes the board has memory",
+            str(frames + 1),
+            "take fewer levels or a smaller window",
+        )
     if frames > fit:
         raise InputError(
             "the frames of a burst",
@@ -305,6 +315,7 @@ def _await(board: Board, info: BoardInfo, settings: dict[str, int], frames: int)
         board.bone.pause(frame_s)
 
 
-def _await_stop(board: Board, info: BoardInfo, settings: dict[str, int]) -> None:
-    """Waits until the sensor has finished the frame in progress."""
+def stop(board: Board, info: BoardInfo, settings: dict[str, int]) -> None:
+    """Stops the sensor and waits until it has finished the frame in progress."""
+    board.write("sensor_run", 0)
     board.bone.pause(2 * _frame_s(board, info, settings))

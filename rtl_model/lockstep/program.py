@@ -158,6 +158,7 @@ class _Draw:
             (4, self._tick),
             (4, lambda clock: self._set(clock, "sensor_clear", self.rng.integers(4) > 0)),
             (4, self._pause),
+            (4, self._reading),
             (1, self._burst),
             (1, self._show),
             (3, self._prbs),
@@ -209,6 +210,12 @@ class _Draw:
     def _pause(self, clock: int) -> None:
         self._set(clock, "sensor_run", 0)
         self._set(clock + self._later(4), "sensor_run", 1)
+
+    def _reading(self, clock: int) -> None:
+        """A reading of the charges, now and then cancelled, or with one behind it."""
+        self._set(clock, "sensor_reading", min(self.rng.integers(1, 8, 3)))
+        if self.rng.random() < 0.3:
+            self._set(clock + self._later(9), "sensor_reading", self.rng.integers(4))
 
     def _burst(self, clock: int) -> None:
         self._set(clock, "capture_source", self.rng.integers(2))

@@ -16,10 +16,10 @@ __all__ = [
 
 MAGIC = 0x53504B32
 """First word of a Viform board, ASCII "SPK2"."""
-VERSION = 0x0001_0001
+VERSION = 0x0001_0002
 """Version of the register map: major number in the upper half, minor in the lower.
 
-Minor number 1 added the memories `write_mem` and `capture_mem`."""
+Minor number 1 added the memories `write_mem` and `capture_mem`, 2 the register `sensor_reading`."""
 
 WRITE_WORDS = 256
 """Words of `write_mem`, one more than a record of Etherbone can write."""
@@ -167,9 +167,20 @@ REGISTERS: tuple[Register, ...] = (
         "sensor_clear", 0x328, "wo", 0, 1, "1: the next frame is number 0 and starts without charge"
     ),
     Register("sensor_frames", 0x32C, "ro", 0, 32, "frames begun since the clear"),
-    Register("sensor_frame_clock", 0x330, "ro", 0, 32, "ctrl_uptime when the last frame began"),
+    Register(
+        "sensor_frame_clock", 0x330, "ro", 0, 32, "ctrl_uptime when the last frame or pass began"
+    ),
     Register("sensor_rows_read", 0x334, "ro", 0, 32, "rows of the window read since the clear"),
     Register("sensor_spikes", 0x338, "ro", 0, 32, "spikes read since the clear, modulo 2^32"),
+    Register(
+        "sensor_reading",
+        0x33C,
+        "wo",
+        0,
+        3,
+        "n > 0: reads the charges in 2^n levels, by 2^n - 1 passes before the next frame; 0 "
+        "cancels",
+    ),
     Register(
         "capture_source", 0x400, "rw", 0, 1, "0 pixels, 1 the display sink; from the next burst"
     ),

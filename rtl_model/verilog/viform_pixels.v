@@ -22,6 +22,8 @@ module viform_pixels #(
     input wire rising,           // one more in each lane
     input wire [7:0] even,       // of lane 0, and of all even lanes where they do not rise
     input wire [7:0] odd,
+    input wire [3:0] upper,      // 256 electrons each, in all lanes; not with `double`
+    input wire hold,             // charges are compared and not changed
     output reg [3:0] bits
 );
     localparam [7:0] COLUMN = FIRST_LANE[7:0];
@@ -39,6 +41,7 @@ module viform_pixels #(
     (* ram_style = "block" *)
     reg [47:0] charges[0:DEPTH-1];
     reg [47:0] charge;
+    wire store = compute && !hold;
     integer i;
     initial for (i = 0; i < DEPTH; i = i + 1) charges[i] = 48'd0;
 
@@ -48,6 +51,7 @@ module viform_pixels #(
         input is_live;
         input is_double;
         input [11:0] held;
+        input [3:0] higher;
         input [7:0] collected;
         input [3:0] k;
         input [1:0] reset_rule;
@@ -60,7 +64,7 @@ module viform_pixels #(
         reg below, unused;
         reg fired, keep, first, second, full;
         begin
-            more = is_double ? {5'd0, collected, 1'b0} : {6'd0, collected};
+            more = is_double ? {5'd0, collected, 1'b0} : {2'd0, higher, collected};
             high = {1'b0, held[11:8]} + {1'b1, ~k};
             half = {2'b00, held[11:1]} - {1'b0, k, 8'hFF};
             none = held + more[11:0];
@@ -91,30 +95,31 @@ module viform_pixels #(
 
     always @(posedge clk) begin
         if (read) charge <= fresh ? 48'd0
-            : compute && read_address == address ? 48'bx : charges[read_address];
+            : store && read_address == address ? 48'bx : charges[read_address];
         if (compute) begin : update
             reg [12:0] next_0, next_1, next_2, next_3;
             next_0 = tick(
-                live[0], double, charge[11:0],
+                live[0], double, charge[11:0], upper,
                 source(stored, electrons[7:0], rising, even, COLUMN + 8'd0),
                 level, rule
             );
             next_1 = tick(
-                live[1], double, charge[23:12],
+                live[1], double, charge[23:12], upper,
                 source(stored, electrons[15:8], rising, odd, COLUMN + 8'd1),
                 level, rule
             );
             next_2 = tick(
-                live[2], double, charge[35:24],
+                live[2], double, charge[35:24], upper,
                 source(stored, electrons[23:16], rising, even, COLUMN + 8'd2),
                 level, rule
             );
             next_3 = tick(
-                live[3], double, charge[47:36],
+                live[3], double, charge[47:36], upper,
                 source(stored, electrons[31:24], rising, odd, COLUMN + 8'd3),
                 level, rule
             );
-            charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
+            if (store)
+                charges[address] <= {next_3[11:0], next_2[11:0], next_1[11:0], next_0[11:0]};
             bits <= {next_3[12], next_2[12], next_1[12], next_0[12]};
         end
     end

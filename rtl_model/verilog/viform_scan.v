@@ -13,6 +13,7 @@ module viform_scan #(
     input wire clk,
     input wire reset,
     input wire run,
+    input wire pass,       // of a reading; it scans without `run` as well
     input wire clear,
     input wire clock_select,
     input wire [31:0] tick_clocks,
@@ -55,7 +56,7 @@ module viform_scan #(
     wire [31:0] tick = tick_clocks < TICK_MINIMUM ? TICK_MINIMUM : tick_clocks;
     wire [32:0] period = clock_select ? {tick, 1'b0} : {1'b0, tick};
 
-    assign start = run && due && !reset;
+    assign start = (run || pass) && due && !reset;
     assign read = (start || scanning) && phase < TILES[15:0];
 
     // What is sampled at a frame's start holds at once, for its first tile is read there.

@@ -45,6 +45,7 @@ module viform_sensor #(
     reg [3:0] threshold;
     reg [1:0] rule;
     reg [1:0] pattern;
+    reg [2:0] request;
     reg [7:0] level;
     reg [31:0] rows, columns, tick_clocks;
     reg [31:0] frames, frame_clock, rows_read, spikes;
@@ -55,25 +56,39 @@ module viform_sensor #(
     wire [7:0] ramp;
     wire [LANES-1:0] live;
     wire [31:0] frame;
+    wire pass, taken, reading;
+    wire [6:0] pass_number;
+    wire [3:0] read_level;
+    wire [11:0] lent;
 
     viform_scan #(
         .ROWS(ROWS), .COLUMNS(COLUMNS), .LANES(LANES), .TILES(TILES), .ROW_CLOCKS(ROW_CLOCKS),
         .TICK_MINIMUM(TICK_MINIMUM), .ADDRESS_BITS(ADDRESS_BITS)
     ) scan (
-        .clk(clk), .reset(reset), .run(run), .clear(clear), .clock_select(clock_select),
-        .tick_clocks(tick_clocks), .rows(rows), .columns(columns), .frames(frames),
-        .start(start), .read(scan_read), .read_address(read_address), .scanning(scanning),
-        .compute(compute), .address(address), .row(row), .tile(tile), .last_tile(last_tile),
-        .row_live(row_live), .live(live), .ramp(ramp), .parity(parity), .frame(frame),
-        .fresh(fresh), .double(double)
+        .clk(clk), .reset(reset), .run(run), .pass(pass), .clear(clear),
+        .clock_select(clock_select), .tick_clocks(tick_clocks), .rows(rows), .columns(columns),
+        .frames(frames), .start(start), .read(scan_read), .read_address(read_address),
+        .scanning(scanning), .compute(compute), .address(address), .row(row), .tile(tile),
+        .last_tile(last_tile), .row_live(row_live), .live(live), .ramp(ramp), .parity(parity),
+        .frame(frame), .fresh(fresh), .double(double)
     );
 
-    // Electrons of the patterns that are none of the memory, in even lanes and in odd ones.
-    wire stored = pattern == 2'd0;
-    wire rising = pattern == 2'd2;
+    viform_reading charges_read (
+        .clk(clk), .reset(reset), .start(start), .request(request), .threshold(threshold),
+        .pass(pass), .taken(taken), .reading(reading), .number(pass_number),
+        .level(read_level), .lent(lent)
+    );
+
+    // Electrons of the patterns that are none of the memory, in even lanes and in odd ones; in a
+    // reading those that it lends.
+    wire stored = !reading && pattern == 2'd0;
+    wire rising = !reading && pattern == 2'd2;
     wire [7:0] first = level + ramp;
-    wire [7:0] even = rising ? first : pattern == 2'd1 || pattern[0] && parity ? level : 8'd0;
-    wire [7:0] odd = rising ? first : pattern == 2'd1 || pattern[0] && !parity ? level : 8'd0;
+    wire lit = pattern == 2'd1; // in all lanes
+    wire [7:0] even = reading ? lent[7:0]
+        : rising ? first : lit || pattern[0] && parity ? level : 8'd0;
+    wire [7:0] odd = reading ? lent[7:0]
+        : rising ? first : lit || pattern[0] && !parity ? level : 8'd0;
 
     genvar group;
     generate
@@ -90,8 +105,10 @@ module viform_sensor #(
                 .pattern_data(wdata),
                 .read(scan_read), .read_address(read_address),
                 .compute(compute), .address(address), .live(live[4*group +: 4]),
-                .fresh(fresh), .double(double), .level(threshold), .rule(rule),
+                .fresh(fresh), .double(double && !reading),
+                .level(reading ? read_level : threshold), .rule(rule),
                 .stored(stored), .rising(rising), .even(even), .odd(odd),
+                .upper(reading ? lent[11:8] : 4'd0), .hold(reading),
                 .bits(tile_bits[4*group +: 4])
             );
         end
@@ -118,23 +135,26 @@ module viform_sensor #(
         tile_valid <= compute && row_live;
         if (compute) begin
             tile_clock <= uptime;
-            tile_frame <= frame;
+            tile_frame <= reading ? {25'd0, pass_number} : frame;
             tile_row <= row;
             tile_index <= tile;
             tile_last <= last_tile;
         end
         if (start) begin
-            frames <= clear ? 32'd1 : frames + 32'd1;
             frame_clock <= uptime;
-            clear <= 1'b0;
-            if (clear) begin
-                rows_read <= 32'd0;
-                spikes <= 32'd0;
+            if (!pass) begin
+                frames <= clear ? 32'd1 : frames + 32'd1;
+                clear <= 1'b0;
+                if (clear) begin
+                    rows_read <= 32'd0;
+                    spikes <= 32'd0;
+                end
             end
-        end else if (tile_valid) begin
+        end else if (tile_valid && !reading) begin
             spikes <= spikes + {25'd0, ones(tile_bits)};
             if (tile_last) rows_read <= rows_read + 32'd1;
         end
+        if (taken) request <= 3'd0;
         if (write) case (offset)
             `VIFORM_SENSOR_RUN: run <= wdata[0];
             `VIFORM_SENSOR_THRESHOLD: threshold <= wdata[3:0];
@@ -145,6 +165,7 @@ module viform_sensor #(
             `VIFORM_SENSOR_TICK_CLOCKS: tick_clocks <= wdata;
             `VIFORM_SENSOR_PATTERN: pattern <= wdata[1:0];
             `VIFORM_SENSOR_LEVEL: level <= wdata[7:0];
+            `VIFORM_SENSOR_READING: request <= wdata[2:0];
             `VIFORM_SENSOR_CLEAR: if (wdata[0]) clear <= 1'b1;
             default: ;
         endcase
@@ -159,6 +180,7 @@ module viform_sensor #(
             pattern <= `VIFORM_SENSOR_PATTERN_RESET;
             level <= `VIFORM_SENSOR_LEVEL_RESET;
             clear <= 1'b1; // the charges still stand in their memory
+            request <= 3'd0;
             frames <= 32'd0;
             frame_clock <= 32'd0;
             rows_read <= 32'd0;

@@ -31,7 +31,7 @@ from sensor.imagers.draws import binomial
 from sensor.latched.camera import SpikeCamera
 from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.setting import CameraSetting
-from sensor.reconstruct.readings import Readings
+from sensor.reconstruct.readings import Readings, quantised
 
 __all__ = ["ReadingCamera", "joined"]
 
@@ -94,8 +94,8 @@ class ReadingCamera:
             more = binomial(count, rest, self._numbers, frame, self._seed, Stream.CHARGE)
             self._electrons, self._share = before + more, np.maximum(share, known)
             electrons = self._electrons.astype(np.float64)
-        level = np.floor(electrons * (self._levels / self._threshold))
-        self._taken.append(np.clip(level, 0, self._levels).astype(np.uint16).reshape(self.shape))
+        level = quantised(electrons, self._threshold, self._levels)
+        self._taken.append(level.reshape(self.shape))
         self._fired = np.zeros_like(self._fired)
 
     def readings(self) -> Readings:

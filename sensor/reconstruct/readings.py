@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,9 @@ from cosim.files.whole import whole
 from cosim.spikes.viform import SpikeStream, count_spikes
 from sensor.reconstruct.intervals import least_width
 
-__all__ = ["READINGS", "Dim", "DimLight", "Readings", "read_readings", "write_readings"]
+__all__ = [
+    "READINGS", "Dim", "DimLight", "Readings", "quantised", "read_readings", "write_readings",
+]  # fmt: skip
 
 READINGS = "readings.npz"
 """Readings in the folder of a run."""
@@ -98,6 +101,12 @@ class DimLight:
         if math.isfinite(self.dark):
             dark = np.where(read, rate * self.dark <= 1, least_width(stream, at) >= self.dark)
         return Dim(read, rate, dark)
+
+
+def quantised(electrons: npt.NDArray[Any], threshold: float, levels: int) -> npt.NDArray[np.uint16]:
+    """Level of a charge, floor(levels electrons / threshold), from 0 to `levels`."""
+    level = np.floor(electrons * (levels / threshold))
+    return np.clip(level, 0, levels).astype(np.uint16)
 
 
 def write_readings(readings: Readings, path: Path) -> None:

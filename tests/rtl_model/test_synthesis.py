@@ -18,9 +18,9 @@ PIXELS = Cells("ice40", luts=562, flip_flops=87, block_rams=5, distributed_rams=
 
 CEILINGS = {
     "ice40": Cells("ice40", 9190, 2430, block_rams=84, distributed_rams=0, carries=3460),
-    "ecp5": Cells("ecp5", 6700, 2430, block_rams=36, distributed_rams=0, carries=1940),
+    "ecp5": Cells("ecp5", 8290, 2640, block_rams=36, distributed_rams=0, carries=2060),
     "xc7": Cells(
-        "xc7", 5300, 2260, block_rams=23, distributed_rams=0, carries=1000, large_block_rams=13
+        "xc7", 6100, 2480, block_rams=23, distributed_rams=0, carries=1050, large_block_rams=13
     ),
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +11,9 @@ from cosim.config.amounts import number
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document
+
+if TYPE_CHECKING:
+    from rtl_model.host import Captured
 
 __all__ = ["board_capture"]
 
@@ -24,7 +27,16 @@ def board_capture(
             "--out", metavar="STREAM", help="file to write: .zarr, .npz, .events.npz, .dat or .raw"
         ),
     ],
-    frames: Annotated[int, typer.Option(min=1, help="in the captured burst")] = 8,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="in the captured burst", show_default="8")
+    ] = None,
+    levels: Annotated[
+        int | None,
+        typer.Option(
+            help="read the charges in so many levels of the threshold, a power of two up to 128, "
+            "in place of a burst; --out is then an .npz"
+        ),
+    ] = None,
     assignments: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="register to write before"),
@@ -40,7 +52,11 @@ def board_capture(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Capture a burst and write it as a stream. Every row is verified by number and CRC-32."""
+    """Capture a burst and write it as a stream, or read the charges. Every row is verified by
+    number and CRC-32."""
+    if levels is not None:
+        _read(options, out, levels, assignments, (frames, clear or None, layout), json)
+        return
     from cosim import InputError, Viform
     from cosim.files import FORMATS, ending_of, write_stream
     from cosim.files.config_yaml import check_config, write_config
@@ -67,7 +83,7 @@ def board_capture(
                 check_config(out, (info.columns, info.rows))
             for name, value in writes:
                 connection.board.write(name, value)
-            captured = capture.burst(connection.board, frames, clear=clear)
+            captured = capture.burst(connection.board, frames or 8, clear=clear)
             clock = frame_clock(connection.board)
         stream = Viform.from_planes(captured.planes, clock)
         if layout is not None:  # before the planes, whose size it tells
@@ -78,17 +94,65 @@ def board_capture(
     finally:
         progress.close()
     height, width = stream.shape
-    document: dict[str, Any] = {
+    _print({
         "ok": True, "file": str(out), "frames": stream.cycles,
         "first_frame": int(captured.frames[0]), "width": width, "height": height,
-        "clock_hz": clock.hz, "lost_rows": captured.lost, "retries": captured.retries,
-        "bytes": captured.bytes, "seconds": captured.seconds,
-        "bytes_per_s": captured.bytes / max(captured.seconds, 1e-9),
+        "clock_hz": clock.hz, **_drained(captured),
+    }, json)  # fmt: skip
+
+
+def _read(
+    options: BoardOptions,
+    out: Path,
+    levels: int,
+    assignments: list[str] | None,
+    others: tuple[object, ...],
+    json: bool,
+) -> None:
+    """Reads the charges and writes their levels."""
+    import numpy as np
+
+    from cosim import InputError
+    from rtl_model.host import LEVELS, read_charges
+    from scenarios.cli.board.regs import assignment
+    from sensor.reconstruct.readings import Readings, write_readings
+
+    if any(other is not None for other in others):
+        raise InputError(
+            "--frames, --clear and --format", "left out with --levels", "given",
+            "leave them out, because a reading is no burst",
+        )  # fmt: skip
+    if levels not in LEVELS:
+        raise InputError("--levels", ", ".join(map(str, LEVELS)), str(levels), "give one of these")
+    if out.suffix.lower() != ".npz":
+        raise InputError("--out", "a name ending in .npz with --levels", str(out), "rename it")
+    with connect(options, json) as connection:
+        for name, value in [assignment(text) for text in assignments or ()]:
+            connection.board.write(name, value)
+        reading = read_charges(connection.board, levels)
+    cycle = np.array([reading.frames], np.int64)
+    write_readings(Readings(cycle, reading.level[None], levels), out)
+    height, width = reading.level.shape
+    _print({
+        "ok": True, "file": str(out), "levels": levels, "frames": reading.frames,
+        "width": width, "height": height, **_drained(reading.captured),
+    }, json)  # fmt: skip
+
+
+def _drained(captured: Captured) -> dict[str, Any]:
+    """What the host says of a drained memory."""
+    return {
+        "lost_rows": captured.lost, "retries": captured.retries, "bytes": captured.bytes,
+        "seconds": captured.seconds, "bytes_per_s": captured.bytes / max(captured.seconds, 1e-9),
     }  # fmt: skip
+
+
+def _print(document: dict[str, Any], json: bool) -> None:
     if json:
         print_document(document)
         return
-    for name in ("frames", "width", "height", "clock_hz", "retries", "bytes", "bytes_per_s"):
-        value = document[name]
-        print(f"{name:<12} {number(value)}")
-    print(f"{'written':<12} {out}")
+    hidden = ("ok", "file", "first_frame", "lost_rows", "seconds")
+    for name, value in document.items():
+        if name not in hidden:
+            print(f"{name:<12} {number(value)}")
+    print(f"{'written':<12} {document['file']}")

@@ -40,6 +40,10 @@ def board_compare(
     options: BoardOptions,
     verilog: LockstepOptions,
     frames: Annotated[int, typer.Option(min=1, help="to capture and compare")] = 8,
+    levels: Annotated[
+        int | None,
+        typer.Option(help="then also read and compare the charges, in so many levels up to 128"),
+    ] = None,
     assignments: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="register to write before"),
@@ -70,27 +74,42 @@ def board_compare(
         raise InputError(
             "--trace, --sources and --until", "given with --lockstep", "without", "add --lockstep"
         )
+    from rtl_model.bringup.bench.charges import read_and_compare
     from rtl_model.bringup.bench.frames import capture_and_compare
+    from rtl_model.host import LEVELS
     from scenarios.cli.board.regs import assignment
 
+    if levels is not None and levels not in LEVELS:
+        raise InputError("--levels", ", ".join(map(str, LEVELS)), str(levels), "give one of these")
     writes = [assignment(text) for text in assignments or ()]
     with connect(options, json) as connection:
         for name, value in writes:
             connection.board.write(name, value)
         captured, burst = capture_and_compare(connection.board, frames)
+        levels_wrong = None
+        if levels is not None:
+            reading, expected = read_and_compare(connection.board, levels)
+            levels_wrong = int((reading.level != expected).sum())
     wrong = burst.wrong
+    ok = wrong is None and not levels_wrong
     if json:
         print_document({
-            "ok": wrong is None, "frames": frames, "bits_compared": burst.got.size,
+            "ok": ok, "frames": frames, "bits_compared": burst.got.size,
             "bits_wrong": 0 if wrong is None else wrong.bits,
             "first_wrong": None if wrong is None else wrong.document(),
             "settings": captured.settings, "retries": captured.retries,
+            "levels": levels, "levels_wrong": levels_wrong,
         })  # fmt: skip
     elif wrong is None:
         print(f"{frames} frames, {burst.got.size} bits, none wrong")
     else:
         print(f"{wrong.text}; {wrong.remedy}")
-    if wrong is not None:
+    if levels_wrong is not None and not json:
+        print(
+            f"{expected.size} charges in {levels} levels after {reading.frames} frames, "
+            f"{levels_wrong or 'none'} wrong"
+        )
+    if not ok:
         raise typer.Exit(1)
 
 

@@ -35,6 +35,8 @@ class EdgeByEdgeSensor:
         self.pending_clear = True
         self.start: int | None = None
         self.frame = 0
+        self.request = self.levels = self.passed = 0  # of a reading; passes begun
+        self.reading = False
 
     def run(self, clocks: int, writes: Iterable[tuple[int, int, int]] = ()) -> Tiles:
         """Runs `clocks` edges with writes (clock, byte address, value) and returns the tiles."""
@@ -61,13 +63,22 @@ class EdgeByEdgeSensor:
     def _maybe_begin(self) -> None:
         get = self.registers
         self.start = None
-        if not get["sensor_run"]:
+        follows = 0 < self.passed < self.levels - 1
+        if not (get["sensor_run"] or follows or self.request):
             return
         self.start = self.clock
         self.select = get["sensor_clock_select"]
         tick = max(get["sensor_tick_clocks"], self.geometry.tick_minimum)
         self.period = tick * (2 if self.select else 1)
         self.rows, self.columns = get["sensor_rows"], get["sensor_columns"]
+        self.reading = bool(follows or self.request)
+        if self.reading:
+            if not follows:
+                self.levels, self.passed, self.request = 1 << self.request, 0, 0
+                self.q = quantum(get["sensor_threshold"])
+            self.passed += 1
+            self.seen = self.charge * (not self.pending_clear)
+            return
         self.frame = 0 if self.pending_clear else self.frame + 1
         if self.pending_clear:
             self.charge[:] = 0
@@ -93,6 +104,10 @@ class EdgeByEdgeSensor:
         held = (column < self.columns & 0xFFFF) | (column > self.columns >> 16)
         held |= column >= size.columns
         shown = self.rows & 0xFFFF <= row <= self.rows >> 16
+        if self.reading:
+            above = self.levels * self.seen[row, column] >= self.passed * self.q
+            bits = sum(1 << int(lane) for lane in np.flatnonzero(above & ~held))
+            return [(self.clock, self.passed, row, tile, bits)] if shown else []
         q = quantum(get["sensor_threshold"])
         scale = 2 if self.select else 1
         rest, fired = step(self.charge[row, column], scale * electrons, q, get["sensor_reset_rule"])
@@ -107,6 +122,8 @@ class EdgeByEdgeSensor:
             entry = _NAMES[address]
             if entry.name == "sensor_clear":
                 self.pending_clear |= bool(value & 1)
+            elif entry.name == "sensor_reading":
+                self.request = value & 7
             elif entry.mode == "rw":
                 self.registers[entry.name] = value & ((1 << entry.width) - 1)
         elif 0 <= address - _PATTERN < self.geometry.pattern_bytes:

@@ -47,11 +47,12 @@ def random_writes(geometry, seed, clocks):
             ("sensor_columns", rng.integers(last[1] + 1) << 16),
             ("sensor_columns", last[1] << 16),
             ("sensor_clear", 1),
+            ("sensor_reading", rng.integers(5)),
             ("sensor_run", 0),
             *[("sensor_run", 1)] * 6,
             ("pattern", rng.integers(1 << 32)),
             ("pattern", rng.integers(1 << 32)),
-        ][rng.integers(22)]
+        ][rng.integers(23)]
         if name == "pattern":
             place = PATTERN + 4 * int(rng.integers(geometry.pattern_bytes // 4))
         else:

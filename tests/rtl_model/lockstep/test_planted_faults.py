@@ -97,6 +97,45 @@ FAULTS = {
     "clear keeps the charge": Fault(
         "viform_scan.v", "cleared <= clear;", "cleared <= 1'b0;", "spike"
     ),
+    "a reading collects electrons": Fault(
+        "viform_pixels.v", "if (store)\n", "if (compute)\n", "spike"
+    ),
+    "a reading lends an electron more": Fault(
+        "viform_reading.v", "= ramp[18:7];", "= ramp[18:7] + 12'd1;", "spike"
+    ),
+    "a reading compares with the threshold of now": Fault(
+        "viform_sensor.v", "reading ? read_level : threshold", "threshold", "spike"
+    ),
+    "a reading lends twice at 20 kHz": Fault(
+        "viform_sensor.v", "double && !reading", "double", "spike"
+    ),
+    "the threshold moves a reading under way": Fault(
+        "viform_reading.v", "ramp - step;", "ramp - first;", "spike"
+    ),
+    "a reading lacks its last pass": Fault(
+        "viform_reading.v",
+        "(7'd1 << request) - 7'd2 :",
+        "(7'd1 << request) - (request == 3'd1 ? 7'd2 : 7'd3) :",
+        "tile|frame of the tile",
+    ),
+    "a reading is not cancelled by a reset": Fault(
+        "viform_reading.v",
+        "left <= 7'd0;\n            reading <= 1'b0;",
+        "reading <= 1'b0;",
+        "tile|frame of the tile|sensor_.*",
+    ),
+    "a reading counts as spikes": Fault(
+        "viform_sensor.v", "tile_valid && !reading", "tile_valid", "sensor_.*"
+    ),
+    "a reading clears": Fault(
+        "viform_sensor.v",
+        "            if (!pass) begin",
+        "            begin",
+        "tile|frame of the tile|sensor_.*",
+    ),
+    "a reading waits for a run": Fault(
+        "viform_scan.v", "(run || pass) && due", "run && due", "tile|sensor_.*"
+    ),
     "CRC's polynomial": Fault(
         "viform_crc32.vh", "32'hEDB88320", "32'hEDB88321", "sink_crc|capture_data"
     ),
