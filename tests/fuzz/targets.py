@@ -447,7 +447,7 @@ TARGETS: tuple[Target, ...] = (
     Target("log", _logs, _file("line.log", _replay(False)), text=True),
     Target("judged log", _logs, _file("line.log", _replay(True)), text=True),
     Target("picture", _pictures, _file("a.mp4", _film)),
-    Target("transmission", _sent, _file("a.dat", _receive), weight=40),
+    Target("transmission", _sent, _file("a.dat", _receive), weight=80),
     Target("request", _requests, _to_board),
     Target("etherbone", _etherbone_packets, _etherbone_board),
 )  # fmt: skip

@@ -15,6 +15,7 @@ import pytest
 import cosim.compute.opencl
 from cosim import InputError
 from cosim.compute.opencl import INSTALL, Device, cache_folder, open_device, prepare_caches, probe
+from cosim.errors import shorten
 
 SOURCE = """
 kernel void add(global int *x) { x[get_global_id(0)] += STEP; }
@@ -224,7 +225,8 @@ def test_a_cache_that_cannot_be_written_is_said(
         assert cache_folder() == homeless / f"viform-{os.getuid()}"
     assert capsys.readouterr().err == (
         "viform: VIFORM_CACHE must be a folder of this user that nobody else may enter (mode 700), "
-        f"not {homeless / 'file'} (no folder); {homeless / f'viform-{os.getuid()}'} is used\n"
+        f"not {shorten(str(homeless / 'file'))} (no folder); "
+        f"{homeless / f'viform-{os.getuid()}'} is used\n"
     )
     # The temporary one is taken only when it is the user's own.
     other = os.getuid() + 1
@@ -279,7 +281,8 @@ def test_a_foreign_cache_is_said_and_not_used(
     assert cache_folder() == homeless / "xdg/viform"
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("viform: VIFORM_CACHE must be a folder of this user")
-    assert f"not {mine} ({kind}); {homeless / 'xdg/viform'} is used" in line
+    said = shorten(str(mine))
+    assert f"not {said} ({kind}); {homeless / 'xdg/viform'} is used" in line
     assert not list((homeless / "elsewhere").iterdir())
 
 

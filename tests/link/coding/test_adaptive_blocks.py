@@ -93,6 +93,7 @@ def test_a_header_is_read_in_strong_noise() -> None:
     assert form.read_header(row) is None  # erased by the reading
 
 
+@pytest.mark.slow
 def test_a_file_through_noise_that_comes_and_goes() -> None:
     """The rates follow the noise, with one word in ten thousand to be lost."""
     mode = Mode(128, 128, 2, 1, "scrambled", None, adaptive=True)

@@ -112,7 +112,7 @@ def test_another_standard_rate_is_named(host):
         (lambda: Echo(SIZE), "bytes", "echo", "sent back the bytes of the request"),
         (lambda: Console(SIZE), "bytes", "text", "login:"),
         (lambda: changed(0, lambda v: 0xCAFE), "identity", "foreign", "another design"),
-        (lambda: changed(8, lambda v: v + 0x10000), "identity", "version", "2.1"),
+        (lambda: changed(8, lambda v: v + 0x10000), "identity", "version", "2.2"),
         (lambda: changed(0xC, lambda v: v ^ 1), "identity", "identifier", "4 x 41"),
         (lambda: changed(0x10, lambda v: 48), "identity", "geometry", "48 lanes"),
         (lambda: changed(0x324, lambda v: v | 8), "registers", "stuck-bit",

@@ -214,6 +214,7 @@ STEERED = (
 """A second chip whose ticks follow the panel's."""
 
 
+@pytest.mark.slow
 def test_the_order_of_work_does_not_change_the_bits_behind_a_locked_clock(tmp_path: Path) -> None:
     made = machine_of(*STEERED)
     setup = made.carrier.setup

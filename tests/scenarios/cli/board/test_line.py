@@ -108,6 +108,7 @@ def test_a_request_to_end_is_met_where_ctrl_c_is_ignored(tmp_path):
     assert not link.is_symlink()
 
 
+@pytest.mark.slow
 def test_a_damaged_log_is_one_line_and_a_cut_one_is_replayed(viform, refused, tmp_path):
     log = tmp_path / "line.jsonl"
     assert viform("board", "bringup", *MODEL, "--log", log, "--frames", "1")[0] == 0

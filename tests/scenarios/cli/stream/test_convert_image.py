@@ -6,10 +6,8 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import os
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 
 import av
 import cv2
@@ -405,8 +403,7 @@ def test_an_interrupted_conversion_is_one_line_and_leaves_nothing(
     def stop(*words: object) -> None:  # all is written, and has no name yet
         raise KeyboardInterrupt
 
-    # Zarr renames its own chunks, so only the module's `os` is another.
-    monkeypatch.setattr("cosim.files.whole.os", SimpleNamespace(getpid=os.getpid, replace=stop))
+    monkeypatch.setattr("cosim.files.whole.put", stop)
     assert viform("convert", recording, tmp_path / name) == (130, "", "viform: interrupted\n")
     assert list(tmp_path.iterdir()) == []
 

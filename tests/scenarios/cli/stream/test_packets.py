@@ -72,7 +72,7 @@ def test_what_is_lost_is_said_in_writing_and_in_reading(viform, recording, tmp_p
      ("b.npz", ["--cycles", 64], "--cycles must be given with a .vfl to write, not {out}; "
       "leave --cycles out"),
      ("b.vfl", ["--code", "line"], "--code must be one of raw, first-spike, statistical, layered, "
-      "not 'line'; choose one"),
+      "event, not 'line'; choose one"),
      ("b.vfl", ["--code", "raw", "--layers", 3],
       "--layers must be given with --code layered, not with raw; leave it out"),
      ("b.vfl", ["--layers", 9], "--layers must be 1 to 8, not 9; change it"),

@@ -199,6 +199,7 @@ def test_a_run_says_for_what_share_of_the_pixels_light_is_linear(path, viform, t
     assert said in page and ">Motion between frames</h2>" in page
 
 
+@pytest.mark.slow
 def test_resumed_or_with_one_stage_after_another_the_bits_are_the_same(
     path, film, tmp_path, monkeypatch
 ):
