@@ -12,6 +12,10 @@ from hypothesis import HealthCheck, settings
 from cosim.compute.opencl import Device, open_device
 from tests.browser.driver import Browser, missing_programs
 
+# The launcher exports the name it was called by; messages in tests hold the plain name. Workers of
+# the suite and the commands that tests start inherit the change.
+os.environ.pop("VIFORM_CALLED", None)
+
 # Nothing here may fail because a machine is slow or busy.
 settings.register_profile(
     "viform", deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow]
