@@ -7,12 +7,14 @@ begins. Gains are rounded to 2^-24, so that no library's last bit can show.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.cores import cores
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
@@ -21,6 +23,9 @@ __all__ = ["DOUBLING", "DevicePattern", "FixedPattern", "dark_current"]
 DOUBLING: Final = 6.5
 """Kelvin in which dark current doubles: 6 to 7 for silicon near room temperature."""
 _GRAIN: Final = 1 << 24
+_PART: Final = 1 << 17
+"""Number of pixels that a thread draws at once: numpy and the compiled words release the
+interpreter lock, and the arrays stay in the cache."""
 
 Gain = npt.NDArray[np.float64]
 
@@ -68,7 +73,18 @@ class DevicePattern:
                 raise ValueError(f"{name} must be a share from 0 to 1, not {getattr(self, name):g}")
 
     def at(self, pixels: npt.NDArray[np.uint32]) -> FixedPattern:
-        """The pattern of pixels by their numbers on the chip."""
+        """The pattern of pixels, (n,), by their numbers on the chip."""
+        if pixels.size <= _PART:
+            return self._at(pixels)
+        parts = [pixels[n : n + _PART] for n in range(0, pixels.size, _PART)]
+        with ThreadPoolExecutor(min(cores(), len(parts))) as pool:
+            patterns = list(pool.map(self._at, parts))
+        return FixedPattern(
+            np.concatenate([part.gain for part in patterns]),
+            np.concatenate([part.dark for part in patterns]),
+        )
+
+    def _at(self, pixels: npt.NDArray[np.uint32]) -> FixedPattern:
         from scipy.special import ndtri
 
         def words(draw: int) -> list[npt.NDArray[np.float64]]:

@@ -8,9 +8,10 @@ would go through the pixels of a solid once for each operation.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
@@ -22,6 +23,7 @@ __all__ = ["capsules", "paint_body", "paint_shadow", "polyline"]
 
 TILE = 8
 """Side of the tiles in which far cones are skipped, pixels; they are aligned to the picture."""
+_PIXELS: Final = TILE * TILE
 
 
 def capsules(rows: Any) -> Array:
@@ -67,50 +69,102 @@ def _radii(n: int, first: float, middle: float, last: float) -> tuple[float, ...
 
 @njit(cache=True, error_model="numpy")
 def _distance(x, y, cone):  # type: ignore[no-untyped-def]  # compiled for float64
-    """Signed distance to a round cone, exact (after I. Quilez, "2D distance functions")."""
+    """Signed distance to a round cone, exact (after I. Quilez, "2D distance functions"). One root
+    for the two round ends, so that a loop over pixels becomes vector instructions."""
     ax, ay, ux, uy, length, ra, rb, sine, cosine = cone
     px, py = x - ax, y - ay
     s, q = px * ux + py * uy, abs(py * ux - px * uy)
     k = cosine * s - sine * q
-    if k <= 0.0:
-        return math.sqrt(px * px + py * py) - ra
-    if k < cosine * length:
-        return cosine * q + sine * s - ra
-    s -= length
-    return math.sqrt(s * s + q * q) - rb
+    beyond = s - length
+    square = px * px + py * py if k <= 0.0 else beyond * beyond + q * q
+    rounded = math.sqrt(square) - (ra if k <= 0.0 else rb)
+    return cosine * q + sine * s - ra if k > 0.0 and k < cosine * length else rounded
+
+
+# The loops below are over the pixels of a tile, without branches: their length is known, and the
+# compiler makes vector instructions of them.
 
 
 @njit(cache=True, error_model="numpy")
-def _solid(x, y, cone, d):  # type: ignore[no-untyped-def]
-    """Tilt of the normal of a round cone's solid at the distance d, and its radius there."""
+def _distances(xs, ys, cone, out):  # type: ignore[no-untyped-def]
+    for p in range(_PIXELS):
+        out[p] = _distance(xs[p], ys[p], cone)
+
+
+@njit(cache=True, error_model="numpy")
+def _meets(other, d, blend):  # type: ignore[no-untyped-def]
+    """Whether a cone at the distances `other` changes the union in any pixel."""
+    met = False
+    for p in range(_PIXELS):
+        met |= other[p] < d[p] + blend
+    return met
+
+
+@njit(cache=True, error_model="numpy")
+def _joined(d, value, other, second, blend):  # type: ignore[no-untyped-def]
+    """A value of the union at the distance d, with that of a second solid at the distance
+    `other`."""
+    h = max(blend - abs(d - other), 0.0) / blend
+    w = 0.5 * h * h if d < other else 1.0 - 0.5 * h * h  # weight of the second
+    joined = second if other <= d - blend else value + w * (second - value)
+    return value if other >= d + blend else joined
+
+
+@njit(cache=True, error_model="numpy")
+def _tilts(xs, ys, cone, blend, other, d, tx, ty):  # type: ignore[no-untyped-def]
+    """Joins the tilts of the normals of a round cone's solid, at the distances `other`, to those of
+    the union, at the distances d."""
     ax, ay, ux, uy, length, ra, rb, sine, cosine = cone
-    px, py = x - ax, y - ay
-    s, n = px * ux + py * uy, py * ux - px * uy
-    k, end = cosine * s - sine * abs(n), cosine * length
-    if k <= 0.0:
-        return px / ra, py / ra, ra
-    if k >= end:
-        return (px - length * ux) / rb, (py - length * uy) / rb, rb
-    r = ra + (rb - ra) * k / end
-    side = cosine if n > 0.0 else -cosine
-    lean = max(1.0 + d / r, 0.0)
-    return (sine * ux - side * uy) * lean, (sine * uy + side * ux) * lean, r
+    end = cosine * length
+    for p in range(_PIXELS):
+        px, py = xs[p] - ax, ys[p] - ay
+        s, n = px * ux + py * uy, py * ux - px * uy
+        k = cosine * s - sine * abs(n)
+        r = ra if k <= 0.0 else (rb if k >= end else ra + (rb - ra) * k / end)
+        side = cosine if n > 0.0 else -cosine
+        lean = max(1.0 + other[p] / r, 0.0)
+        ex, ey = (px, py) if k <= 0.0 else (px - length * ux, py - length * uy)
+        flank = k > 0.0 and k < end
+        x = (sine * ux - side * uy) * lean if flank else ex / r
+        y = (sine * uy + side * ux) * lean if flank else ey / r
+        tx[p] = _joined(d[p], tx[p], other[p], x, blend)
+        ty[p] = _joined(d[p], ty[p], other[p], y, blend)
+
+
+@njit(cache=True, error_model="numpy")
+def _join(xs, ys, cone, blend, other, d, r):  # type: ignore[no-untyped-def]
+    """Joins a round cone's solid, at the distances `other`, to the union: distances and radii."""
+    ax, ay, ux, uy, length, ra, rb, sine, cosine = cone
+    end = cosine * length
+    for p in range(_PIXELS):
+        px, py = xs[p] - ax, ys[p] - ay
+        k = cosine * (px * ux + py * uy) - sine * abs(py * ux - px * uy)
+        radius = ra if k <= 0.0 else (rb if k >= end else ra + (rb - ra) * k / end)
+        r[p] = _joined(d[p], r[p], other[p], radius, blend)
+        h = max(blend - abs(d[p] - other[p]), 0.0) / blend
+        least = min(d[p], other[p]) - 0.25 * h * h * blend
+        joined = other[p] if other[p] <= d[p] - blend else least
+        d[p] = d[p] if other[p] >= d[p] + blend else joined
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _search(parts, win, cam, blend, reach, across, place, surface):  # type: ignore[no-untyped-def]
+def _search(parts, win, cam, blend, reach, tilted, across, place, surface):  # type: ignore[no-untyped-def]
     """Finds the pixels of the window within `reach`, m, of the union of the cones, which are joined
     smoothly over `blend`, m (polynomial smooth minimum, I. Quilez).
 
     Fills `place` (n,) with their indices into the image, which is `across` pixels wide, and
-    `surface` (6, n) with x, y, distance, tilt x, tilt y and radius. Returns their count. A cone is
-    skipped in a tile if its distance from the tile's centre exceeds that of the nearest cone by the
-    tile's diagonal and two blends: it cannot change the union there. Cones are passed as scalars:
-    reference counting of table rows would take twice as long as the geometry.
+    `surface` (6, n) with x, y, distance, tilt x, tilt y (0 unless `tilted`) and radius. Returns
+    their count. A cone is skipped in a tile if its distance from the tile's centre exceeds that of
+    the nearest cone by the tile's diagonal and two blends: it cannot change the union there. Cones
+    are passed as scalars: reference counting of table rows would take twice as long as the
+    geometry.
     """
     y0, y1, x0, x1, dy, dx = win
     pixel, cy, cx = cam
     near, chosen = np.empty(parts.shape[0]), np.empty(parts.shape[0], np.int64)
+    # Rows of one array would not be known to be apart, and their loops not be vectorised.
+    xs, ys, other, d = np.empty(_PIXELS), np.empty(_PIXELS), np.empty(_PIXELS), np.empty(_PIXELS)
+    tx, ty, r = np.zeros(_PIXELS), np.zeros(_PIXELS), np.empty(_PIXELS)
     half = 0.7072 * TILE * pixel
     n = 0
     for top in range(y0 // TILE * TILE, y1, TILE):
@@ -131,43 +185,58 @@ def _search(parts, win, cam, blend, reach, across, place, surface):  # type: ign
                 if near[m] <= low + 2 * (half + blend):
                     chosen[count] = m
                     count += 1
+            for p in range(_PIXELS):
+                xs[p] = (left + p % TILE + 0.5 - cx) * pixel
+                ys[p] = (top + p // TILE + 0.5 - cy) * pixel
+            d[:], r[:] = 1e30, 0.0
+            if tilted:
+                tx[:], ty[:] = 0.0, 0.0
+            for m in range(count):
+                k = chosen[m]
+                cone = (
+                    parts[k, 0], parts[k, 1], parts[k, 2], parts[k, 3], parts[k, 4],
+                    parts[k, 5], parts[k, 6], parts[k, 7], parts[k, 8],
+                )  # fmt: skip
+                _distances(xs, ys, cone, other)
+                if _meets(other, d, blend):
+                    if tilted:
+                        _tilts(xs, ys, cone, blend, other, d, tx, ty)
+                    _join(xs, ys, cone, blend, other, d, r)
             for i in range(max(top, y0), min(top + TILE, y1)):
                 for j in range(max(left, x0), min(left + TILE, x1)):
-                    x, y = (j + 0.5 - cx) * pixel, (i + 0.5 - cy) * pixel
-                    d, tx, ty, r = 1e30, 0.0, 0.0, 0.0
-                    for m in range(count):
-                        k = chosen[m]
-                        cone = (
-                            parts[k, 0], parts[k, 1], parts[k, 2], parts[k, 3], parts[k, 4],
-                            parts[k, 5], parts[k, 6], parts[k, 7], parts[k, 8],
-                        )  # fmt: skip
-                        d2 = _distance(x, y, cone)
-                        if d2 >= d + blend:
-                            continue
-                        tx2, ty2, r2 = _solid(x, y, cone, d2)
-                        if d2 <= d - blend:
-                            d, tx, ty, r = d2, tx2, ty2, r2
-                            continue
-                        h = max(blend - abs(d - d2), 0.0) / blend
-                        w = 0.5 * h * h if d < d2 else 1.0 - 0.5 * h * h  # weight of the second
-                        d = min(d, d2) - 0.25 * h * h * blend
-                        tx, ty, r = tx + w * (tx2 - tx), ty + w * (ty2 - ty), r + w * (r2 - r)
-                    if d < reach:
+                    p = (i - top) * TILE + j - left
+                    if d[p] < reach:
                         place[n] = (i - dy) * across + j - dx
-                        surface[0, n], surface[1, n], surface[2, n] = x, y, d
-                        surface[3, n], surface[4, n], surface[5, n] = tx, ty, r
+                        surface[0, n], surface[1, n], surface[2, n] = xs[p], ys[p], d[p]
+                        surface[3, n], surface[4, n], surface[5, n] = tx[p], ty[p], r[p]
                         n += 1
     return n
 
 
+class _Room(threading.local):
+    """Memory of a thread for what `_search` finds. New memory for each solid would cost a third of
+    the search, in page faults."""
+
+    def __init__(self) -> None:
+        self._place, self._surface = np.empty(0, np.int64), np.empty(0)
+
+    def of(self, size: int) -> tuple[Any, Array]:
+        """Arrays (size,) int64 and (6, size) float64, valid until the next call."""
+        if size > self._place.size:
+            self._place, self._surface = np.empty(size, np.int64), np.empty(6 * size)
+        return self._place[:size], self._surface[: 6 * size].reshape(6, size)
+
+
+_ROOM = _Room()
+
+
 def _find(
-    image: Any, win: Win, cam: Cam, parts: Array, blend: float, reach: float
+    image: Any, win: Win, cam: Cam, parts: Array, blend: float, reach: float, tilted: bool
 ) -> tuple[Any, Any, Array]:
     """The flat image, and the result of `_search`: indices into it, and rows x, y, distance, tilt
-    x, tilt y, radius, which have room for more."""
-    size = (win[1] - win[0]) * (win[3] - win[2])
-    place, surface = np.empty(size, np.int64), np.empty((6, size))
-    n = _search(parts, win, cam, blend, reach, image.shape[1], place, surface)
+    x, tilt y, radius, which have room for more. They are valid until the next call of a thread."""
+    place, surface = _ROOM.of((win[1] - win[0]) * (win[3] - win[2]))
+    n = _search(parts, win, cam, blend, reach, tilted, image.shape[1], place, surface)
     return image.reshape(-1, copy=False), place[:n], surface
 
 
@@ -194,7 +263,7 @@ def paint_body(
             does not change the outline.
     """
     pixel = cam[0]
-    flat, place, found = _find(image, win, cam, parts, blend, 0.5 * pixel)
+    flat, place, found = _find(image, win, cam, parts, blend, 0.5 * pixel, True)
     floats: Any = map(float, s)  # one type of each field, for which `shade` is compiled
     shade(flat, place, found, pixel, visible(s.period, pixel), Surface(*floats), bumps)
 
@@ -206,5 +275,5 @@ def paint_shadow(
     `soft`, m, and at least half a pixel. The shadow of a thin object is fainter, nearly in
     proportion to its width."""
     wide = math.hypot(soft, 0.5 * cam[0])
-    flat, place, found = _find(image, win, cam, parts, blend, wide)
+    flat, place, found = _find(image, win, cam, parts, blend, wide, False)
     _dim(flat, place, found, wide, depth)

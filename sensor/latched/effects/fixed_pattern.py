@@ -234,7 +234,8 @@ class _Defects(_PatternEffect):
     def dark_excess(
         self, setting: Setting, numbers: npt.NDArray[np.uint32]
     ) -> npt.NDArray[np.float64] | None:
-        return _excess(setting.pattern, numbers, ("hot", "hot_current"))
+        hot = setting.pattern.hot * setting.pattern.hot_current
+        return _excess(setting.pattern, numbers, ("hot", "hot_current")) if hot else None
 
 
 class _Warm(_PatternEffect):
