@@ -24,4 +24,4 @@ def tolerate() -> None:
         with suppress(OSError):
             keep(self, sig, data)
 
-    FunctionCache.save_overload = save_overload
+    FunctionCache.save_overload = save_overload  # type: ignore[method-assign]
