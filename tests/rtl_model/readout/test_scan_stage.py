@@ -133,6 +133,22 @@ def test_an_interrupted_run_has_the_same_bytes_and_counts(
     assert readout_metrics(resumed, 4) == readout_metrics(whole, 4)
 
 
+def test_a_checkpoint_holds_the_rows_of_cycles_that_lost_some(
+    tmp_path: Path, device: Device, words: Words
+) -> None:
+    sound, lossy = stage(tmp_path, device), stage(tmp_path, device, SLOW)
+    for made in (sound, lossy):
+        passed(made, words)
+        state = made.state()
+        cycles = int(made.lost.any(axis=1).sum())
+        assert (cycles > 0) == (made is lossy)
+        assert state["lost"].nbytes == 125 * cycles and state["fill"].nbytes == 8 * CYCLES
+        again = stage(tmp_path, device)
+        again.lost[:] = 255
+        again.restore(state)
+        np.testing.assert_array_equal(again.lost, made.lost)
+
+
 def test_without_a_part_of_the_file_the_run_begins_again(
     tmp_path: Path, device: Device, words: Words
 ) -> None:
