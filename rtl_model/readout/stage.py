@@ -121,8 +121,8 @@ class ScanStage:
             np.savez_compressed(file, lost=self.lost, fill=self.fill)
 
     def state(self) -> State:
-        """The buffer, the fill, the cycles that lost rows with these rows, and the number of bytes in
-        the file and their CRC."""
+        """The buffer, the fill, the cycles that lost rows and these rows, and the number of bytes
+        in the file and their CRC."""
         if self._file is not None:
             self._file.settle()
         written = [0, 0] if self._file is None else [self._file.written, self._file.crc]
