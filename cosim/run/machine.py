@@ -85,7 +85,8 @@ class Chain(Protocol):
     def load(self, progress: Progress) -> bool:
         """Restores the state at the checkpoint, or, with a note, at the one before if a file that
         it builds on is lost or damaged. Returns False, with a note, if neither is sound: then the
-        chain has no checkpoint any more, and begins at its start. Raises InputError for a checkpoint of another run."""
+        chain has no checkpoint any more, and begins at its start. Raises
+        InputError for a checkpoint of another run."""
         ...
 
     def run(self, progress: Progress) -> dict[str, float]:

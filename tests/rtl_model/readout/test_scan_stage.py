@@ -175,6 +175,25 @@ def test_without_a_part_of_the_file_the_run_begins_again(
     assert (tmp_path / RAW).stat().st_size == CYCLES * 128_000
 
 
+def test_with_a_sound_beginning_the_run_goes_back_to_the_checkpoint_before(
+    tmp_path: Path, device: Device, words: Words
+) -> None:
+    made, notes = stage(tmp_path, device), list[str]()
+    saved = Checkpoint(tmp_path / "checkpoint.npz", "this run")
+    for block in BLOCKS[:2]:
+        passed(made, words, (block,))
+        saved.save(block.stop, {"scan": made})
+    part = tmp_path / f"{RAW}.part"
+    data = part.read_bytes()
+    part.write_bytes(data[:-1])
+    again = stage(tmp_path, device)
+    assert saved.load({"scan": again}, note=notes.append) == BLOCKS[0].stop
+    (note,) = notes
+    assert note.endswith("not 8191999; the run goes back to cycle 32, its checkpoint before")
+    passed(again, words, BLOCKS[1:2])
+    assert part.read_bytes() == data
+
+
 def test_a_window_is_all_that_is_offered(tmp_path: Path, device: Device, words: Words) -> None:
     window = Window((100, 349), (250, 899))
     made = stage(tmp_path, device, SLOW, window=window)
