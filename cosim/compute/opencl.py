@@ -166,7 +166,8 @@ def _no_device(value: str, remedy: str) -> InputError:
 
 
 def _check_cache(folder: Path) -> None:
-    """Raises InputError if the disk of the cache is full: the compiler would end the process."""
+    """Raises InputError if the disk of the cache is full: the compiler, which works in files there,
+    would end the process."""
     free = shutil.disk_usage(folder)
     if free.total and free.free < _KERNELS:
         raise InputError(
@@ -304,6 +305,7 @@ class Device:
         options = (*options, "-cl-kernel-arg-info")
         key = (source, options)
         if key not in self._programs:
+            _check_cache(Path(os.environ["POCL_CACHE_DIR"]))  # it may have filled since the start
             shown = os.environ.get("PYOPENCL_COMPILER_OUTPUT")
             with warnings.catch_warnings():
                 if not shown:

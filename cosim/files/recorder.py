@@ -212,17 +212,23 @@ class Recorder:
             self._finish()
         return data
 
-    def _finish(self) -> None:
-        """States that the store is complete, after all of it is on the disk."""
+    def _finish(self, *, to: int | None = None) -> None:
+        """States that the store is complete, after all of it is on the disk. to: number of cycles
+        that it is cut to."""
         import zarr
 
         self._settle()
         kept = self._store != NOT_KEPT
         if kept:
             self._sync()
-        zarr.open_group(self._path, mode="r+").attrs["complete"] = True
+        headers = [self._path / "zarr.json"]
+        if to is None:
+            zarr.open_group(self._path, mode="r+").attrs["complete"] = True
+        else:
+            self._resize(to, complete=True)
+            headers.append(self._path / "words" / "zarr.json")
         if kept:
-            sync_all([self._path / "zarr.json", self._path])
+            sync_all([*headers, *(file.parent for file in headers)])
         else:
             self._synced = None  # `state` syncs all of it, if it is called
 
@@ -273,14 +279,7 @@ class Recorder:
     def end(self, cycles: int) -> None:
         """Makes a sound store of the first `cycles` cycles, at least one, all of which have been
         written; a stream may end before its time. A run that goes on continues it."""
-        self._settle()
-        kept = self._store != NOT_KEPT
-        if kept:
-            self._sync()
-        self._resize(cycles, complete=True)
-        if kept:
-            words = self._path / "words"
-            sync_all([words / "zarr.json", words, self._path / "zarr.json", self._path])
+        self._finish(to=cycles)
 
     def _resize(self, cycles: int, *, complete: bool) -> None:
         import zarr

@@ -9,7 +9,7 @@ from shutil import rmtree
 from typing import Any, Final
 
 from cosim.run.folder import how_to_resume, room_for
-from cosim.run.loop import Checkpoint, Gate, LostRecording, open_gate, run_blocks
+from cosim.run.loop import Checkpoint, Gate, LostRecording, earlier, open_gate, run_blocks
 from cosim.run.progress import Progress
 
 __all__ = ["CHECKPOINT", "STREAM", "BlockChain"]
@@ -66,7 +66,7 @@ class BlockChain:
             progress.advance(done)
 
         try:
-            self.begin = checkpoint.load(self.stages, self.cycles, checked)
+            self.begin = checkpoint.load(self.stages, self.cycles, checked, progress.note)
         except LostRecording as lost:
             progress.note(f"{lost}; the run begins again at its first cycle")
             BlockChain.discard(self)  # what else a run has made, such as bands, is sound
@@ -88,8 +88,9 @@ class BlockChain:
         Checkpoint(self.checkpoint, self.identity).save(self.cycles, self.stages)
 
     def discard(self) -> None:
-        """Removes the recording and the checkpoint."""
-        self.checkpoint.unlink(missing_ok=True)
+        """Removes the recording and the checkpoints."""
+        for file in (earlier(self.checkpoint), self.checkpoint):
+            file.unlink(missing_ok=True)
         place = self.folder / self.recording
         if place.is_dir():
             rmtree(place, ignore_errors=True)

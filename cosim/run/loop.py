@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,8 @@ from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks, section
 
 __all__ = [
-    "Checkpoint", "Gate", "LostRecording", "noted_interrupts", "open_gate", "run_blocks",
-    "stop_requests",
+    "Checkpoint", "Gate", "LostRecording", "earlier", "noted_interrupts", "open_gate",
+    "run_blocks", "stop_requests",
 ]  # fmt: skip
 
 _DIGEST = "digest"
@@ -39,6 +40,11 @@ def _digest(arrays: State) -> str:
     return found.hexdigest()
 
 
+def earlier(checkpoint: Path) -> Path:
+    """File of the checkpoint before one."""
+    return checkpoint.with_stem(f"{checkpoint.stem}-before")
+
+
 class LostRecording(Exception):
     """A file that a checkpoint builds on is lost or damaged. The text says which."""
 
@@ -51,6 +57,11 @@ class Checkpoint:
     It holds a digest of all names, types, shapes and values. Stages trust what they restore: an
     array that is short would end in their compiled code. So nothing is restored before the digest
     has shown that the file is as a run of the same identity wrote it.
+
+    If stages write files, the checkpoint before stays as well (`earlier`): a part of a file that is
+    lost or damaged after it then costs the cycles since, not the run. It is a second name of a file
+    that is there anyway. Stages go back to it as after a kill, which leaves files ahead of a
+    checkpoint too.
 
     Attributes:
         path: the file.
@@ -68,12 +79,17 @@ class Checkpoint:
             if isinstance(stage, Stateful):
                 arrays |= {f"{name}/{key}": value for key, value in stage.state().items()}
         arrays[_DIGEST] = np.array(_digest(arrays))
+        if any(isinstance(stage, WithFiles) for stage in stages.values()):
+            with suppress(OSError):  # there is none yet, or the disk has no second names
+                earlier(self.path).unlink(missing_ok=True)
+                os.link(self.path, earlier(self.path))
         with whole(self.path) as part, part.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
 
     def load(
         self, stages: Mapping[str, Stage], last: int | None = None,
         checked: Callable[[int, int], None] = lambda done, total: None,
+        note: Callable[[str], None] = lambda text: None,
     ) -> int:  # fmt: skip
         """Restores the stages; returns the next cycle, 0 if there is no checkpoint.
 
@@ -81,13 +97,32 @@ class Checkpoint:
             stages: stages by name.
             last: the largest cycle that a checkpoint can have, None if unknown.
             checked: see `WithFiles`.
+            note: called with a line if the checkpoint before takes the place of this one.
 
         Raises:
-            LostRecording: a file that the checkpoint builds on is lost or damaged; no stage has
+            LostRecording: a file that both checkpoints build on is lost or damaged; no stage has
                 changed.
             InputError: the checkpoint is damaged, or is one of another run; no stage has changed
                 unless a state is of another form than its stage has.
         """
+        try:
+            return self._load(stages, last, checked)
+        except LostRecording as lost:
+            before = replace(self, path=earlier(self.path))
+            if not before.path.exists():
+                raise
+            try:
+                cycle = before._load(stages, last, checked)
+            except (LostRecording, InputError):
+                raise lost from None
+            os.replace(before.path, self.path)
+            note(f"{lost}; the run goes back to cycle {cycle}, its checkpoint before")
+            return cycle
+
+    def _load(
+        self, stages: Mapping[str, Stage], last: int | None, checked: Callable[[int, int], None]
+    ) -> int:
+        """See `load`; of this file alone."""
         if not self.path.exists():
             return 0
         try:

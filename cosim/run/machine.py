@@ -83,9 +83,10 @@ class Chain(Protocol):
     def checkpoint(self) -> Path: ...
 
     def load(self, progress: Progress) -> bool:
-        """Restores the state at the checkpoint. Returns False, with a note, if a file that it
-        builds on is lost or damaged: then the chain has no checkpoint any more, and begins at its
-        start. Raises InputError for a checkpoint of another run."""
+        """Restores the state at the checkpoint, or, with a note, at the one before if a file that
+        it builds on is lost or damaged. Returns False, with a note, if neither is sound: then the
+        chain has no checkpoint any more, and begins at its start. Raises
+        InputError for a checkpoint of another run."""
         ...
 
     def run(self, progress: Progress) -> dict[str, float]:

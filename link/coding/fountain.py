@@ -1,23 +1,27 @@
 """The outer code: a file as packets, any slightly larger number of which recovers it.
 
-RaptorQ (RFC 6330), from the library of that name. The library trusts every packet and panics on an
-impossible one (wrong length, unknown block). Packets are therefore checked before, and the decoded
-file carries a CRC.
+RaptorQ (RFC 6330), from the library of that name. The library trusts what it is given and panics on
+what it cannot code: no data, more than 255 blocks, a packet of another length or of an unknown
+block. All of this is checked before (`codable`, `Gathering.put`), and the decoded file carries a
+CRC. A panic is then a fault of the library; the calls that compute are `muted`, so that it tells of
+it in our line alone.
 """
 
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
-from cosim.errors import InputError
+from cosim.errors import InputError, shorten
 from link.coding.crc import crc32c, crc64_xz
+from link.coding.muted import muted
 from link.coding.names import NAME_BYTES, safe_name
 
 __all__ = [
-    "MOST_BYTES", "Delivered", "Gathering", "Packet", "pack_file", "packets", "source_blocks",
-    "source_symbols", "unpack_file",
+    "MOST_BYTES", "Delivered", "Gathering", "Packet", "codable", "pack_file", "packets",
+    "source_blocks", "source_symbols", "unpack_file",
 ]  # fmt: skip
 
 Packet = bytes
@@ -27,6 +31,14 @@ MOST_BYTES: Final = 2**30
 header."""
 _MOST_SYMBOLS: Final = 56403
 """Largest number of source symbols of a block (RFC 6330, section 5.1.2)."""
+_MOST_BLOCKS: Final = 255
+"""Largest number of blocks of the library, which counts them in a byte."""
+_NUMBER: Final = 4
+"""Bytes of a packet's number: block and symbol (RFC 6330, section 3.2)."""
+_NUMBERS: Final = 2**24
+"""Packets of a block that have a number."""
+_LARGE, _ALIGNMENT = 64, 8
+"""The library cuts symbols from the first size on to multiples of the second."""
 _HEAD: Final = struct.Struct("<QB")
 
 
@@ -78,6 +90,12 @@ def source_blocks(length: int, symbol: int) -> int:
     return -(-source_symbols(length, symbol) // _MOST_SYMBOLS)
 
 
+def codable(length: int, symbol: int) -> bool:
+    """Whether the library codes so many bytes in symbols of `symbol` bytes."""
+    whole = 0 < symbol < 2**16 and (symbol < _LARGE or symbol % _ALIGNMENT == 0)
+    return whole and 0 < length <= MOST_BYTES and source_blocks(length, symbol) <= _MOST_BLOCKS
+
+
 def _is_panic(error: BaseException) -> bool:
     """Whether a fault of the library raised it, whose class is no Exception and cannot be
     imported."""
@@ -88,24 +106,35 @@ def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
     """Returns the first `count` packets, those of the file itself first.
 
     Packets of several blocks alternate, so that a burst of losses is shared among them.
+
+    Raises InputError for a file that the code has no blocks or numbers for.
     """
     from raptorq import Encoder
 
+    if not codable(len(packed), symbol):
+        raise _refusal(packed, symbol, f"at most {_MOST_BLOCKS} blocks of {_MOST_SYMBOLS} symbols")
     needed, blocks = source_symbols(len(packed), symbol), source_blocks(len(packed), symbol)
     repair = -(-max(count - needed, 0) // blocks)
+    if repair > _NUMBERS - _MOST_SYMBOLS:
+        raise _refusal(packed, symbol, f"{count} packets are too many")
     try:
-        encoded = Encoder.with_defaults(packed, symbol).get_encoded_packets(repair)
+        encoder = muted(Encoder.with_defaults, packed, symbol)
+        encoded = muted(encoder.get_encoded_packets, repair)
     except BaseException as exc:
         if not _is_panic(exc):
             raise
-        raise InputError(
-            "the file", "one that the fountain code can encode",
-            f"{len(packed)} bytes in symbols of {symbol} ({exc})",
-            "send another, or change link.modem",
-        ) from exc  # fmt: skip
+        raise _refusal(packed, symbol, str(exc)) from exc
     if blocks > 1:  # by symbol, then by block
         encoded.sort(key=lambda packet: (packet[1:4], packet[0]))
     return [bytes(packet) for packet in encoded[:count]]
+
+
+def _refusal(packed: bytes, symbol: int, why: str) -> InputError:
+    return InputError(
+        "the file", "one that the fountain code can encode",
+        f"{len(packed)} bytes in symbols of {symbol} ({shorten(why)})",
+        "send another, or change link.modem",
+    )  # fmt: skip
 
 
 class Gathering:
@@ -115,10 +144,16 @@ class Gathering:
         length: bytes of the fountain.
         symbol: bytes of a symbol.
         needed: source symbols of the file.
+
+    Raises:
+        ValueError: for a length and a symbol that are not `codable`.
     """
 
     def __init__(self, length: int, symbol: int) -> None:
+        if not codable(length, symbol):
+            raise ValueError(f"the file must be codable, not {length} bytes in {symbol}")
         self.length, self.symbol = length, symbol
+        self._blocks = source_blocks(length, symbol)
         self.needed = source_symbols(length, symbol)
         self._done = False
         self._begin()
@@ -128,21 +163,30 @@ class Gathering:
 
         self._decoder = Decoder.with_defaults(self.length, self.symbol)
         self._numbers: set[bytes] = set()
+        self._of_block: Counter[bytes] = Counter()
 
     def __len__(self) -> int:
         return len(self._numbers)
 
     def put(self, packet: Packet) -> Delivered | None:
-        """Returns the file, with the packet that completes it.
+        """Returns the file, with the packet that completes it. A packet that cannot be of this file
+        is ignored.
 
         If the CRC of a decoded file is wrong, the file and all packets are discarded.
         """
-        number = packet[:4]
+        number, block = packet[:_NUMBER], packet[:1]
+        if len(packet) != _NUMBER + self.symbol or packet[0] >= self._blocks:
+            return None
         if self._done or number in self._numbers:
             return None
         self._numbers.add(number)
+        self._of_block[block] += 1
         try:
-            packed = self._decoder.decode(packet)
+            # Before a block has as many as its symbols, the library only stores the packet.
+            if self._of_block[block] < self.needed // self._blocks:
+                packed = self._decoder.decode(packet)
+            else:
+                packed = muted(self._decoder.decode, packet)
         except BaseException as exc:
             if not isinstance(exc, Exception) and not _is_panic(exc):
                 raise

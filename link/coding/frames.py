@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from link.coding.crc import crc32c
-from link.coding.fountain import MOST_BYTES, Packet, source_blocks
+from link.coding.fountain import Packet, codable, source_blocks
 
 __all__ = ["Frame", "read_frame", "write_frame"]
 
@@ -65,7 +65,7 @@ def read_frame(data: npt.NDArray[np.uint8], symbol: int) -> Frame | None:
         return None
     _, version, session, length = _HEAD.unpack_from(body)
     packet = body[_HEAD.size : _HEAD.size + _NUMBER + symbol]
-    if version != _VERSION or not 0 < length <= MOST_BYTES:
+    if version != _VERSION or not codable(length, symbol):
         return None
     if len(packet) != _NUMBER + symbol or packet[0] >= source_blocks(length, symbol):
         return None

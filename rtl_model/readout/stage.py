@@ -121,20 +121,23 @@ class ScanStage:
             np.savez_compressed(file, lost=self.lost, fill=self.fill)
 
     def state(self) -> State:
-        """The buffer, the cycles so far, and the number of bytes in the file and their CRC."""
+        """The buffer, the fill, the cycles that lost rows and these rows, and the number of bytes
+        in the file and their CRC."""
         if self._file is not None:
             self._file.settle()
         written = [0, 0] if self._file is None else [self._file.written, self._file.crc]
+        at = np.flatnonzero(self.lost.any(axis=1))  # seldom many, and each takes 125 bytes
         return {
-            "fill": self.fill.copy(), "lost": self.lost.copy(), "file": np.array(written),
+            "fill": self.fill.copy(), "at": at, "lost": self.lost[at], "file": np.array(written),
             **{f"buffer/{name}": value for name, value in self.buffer.state().items()},
         }  # fmt: skip
 
     def restore(self, state: State) -> None:
         """Continues from a `state`. Raises ValueError for one of another form."""
-        if state["fill"].shape != self.fill.shape or state["lost"].shape != self.lost.shape:
+        if state["fill"].shape != self.fill.shape:
             raise ValueError("the readout has another number of cycles")
-        self.fill, self.lost = state["fill"].copy(), state["lost"].copy()
+        self.fill, self.lost = state["fill"].copy(), np.zeros_like(self.lost)
+        self.lost[state["at"]] = state["lost"]
         self.buffer.restore(section(state, "buffer"))
         if self._file is not None:
             written, crc = (int(n) for n in state["file"])

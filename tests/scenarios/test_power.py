@@ -52,15 +52,19 @@ def untouched(film: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     return left_behind(folder)
 
 
+def save_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has runs write a checkpoint after every block."""
+    run_blocks, often = chain.run_blocks, {"every_s": 0.0}
+    monkeypatch.setattr(chain, "run_blocks", lambda *a, **k: run_blocks(*a, **{**k, **often}))
+
+
 @pytest.mark.parametrize("store", ["raw", "none"])
 def test_everything_is_on_the_disk_before_a_checkpoint_and_a_result(
     film: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, store: str
 ) -> None:
     folder = tmp_path / "run"
     monkeypatch.setattr("cosim.files.direct._LEAST", 1)
-    run_blocks = chain.run_blocks
-    often = {"every_s": 0.0}
-    monkeypatch.setattr(chain, "run_blocks", lambda *a, **k: run_blocks(*a, **{**k, **often}))
+    save_often(monkeypatch)
     with watched(folder, at_barrier) as disk:
         film("step", folder, *SETS, store=store)
     names = [name for name in disk.named if at_barrier(name)]
@@ -102,6 +106,33 @@ def test_a_lost_or_damaged_recording_begins_again_to_the_same_bytes(
     (note,) = [note for note in notes.notes if "begins again" in note]
     assert note.startswith(f"{folder / 'stream.zarr'} must be as the run wrote it, not ")
     assert left_behind(folder) == untouched
+
+
+@pytest.mark.parametrize("chunk", [0, 1, 2])
+def test_a_lost_chunk_costs_the_cycles_since_the_checkpoint_before(
+    film: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, untouched: dict[str, Any],
+    chunk: int,
+) -> None:  # fmt: skip
+    """Checkpoints at cycles 128 and 192: only the last chunk is not a part of both."""
+    folder = tmp_path / "run"
+    with monkeypatch.context() as patched:
+        save_often(patched)
+        interrupt(film, folder, 128, patched)
+    lose(folder / f"stream.zarr/words/c/{chunk}/0/0")
+    notes, steps = QuietProgress(), []
+    step = Recorder.step
+    with monkeypatch.context() as patched:
+        patched.setattr(
+            Recorder, "step", lambda self, *a: steps.append(a[1].start) or step(self, *a)
+        )
+        film("step", folder, *SETS, resume=True, progress=notes)
+    (note,) = [note for note in notes.notes if "must be as the run wrote it" in note]
+    back = 128 if chunk == 2 else 0
+    assert steps[0] == back
+    end = "goes back to cycle 128, its checkpoint before" if back else "begins again"
+    assert end in note
+    assert left_behind(folder) == untouched
+    assert not [*folder.glob("checkpoint*")]
 
 
 def test_litter_of_killed_runs_goes(

@@ -1,5 +1,7 @@
 """Frames and the fountain, given what no sender made."""
 
+from __future__ import annotations
+
 import struct
 from dataclasses import replace
 
@@ -15,6 +17,7 @@ from link.coding.crc import crc32c
 from link.coding.fountain import (
     MOST_BYTES,
     Gathering,
+    codable,
     pack_file,
     packets,
     source_blocks,
@@ -126,6 +129,42 @@ def test_one_wrong_packet_throws_the_file_away_and_it_may_come_again():
     assert [file.data for file in second if file is not None][:1] == [data]
 
 
+BLOCK = 56403
+"""Symbols of a block, at most (RFC 6330, section 5.1.2)."""
+
+
+@pytest.mark.parametrize(
+    ("length", "symbol"),
+    [(0, SYMBOL), (9, 0), (9, 2**16), (200, 65), (MOST_BYTES + 1, 1024), (255 * BLOCK * 8 + 1, 8)],
+)
+def test_what_the_library_cannot_code_is_not_given_to_it(length, symbol, capfd):
+    """Each of them panics it, or is cut to another size of symbols."""
+    assert not codable(length, symbol)
+    with pytest.raises(ValueError, match="must be codable"):
+        Gathering(length, symbol)
+    framed = write_frame(Frame(1, length, bytes(4 + symbol)), symbol + 23)
+    assert read_frame(framed, symbol) is None
+    if length < MOST_BYTES:
+        with pytest.raises(InputError, match="must be one that the fountain code can encode"):
+            packets(bytes(length), symbol, 3)
+    assert capfd.readouterr().err == ""
+
+
+def test_more_packets_than_there_are_numbers_are_refused(capfd):
+    with pytest.raises(InputError, match="must be one that the fountain code can encode"):
+        packets(bytes(100), SYMBOL, 2**24)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(("length", "symbol"), [(1, 1), (9, 8), (100, 63), (100, 64), (5000, 72)])
+def test_what_is_codable_has_symbols_of_that_size(length, symbol, capfd):
+    data = np.random.default_rng(length).bytes(length)
+    made = packets(data, symbol, source_symbols(length, symbol) + 2)
+    assert {len(packet) for packet in made} == {4 + symbol}
+    assert b"".join(packet[4:] for packet in made[:-2])[:length] == data
+    assert capfd.readouterr().err == ""
+
+
 def test_a_file_that_panics_the_library_is_one_line(monkeypatch, capfd):
     real = raptorq.Encoder.with_defaults
 
@@ -137,18 +176,62 @@ def test_a_file_that_panics_the_library_is_one_line(monkeypatch, capfd):
     monkeypatch.setattr(raptorq, "Encoder", Faulty)
     with pytest.raises(InputError, match="must be one that the fountain code can encode") as said:
         packets(bytes(100), SYMBOL, 3)
-    assert "\n" not in str(said.value)
-    capfd.readouterr()  # it tells of its panic on standard error
+    assert "\n" not in str(said.value) and "max_packet_size" in str(said.value)
+    assert capfd.readouterr().err == ""
 
 
-def test_a_packet_that_panics_the_library_is_lost_alone(capfd):
+def test_packets_that_are_not_of_the_file_are_ignored(capfd):
     _, packed = pack_file(b"some bytes", "x")
     gathering = Gathering(len(packed), SYMBOL)
-    assert gathering.put(b"\x00\x00\x00\x01short") is None
-    assert gathering.put(b"\x09\x00\x00\x01" + bytes(SYMBOL)) is None
-    capfd.readouterr()  # it tells of its panic on standard error
-    file = gathering.put(packets(packed, SYMBOL, 1)[0])
+    whole = packets(packed, SYMBOL, 1)[0]
+    for wrong in (b"", whole[:3], whole[:-1], whole + b"x", b"\x09" + whole[1:]):
+        assert gathering.put(wrong) is None
+    assert len(gathering) == 0 and capfd.readouterr().err == ""
+    file = gathering.put(whole)
     assert file is not None and file.data == b"some bytes"
+
+
+def test_a_panic_while_decoding_loses_the_packets_alone(monkeypatch, capfd):
+    _, packed = pack_file(bytes(1000), "x")
+    made = packets(packed, SYMBOL, 12)
+    with monkeypatch.context() as patched:
+        patched.setattr(raptorq, "Decoder", Panicking)
+        gathering = Gathering(len(packed), SYMBOL)
+        assert [gathering.put(packet) for packet in made[: gathering.needed]].count(None) > 9
+    gathering._begin()
+    files = [gathering.put(packet) for packet in made]
+    assert [file.data for file in files if file is not None] == [bytes(1000)]
+    assert capfd.readouterr().err == ""
+
+
+class Panicking:
+    """A decoder with a fault that shows when it computes."""
+
+    def __init__(self, length: int, symbol: int) -> None:
+        self._left = source_symbols(length, symbol)
+
+    @classmethod
+    def with_defaults(cls, length: int, symbol: int) -> Panicking:
+        return cls(length, symbol)
+
+    def decode(self, packet: bytes) -> None:
+        self._left -= 1
+        if not self._left:
+            raptorq.Encoder.with_defaults(b"x", 0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_no_packets_of_right_form_panic_the_library(data):
+    """Whatever their numbers are and whatever they carry, the muted decoder is not needed."""
+    symbol, blocks = data.draw(st.sampled_from([1, 8, 64])), 1
+    length = data.draw(st.integers(1, 60 * symbol))
+    assert source_blocks(length, symbol) == blocks
+    decoder = raptorq.Decoder.with_defaults(length, symbol)
+    seed, spread = data.draw(st.integers(0, 2**32)), data.draw(st.sampled_from([20, 100, 2**24]))
+    rng = np.random.default_rng(seed)
+    for number in rng.choice(spread, size=min(spread, 80), replace=False):
+        decoder.decode(b"\0" + int(number).to_bytes(3, "big") + rng.bytes(symbol))
 
 
 @pytest.mark.slow

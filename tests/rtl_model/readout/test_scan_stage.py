@@ -133,6 +133,22 @@ def test_an_interrupted_run_has_the_same_bytes_and_counts(
     assert readout_metrics(resumed, 4) == readout_metrics(whole, 4)
 
 
+def test_a_checkpoint_holds_the_rows_of_cycles_that_lost_some(
+    tmp_path: Path, device: Device, words: Words
+) -> None:
+    sound, lossy = stage(tmp_path, device), stage(tmp_path, device, SLOW)
+    for made in (sound, lossy):
+        passed(made, words)
+        state = made.state()
+        cycles = int(made.lost.any(axis=1).sum())
+        assert (cycles > 0) == (made is lossy)
+        assert state["lost"].nbytes == 125 * cycles and state["fill"].nbytes == 8 * CYCLES
+        again = stage(tmp_path, device)
+        again.lost[:] = 255
+        again.restore(state)
+        np.testing.assert_array_equal(again.lost, made.lost)
+
+
 def test_without_a_part_of_the_file_the_run_begins_again(
     tmp_path: Path, device: Device, words: Words
 ) -> None:
@@ -157,6 +173,25 @@ def test_without_a_part_of_the_file_the_run_begins_again(
         saved.load({"scan": again})
     passed(again, words)
     assert (tmp_path / RAW).stat().st_size == CYCLES * 128_000
+
+
+def test_with_a_sound_beginning_the_run_goes_back_to_the_checkpoint_before(
+    tmp_path: Path, device: Device, words: Words
+) -> None:
+    made, notes = stage(tmp_path, device), list[str]()
+    saved = Checkpoint(tmp_path / "checkpoint.npz", "this run")
+    for block in BLOCKS[:2]:
+        passed(made, words, (block,))
+        saved.save(block.stop, {"scan": made})
+    part = tmp_path / f"{RAW}.part"
+    data = part.read_bytes()
+    part.write_bytes(data[:-1])
+    again = stage(tmp_path, device)
+    assert saved.load({"scan": again}, note=notes.append) == BLOCKS[0].stop
+    (note,) = notes
+    assert note.endswith("not 8191999; the run goes back to cycle 32, its checkpoint before")
+    passed(again, words, BLOCKS[1:2])
+    assert part.read_bytes() == data
 
 
 def test_a_window_is_all_that_is_offered(tmp_path: Path, device: Device, words: Words) -> None:
