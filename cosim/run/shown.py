@@ -85,15 +85,18 @@ class LineProgress(SilentProgress):
         now = time.monotonic()
         if now - self._last_line_at < EVERY_S:
             return
-        if not self._what or (self._total and self._done >= self._total):
-            # Between two stages: what was said last is over.
-            self.note(f"at work for {now - self._began:.0f} s; a first run compiles")
+        if not self._what:
+            self.note(f"preparing for {now - self._began:.0f} s; a first run compiles")
             return
-        waited = f"this step for {now - self._stepped_at:.0f} s"
+        waited = f"{now - self._stepped_at:.0f} s"
+        if self._total and self._done >= self._total:
+            self.note(f"{self._what}: done, what follows takes {waited} so far")
+            return
+        told = f"this step for {waited}"
         if not self._done:  # the first step compiles
-            waited += "; a first run compiles"
+            told += "; a first run compiles"
         share = f"{100 * self._done // self._total} %, " if self._total else ""
-        self.note(f"{self._what}: {share}{waited}")
+        self.note(f"{self._what}: {share}{told}")
 
 
 def _watch(progress: weakref.ref[LineProgress], closed: threading.Event) -> None:

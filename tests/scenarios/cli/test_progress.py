@@ -105,12 +105,12 @@ def test_a_long_step_says_every_ten_seconds_that_it_goes_on(hand, capsys):
     hand.now += 10
     progress.remind()
     assert capsys.readouterr().err.splitlines() == [
-        "viform: at work for 10 s; a first run compiles",
+        "viform: preparing for 10 s; a first run compiles",
         "viform: film: 0 %, this step for 1 s; a first run compiles",
         "viform: film: 0 %, this step for 11 s; a first run compiles",
         "viform: film: 5 %, this step for 10 s",
         "viform: a clip is short",
-        "viform: at work for 59 s; a first run compiles",
+        "viform: film: done, what follows takes 10 s so far",
     ]
 
 
