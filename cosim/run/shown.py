@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -36,22 +38,32 @@ EVERY_S = 10.0
 
 
 class LineProgress(SilentProgress):
-    """A progress that prints a line every EVERY_S seconds, for logs. A shorter run prints none."""
+    """A progress that prints a line every EVERY_S seconds, for logs. A shorter run prints none.
+
+    A thread prints one as well if a step takes longer than that: kernels may be compiled in it.
+    """
 
     def __init__(self) -> None:
-        self._last_line_at = time.monotonic()
+        self._began = self._last_line_at = time.monotonic()
         self._what, self._total, self._pace, self._told = "", 0, Pace(0), False
+        self._done, self._stepped_at = 0, self._began
+        self._closed = threading.Event()
+        # The thread holds no progress that was given up without a close.
+        watching = weakref.ref(self), self._closed
+        threading.Thread(target=_watch, args=watching, name="viform-progress", daemon=True).start()
 
     def start(self, what: str, total: int) -> None:
         self._what, self._total, self._pace, self._told = what, total, Pace(total), False
+        self._done, self._stepped_at = 0, time.monotonic()
 
     def advance(self, done: int) -> None:
         now = time.monotonic()
+        if done != self._done:
+            self._done, self._stepped_at = done, now
         seconds = self._pace.step(done, now)
         known = self._total or self._told  # a text that changes says something by itself
         if now - self._last_line_at < EVERY_S or not known:
             return
-        self._last_line_at = now
         if not self._total:
             self.note(self._what)
             return
@@ -60,6 +72,41 @@ class LineProgress(SilentProgress):
 
     def tell(self, what: str) -> None:
         self._what, self._told = what, True
+
+    def note(self, text: str) -> None:
+        self._last_line_at = time.monotonic()
+        super().note(text)
+
+    def close(self) -> None:
+        self._closed.set()
+
+    def remind(self) -> None:
+        """Prints what is being done if no line was printed for EVERY_S seconds."""
+        now = time.monotonic()
+        if now - self._last_line_at < EVERY_S:
+            return
+        if not self._what:
+            self.note(f"preparing for {now - self._began:.0f} s; a first run compiles")
+            return
+        waited = f"{now - self._stepped_at:.0f} s"
+        if self._total and self._done >= self._total:
+            self.note(f"{self._what}: done, what follows takes {waited} so far")
+            return
+        told = f"this step for {waited}"
+        if not self._done:  # the first step compiles
+            told += "; a first run compiles"
+        share = f"{100 * self._done // self._total} %, " if self._total else ""
+        self.note(f"{self._what}: {share}{told}")
+
+
+def _watch(progress: weakref.ref[LineProgress], closed: threading.Event) -> None:
+    """Reminds every second, until the progress is closed or gone."""
+    while not closed.wait(1.0):
+        shown = progress()
+        if shown is None:
+            return
+        shown.remind()
+        del shown
 
 
 class TerminalProgress(SilentProgress):
@@ -72,20 +119,30 @@ class TerminalProgress(SilentProgress):
             MofNCompleteColumn,
             Progress,
             TextColumn,
+            TimeElapsedColumn,
         )
 
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
+            TimeElapsedColumn(),  # moves while a step compiles
             TextColumn("{task.fields[left]}"),
             console=Console(stderr=True),
         )
         self._progress.start()
+        # Until the first stage, so that a wait is seen to go on.
+        self._preparing: Any = self._progress.add_task("preparing", total=None, left="")
         self._task: Any = None
         self._total, self._pace = 0, Pace(0)
 
+    def _prepared(self) -> None:
+        if self._preparing is not None:
+            self._progress.remove_task(self._preparing)
+            self._preparing = None
+
     def start(self, what: str, total: int) -> None:
+        self._prepared()
         self._total, self._pace = total, Pace(total)
         self._task = self._progress.add_task(what, total=total, left="")
 
@@ -104,6 +161,7 @@ class TerminalProgress(SilentProgress):
         self._progress.console.print(f"viform: {text}", markup=False, highlight=False)
 
     def close(self) -> None:
+        self._prepared()
         self._progress.stop()
 
 

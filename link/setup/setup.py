@@ -122,7 +122,7 @@ class FileLinkSetup(LinkSetup):
     def shortened(self) -> bool:
         """Whether only a part is recorded, because no mode is expected to work."""
         timed = self.scenario.duration is not None
-        hopeful = timed or _hopeful(self.scenario, self.choice)
+        hopeful = timed or _hopeful(self.scenario, self.setting, self.mode, self.choice)
         return not hopeful and self.sent.groups < self.sent.outbox.groups
 
     def mode_document(self) -> dict[str, Any]:
@@ -140,8 +140,11 @@ class FileLinkSetup(LinkSetup):
         wrong = f" ({mine[0]:.2g} of a pilot's bits were wrong in the surest)" if mine else ""
         hz = self.setting.panel.clock.hz
         whole = self.sent.whole * self.mode.ticks / hz
+        foreseen = f"no mode is foreseen to work{wrong}"
+        if self.choice is not None and self.choice.holds:
+            foreseen = "the tags are foreseen to be too small"
         return (
-            f"no mode is foreseen to work{wrong}, so only {self.sent.planes / hz:.3g} s of the "
+            f"{foreseen}, so only {self.sent.planes / hz:.3g} s of the "
             f"{whole:.3g} s that the file takes are filmed; to film all, "
             "give link.modem.cell, ticks, line and parity or rate"
         )
@@ -151,9 +154,14 @@ class FileLinkSetup(LinkSetup):
         return ([self.shortened_message()] if self.shortened else []) + super().warnings()
 
 
-def _hopeful(scenario: LinkScenario, choice: Choice | None) -> bool:
-    """Whether a mode is expected to work, or the scenario gives it."""
-    return fixed_mode(scenario) is not None if choice is None else choice.holds
+def _hopeful(
+    scenario: LinkScenario, setting: LinkSetting, mode: Mode, choice: Choice | None
+) -> bool:
+    """Whether a mode is expected to work, or the scenario gives it. Pilots need no tags, so a mode
+    that carries them does not yet work."""
+    if choice is None:
+        return fixed_mode(scenario) is not None
+    return choice.holds and tag_warning(setting, mode) is None
 
 
 def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
@@ -199,7 +207,7 @@ def set_up_link(
     if mode.adaptive and not rates:  # nothing is expected to arrive
         rates = (EVERY_RATE.index(min(EVERY_RATE)),)
     most = _symbols_in(scenario, setting, mode)
-    if most is None and not _hopeful(scenario, choice):
+    if most is None and not _hopeful(scenario, setting, mode, choice):
         least = TRAINING + 2 * Layout(mode).group
         most = max(_SHORTENED_PLANES // mode.ticks, least)
     try:

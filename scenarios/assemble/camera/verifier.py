@@ -237,7 +237,8 @@ class Verifier(DisplayTrial):
         kind = f"measured on {patches} patches of {self.plane.numbers.size // patches} pixels"
         checked = patches
         if samples is not None:
-            kind += f" and {samples.pixels} pixels in each of {samples.tiles.size} other tiles"
+            many = "1 pixel" if samples.pixels == 1 else f"{samples.pixels} pixels"
+            kind += f" and {many} in each of {samples.tiles.size} other tiles"
             checked += samples.tiles.size
         for tier, count in self._better.items():
             if count:

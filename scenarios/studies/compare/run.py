@@ -70,8 +70,9 @@ def run_compare(
     seconds = comparison.spike.duration
     if not 0.01 <= seconds <= LONGEST:
         raise InputError(
-            "duration", f"10 ms to {LONGEST:g} s in a comparison", f"{seconds:g} s", "change it"
-        )
+            "duration", f"10 ms to {LONGEST:g} s in a comparison", f"{1e3 * seconds:g} ms",
+            f"write --set duration='{'10 ms' if seconds < 1 else f'{LONGEST:g} s'}'",
+        )  # fmt: skip
     instant = round(AT * seconds_to_ps(seconds))
     place = output_folder(f"compare-{comparison.name}", out, False, goes_on=False)
     check_room(place, SHAPE[0] * SHAPE[1] * round(seconds * comparison.spike.sensor.clock))

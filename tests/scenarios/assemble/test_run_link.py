@@ -23,6 +23,7 @@ from link.mode import Mode
 from link.setting import link_setting
 from link.setup.modes import choose_mode, tag_warning
 from link.setup.setup import set_up_link
+from link.trial.amounts import carried
 from link.verdict import Cause, Verdict
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load
@@ -228,6 +229,20 @@ def test_what_cannot_arrive_is_filmed_for_a_short_stretch_alone():
         assert run.shortened_message().startswith("no mode is foreseen to work, so only ")
         received = SimpleNamespace(delivered=None, verdict=Verdict(Cause.OUT_OF_VIEW, "seen"))
         assert judge_delivery(run, received)[0].cause is Cause.OUT_OF_VIEW
+
+
+def test_a_panel_whose_tags_are_too_small_is_filmed_for_a_short_stretch_alone():
+    """At 14 m the pilots, which need no tags, find a mode that holds, but no receiver finds the
+    panel: the plan says so too."""
+    given = ["link.size=1000000", "link.distance=14 m", "sensor.clock_steering=false"]
+    _, scenario = load("light-link", given)
+    run = set_up_link(scenario, camera_setting(scenario), "numba", SilentProgress())
+    assert run.choice is not None and run.choice.holds
+    assert carried(run).goodput is None
+    assert run.shortened and run.sent.planes <= 600 < run.sent.whole * run.mode.ticks
+    told, small = run.warnings()
+    assert small.startswith("tags too small")
+    assert told.startswith("the tags are foreseen to be too small, so only ")
 
 
 def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):

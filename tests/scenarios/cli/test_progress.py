@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import pytest
 
 from scenarios.cli.output import LineProgress, TerminalProgress, make_progress
@@ -83,6 +85,48 @@ def test_steps_that_start_up_are_in_no_estimate(hand, capsys):
     ]
 
 
+def test_a_long_step_says_every_ten_seconds_that_it_goes_on(hand, capsys):
+    progress = LineProgress()
+    progress.close()  # its thread: the clock is moved by hand
+    for seconds in (9, 1, 9):
+        hand.now += seconds
+        progress.remind()
+    progress.start("film", 200)
+    for seconds in (1, 10):
+        hand.now += seconds
+        progress.remind()
+    progress.advance(10)
+    hand.now += 10
+    progress.remind()
+    progress.note("a clip is short")
+    hand.now += 9
+    progress.remind()
+    progress.advance(200)
+    hand.now += 10
+    progress.remind()
+    assert capsys.readouterr().err.splitlines() == [
+        "viform: preparing for 10 s; a first run compiles",
+        "viform: film: 0 %, this step for 1 s; a first run compiles",
+        "viform: film: 0 %, this step for 11 s; a first run compiles",
+        "viform: film: 5 %, this step for 10 s",
+        "viform: a clip is short",
+        "viform: film: done, what follows takes 10 s so far",
+    ]
+
+
+def test_the_reminders_come_by_themselves_and_end_with_the_progress(monkeypatch, capsys):
+    monkeypatch.setattr("cosim.run.shown.EVERY_S", 0.0)
+    before = set(threading.enumerate())
+    progress = LineProgress()
+    progress.start("film", 200)
+    (thread,) = set(threading.enumerate()) - before
+    thread.join(1.5)
+    progress.close()
+    thread.join(10)
+    assert not thread.is_alive()
+    assert "viform: film: 0 %, this step for" in capsys.readouterr().err
+
+
 def test_a_terminal_has_its_bar(monkeypatch):
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     progress = make_progress()
@@ -90,6 +134,17 @@ def test_a_terminal_has_its_bar(monkeypatch):
     progress.advance(1)
     progress.close()
     assert isinstance(progress, TerminalProgress)
+
+
+def test_a_terminal_shows_preparing_until_the_first_stage(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    progress = TerminalProgress()
+    shown = progress._progress
+    assert [task.description for task in shown.tasks] == ["preparing"]
+    progress.start("film", 2)
+    assert [task.description for task in shown.tasks] == ["film"]
+    progress.close()
+    assert "0:00:00" in capsys.readouterr().err
 
 
 def test_a_run_of_unknown_length_says_what_it_has_been_told(hand, capsys):

@@ -12,6 +12,7 @@ import pytest
 from scipy.special import ndtr
 
 from cosim import PS, InputError
+from cosim.run.progress import QuietProgress
 from rtl_model.imagers.adaptive.comparison import AdaptiveComparison
 from rtl_model.imagers.ebaps.comparison import EbapsComparison
 from rtl_model.imagers.ebaps.section import EbapsSection
@@ -20,7 +21,7 @@ from rtl_model.imagers.emccd.section import EmccdSection
 from rtl_model.imagers.pulse.comparison import DARKEST, PwmComparison
 from rtl_model.imagers.pulse.model import PulseModel
 from rtl_model.imagers.pulse.section import PwmSection
-from scenarios.studies.compare import load_comparison
+from scenarios.studies.compare import load_comparison, run_compare
 from scenarios.studies.compare.measure import EDGE, noise, still_blur
 from scenarios.studies.compare.motion import RAMP, Motion
 from scenarios.studies.compare.ranges import ends, one_frame, with_controls
@@ -284,6 +285,16 @@ def test_a_wrong_key_is_refused_in_one_line(wrong: str) -> None:
     with pytest.raises(InputError) as caught:
         load_comparison("star", [wrong])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("given", "write"), [("3 ms", "10 ms"), ("3 s", "2 s")])
+def test_a_duration_out_of_range_is_refused_with_the_line_to_write(
+    given: str, write: str, tmp_path: Path
+) -> None:
+    comparison = load_comparison("star", [f"duration={given}"])
+    with pytest.raises(InputError, match=f"not .*; write --set duration='{write}'$"):
+        run_compare(comparison, tmp_path / "out", None, QuietProgress(), 0.0)
+    assert not (tmp_path / "out").exists()
 
 
 def test_scenes_come_from_names_files_and_kinds(tmp_path: Path) -> None:
