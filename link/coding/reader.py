@@ -103,6 +103,14 @@ class BlockReader(ABC):
         self._here.add(within)
         return right + (self.flush() if len(self._here) == self._blocks.groups else 0)
 
+    def readable(self, group: int, soft: npt.NDArray[np.float32]) -> int:
+        """Returns the words of a group that can be read, and takes none; 0 where a block has
+        several groups, or other groups wait."""
+        if self._blocks.groups > 1 or self._here:
+            return 0
+        self._words.store(group, 0, soft)
+        return int(np.count_nonzero(self._words.read(group, []).ok))
+
     def flush(self) -> int:
         """Reads the open block although groups are missing. Returns the number of correct
         frames."""

@@ -15,9 +15,11 @@ from cosim.spikes.viform import WORD
 from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, training
 from link.mode import Mode
 from link.receiving.fitting import fit_by_known
+from link.receiving.gaps import whole_parts
 from link.receiving.pacing import Pace
 from link.receiving.phasing import Fit, fit_levels, fit_timing, nudge
 from link.receiving.pilots.clocking import Clocking, clock_by_pilots
+from link.receiving.pilots.missing import missing_ticks
 from link.receiving.pilots.signal import pilot_signal
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
@@ -50,6 +52,8 @@ _LEAST_CELL: Final = 0.5
 number of cells, not of camera pixels."""
 _NEAR: Final = 0.45
 """Largest distance of the phase by the spikes from the phase by the pilots, ticks."""
+_GAPS: Final = 4
+"""Gaps of a few ticks that are filled at a time."""
 _PILOT_SYMBOLS: Final = 64
 """Symbols of the timing by pilots alone."""
 
@@ -208,7 +212,8 @@ def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> flo
 
 
 def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
-    """Returns the evidence, and the transmission if there is one."""
+    """Returns the evidence, and the transmission if there is one. A few ticks that the pilots show
+    to be missing are put into the recording."""
     evidence = survey_recording(recording)
     mode = evidence.mode
     if mode is None:
@@ -234,6 +239,15 @@ def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
     signal = pilot_signal(recording, layout, refined.homography)
     if signal is None:
         return evidence, None
+    for _ in range(_GAPS):
+        gap = missing_ticks(signal, mode.ticks, lit)
+        if gap is None:
+            break
+        recording.put_in(gap)
+        lit = lit[0], lit[1] + gap.count
+        evidence = replace(evidence, lit=lit)
+        signal = pilot_signal(recording, layout, refined.homography)
+        assert signal is not None
     clocking = clock_by_pilots(signal, layout, recording.shape[0], lit)
     evidence = replace(evidence, clocking=clocking)
     if clocking is None:
@@ -263,7 +277,10 @@ def _time(
         - 1,
     )
     if high - low >= 8:
-        known = known_cells(layout, low, training(layout)[low:high])
+        # What lies around missing ticks would bend the timing.
+        parts = whole_parts(recording, begun, low, high - low)
+        begin, end = max(parts, key=lambda part: part[1] - part[0], default=(low, high))
+        known = known_cells(layout, begin, training(layout)[begin:end])
         w = choose_witnesses(recording, layout, registration, begun, known)
         if w is not None and match(w, begun) > _MATCH:
             fit = fit_timing(w, begun, clocking.span)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from link.detect.counting import PHASES
 from link.detect.detector import Detector
 from link.detect.joint import Joint
+from link.receiving.gaps import learn_known
 from link.receiving.recording import Recording
 from link.timing import Timing
 
@@ -66,5 +67,5 @@ class ClassesMet:
         begin, bits = known
         drift = self.timing.period - detector.ticks
         late = drift * (first + count - begin - len(bits))
-        detector.learn(recording.words, recording.first, bits, begin, late)
+        learn_known(detector, recording, self.timing, bits, begin, late)
         self.add(first, count)

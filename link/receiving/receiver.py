@@ -193,11 +193,13 @@ class Receiver:
                 return
             self.searches += 1
             self.searched += self.recording.ticks
+            gaps = len(self.recording.gaps)
             _, acquired = acquire(self.recording)
             if acquired is None or acquired.layout.mode != old.layout.mode:
                 return
             jump = self._jump(old, acquired, until)
-            if jump is None and not self._was_dark(old):
+            filled = len(self.recording.gaps) > gaps
+            if jump is None and not filled and not self._was_dark(old):
                 self._unbroken = True
                 return
             self._unbroken = False
@@ -250,7 +252,11 @@ class Receiver:
         if inbox.file is None:
             assert self._evidence is not None
             loss = explain_loss(
-                session, self._evidence, self.recording.stop, self.interrupted, self._unbroken
+                session,
+                self._evidence,
+                self.recording.stop,
+                self.interrupted or self._gap(),
+                self._unbroken,
             )
             return replace(loss, text=loss.text + self._search_text())
         return Verdict(
@@ -259,6 +265,11 @@ class Receiver:
             f"{count(inbox.frames_read)}, {count(inbox.bytes_corrected)} bytes mended, whole at "
             f"tick {count(session.delivered_tick)}",
         )
+
+    def _gap(self) -> tuple[int, float] | None:
+        """Returns the last gap that was filled, as `interrupted`; None without one."""
+        gaps = self.recording.gaps
+        return (gaps[-1].tick, float(-gaps[-1].count)) if gaps else None
 
     def _search_text(self) -> str:
         """Returns what was searched after interruptions, for the verdict."""

@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Viform, Words
 
-__all__ = ["Recording"]
+__all__ = ["Gap", "Recording"]
 
 Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Ticks that are missing at a place of a recording.
+
+    Attributes:
+        tick: first stored tick after them.
+        count: number of missing ticks.
+        last: last tick that may be the first after them: while the pilots stay on or off, they do
+            not tell where.
+    """
+
+    tick: int
+    count: int
+    last: int
+
+
+def _shifted(words: Words, count: int) -> Words:
+    """Returns words (n, ...) whose bits come `count` ticks later, 1 to WORD - 1; the first are 0,
+    and the last fall out."""
+    out = words << np.uint32(count)
+    out[1:] |= words[:-1] >> np.uint32(WORD - count)
+    return np.asarray(out)
 
 
 class Recording:
@@ -19,6 +45,8 @@ class Recording:
         shape: (height, width) of the camera.
         first, stop: stored ticks.
         begun: whether a block has arrived.
+        gaps: ticks that the stream lacked and that were put in as ticks without spikes, in order of
+            their discovery. The ticks of later blocks are counted with them.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -27,6 +55,7 @@ class Recording:
         self._joined: Words | None = None
         self.first = self.stop = 0
         self.begun = False
+        self.gaps: list[Gap] = []
 
     def add(self, viform: Viform) -> None:
         """Adds a block. Raises ValueError if its shape differs or it does not follow the last
@@ -36,8 +65,9 @@ class Recording:
         if not self.begun:
             self.first = self.stop = viform.start
             self.begun = True
-        if viform.start != self.stop:
-            raise ValueError(f"a block must begin at cycle {self.stop}, not {viform.start}")
+        expected = self.stop - sum(gap.count for gap in self.gaps)
+        if viform.start != expected:
+            raise ValueError(f"a block must begin at cycle {expected}, not {viform.start}")
         self._joined = None
         filled = (self.stop - self.first) % WORD
         if not filled:
@@ -75,6 +105,25 @@ class Recording:
             self._parts = [self.words[gone:].copy()]
             self._joined = None
             self.first += gone * WORD
+
+    def put_in(self, gap: Gap) -> None:
+        """Puts in the ticks that a gap lacks, at the first of its places, without spikes."""
+        if not self.first <= gap.tick <= self.stop:
+            raise ValueError(f"a gap must be in {self.first} to {self.stop}, not at {gap.tick}")
+        size = -(-(self.ticks + gap.count) // WORD) - len(self.words)
+        words = np.concatenate([self.words, np.zeros((max(size, 0), *self.shape), np.uint32)])
+        w, bit = divmod(gap.tick - self.first, WORD)
+        later = _shifted(words[w:], gap.count)
+        head = words[w] & np.uint32((1 << bit) - 1)
+        free = ((1 << gap.count) - 1) << bit
+        for n, some in enumerate(later[:2]):
+            some &= ~np.uint32((free >> (WORD * n)) & 0xFFFFFFFF)
+        later[0] &= ~np.uint32((1 << bit) - 1)
+        later[0] |= head
+        words[w:] = later
+        self._parts, self._joined = [words], None
+        self.stop += gap.count
+        self.gaps.append(gap)
 
     def rates(self, first: int, stop: int) -> npt.NDArray[np.float32]:
         """Returns the spikes a tick of each pixel in ticks first to stop, (height, width) float32.

@@ -22,6 +22,7 @@ from link.layout import TRAINING, is_closing, training
 from link.receiving.acquiring import Acquired, lit_spans
 from link.receiving.ahead import Ahead
 from link.receiving.classes_met import ClassesMet
+from link.receiving.gaps import learn_known, mended
 from link.receiving.phasing import followed_delay
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
@@ -257,6 +258,7 @@ class Session:
                     self._ahead.stop()
                 self._met.learn_ahead(recording, detector, self._known, first, count * group)
             soft = self._ahead.soft(recording, detector, first, count * group)
+            soft = mended(soft, detector, recording, self.timing, first, self.inbox)
             following = first + count * group
             more = self._groups_until(following, last) * group
             if more and self._stays(first, count * group, more):
@@ -290,8 +292,7 @@ class Session:
             return False
         stop = first + count
         begin = stop - min(count, _KNOWN)
-        learns = self._must_learn(self._phase(stop), begin, stop)
-        return not learns and self._met.has(stop, more)
+        return self._met.has(stop, more) and not self._must_learn(self._phase(stop), begin, stop)
 
     def _must_learn(self, phase: float, begin: int, stop: int) -> bool:
         """Whether a detector has to be made for this phase, or to learn from symbols `begin` to
@@ -309,7 +310,7 @@ class Session:
         if self._known is not None:
             begin, known = self._known
             count = len(known)
-            detector.learn(recording.words, recording.first, known, begin)
+            learn_known(detector, recording, self.timing, known, begin)
             if self._confidence is None and begin < TRAINING:
                 soft = detector.soft(recording.words, recording.first, begin, len(known))
                 self._confidence = confidence(soft, known)
@@ -346,7 +347,7 @@ class Session:
             return self._detector(recording, registration, whole)
         if self._must_learn(phase, begin, begin + len(decided)):
             self._ahead.stop()
-            detector.learn(recording.words, recording.first, decided, begin)
+            learn_known(detector, recording, self.timing, decided, begin)
             self._learned = phase
             self._met.add(begin, len(decided))
         return detector

@@ -20,7 +20,8 @@ from link.air import ber_units
 from link.setup.setup import LinkSetup
 from link.trial.check import KIND, compare
 from link.trial.patches import Decided, LinkPatches, Variant
-from link.trial.plan import LinkPlan, LinkSurvey, half_width, survey_link
+from link.trial.plan import LinkPlan, LinkSurvey, half_width
+from link.trial.planned import survey_of
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.reference.error import DRAWS, reference_error
 from sensor.latched.tiers import Tier
@@ -109,8 +110,6 @@ def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
         InputError: if no bit can be compared.
     """
     setting, camera = setup.setting, setup.setting.camera
-    survey = survey_link(setting, setup.mode, setup.symbols, setup.cycles)
-    rungs = _rungs(setup, survey)
     seed, detector = setup.scenario.seed, setup.scenario.link.modem.detector
     patches = LinkPatches(setting, setup.sent, seed, detector)
     if patches.plane is None or not patches.bits:
@@ -118,6 +117,8 @@ def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
             "the link", "one whose panel is in view and sends more than its training",
             "nothing to compare", "check link.aim and duration",
         )  # fmt: skip
+    survey = survey_of(setup, patches)  # as a run is planned
+    rungs = _rungs(setup, survey)
     variants = {_FULL: Variant("reference", camera)}
     variants |= {
         rung.name: Variant(rung.tier, rung.plan.camera, rung.plan.air_effects) for rung in rungs

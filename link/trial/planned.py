@@ -73,11 +73,12 @@ def _planned(setup: LinkSetup, survey: LinkSurvey, effects: Sequence[str]) -> Pl
     return PlannedLink(setup, survey, plan)
 
 
-def survey_of(setup: LinkSetup) -> LinkSurvey:
-    """Surveys the run of a link, and what its check can tell."""
+def survey_of(setup: LinkSetup, patches: LinkPatches | None = None) -> LinkSurvey:
+    """Surveys the run of a link, and what its check can tell. patches: of the check, where they
+    are made."""
     compared = None
     if is_checked(setup):
-        patches = LinkPatches(
+        patches = patches or LinkPatches(
             setup.setting, setup.sent, setup.scenario.seed, setup.scenario.link.modem.detector
         )
         pilots = () if setup.choice is None else setup.choice.rows
