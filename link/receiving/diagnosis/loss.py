@@ -50,10 +50,12 @@ def explain_loss(
     loss = f"{inbox.codewords_wrong} of {inbox.codewords} codewords could not be mended"
     if interrupted is not None:
         tick, delay = interrupted
+        amount = f"{abs(delay):.0f} tick{'' if round(abs(delay)) == 1 else 's'}"
+        way = "early" if delay < 0 else "late"
         return Verdict(
             Cause.INTERRUPTED,
-            f"{frames}, {loss}, and by tick {tick} or so the pilots go on {delay:+.0f} ticks late: "
-            "words of the stream were lost, or another transmission begins; record without a gap, "
+            f"{frames}, {loss}, and by tick {tick} or so the pilots go on {amount} {way}: words "
+            "of the stream were lost, or another transmission begins; record without a gap, "
             "or send with more overhead",
         )
     if inbox.codewords == 0 or (ended and share <= _CORRECTED):

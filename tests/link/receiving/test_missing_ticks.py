@@ -124,4 +124,4 @@ def test_more_than_the_code_can_mend_is_an_interruption(short: Toy) -> None:
     receiver.step(Viform.from_planes(planes, CLOCK))
     got = receiver.finish()
     assert got.verdict.cause is Cause.INTERRUPTED, got.verdict
-    assert "-3 ticks late" in got.verdict.text and not got.delivered
+    assert "3 ticks early" in got.verdict.text and not got.delivered
