@@ -280,7 +280,8 @@ def _check_size(info: BoardInfo, rows: _Rows, frames: int, reading: bool) -> Non
     if frames > fit and reading:
         raise InputError(
             "the levels of a reading",
-            f"at most {fit + 1} of {rows.count} rows, for whose {fit} passes the board has memory",
+            f"at most {1 << (fit + 1).bit_length() - 1} with a window of {rows.count} rows, "
+            f"of which the board's memory holds {fit} passes",
             str(frames + 1),
             "take fewer levels or a smaller window",
         )
