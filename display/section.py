@@ -56,8 +56,8 @@ class DisplaySection(Section):
 
     sink: str | None = Field(
         default=None,
-        description="serial:PORT or serial:PORT,BAUD: a board displays the planes, and no light "
-        "is rendered; PORT as in sensor.source",
+        description="serial:PORT[,BAUD] or udp:HOST[:PORT], as in sensor.source: a board displays "
+        "the planes, and no light is rendered",
     )
     clock: PlaneClock | None = Field(
         default=None,

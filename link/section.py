@@ -219,8 +219,8 @@ class LinkSection(Section):
     )
     loop: str | None = Field(
         default=None,
-        description="serial:PORT or serial:PORT,BAUD: the panel's planes go through a board's "
-        "display and must come back bit for bit; PORT as in sensor.source",
+        description="serial:PORT[,BAUD] or udp:HOST[:PORT], as in sensor.source: the panel's "
+        "planes go through a board's display and must come back bit for bit",
     )
     panel: PanelSection = PanelSection()
     aim: AimSection = AimSection()

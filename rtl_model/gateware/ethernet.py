@@ -38,7 +38,6 @@ class Ethernet(NamedTuple):
         clock_hz: of the design; a PLL makes it if the target's clock is another. Behind gigabit
             Ethernet it exceeds 31.25 MHz, for LiteEth moves 32 bits a clock, the line 125 Mbyte/s.
         rx_clock: port with the PHY's clock for received data, and its frequency, Hz.
-        heard: port that is high while data are received.
         reference: pin at which the PHY expects 25 MHz, else empty.
     """
 
@@ -49,7 +48,6 @@ class Ethernet(NamedTuple):
     pins: dict[str, str]
     clock_hz: int
     rx_clock: tuple[str, int]
-    heard: str
     reference: str = ""
 
     @property
@@ -85,7 +83,7 @@ def _colorlight(
     pins = {"clocks_tx": tx, "clocks_rx": rx, "rst_n": "P4", "mdio": "P5", "mdc": "N5", **data}
     return Ethernet(
         name, connector, "rgmii", "LiteEthECP5PHYRGMII", pins, 37_500_000,
-        ("clocks_rx", 125_000_000), "rx_ctl",
+        ("clocks_rx", 125_000_000),
     )  # fmt: skip
 
 
@@ -95,7 +93,7 @@ _ULX3S = Ethernet(
         "clocks_ref_clk": "F3", "rst_n": "A2", "rx_data": "E3 F4", "crs_dv": "G3", "tx_en": "B4",
         "tx_data": "C4 B1", "mdc": "H4", "mdio": "G5",
     },
-    25_000_000, ("clocks_ref_clk", 50_000_000), "crs_dv",
+    25_000_000, ("clocks_ref_clk", 50_000_000),
 )  # fmt: skip
 
 _ARTY = Ethernet(
@@ -105,7 +103,7 @@ _ARTY = Ethernet(
         "rx_dv": "G16", "rx_er": "C17", "rx_data": "D18 E17 E18 G17", "tx_en": "H15",
         "tx_data": "H14 J14 J13 H17", "col": "D17", "crs": "G14",
     },
-    50_000_000, ("clocks_rx", 25_000_000), "rx_dv", reference="G18",
+    50_000_000, ("clocks_rx", 25_000_000), reference="G18",
 )  # fmt: skip
 
 ETHERNET: dict[str, tuple[Ethernet, ...]] = {

@@ -55,7 +55,7 @@ def readme(
         sites = ethernet_pins(target, ethernet)
         tools += ", and liteeth_gen (`pip install litex==2024.12 liteeth==2024.12`) for the core"
         line = f"Ethernet is on {ethernet.connector}. The board answers ping at {network.ip}."
-        port, rate, waits, heard = f"udp:{network.ip}", "", "", "frames arrive"
+        port, rate, waits, heard = f"udp:{network.ip}", "", "", "requests arrive"
     rows = "\n".join(
         f"| `{name}`{levels.get(name, '')} | {pin} |"
         for name, pin in sites.items() if name not in ("clk_in", "led")

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from cosim import InputError
 from rtl_model.host.board import Board, BoardInfo
+from rtl_model.host.countdown import Countdown
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.registers import mask
 
@@ -279,7 +280,8 @@ def _check_size(info: BoardInfo, rows: _Rows, frames: int, reading: bool) -> Non
     if frames > fit and reading:
         raise InputError(
             "the levels of a reading",
-            f"at most {fit + 1} of {rows.count} rows, for whose {fit} passes the board has memory",
+            f"at most {1 << (fit + 1).bit_length() - 1} with a window of {rows.count} rows, "
+            f"of which the board's memory holds {fit} passes",
             str(frames + 1),
             "take fewer levels or a smaller window",
         )
@@ -301,15 +303,15 @@ def _frame_s(board: Board, info: BoardInfo, settings: dict[str, int]) -> float:
 
 def _await(board: Board, info: BoardInfo, settings: dict[str, int], frames: int) -> None:
     frame_s = _frame_s(board, info, settings)
-    port = board.bone.port
-    end = port.now() + _MARGIN * (frames + 2) * frame_s + 4 * board.bone.patience_s
+    most = _MARGIN * (frames + 2) * frame_s + 4 * board.bone.patience_s
     board.bone.pause((frames + 1) * frame_s)
+    limit = Countdown(most, most / 10, board.bone.port.now)
     while True:
-        now = port.now()
-        state = board.read_twice("capture_state") if now > end else board.read("capture_state")
+        over = limit.left() <= 0
+        state = board.read_twice("capture_state") if over else board.read("capture_state")
         if state & _DONE and board.read_twice("capture_state") & _DONE:
             return
-        if now > end:
+        if over:
             what = "did not begin" if state & _ARMED else "did not end"
             raise LineFault(Cause.LATE, f"the burst of {frames} frames {what}")
         board.bone.pause(frame_s)

@@ -10,12 +10,15 @@ from __future__ import annotations
 import errno
 import os
 import re
+import select
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 from urllib.parse import urlsplit
 
 from cosim import InputError
+from rtl_model.host.countdown import Countdown
 from rtl_model.host.faults import Cause, LineFault
 
 if TYPE_CHECKING:
@@ -32,6 +35,7 @@ except ImportError:  # Windows, whose ports pyserial opens without it
 __all__ = ["Port", "SerialPort", "is_pty", "latency_timer", "open_port", "ports_here"]
 
 _POLL_S = 0.01  # interval at which a read checks its deadline
+_COUNTED_S = 0.1  # most of the time between two such looks that counts
 _TIMERS = Path("/sys/bus/usb-serial/devices")
 _WRITE_S = 1.0  # shortest time limit of a write
 
@@ -75,7 +79,7 @@ class SerialPort:
 
     def read(self, count: int, deadline_s: float) -> bytes:
         """Returns `count` bytes, or those that arrive within `deadline_s` seconds."""
-        end = time.monotonic() + deadline_s
+        limit = Countdown(deadline_s, _COUNTED_S)
         got = b""
         with _named(self.name):
             if deadline_s < _POLL_S:
@@ -83,16 +87,34 @@ class SerialPort:
                 return bytes(self.inner.read(min(count, self.inner.in_waiting)))
             while True:
                 got += self.inner.read(count - len(got))
-                if len(got) >= count or time.monotonic() >= end:
+                if len(got) >= count or limit.left() <= 0:
                     return got
 
     def write(self, data: bytes, deadline_s: float = _WRITE_S) -> None:
         """Passes all bytes to the system. Raises LineFault STUCK after `deadline_s` seconds."""
         with _named(self.name):
+            file = getattr(self.inner, "fd", None)
+            if file is not None:
+                self._write_file(file, data, Countdown(deadline_s, _COUNTED_S))
+                return
             limit = self.inner.write_timeout  # each change reconfigures the port
             if limit is not None and deadline_s > limit:
                 self.inner.write_timeout = 2 * deadline_s
             self.inner.write(data)
+
+    def _write_file(self, file: int, data: bytes, limit: Countdown) -> None:
+        """Writes to a device or pty, whose file never blocks.
+
+        pyserial's own `write` fails if the host was suspended, even when all bytes were accepted.
+        """
+        while True:
+            with suppress(BlockingIOError):
+                data = data[os.write(file, data) :]
+            if not data:
+                return
+            if limit.left() <= 0:
+                raise _stuck(self.name)
+            select.select([], [file], [], _POLL_S)
 
     def drain(self) -> bytes:
         """Returns the contents of the input buffer."""
@@ -162,12 +184,14 @@ class _named:
         import serial
 
         if isinstance(error, serial.SerialTimeoutException):
-            raise LineFault(
-                Cause.STUCK, f"{self.name} did not accept the bytes to send within the time limit"
-            ) from error
+            raise _stuck(self.name) from error
         # TypeError: pyserial, if the port closes during a read; TerminalError is not an OSError
         if isinstance(error, OSError | TypeError | TerminalError):
             raise LineFault(Cause.GONE, f"{self.name} disappeared ({_plain(error)})") from error
+
+
+def _stuck(name: str) -> LineFault:
+    return LineFault(Cause.STUCK, f"{name} did not accept the bytes to send within the time limit")
 
 
 def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:

@@ -1,6 +1,7 @@
-"""Opening of a board by its address, `serial:PORT[,BAUD]`; PORT is a URL of pyserial or `virtual`.
+"""Opening of a board by its address, `serial:PORT[,BAUD]` or `udp:HOST[:PORT]`.
 
-The simulator is only imported for a virtual board.
+PORT of a serial line is a device, a URL of pyserial, or `virtual`. The simulator is only imported
+for a virtual board.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from typing import Final, NamedTuple
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.host import Board, BoardInfo, LineFault, Port, Uartbone, open_port
-from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
+from rtl_model.host import Board, BoardInfo, LineFault, is_pty, opened_bone
+from rtl_model.host.ether import is_loopback, is_udp, udp_address
 
-__all__ = ["DEFAULT_BAUD", "OpenBoard", "open_board", "parse_address"]
+__all__ = ["OpenBoard", "open_board", "parse_address"]
 
-DEFAULT_BAUD: Final = Geometry().baud
+_BAUD: Final = Geometry().baud
 _VIRTUAL: Final = "virtual"
 _VIRTUAL_BAUD: Final = 3_000_000
 """Baud of a virtual board, which determines the duration of a step (see `stepping`)."""
@@ -29,36 +30,46 @@ class OpenBoard(NamedTuple):
         board: its registers.
         info: its size and build.
         name: for messages.
-        line_baud: baud of the line.
     """
 
     board: Board
     info: BoardInfo
     name: str
-    line_baud: int
 
 
 def parse_address(address: str, key: str) -> tuple[str, int]:
-    """Port and baud of `serial:PORT[,BAUD]`.
+    """Name of the port, as `opened_bone` takes it, and baud of a serial line.
 
     Args:
-        address: the text.
+        address: `serial:PORT[,BAUD]` or `udp:HOST[:PORT]`; the baud of the latter has no meaning.
         key: of the scenario, for messages.
 
     Raises:
         InputError: for another text.
     """
+    if is_udp(address):
+        if "," in address:
+            raise InputError(
+                key, "without a baud for a board over UDP", repr(address),
+                f"write it like {address.partition(',')[0]}",
+            )  # fmt: skip
+        return udp_address(address).url, _BAUD
     kind, _, port = address.partition(":")
+    if kind == "serial" and is_udp(port):
+        raise InputError(
+            key, "udp:HOST[:PORT] for a board over UDP", repr(address), f"write it like {port}"
+        )
     port, comma, baud = port.partition(",")
     right = kind == "serial" and port and (not comma or (baud.isdecimal() and int(baud) > 0))
     if not right:
         raise InputError(
             key,
-            "serial:PORT or serial:PORT,BAUD, with PORT a device, a URL of pyserial or virtual, "
-            "and BAUD a positive integer",
-            repr(address), "write it like serial:virtual or serial:/dev/ttyUSB0,115200",
-        )  # fmt: skip
-    return port, int(baud) if baud else DEFAULT_BAUD
+            "serial:PORT, serial:PORT,BAUD or udp:HOST[:PORT], with PORT of a serial line a "
+            "device, a URL of pyserial or virtual, and BAUD a positive integer",
+            repr(address),
+            "write it like serial:virtual, serial:/dev/ttyUSB0,115200 or udp:192.168.1.50",
+        )
+    return port, int(baud) if baud else _BAUD
 
 
 @contextmanager
@@ -68,7 +79,7 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
     A fault of the line, at the start or during use, raises InputError.
 
     Args:
-        address: `serial:PORT[,BAUD]`.
+        address: as in `parse_address`.
         key: of the scenario, for messages.
         virtual: geometry of a virtual board, which is the cycle model; the default one if None.
     """
@@ -78,13 +89,13 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
             from rtl_model.virtual import VirtualBoard
 
             geometry = (virtual or Geometry())._replace(baud=_VIRTUAL_BAUD)
-            with VirtualBoard(geometry, level="model") as simulated:
-                opened = open_port(simulated.port, _VIRTUAL_BAUD)
+            with VirtualBoard(geometry, level="model") as served:
                 yield from _connected(
-                    opened, "the virtual board", simulated.time_scale, SIMULATED_PATIENCE_S
+                    served.port, _VIRTUAL_BAUD, "the virtual board", True, served.time_scale
                 )
         else:
-            yield from _connected(open_port(port, baud), f"the board at {port}", 1.0, PATIENCE_S)
+            simulated = is_loopback(port) if is_udp(port) else is_pty(port)
+            yield from _connected(port, baud, f"the board at {port}", simulated, 1.0)
     except LineFault as fault:
         raise InputError(
             f"the board of {key}", "one that answers without a fault", f"at fault: {fault.text}",
@@ -92,11 +103,10 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
         ) from fault  # fmt: skip
 
 
-def _connected(port: Port, name: str, time_scale: float, patience_s: float) -> Iterator[OpenBoard]:
-    try:
-        bone = Uartbone(port, time_scale=time_scale, patience_s=patience_s)
+def _connected(
+    port: str, baud: int, name: str, simulated: bool, time_scale: float
+) -> Iterator[OpenBoard]:
+    with opened_bone(port, baud, simulated=simulated, time_scale=time_scale) as (bone, _):
         bone.resynchronise()
         board = Board(bone)
-        yield OpenBoard(board, board.info(), name, port.baud)
-    finally:
-        port.close()
+        yield OpenBoard(board, board.info(), name)

@@ -102,8 +102,8 @@ class _ChipSection(Section):
     )
     source: str | None = Field(
         default=None,
-        description="serial:PORT or serial:PORT,BAUD: a board makes the spikes, PORT a device, a "
-        "URL of pyserial or virtual; simulated when absent",
+        description="serial:PORT, serial:PORT,BAUD or udp:HOST[:PORT]: a board makes the spikes, "
+        "PORT of a serial line a device, a URL of pyserial or virtual; simulated when absent",
     )
     readout: Literal["synchronous", "asynchronous", "continuous"] = Field(
         default="synchronous",

@@ -15,6 +15,7 @@ from rtl_model.bringup.bench.stage import StageFault
 from rtl_model.bringup.bench.wrong_bits import WrongBits
 from rtl_model.geometry import Geometry
 from rtl_model.host import Bone, Uartbone
+from rtl_model.host.countdown import Countdown
 from rtl_model.host.csr import CsrMap
 from rtl_model.host.ether import Etherbone
 from rtl_model.registers import REGISTERS
@@ -121,6 +122,10 @@ class Bench:
     def line_s(self, count: int) -> float:
         """Duration of `count` bytes on the line, s; 0 if unknown."""
         return self.bone.line_s(count)
+
+    def limit(self, seconds: float) -> Countdown:
+        """A limit for a loop that polls the board; a turn counts at most a tenth of it."""
+        return Countdown(seconds, seconds / 10, self.port.now)
 
     def ticks_s(self, ticks: int, select: int = 0) -> float:
         """Duration of `ticks` ticks of the default length by the port's clock, s."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import time
+import math
 
 from cosim import ViformError
+from rtl_model.host.countdown import Countdown
 from rtl_model.host.ether import PacketPort
 from rtl_model.host.ports import Port
 
 __all__ = ["Deadline", "DeadlinePort", "DeadlineSocket", "OutOfTime"]
+
+_COUNTED_S = 10.0  # most of an operation, or of a pause between two, that counts
 
 
 class OutOfTime(ViformError):
@@ -27,11 +30,11 @@ class Deadline:
 
     def __init__(self, inner: Port | PacketPort) -> None:
         self.inner, self.name = inner, inner.name
-        self._end = float("inf")
+        self.allow(math.inf)
 
     def allow(self, seconds: float) -> None:
         """Sets the time limit, s from now by the system's clock."""
-        self._end = time.monotonic() + seconds
+        self._limit = Countdown(seconds, _COUNTED_S)
 
     def now(self) -> float:
         """As the wrapped port's."""
@@ -43,7 +46,7 @@ class Deadline:
         self.inner.close()
 
     def _left(self) -> float:
-        left = self._end - time.monotonic()
+        left = self._limit.left()
         if left <= 0:
             raise OutOfTime("the time limit has passed")
         return left

@@ -104,7 +104,7 @@ def virtual_board(
 @contextmanager
 def open_endpoint(
     port: str,
-    baud: int,
+    baud: int | None,
     time_scale: float | None,
     *,
     simulated: bool | None = None,
@@ -116,7 +116,7 @@ def open_endpoint(
 
     Args:
         port: a device, a URL of pyserial, `udp:HOST[:PORT]`, or `VIRTUAL`.
-        baud: of the line.
+        baud: of a serial line; None for 115 200, and with a board over UDP.
         time_scale: seconds of the host's time to a second of the board's clock; None for 1, or
             for the measured value of a virtual board.
         simulated: whether a simulated board is behind the port; None: true for a pty and a
@@ -124,13 +124,17 @@ def open_endpoint(
         level, faults, geometry: of a virtual board.
     """
     from cosim import InputError
+    from rtl_model.geometry import Geometry
     from rtl_model.host import is_pty
     from rtl_model.host.ether import is_loopback, is_udp
 
     if time_scale is not None and not 0 < time_scale < 1e6:
         raise InputError("--time-scale", "above 0", str(time_scale), "1 is a real board's")
-    if baud <= 0:
+    if baud is not None and baud <= 0:
         raise InputError("--baud", "above 0", str(baud), "115200 is common")
+    if baud is not None and is_udp(port):
+        raise InputError("--baud", "given with a serial port", f"with {port}", "leave it out")
+    baud = baud or Geometry().baud
     if port != VIRTUAL:
         if faults or level != "bytes":
             raise InputError(

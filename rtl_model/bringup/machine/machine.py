@@ -20,6 +20,7 @@ from rtl_model.bringup.machine.waves import checked_trace
 from rtl_model.bringup.report.page import TITLE, make_sections
 from rtl_model.bringup.report.summary import simulated, subtitle
 from rtl_model.geometry import Geometry
+from rtl_model.host.ether import is_udp
 from rtl_model.virtual import nominal_clock
 
 __all__ = ["BoardMachine"]
@@ -55,7 +56,7 @@ class BoardMachine:
         self.bits = 0 if geometry is None else section.frames * geometry.rows * geometry.columns
         self._stack = ExitStack()
         endpoint = open_endpoint(
-            section.port, section.baud, section.time_scale,
+            section.port, None if is_udp(section.port) else section.baud, section.time_scale,
             level="bytes" if geometry is None else section.level, faults=section.faults,
             geometry=geometry,
         )  # fmt: skip

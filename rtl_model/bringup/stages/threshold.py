@@ -67,10 +67,10 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
     before = bench.read_stable("sensor_frame_clock")
     bench.write("sensor_run", 1)
     patience = bench.ticks_s(_LEAST_FRAMES, select)
-    end = bench.port.now() + 10 * patience + 2.0
+    limit = bench.limit(10 * patience + 2.0)
     # Until the first frame begins, the counters still hold the values of the previous run.
     while bench.read("sensor_frame_clock") == before or bench.read("sensor_frames") < _LEAST_FRAMES:
-        if bench.port.now() > end:
+        if limit.left() <= 0:
             bench.write("sensor_run", 0)
             raise StageFault(
                 "stands-still",
@@ -79,6 +79,7 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
             )
         bench.bone.pause(patience / 4)
     bench.write("sensor_run", 0)
+    limit.restart()
     while True:
         frames = bench.read("sensor_frames")
         if frames < _LEAST_FRAMES:
@@ -92,7 +93,7 @@ def _run(bench: Bench, level: int, select: int) -> tuple[int, int]:
             "sensor_frames"
         ):
             return frames, bench.read_stable("sensor_spikes")
-        if bench.port.now() > end + 2.0:
+        if limit.left() <= 0:
             raise StageFault(
                 "rows",
                 f"{read} rows were read in {frames} frames of {bench.geometry.rows}",

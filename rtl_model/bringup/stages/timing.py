@@ -79,13 +79,13 @@ def _ticks(bench: Bench, period: int, select: int) -> int:
     """Compares differences of frame clocks with whole periods; returns their number."""
     before = bench.read_stable("sensor_frame_clock")
     bench.write("sensor_run", 1)
-    end = bench.port.now() + 2.0 + 100 * bench.ticks_s(1, select)
+    limit = bench.limit(2.0 + 100 * bench.ticks_s(1, select))
     starts: list[int] = []  # of frames that began under these settings
     while len(starts) <= _DIFFERENCES:
         now = bench.read("sensor_frame_clock")
         if now != (starts[-1] if starts else before):
             starts.append(now)
-        elif bench.port.now() > end:
+        elif limit.left() <= 0:
             bench.write("sensor_run", 0)
             raise StageFault(
                 "stands-still",

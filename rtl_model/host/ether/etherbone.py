@@ -157,17 +157,14 @@ class Etherbone:
 
         Raises LineFault SILENT, GONE or, for an answer to a read that may not be repeated, SHORT.
         """
-        if not fixed if retry is None else retry:
-            check_address(address, words)
-            return list(map(int, self.read_words(address, words)))
         check_address(address, 1 if fixed else words)
+        if not fixed if retry is None else retry:
+            return list(map(int, self.read_addresses(_places(address, words, fixed))))
         values: list[int] = []
         while len(values) < words:
             count = min(words - len(values), self.words_at_once)
             place = address if fixed else address + 4 * len(values)
-            step = 0 if fixed else 4
-            addresses = (np.arange(count, dtype=np.int64) * step + place).astype(">u4")
-            data = self._once(addresses.tobytes())
+            data = self._once(_places(place, count, fixed).tobytes())
             values += np.frombuffer(data, ">u4").tolist()
         return values
 
@@ -183,7 +180,7 @@ class Etherbone:
             words: number of words.
         """
         check_address(address, words)
-        return self.read_addresses((address + 4 * np.arange(words, dtype=np.int64)).astype(">u4"))
+        return self.read_addresses(_places(address, words, False))
 
     def read_addresses(self, addresses: Words) -> Words:
         """Reads words at any byte addresses, with many requests in flight.
@@ -391,3 +388,9 @@ class Etherbone:
             same = version >> 16 == VERSION >> 16 and version & 0xFFFF >= 1
             self._numbered = magic == MAGIC and same
         return self._numbered
+
+
+def _places(address: int, words: int, fixed: bool) -> Words:
+    """The byte address of each word, (words,) big-endian uint32."""
+    step = 0 if fixed else 4
+    return (address + step * np.arange(words, dtype=np.int64)).astype(">u4")

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
+from rtl_model.host.countdown import Countdown
 from rtl_model.host.ether.packet import answered
 from rtl_model.host.faults import Cause, LineFault
 
@@ -25,6 +26,7 @@ _LATER = 3  # answers to later requests that prove a loss, as in TCP (RFC 5681, 
 _GAIN, _VARIATION_GAIN = 1 / 8, 1 / 4  # of the smoothed round trip and its variation (RFC 6298)
 _LEAST_WAIT_S = 20e-3  # before an answer is overdue: a busy machine may suspend a thread so long
 _DOUBTFUL_WAIT_S = 50e-3  # least wait for an answer that may never come
+_LISTEN_S = 0.1  # longest wait of `listen` for one datagram
 _FIRST_WAIT = 0.1  # share of the patience before a round trip is known
 _WINDOW, _MOST_WINDOW = 4.0, 128.0  # requests in flight: at first, and at most
 _SILENCES = 4  # times the patience, after which an exchange without any answer is given up
@@ -130,7 +132,7 @@ class Exchange:
         self._given_up: dict[int, Sent] = {}
         self._done: dict[int, None] = {}
         self._newest = -1  # transmission whose answer has arrived
-        self._heard = port.now()
+        self._silence = Countdown(_SILENCES * patience_s, patience_s, port.now)
         self._backed_off = 1.0
         self.least_wait_s = _LEAST_WAIT_S
         self._cut = -1  # transmission up to which a loss has reduced the window
@@ -156,7 +158,8 @@ class Exchange:
 
     def begin(self) -> None:
         """Starts an exchange: silence is counted from now on, and older requests are left."""
-        self._heard, self._backed_off = self.port.now(), 1.0
+        self._silence.restart()
+        self._backed_off = 1.0
         self.port.refused = False
         self._turn += 1
         for tag, sent in self._flying.items():
@@ -236,9 +239,9 @@ class Exchange:
 
     def listen(self, seconds: float) -> None:
         """Takes what arrives within a time."""
-        end = self.port.now() + seconds
-        while (left := end - self.port.now()) > 0:
-            data = self.port.receive(left)
+        limit = Countdown(seconds, _LISTEN_S, self.port.now)
+        while (left := limit.left()) > 0:
+            data = self.port.receive(min(left, _LISTEN_S))
             answer = None if data is None else answered(data)
             if answer is not None:
                 self._take(answer[0])
@@ -263,7 +266,8 @@ class Exchange:
             counts.reordered += 1
         else:
             self._newest = sent.order
-        self._heard, self._backed_off = now, 1.0
+        self._silence.restart()
+        self._backed_off = 1.0
         self._measure(now - sent.at)
         self.window = min(_MOST_WINDOW, self.window + 1 / self.window)
         _remember(self._done, tag, None)
@@ -283,13 +287,14 @@ class Exchange:
         self.counts.lost += 1
 
     def _check_silence(self) -> None:
-        silence = self.port.now() - self._heard
+        over = self._silence.left() <= 0
+        silence = self._silence.spent
         if self.port.refused and silence > _FIRST_WAIT * self.patience_s:
             raise LineFault(
                 Cause.SILENT, f"no program listens at {self.port.name}",
                 "name the port of the board, or start `viform board virtual --udp`",
             )  # fmt: skip
-        if silence > _SILENCES * self.patience_s:
+        if over:
             raise silent(self.port, silence, self.counts.answered > 0)
 
 

@@ -54,7 +54,7 @@ def board_bringup(
 
     with endpoint_of(options) as endpoint:
         bring_up_options = BringUp(
-            baud=options.baud,
+            baud=endpoint.baud,
             csr=csr,
             stop_at_first=not all_stages,
             simulated=endpoint.simulated,

@@ -10,7 +10,7 @@ import typer
 from cosim.config.amounts import number
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, SilentProgress, make_progress, print_document
 
 if TYPE_CHECKING:
     from rtl_model.host import Captured
@@ -130,6 +130,11 @@ def _read(
         for name, value in [assignment(text) for text in assignments or ()]:
             connection.board.write(name, value)
         reading = read_charges(connection.board, levels)
+    if not reading.frames:
+        SilentProgress().note(
+            "no frame began since the sensor was cleared, so every charge is 0; "
+            "--set sensor_run=1 runs it"
+        )
     cycle = np.array([reading.frames], np.int64)
     write_readings(Readings(cycle, reading.level[None], levels), out)
     height, width = reading.level.shape

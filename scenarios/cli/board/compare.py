@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rtl_model.bringup.bench.endpoint import VIRTUAL
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, make_progress, print_document
@@ -39,7 +38,9 @@ class LockstepOptions:
 def board_compare(
     options: BoardOptions,
     verilog: LockstepOptions,
-    frames: Annotated[int, typer.Option(min=1, help="to capture and compare")] = 8,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="to capture and compare", show_default="8")
+    ] = None,
     levels: Annotated[
         int | None,
         typer.Option(help="then also read and compare the charges, in so many levels up to 128"),
@@ -61,19 +62,20 @@ def board_compare(
     from cosim import InputError
 
     if lockstep:
-        virtual = options.port == VIRTUAL and not options.fault
-        if not virtual or assignments or options.log is not None:
+        if options != BoardOptions() or assignments or frames is not None or levels is not None:
             raise InputError(
-                "--port, --fault, --set and --log", "left out with --lockstep", "given",
-                "leave them out, because --lockstep runs the Verilog; for a board leave out "
-                "--lockstep",
+                "--frames, --levels, --set and the options of the line", "left out with --lockstep",
+                "given", "leave them out, because --lockstep runs the Verilog; for a board leave "
+                "out --lockstep",
             )  # fmt: skip
         _lockstep(verilog, json)
         return
-    if (verilog.trace, verilog.sources, verilog.until) != (None, None, None):
+    if verilog != LockstepOptions():
         raise InputError(
-            "--trace, --sources and --until", "given with --lockstep", "without", "add --lockstep"
-        )
+            ", ".join(f"--{field.name}" for field in fields(verilog)), "given with --lockstep",
+            "without", "leave them out, because a board has its own size, or add --lockstep",
+        )  # fmt: skip
+    frames = 8 if frames is None else frames
     from rtl_model.bringup.bench.charges import read_and_compare
     from rtl_model.bringup.bench.frames import capture_and_compare
     from rtl_model.host import LEVELS

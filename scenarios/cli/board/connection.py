@@ -41,7 +41,7 @@ class LineOptions:
             "start a board"
         ),
     ] = VIRTUAL
-    baud: Annotated[int, typer.Option(help="of a serial line")] = 115_200
+    baud: Annotated[int | None, typer.Option(help="of a serial line", show_default="115200")] = None
     csr: Csr = None
     log: Annotated[
         Path | None, typer.Option(help="file to write: every transaction with its time")
@@ -91,14 +91,23 @@ class Connection:
     Attributes:
         board: its registers.
         url: of the port.
+        baud: of a serial line, None over UDP.
     """
 
     board: Board
     url: str
+    baud: int | None
 
 
 def endpoint_of(options: LineOptions) -> Any:
     """The context that opens the endpoint of the options."""
+    from cosim import InputError
+    from rtl_model.host.ether import is_udp
+
+    if is_udp(options.port) and options.low_latency:
+        raise InputError(
+            "--low-latency", "given with a serial port", f"with {options.port}", "leave it out"
+        )
     virtual: dict[str, Any] = {"simulated": options.simulated}
     if isinstance(options, BoardOptions):
         virtual |= {"level": options.level, "faults": options.fault}
@@ -122,13 +131,14 @@ def connect(
         confirm: whether the design is checked before the command begins, unless --force is set.
     """
     from rtl_model.host import Board, LineFault, opened_bone, recognised
+    from rtl_model.host.ether import is_udp
 
     known = csr_map(options.csr)
     with ExitStack() as stack:
         try:
             endpoint: Endpoint = stack.enter_context(endpoint_of(options))
             opened = opened_bone(
-                endpoint.url, options.baud, simulated=endpoint.simulated,
+                endpoint.url, endpoint.baud, simulated=endpoint.simulated,
                 time_scale=endpoint.time_scale, log=options.log, low_latency=options.low_latency,
             )  # fmt: skip
             bone, granted = stack.enter_context(opened)
@@ -139,7 +149,7 @@ def connect(
             board = Board(bone, known)
             if confirm and not options.force:
                 board.confirm()
-            yield Connection(board, endpoint.url)
+            yield Connection(board, endpoint.url, None if is_udp(endpoint.url) else endpoint.baud)
         except LineFault as fault:
             raise _failed(fault, json) from None
 

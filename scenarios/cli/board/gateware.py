@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,7 +28,10 @@ class BuildOptions:
     rows: Annotated[int, typer.Option(min=1, max=4095, help="of pixels")] = 32
     columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32
     lanes: Annotated[int, typer.Option(help="pixels computed in a clock, 32 or 64")] = 32
-    baud: Annotated[int, typer.Option(min=1, max=12_000_000, help="of the line")] = 115_200
+    baud: Annotated[
+        int | None,
+        typer.Option(min=1, max=12_000_000, help="of the serial line", show_default="115200"),
+    ] = None
 
 
 @expand_options
@@ -93,11 +96,15 @@ def board_gateware(
     if ethernet is not None:
         addresses = network(_IP if ip is None else ip, _MAC if mac is None else mac)
         wire = {"ethernet": ethernet_named(target, ethernet), "network": addresses}
+        if build.baud is not None:
+            raise InputError(
+                "--baud", "left out with --ethernet", "given", "Ethernet replaces the serial line"
+            )
         if cells:
             raise InputError(
                 "--cells", "left out with --ethernet", "given", "LiteEth's core is made by `make`"
             )
-    design = design_for(board, **asdict(build), **wire)
+    design = design_for(board, **asdict(replace(build, baud=build.baud or 115_200)), **wire)
     check_folder(out)
     counted = None
     if cells:

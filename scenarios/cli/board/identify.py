@@ -17,11 +17,10 @@ def board_identify(
     """Identify a Viform board or imager, with its size and build, or another LiteX design by its
     csr.csv."""
     from rtl_model.host import BoardInfo, Cause, LineFault
-    from rtl_model.host.ether import is_udp
 
     with connect(options, json, recognise=True, confirm=False) as connection:
         board = connection.board
-        rate = None if is_udp(connection.url) else options.baud
+        rate = connection.baud
         has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
         identifier = board.identifier() if has_name else None
         document: dict[str, object] = {

@@ -35,9 +35,15 @@ def board_regs(
 ) -> None:
     """List, read and write registers of a Viform board or imager, or of any LiteX design by its
     csr.csv."""
+    from cosim import InputError
     from rtl_model.host import default_map
 
     writes = [assignment(text) for text in assignments or ()]
+    if listing and (writes or options != LineOptions(csr=options.csr)):
+        raise InputError(
+            "--set and the options of the line", "left out with --list", "given",
+            "leave them out, because --list needs no board",
+        )  # fmt: skip
     known = csr_map(options.csr)
     if known is None and (listing or options.port == VIRTUAL):
         known = default_map()

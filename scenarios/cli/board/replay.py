@@ -35,6 +35,8 @@ def board_replay(
     from cosim import InputError
     from rtl_model.host import ReplayPort, default_map, is_pty
 
+    if frames is not None and not judge:
+        raise InputError("--frames", "given with --bringup", "without", "add --bringup")
     port = ReplayPort(log)  # refuses a file that is not a log
     known = csr_map(csr)
     if judge:

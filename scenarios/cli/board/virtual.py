@@ -70,7 +70,10 @@ def board_virtual(
             "power-cycle@N, silent, slow=MS, baud=PERCENT, noise=SHARE, stuck=ROW,COLUMN, foreign"
         ),
     ] = None,
-    baud: Annotated[int, typer.Option(min=50, max=12_000_000, help="of the line")] = 115_200,
+    baud: Annotated[
+        int | None,
+        typer.Option(min=50, max=12_000_000, help="of the line", show_default="115200"),
+    ] = None,
     udp: Annotated[
         str | None,
         typer.Option(
@@ -94,7 +97,13 @@ def board_virtual(
     if udp is not None:
         if link is not None:
             raise InputError("--link", "left out with --udp", "given", "a pty has a link only")
+        if baud is not None:
+            raise InputError(
+                "--baud", "left out with --udp", "given",
+                "a network has none; --clock sets the board's clock",
+            )  # fmt: skip
         udp = udp if is_udp(udp) else f"udp:{udp}"
+    baud = baud or 115_200
     text = ""
     if imager is not None:
         from rtl_model.imagers.catalogue import design

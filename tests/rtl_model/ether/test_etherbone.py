@@ -35,6 +35,8 @@ def test_registers_by_name(bone):
     board.write("ctrl_scratch", 0xDEADBEEF)
     assert board.read("ctrl_scratch") == 0xDEADBEEF
     assert board.identifier() == "Viform spike board 4x40"
+    for retry in (False, True):
+        assert bone.read(ADDRESS["ctrl_scratch"], 3, fixed=True, retry=retry) == [0xDEADBEEF] * 3
 
 
 def test_a_write_is_done_once_though_its_packets_are_lost_and_repeated(board):

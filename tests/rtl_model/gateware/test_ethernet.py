@@ -23,6 +23,16 @@ def design(name, phy):
 
 
 @pytest.mark.parametrize(("name", "phy"), EVERY, ids=lambda one: getattr(one, "name", one))
+def test_the_core_alone_uses_the_pins_of_the_phy(name, phy):
+    """nextpnr refuses LiteEth's input flip-flop in a pad whose signal has another load."""
+    top = design(name, phy).files()[f"{TOP}.v"]
+    body = top[top.index(");") :]
+    for port in phy.pins:
+        assert len(re.findall(rf"\({phy.kind}_{port}\)", body)) == 1
+        assert len(re.findall(rf"\b{phy.kind}_{port}\b", body)) == 2  # the core's port, and this
+
+
+@pytest.mark.parametrize(("name", "phy"), EVERY, ids=lambda one: getattr(one, "name", one))
 def test_constraints_name_every_port_once(name, phy):
     target = TARGETS[name]
     files = design(name, phy).files()

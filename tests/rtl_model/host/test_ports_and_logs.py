@@ -72,7 +72,6 @@ def test_a_port_that_is_gone_is_not_a_bad_baud():
 def test_a_write_that_nobody_takes_ends(terminal):
     _, name = terminal
     port = open_port(name, 115_200)
-    port.inner.write_timeout = 0.05
     with pytest.raises(LineFault) as fault:
         port.write(bytes(1 << 20), 0.05)
     assert fault.value.cause is Cause.STUCK

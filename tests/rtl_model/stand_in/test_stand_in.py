@@ -10,8 +10,16 @@ from cosim import InputError
 from rtl_model.cycle import Bridge, Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, LineFault, Uartbone
-from rtl_model.stand_in import BoardDisplay, BoardSensor, OpenBoard, finest_level, quantise
+from rtl_model.stand_in import (
+    BoardDisplay,
+    BoardSensor,
+    OpenBoard,
+    finest_level,
+    open_board,
+    quantise,
+)
 from rtl_model.stand_in.opening import parse_address
+from rtl_model.virtual.ethernet import EthernetBoard
 
 SMALL = Geometry(rows=5, columns=40, capture_words=128, sink_words=64, baud=3_000_000)
 
@@ -63,7 +71,7 @@ class BridgePort:
 
 def place(geometry: Geometry = SMALL, byte_clocks: int | None = 1) -> OpenBoard:
     board = Board(Uartbone(BridgePort(geometry, byte_clocks)))
-    return OpenBoard(board, board.info(), "the model", 3_000_000)
+    return OpenBoard(board, board.info(), "the model")
 
 
 @pytest.mark.parametrize("byte_clocks", [1, None])
@@ -165,6 +173,42 @@ def test_a_place_is_a_port_and_perhaps_a_baud() -> None:
         "socket://10.0.0.7:1234",
         3_000_000,
     )
+    assert parse_address("udp:10.0.0.7", "k")[0] == "udp:10.0.0.7:1234"
+    assert parse_address("udp:[::1]:1235", "k")[0] == "udp:[::1]:1235"
     for wrong in ("", "serial:", "usb:/dev/x", "serial:x,", "serial:x,0", "serial:x,fast"):
         with pytest.raises(InputError, match="k must be serial:PORT"):
             parse_address(wrong, "k")
+
+
+@pytest.mark.parametrize(
+    ("address", "says"),
+    [
+        ("udp:", "a port over UDP must be udp:HOST or udp:HOST:PORT"),
+        ("udp:10.0.0.7:0", "the port of udp:10.0.0.7 must be a number from 1 to 65535"),
+        ("udp:10.0.0.7,115200", "k must be without a baud.*; write it like udp:10.0.0.7$"),
+        ("serial:udp:10.0.0.7", "k must be udp:HOST.*; write it like udp:10.0.0.7$"),
+    ],
+)
+def test_a_wrong_address_over_udp_says_how_to_write_it(address: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        parse_address(address, "k")
+
+
+def test_a_board_over_udp_replaces_sensor_and_display() -> None:
+    """Bursts over Etherbone join, and the shown planes come back, on one board after another."""
+    steps = np.random.default_rng(4).integers(0, 256, (5, 40)).astype(np.uint8)
+    shown = np.random.default_rng(5).random((11, 5, 40)) < 0.3
+    with EthernetBoard("udp:127.0.0.1:0", SMALL, level="model") as served:
+        with open_board(served.port, "k") as opened:
+            sensor = BoardSensor(opened, 1, "residual", 23)
+            taken = sensor.expose(steps, 23)
+            truth = planes(SMALL, Settings(threshold=1), steps, 23, np.zeros((5, 40), np.int64))
+            np.testing.assert_array_equal(taken, truth)
+            assert (sensor.wrong_bits, sensor.uploads, sensor.burst) == (0, 1, 5)
+        with open_board(served.port, "k") as opened:
+            assert BoardDisplay(opened, back=True).show(shown) == (11, False, 0)
+    with (
+        pytest.raises(InputError, match="must be the address of a board that answers"),
+        open_board("udp:127.0.0.1:9", "k"),
+    ):
+        pass

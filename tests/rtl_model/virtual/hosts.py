@@ -88,12 +88,16 @@ class Host:
         raise AssertionError("a begun frame does not end")
 
 
-def pass_time(made: VirtualBoard, seconds: float) -> None:
+def pass_time(made: VirtualBoard, seconds: float, since: int | None = None) -> None:
     """Waits for a duration in the board's time, which lags behind the wall clock on a busy machine.
 
-    There must be no loss of power meanwhile.
+    There must be no loss of power meanwhile. A wait that begins long after the last byte is slow,
+    because the board rests then.
+
+    since: clock of the board at which the duration begins; now if None.
     """
-    until = made.clock + round(seconds * made.geometry.clock_hz)
+    begun = made.clock if since is None else since
+    until = begun + round(seconds * made.geometry.clock_hz)
     end = time.monotonic() + PATIENCE_S
     while made.clock < until:
         assert time.monotonic() < end, "the board's clock stands"

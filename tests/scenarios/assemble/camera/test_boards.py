@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import open_board
 from rtl_model.virtual import VirtualBoard
+from rtl_model.virtual.ethernet import EthernetBoard
 from scenarios.assemble.camera.boards import BoardCamera
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.link_loop import open_loop
@@ -54,12 +56,25 @@ def test_light_that_ramps_reaches_the_board_tick_by_tick() -> None:
     assert 0 < camera.worst <= 0.5 / q
 
 
-def test_a_run_with_a_board_at_both_ends(tmp_path: Path) -> None:
+@pytest.fixture(params=["serial", "udp"])
+def address(request) -> Iterator[str]:
+    """A virtual board, of the run itself or over UDP."""
+    if request.param == "serial":
+        yield "serial:virtual"
+        return
+    with EthernetBoard("udp:127.0.0.1:0", level="model") as board:
+        yield board.port
+
+
+def test_a_run_with_a_board_at_both_ends(address: str, tmp_path: Path) -> None:
     """Eight bars: each fires at its own rate to the electron, and the sink has shown them all."""
-    sets = [key for key in STEP[2:] if key != "--set"]
     name, scenario = load(
-        "step", [*sets, "display.sink=serial:virtual", "duration=1.1 ms", "image.at=[22]"]
-    )
+        "step",
+        [
+            f"sensor.source={address}", "display.sink=serial:virtual", "duration=1.1 ms",
+            "image.at=[22]",
+        ],
+    )  # fmt: skip
     done = run_scenario(
         name, scenario, tmp_path / "run", options=Options("numba"), progress=SilentProgress(),
         began=time.perf_counter(), report=lambda machine, run: [],
@@ -85,6 +100,7 @@ def test_a_run_with_a_board_at_both_ends(tmp_path: Path) -> None:
         (("sensor.crosstalk=0.1",), "sensor.crosstalk must be absent with sensor.source"),
         (("sensor.source=usb",), "sensor.source must be serial:PORT"),
         (("sensor.source=serial:/dev/none",), "no serial port answers to /dev/none"),
+        (("sensor.source=udp:127.0.0.1:9",), "must be the address of a board that answers"),
         (("duration=30 s",), "duration must be at most 1048576 cycles"),
         (("display.sink=serial:virtual", "sensor.source=serial:"), "sensor.source must be serial:"),
         (("sensor.readout=asynchronous",), "absent unless sensor.readout = synchronous"),

@@ -79,7 +79,7 @@ def test_a_slow_baud_passes(viform):
 
 def test_lockstep_has_no_port(refused, tmp_path):
     said = refused("board", "compare", "--lockstep", "--port", "/dev/ttyUSB0")
-    assert "--log must be left out with --lockstep" in said
+    assert "options of the line must be left out with --lockstep" in said
 
 
 def test_waveforms_of_lockstep_need_their_folder_before_it_begins(refused, tmp_path):
