@@ -52,8 +52,7 @@ class Design(NamedTuple):
             rules = recipe(self.target, sorted(texts), name)
         else:
             texts[f"{TOP}.v"] = ethernet_top(self.target, ethernet, self.geometry, self.build)
-            rgmii = ethernet.kind == "rgmii"  # its 125 MHz are more than the default mapping gives
-            rules = recipe(self.target, sorted(texts), name, core=f"{CORE}.v", fast=rgmii)
+            rules = recipe(self.target, sorted(texts), name, core=f"{CORE}.v")
             texts["liteeth.yml"] = core_config(ethernet, self.target.part, net)
         texts |= {name: text, "csr.csv": csr_csv(self.geometry)}
         texts["README.md"] = readme(self.target, self.geometry, self.build, ethernet, net)

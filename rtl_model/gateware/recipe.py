@@ -11,7 +11,7 @@ __all__ = ["recipe"]
 
 
 def recipe(
-    target: Target, sources: Sequence[str], constraint: str, *, core: str = "", fast: bool = False
+    target: Target, sources: Sequence[str], constraint: str, *, core: str = ""
 ) -> dict[str, str]:
     """Names and texts of the files that build and load a design.
 
@@ -20,7 +20,6 @@ def recipe(
         sources: names of the Verilog files and headers.
         constraint: name of the constraint file.
         core: Verilog file that LiteEth writes from liteeth.yml, empty for none.
-        fast: whether yosys maps an ECP5 by delays (-abc9), which takes longer.
     """
     sources = [*sources, core] if core else sources
     modules = [name for name in sources if name.endswith(".v")]
@@ -32,7 +31,7 @@ def recipe(
         f"{liteeth}"
     )
     if target.device.family == "ecp5":
-        return {"Makefile": head + _TOOLS + tail + _ecp5(target, modules, constraint, fast)}
+        return {"Makefile": head + _TOOLS + tail + _ecp5(target, modules, constraint)}
     return {
         "build.tcl": _vivado(target, modules, constraint),
         "Makefile": head
@@ -62,14 +61,15 @@ DFU_UTIL ?= dfu-util
 """
 
 
-def _ecp5(target: Target, modules: Sequence[str], constraint: str, fast: bool) -> str:
-    device, mapper = target.device, " -abc9" if fast else ""
+def _ecp5(target: Target, modules: Sequence[str], constraint: str) -> str:
+    device = target.device
     code = f" --idcode {device.idcode}" if device.idcode else ""
+    # Mapped by delays (-abc9): fewer LUTs and shorter paths, see docs/fpga.md.
     # nextpnr fails if the timing is not met, so every viform.bit meets it.
     return (
         "viform.json: $(VERILOG)\n"
         f'\t$(YOSYS) -q -l yosys.log -p "read_verilog -I. {" ".join(modules)}; '
-        f'synth_ecp5{mapper} -top {TOP} -json $@"\n\n'
+        f'synth_ecp5 -abc9 -top {TOP} -json $@"\n\n'
         f"viform.config: viform.json {constraint}\n"
         f"\t$(NEXTPNR) --{device.option} --package {target.package} --speed {target.speed} "
         f"--json viform.json --lpf {constraint} \\\n"
