@@ -307,9 +307,10 @@ def stream_page(run: LatchedRun) -> Page:
         f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
         f"--window {run.scenario.image.window}{placing} --scale {shot.white!r} --out a.png"
     )
-    where, what, wrong = "from the same board", "a test board", board_error(run.result.metrics)
     if run.scenario.sensor.source is None:
         where, what, wrong = _WHERE[run.plan.tier], run.setting.chip.title, Page.unmeasured
+    else:
+        where, what, wrong = "from the same board", "a test board", board_error(run.result.metrics)
     files = [
         "figures/overview.png",
         "figures/instants.png",
