@@ -104,12 +104,20 @@ def open_stream(
     with _readable(path):
         path, config = _located(path)
         ending = ending_of(path)
+        if ending not in FORMATS and (path / "result.json").exists():
+            frames = (path / "frames.zarr").exists()
+            raise InputError(
+                "the run", "one with stream.zarr", f"{path}, a run of frames" if frames
+                else f"{path}, which has none",
+                "name the run of a spike camera" if frames
+                else "run it again without --store none",
+            )  # fmt: skip
         if ending not in FORMATS:
             raise InputError(
                 "the stream",
                 f"a {', '.join(FORMATS)} or the folder of a run",
-                str(path),
-                "rename or convert it",
+                f"{path}, a folder without a stream" if path.is_dir() else str(path),
+                "name a file in it" if path.is_dir() else "rename or convert it",
             )
         if order != DAT_ORDER and ending != ".dat":
             raise InputError(

@@ -9,9 +9,9 @@ import shlex
 __all__ = ["as_called"]
 
 _COMMAND = re.compile(
-    r"(?<![\w./-])viform (?=(?:run|list|plan|test|doctor|convert|image|accuracy|stability|paper|"
-    r"bench|link|board|design|compare|compare-methods|live|view|sweep|dataset|calibrate|laboratory)"
-    r"\b)"
+    r"(?<![\w./-])viform (?=(?:run|list|plan|test|doctor|convert|image|reconstruct|accuracy|"
+    r"stability|paper|bench|link|board|design|compare|compare-methods|live|view|sweep|dataset|calibrate|"
+    r"laboratory)\b)"
 )
 """The program's name before a command; "viform 1.2" is no command."""
 

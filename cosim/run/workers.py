@@ -80,7 +80,12 @@ class _Dask:
 def check_workers(workers: int | None) -> None:
     """Raises InputError for a number of processes that is none."""
     if workers is not None and not 1 <= workers <= MOST_WORKERS:
-        raise InputError("--workers", f"1 to {MOST_WORKERS}", f"{workers}", "change it")
+        raise InputError(
+            "--workers",
+            f"1 to {MOST_WORKERS}",
+            f"{workers}",
+            f"write {1 if workers < 1 else MOST_WORKERS}",
+        )
 
 
 @contextmanager

@@ -195,12 +195,17 @@ def _bounds(name: str, given: Any, size: int) -> tuple[int, int]:
         at = int(given) + (size if given < 0 else 0)
         part = slice(max(at, 0), max(at + 1, 0))
     if not isinstance(part, slice) or part.step not in (None, 1):
-        raise InputError(name, "a slice without a step, or an index", repr(given), "change it")
+        raise InputError(
+            name, "a slice without a step, or an index", repr(given), "write first:stop"
+        )
     first, stop, _ = part.indices(size)
     if stop <= first:
         text = f"{part.start}:{part.stop}".replace("None", "")
         raise InputError(
-            name, f"a part of 0:{size}", text if part is given else repr(given), "change it"
+            name,
+            f"a part of 0:{size}",
+            text if part is given else repr(given),
+            f"write first:stop with 0 <= first < stop <= {size}",
         )
     return first, stop
 

@@ -93,9 +93,7 @@ class Shutter:
         delay = self._delay().astype(np.int64)
         period = min(round(PS / self.rate.hz), self.light[1] - self.light[0])
         middle = self.rows(frame) + self.exposure // 2
-        begin = np.clip(
-            middle - period // 2, self.light[0] + delay, self.light[1] + delay - period
-        )
+        begin = np.clip(middle - period // 2, self.light[0] + delay, self.light[1] + delay - period)
         end = begin + period
         return self._overlap(begin, end, first, planes) / (end - begin)[:, None]
 
@@ -127,7 +125,10 @@ def make_shutter(section: FramesSection, panel: SpikePanel, planes: int) -> Shut
     for name, mine, whole in zip(("height", "width"), shape, panel.shape, strict=True):
         if whole % mine:
             raise InputError(
-                f"camera.{name}", f"a divisor of the panel's {whole}", str(mine), "change it"
+                f"camera.{name}",
+                f"a divisor of the panel's {whole}",
+                str(mine),
+                f"write {max(n for n in range(1, min(mine, whole) + 1) if whole % n == 0)}",
             )
     shutter = Shutter(
         panel, planes, shape, Clock.from_hz(section.frame_rate), seconds_to_ps(section.exposure),

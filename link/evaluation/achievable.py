@@ -18,11 +18,9 @@ import numpy as np
 
 from link.layout import Layout
 from link.mode import CELLS, Mode, ticks_chosen
-from link.prediction.light import cell_scene
-from link.receiving.tags import least_module
 from link.setting import LinkSetting
 from link.setup.pilot import film_pilot, strip_of
-from link.setup.truth import panel_in_view
+from link.setup.truth import panel_in_view, tag_module
 from link.theory.soft_information import SoftInformation, soft_information
 
 __all__ = ["LINE", "Achievable", "CellInformation", "can_be_read"]
@@ -37,8 +35,8 @@ spread between bands makes the interval wider than need be."""
 
 def can_be_read(setting: LinkSetting, mode: Mode) -> bool:
     """Whether a receiver can find the panel: all of it in view, tags large enough."""
-    module = setting.scale * Layout(mode).module
-    return panel_in_view(setting) and module >= least_module(cell_scene(setting).blur)
+    module, least = tag_module(setting, mode)
+    return panel_in_view(setting) and module >= least
 
 
 @dataclass(frozen=True)

@@ -51,12 +51,13 @@ def _eye(link: LinkEvaluation, figures: Path) -> str:
         else f"It is closed: without {percent(RARE)} of the traces of each bit, on and off overlap "
         f"by {number(abs(eye.height))}."
     )
+    span = "one tick" if link.mode.ticks == 1 else f"{link.mode.ticks} ticks"
     at = " to ".join(number(tick, 2, sign=True) for tick in eye.sampled)
     return (
         f"<h3>The eye</h3><p>{count(eye.traces)} symbols of data cells, from the recording: spikes "
         "of a cell's pixels, each weighted by the cell's share of its light, "
-        f"mean of a window of {link.mode.ticks} ticks that slides past the symbol, 1 if all "
-        "fire. The phase of a symbol within the camera's ticks differs by row and, because of the "
+        f"mean of a window of {span} that slides past the symbol, 1 if all fire. "
+        "The phase of a symbol within the camera's ticks differs by row and, because of the "
         "clock offset, by symbol; traces are linear between ticks. "
         f"The window nearest to a symbol lies {at} ticks from its middle. {text} Detectors weight "
         "each tick by its information and use the preceding ones, and make fewer errors than this "

@@ -115,7 +115,7 @@ def errors_figure(link: LinkEvaluation, path: Path) -> Data:
         ax.set_xlim(least, 1)
         ax.set_yticks(range(len(rows)), [name for name, *_ in rows], fontsize=9, color=INK)
         ax.set_ylim(len(rows) - 0.4, -0.6)
-        ax.set_xlabel("raw bit error rate, before line code and Reed-Solomon")
+        ax.set_xlabel("raw bit error rate, before line code and code of the words")
     return Data(
         ("rate", "raw bit error rate", "low, 99.9 %", "high, 99.9 %"),
         [(name, value, *(interval or (None, None))) for name, value, interval, _ in rows],

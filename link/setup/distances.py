@@ -15,16 +15,13 @@ import numpy as np
 
 from cosim import InputError
 from cosim.run.progress import Progress
-from link.layout import Layout
 from link.mode import Mode
-from link.prediction.light import cell_scene
-from link.receiving.tags import least_module
 from link.setting import LinkSetting, link_setting
 from link.setup.choosing import Choice
 from link.setup.locking.model import at_lock
 from link.setup.modes import choose_mode, fixed_mode
 from link.setup.setup import FileLinkSetup
-from link.setup.truth import panel_in_view
+from link.setup.truth import panel_in_view, tag_module
 
 __all__ = ["OTHERS", "RateAt", "rates_over_distance", "span_of"]
 
@@ -58,9 +55,9 @@ def span_of(setting: LinkSetting, mode: Mode) -> tuple[float, float]:
     here, focal = setting.air.distance, optics.focal_length
     # The image of a panel pixel is as large as the inverse of its distance from the focal point.
     tight = setting.scale * max(optics.height / chip.height, optics.width / chip.width)
-    module = setting.scale * Layout(mode).module / least_module(cell_scene(setting).blur)
+    module, least = tag_module(setting, mode)
     near = max(focal + (here - focal) * tight, 2.1 * focal)
-    far = focal + (here - focal) * module * (1 - 1e-9)
+    far = focal + (here - focal) * module / least * (1 - 1e-9)
     while near < far and not panel_in_view(_moved(setting, near)):  # it stands aside, or is turned
         near *= _STEP
     return near, far

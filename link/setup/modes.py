@@ -10,7 +10,6 @@ import numpy as np
 from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
-from link.layout import Layout
 from link.mode import CELLS, LINE_CODES, RATES, Mode, codes_of, ticks_chosen
 from link.prediction.error_bound import LEAST_CELL
 from link.prediction.light import cell_scene
@@ -20,7 +19,7 @@ from link.setting import LinkSetting
 from link.setup.adapting import Course
 from link.setup.choosing import Choice, Trial, choose, foresee
 from link.setup.pilot import film_pilot, strip_of
-from link.setup.truth import panel_in_view
+from link.setup.truth import panel_in_view, tag_module
 
 __all__ = ["check_reach", "choose_mode", "fixed_mode", "tag_warning"]
 
@@ -35,22 +34,19 @@ _RESOLVED = 0.5
 """Side of a cell, camera pixels, below which no light of it can be told from its neighbours': the
 receiver does not look for smaller ones."""
 _NEVER = 0.8
-"""Share of the required size of a tag's module below which tags were never detected."""
-
-
-def _tag_share(setting: LinkSetting, mode: Mode) -> float:
-    """Returns the size of a tag's module over the size required for detection in a sharp image."""
-    return setting.scale * Layout(mode).module / LEAST_MODULE
+"""Share of the required size of a tag's module below which tags were never detected, in a sharp
+image."""
 
 
 def tag_warning(setting: LinkSetting, mode: Mode) -> str | None:
     """Returns a warning if the tags are too small to be detected, else None."""
-    if _tag_share(setting, mode) >= 1:
+    module, least = tag_module(setting, mode)
+    if module >= least:
         return None
-    module = setting.scale * Layout(mode).module
+    blurred = ", or make the image sharper" if least > LEAST_MODULE else ""
     return (
         f"tags too small: a module of theirs has {module:.2g} camera pixels and is found from "
-        f"{LEAST_MODULE:g} on; step nearer, or take a longer lens or a larger panel"
+        f"{least:.2g} on; step nearer, or take a longer lens or a larger panel{blurred}"
     )
 
 
@@ -171,7 +167,8 @@ def choose_mode(
         modem, (scenario.link.panel.width, scenario.link.panel.height), setting, adapts
     )
     # If nothing can arrive in any mode, take the first one, which takes the shortest time.
-    if _tag_share(setting, modes[0]) < _NEVER or not panel_in_view(setting):
+    # Through a blur the pilots are filmed all the same: they say how many bits it leaves right.
+    if tag_module(setting, modes[0])[0] < _NEVER * LEAST_MODULE or not panel_in_view(setting):
         return modes[0], None
     strip = strip_of(setting)
     progress.start("pilots", _TRIED)

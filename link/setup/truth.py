@@ -1,4 +1,5 @@
-"""True position of a panel's image and true timing of its symbols, from the setting."""
+"""True position of a panel's image, size of its tags, and true timing of its symbols, from the
+setting."""
 
 from __future__ import annotations
 
@@ -8,11 +9,15 @@ import numpy.typing as npt
 from cosim import PS
 from link.air import image_of
 from link.air.geometry import panel_corners
+from link.layout import Layout
+from link.mode import Mode
+from link.prediction.light import cell_scene
+from link.receiving.tags import least_module
 from link.setting import LinkSetting
 from link.timing import Timing
 from sensor.latched.sampling import row_offsets
 
-__all__ = ["panel_in_view", "true_timing"]
+__all__ = ["panel_in_view", "tag_module", "true_timing"]
 
 
 def panel_in_view(setting: LinkSetting) -> bool:
@@ -23,6 +28,12 @@ def panel_in_view(setting: LinkSetting) -> bool:
     x, y = u / w, v / w
     inside = (x > -1) & (x < chip.width) & (y > -1) & (y < chip.height)
     return bool(inside.all())
+
+
+def tag_module(setting: LinkSetting, mode: Mode) -> tuple[float, float]:
+    """Returns the side of a module of the tags, and the smallest that is detected through the
+    blur of the image, camera pixels."""
+    return setting.scale * Layout(mode).module, least_module(cell_scene(setting).blur)
 
 
 def true_timing(setting: LinkSetting, row_delay: npt.NDArray[np.int64], ticks: int) -> Timing:

@@ -33,7 +33,7 @@ def check_options(scenario: AnyScenario, options: Options) -> None:
     if isinstance(scenario, Scenario):
         refuse_leftovers(scenario)
     if options.store not in STORES:
-        raise InputError("--store", f"one of {', '.join(STORES)}", options.store, "change it")
+        raise InputError("--store", f"one of {', '.join(STORES)}", options.store, "choose one")
     _check_workers(scenario, options)
     piped = isinstance(scenario, RecordingScenario) and scenario.sensor.source.startswith(PIPE)
     if piped and options.resume:

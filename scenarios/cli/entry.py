@@ -98,6 +98,7 @@ def _main(arguments: list[str]) -> int:
     from cosim.errors import MissingPackages, ViformError
     from cosim.run.called import as_called
     from scenarios.cli.app import app
+    from scenarios.cli.refusals import parser_refusal
 
     with suppress(OSError):  # most commands work without a cache
         prepare_caches()
@@ -105,6 +106,7 @@ def _main(arguments: list[str]) -> int:
         code = get_command(app).main(arguments, prog_name="viform", standalone_mode=False)
     except TyperException as exc:
         text = " ".join(exc.format_message().split()).rstrip(".")
+        text = parser_refusal(text, arguments)
         context = getattr(exc, "ctx", None)
         where = context.command_path if context is not None else "viform"
         print(as_called(f"viform: {text}; see `{where} --help`"), file=sys.stderr)

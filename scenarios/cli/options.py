@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from scenarios.assemble.schema.scenario import AnyScenario
 
 __all__ = [
     "Resume", "ScenarioName", "ScenarioOptions", "Scheduler", "Tolerance", "Workers",
-    "count_workers", "expand_options",
+    "check_figure", "count_workers", "expand_options",
 ]  # fmt: skip
 
 ScenarioName = Annotated[
@@ -26,6 +28,29 @@ Workers = Annotated[int | None, typer.Option(help="processes on this machine [on
 Scheduler = Annotated[
     str | None, typer.Option(help="address of a Dask scheduler, for its workers instead")
 ]
+
+
+def check_figure(figure: Path | None, *endings: str, option: str = "--figure") -> None:
+    """Raises InputError for a figure that could not be written once it is computed.
+
+    Args:
+        figure: file of the option; None if absent.
+        endings: of names that can be drawn, the preferred one first; `.png` if none is given.
+        option: its name.
+    """
+    from cosim import InputError
+
+    endings = endings or (".png",)
+    if figure is None:
+        return
+    if figure.suffix.lower() not in endings:
+        must = f"a name ending in {' or '.join(endings)}"
+        raise InputError(
+            option, must, str(figure),
+            f"try {figure.with_suffix(endings[0]) if figure.name else figure / 'figure.png'}",
+        )  # fmt: skip
+    if not figure.absolute().parent.is_dir():
+        raise InputError(option, "in a folder that exists", str(figure), "create the folder")
 
 
 def count_workers(given: int | None) -> int:

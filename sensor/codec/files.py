@@ -113,7 +113,9 @@ def choose_code(
     except ValueError as exc:
         what, _, rest = str(exc).partition(" must be ")
         must, _, value = rest.rpartition(", not ")
-        raise InputError(f"--{what.replace(' ', '-')}", must, value, "change it") from None
+        raise InputError(
+            f"--{what.replace(' ', '-')}", must, value, "write a value of these"
+        ) from None
 
 
 def _charges(threshold: str, noise: str | None) -> dict[str, float]:

@@ -61,6 +61,6 @@ class ReadoutSection(Section):
             if span is not None and span[0] >= span[1]:
                 raise InputError(
                     f"readout.{name}", "[first, stop) with first below stop", str(list(span)),
-                    "change it",
+                    f"write [{min(span)}, {max(span) + (span[0] == span[1])}]",
                 )  # fmt: skip
         return self

@@ -75,7 +75,7 @@ def check_writes(section: Any) -> None:
         if write.window is not None and not 0 <= write.window[0] < write.window[1] <= height:
             raise InputError(
                 f"{key}.window", f"rows [first, stop) within 0 to {height}",
-                str(list(write.window)), "change it",
+                str(list(write.window)), f"write [0, {height}] for all rows, or a part of them",
             )  # fmt: skip
     for name in ("circuit", "sub_threshold", "dark_limit"):
         if getattr(section, name) is not None:

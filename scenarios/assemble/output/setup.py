@@ -73,7 +73,7 @@ def readout_of(scenario: AnyScenario) -> ReadoutSetup | None:
         if stop > size:
             raise InputError(
                 f"readout.{name}", f"[first, stop) within 0 to {size}", str([first, stop]),
-                "change it",
+                f"write [{min(first, size - 1)}, {size}]",
             )  # fmt: skip
         spans.append((first, stop - 1))
     timing = ScanTiming(Clock.from_hz(sensor.clock), Window(*spans))

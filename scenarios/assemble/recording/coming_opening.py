@@ -101,7 +101,8 @@ def open_coming(scenario: RecordingScenario) -> Coming:
         if cycles < 1:
             raise InputError(
                 "duration", f"one cycle, {1e3 / clock.hz:.4g} ms, or more",
-                f"{scenario.duration * 1e3:.4g} ms", "change it, or leave it out",
+                f"{scenario.duration * 1e3:.4g} ms",
+                "leave it out to read to the end, or write a longer one",
             )  # fmt: skip
     origin = open_origin(section.source, section.source_timeout)
     if not piped and ending_of(path) != ".dat":

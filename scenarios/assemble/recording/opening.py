@@ -145,7 +145,7 @@ def _cycles(duration: float | None, clock: Clock, whole: int) -> int:
         raise InputError(
             "duration", f"from one cycle to all {whole} cycles of the recording, "
             f"{whole / clock.hz * 1e3:.4g} ms", f"{duration * 1e3:.4g} ms",
-            "change it, or leave it out",
+            "leave it out for all of them, or write one of these",
         )  # fmt: skip
     return cycles
 

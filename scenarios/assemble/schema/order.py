@@ -47,6 +47,14 @@ def is_recording(data: Data) -> bool:
     return isinstance(source, str) and source.startswith((FILE, PIPE))
 
 
+def _sourceless(data: Data) -> bool:
+    """Whether what sensor.source names is neither a recording nor a board, in a scenario that has
+    nothing else to film."""
+    source = _value(data, "sensor", "source")
+    known = (FILE, PIPE, "serial:")
+    return isinstance(source, str) and "scene" not in data and not source.startswith(known)
+
+
 def _unlatched(data: Data) -> bool:
     return _value(data, "sensor", "readout") in ("asynchronous", "continuous")
 
@@ -61,6 +69,10 @@ _BOARD = (
 )
 
 RULES: tuple[_Rule, ...] = (
+    _Rule(
+        _sourceless, "sensor.source", "file:PATH, pipe:PATH or serial:PORT", "one without these",
+        "write --set sensor.source=file:PATH for a recording",
+    ),
     _Rule(
         lambda data: "code" in data and "link" not in data, "code",
         "given with a [link]", "given without one",

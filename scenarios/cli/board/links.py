@@ -47,15 +47,16 @@ def board_links(
     bits = {"raw": 1.0}
     progress = make_progress()
     try:
-        for path in streams or ():
-            stream, notes = open_any(path, None)
+        opened = [(path, *open_any(path, None)) for path in streams or ()]  # all, before any coding
+        names = [path.name for path, _, _ in opened]
+        for path, stream, notes in opened:
             for note in notes:
                 progress.note(note)
             for kind in _CODES:
                 progress.note(f"coding {path} as {kind}")
                 measured = size_of(to_packets(stream, StreamCode(kind)), stream)
                 coded.append({"stream": str(path), "code": kind, "bits": measured})
-                bits[f"{path.name} {kind}"] = measured
+                bits[f"{path if names.count(path.name) > 1 else path.name} {kind}"] = measured
     finally:
         progress.close()
     shares = {

@@ -53,8 +53,8 @@ def board_virtual(
     imager: Annotated[
         str | None,
         typer.Option(
-            help="simulate a conventional imager instead: adaptive-exposure, ebaps or emccd, with "
-            "its size and clock, at level model"
+            help="simulate a conventional imager instead: adaptive-exposure, ebaps, emccd, "
+            "hardware-chain, pwm or pfm, with its size and clock, at level model"
         ),
     ] = None,
     level: Annotated[

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import number
+from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["design_dynamic_range"]
@@ -33,12 +34,10 @@ def design_dynamic_range(
 
     Exit 1 if no choice is within the limits of the budget.
     """
-    from cosim import InputError
     from cosim.files.whole import whole
     from scenarios.studies.design import budget_document, load_budget, to_budget
 
-    if out is not None and out.suffix.lower() not in (".png", ".svg"):
-        raise InputError("--out", "a .png or .svg", str(out), "choose one")
+    check_figure(out, ".png", ".svg", option="--out")
     file = load_budget(budget, assignments or ())
     document = budget_document(file.title, to_budget(file), measure=measure, seed=seed)
     if out is not None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import count, number
-from scenarios.cli.options import ScenarioName, ScenarioOptions, expand_options
+from scenarios.cli.options import ScenarioName, ScenarioOptions, check_figure, expand_options
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["accuracy"]
@@ -31,8 +31,7 @@ def accuracy(
 
     name, loaded = options.load(scenario)
     study = assemble_study("accuracy", name, loaded, options.device)
-    if figure is not None and not figure.absolute().parent.is_dir():
-        raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
+    check_figure(figure)
     measure = getattr(study, "every_tile", None) if every_tile else study.ladder
     if measure is None:
         raise InputError(

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, SilentProgress, print_document, size_option
 
 __all__ = ["image"]
@@ -66,6 +67,7 @@ def image(
     known = (*METHODS, "tau")
     if method not in known:
         raise InputError("--method", f"one of {', '.join(known)}", repr(method), "choose one")
+    check_figure(out, ".png", ".npy", option="--out")
     for option, value, remedy in (
         ("--scale", scale, "write the white_rate of the run"),
         ("--dark-limit", dark_limit, "leave it out for that of the run"),

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, number
+from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["bench"]
@@ -51,10 +52,7 @@ STUDIES = {"code": _code, "continuous": _continuous, "events": _events}
 def _print_study(name: str, device: str | None, figure: Path | None, json: bool) -> None:
     from cosim.files.whole import whole
 
-    if figure is not None and figure.suffix.lower() != ".png":
-        from cosim import InputError
-
-        raise InputError("--figure", "a name ending in .png", str(figure), "add .png")
+    check_figure(figure)
     document, tables, draw = STUDIES[name](device)
     if figure is not None:
         with whole(figure) as part:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import count, number
+from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, print_document, size_option
 
 __all__ = ["laboratory"]
@@ -45,10 +46,7 @@ def laboratory(
         raise InputError("--seed", "given with a camera", "with a recording", "leave it out")
     if not recording and size is not None:
         raise InputError("--size", "given with a recording", "with a camera", "leave it out")
-    if figure is not None and figure.suffix.lower() not in (".png", ".svg"):
-        raise InputError("--figure", "a .png or .svg", str(figure), "choose one")
-    if figure is not None and not figure.absolute().parent.is_dir():
-        raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
+    check_figure(figure, ".png", ".svg")
     document = (
         _laws(Path(camera), size, figure) if recording
         else _emva(camera, 1 if seed is None else seed, figure)

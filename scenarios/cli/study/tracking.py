@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import number
+from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["compare_tracking"]
@@ -33,7 +34,6 @@ def compare_tracking(
     The same algorithms work on spikes and on frames of ideal cameras in the same light. Endpoint
     error, track loss and latency are those against the closed form of the scene.
     """
-    from cosim import InputError
     from cosim.files.whole import whole
     from scenarios.studies.tracking import (
         Conditions,
@@ -43,10 +43,7 @@ def compare_tracking(
         tracking_table,
     )
 
-    if figure is not None and figure.suffix.lower() != ".png":
-        raise InputError("--figure", "a name ending in .png", str(figure), "add .png")
-    if figure is not None and not figure.absolute().parent.is_dir():
-        raise InputError("--figure", "in a folder that exists", str(figure), "create the folder")
+    check_figure(figure)
     conditions = Conditions(
         tuple(sorted(1e3 * speed for speed in _numbers("--speeds", speeds))),
         tuple(sorted(_numbers("--frame-rates", frame_rates))), trials, seed, white,

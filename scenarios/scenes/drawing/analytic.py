@@ -64,9 +64,11 @@ class AnalyticSource:
         self._planes: dict[int, Plane] = {}
         self._pieces: dict[int, Piece] = {}
         self.degraded: list[str] = []
+        every = "cycle" if self._every == 1 else f"{self._every} cycles"
         self.notes = [
-            f"analytic scene, drawn every {self._every} cycles (its edges move at most "
-            f"{speed / clock.hz * self._every:.2g} pixels in that time), linear in between"
+            f"analytic scene, drawn every {every} "
+            f"(its edges move by {speed / clock.hz * self._every:.2g} px or less in that time), "
+            "linear in between"
             if speed
             else "static analytic scene"
         ]

@@ -74,4 +74,4 @@ class ShockwaveScene(Section):
         except ValueError as exc:  # limits that depend on several keys
             name, _, rest = str(exc).partition(" must be ")
             must, _, value = rest.rpartition(", not ")
-            raise InputError(f"scene.{name}", must, value, "change it") from exc
+            raise InputError(f"scene.{name}", must, value, "write a value of these") from exc

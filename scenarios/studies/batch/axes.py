@@ -121,17 +121,20 @@ def _range(key: str, parts: list[str]) -> Axis | None:
         least = "above 0, and " if log else ""
         raise InputError(
             f"--vary {key}", f"{least}from a lower to a higher number", f"{parts[0]}:{parts[1]}",
-            "change the ends",
+            f"write {parts[1]}:{parts[0]}" if low > high and (high > 0 or not log)
+            else "raise the lower one" if low < high else "write two that differ",
         )  # fmt: skip
     if whole and (low % 1 or high % 1):
         raise InputError(
             f"--vary {key}", "from a whole number to another", f"{parts[0]}:{parts[1]}",
-            "change the ends",
+            "round both",
         )  # fmt: skip
     if not number:
         return Axis(key, (), (low, high), unit, log, whole)
     if not 2 <= int(number) <= MOST:
-        raise InputError(f"--vary {key}", f"2 to {MOST} values", number, "change the number")
+        raise InputError(
+            f"--vary {key}", f"2 to {MOST} values", number, "write 2 or more, such as 5"
+        )
     space = np.geomspace if log else np.linspace
     texts = tuple(_text(float(value), unit) for value in space(low, high, int(number)))
     return Axis(key, texts, (low, high), unit, log)
@@ -173,7 +176,9 @@ def latin_hypercube(axes: Sequence[Axis], samples: int, seed: int) -> list[tuple
         InputError: the number of samples.
     """
     if not 1 <= samples <= MOST:
-        raise InputError("--samples", f"1 to {MOST}", f"{samples}", "change it")
+        raise InputError(
+            "--samples", f"1 to {MOST}", f"{samples}", f"write {1 if samples < 1 else MOST}"
+        )
     random = np.random.Generator(np.random.Philox(key=seed))
     columns = []
     for axis in axes:

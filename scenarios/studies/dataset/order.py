@@ -93,16 +93,23 @@ class Order:
     def __post_init__(self) -> None:
         check_axes(self.axes, self.assignments)
         count = len(self.sources) * len(self.cameras)
-        if not 1 <= self.samples <= MOST // max(count, 1):
+        most = MOST // max(count, 1)
+        if not 1 <= self.samples <= most:
             raise InputError(
-                "--samples", f"1 to {MOST // count}", f"{self.samples}", "change it"
+                "--samples", f"1 to {most}", f"{self.samples}",
+                f"write {1 if self.samples < 1 else most}",
             )  # fmt: skip
         if not 0 <= self.seed < 2**32:
-            raise InputError("--seed", "0 to 4294967295", f"{self.seed}", "change it")
+            raise InputError("--seed", "0 to 4294967295", f"{self.seed}", "write one of these")
         reserved = {"seed": "--seed", "tolerance": "--tolerance"}
         for key in (*(axis.key for axis in self.axes), *map(_key, self.assignments)):
             if key in reserved:
-                raise InputError(key, f"given by {reserved[key]}", "by another", "change it")
+                raise InputError(
+                    key,
+                    f"given by {reserved[key]}",
+                    "by another",
+                    f"leave it out, and give {reserved[key]}",
+                )
 
     def _number(self, stream: int, n: int) -> int:
         """A number below 2^32 of a stream of random numbers."""

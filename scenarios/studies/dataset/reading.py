@@ -85,7 +85,9 @@ class SpikeDataset:
             )  # fmt: skip
         shortest = min(item["cycles"] for item in self.items)
         if cycles is not None and not 1 <= cycles <= shortest:
-            raise InputError("cycles", f"1 to {shortest}", f"{cycles}", "change it")
+            raise InputError(
+                "cycles", f"1 to {shortest}", f"{cycles}", f"give {1 if cycles < 1 else shortest}"
+            )
         self._cycles = cycles
 
     def __len__(self) -> int:

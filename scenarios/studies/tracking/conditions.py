@@ -56,7 +56,7 @@ class Conditions:
                 if not (math.isfinite(value) and least <= value <= most):
                     raise InputError(
                         name, f"{least / scale:g} to {most / scale:g} {unit}", f"{value / scale:g}",
-                        "change it",
+                        f"write {(most if value > most else least) / scale:g}",
                     )  # fmt: skip
             if len(set(values)) != len(values):
                 raise InputError(name, "different numbers", "one twice", "leave it out")
@@ -65,7 +65,12 @@ class Conditions:
             ("--white", self.white, 0.01, 1.0),
         ):  # fmt: skip
             if not low <= number <= high:
-                raise InputError(name, f"{low:g} to {high:g}", f"{number:g}", "change it")
+                raise InputError(
+                    name,
+                    f"{low:g} to {high:g}",
+                    f"{number:g}",
+                    f"write {high if number > high else low:g}",
+                )
 
     @property
     def electrons(self) -> float:

@@ -59,10 +59,10 @@ class CodeSection(Section):
         if self.kind == "event" and self.cycles > MOST_EVENT_CYCLES:
             raise InputError(
                 "code.cycles", f"at most {MOST_EVENT_CYCLES} with event", f"{self.cycles}",
-                "change it",
+                f"write {MOST_EVENT_CYCLES}",
             )  # fmt: skip
         if self.refine == 1:
-            raise InputError("code.refine", "0, or 2 to 255", "1", "change it")
+            raise InputError("code.refine", "0, or 2 to 255", "1", "write 2, or 0 for none")
         return self
 
     def code(self, threshold: float, threshold_noise: float = 0.0) -> StreamCode:

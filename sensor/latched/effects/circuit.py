@@ -65,7 +65,10 @@ class _Overshoot(PixelEffect):
             lumped = lump(circuit, threshold, FAINTEST * most, most)
         except ValueError as exc:
             raise InputError(
-                "sensor.circuit", "one that the pixel can work with", str(exc), "change it"
+                "sensor.circuit",
+                "one that the pixel can work with",
+                f"one whose {exc}",
+                "change the value named",
             ) from exc
         if not (lumped.bound < 1 and lumped.dead_time <= period):
             raise InputError(

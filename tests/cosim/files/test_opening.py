@@ -158,7 +158,8 @@ def test_a_file_that_may_not_be_read_is_one_line(
         ),
         (
             "empty",
-            f"the stream must be a {', '.join(FORMATS)} or the folder of a run, not {{path}};",
+            f"the stream must be a {', '.join(FORMATS)} or the folder of a run, not {{path}}, a "
+            "folder without a stream; name a file in it",
         ),
         ("folder.dat", "{path} must be whole frames|the stream must be readable"),
         ("folder.npz", "the stream must be readable, not {path} "),

@@ -137,7 +137,7 @@ def test_a_dark_panel_has_no_contrast():
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"width": 5}, "camera.width must be a divisor of the panel's 8, not 5; change it"),
+        ({"width": 5}, "camera.width must be a divisor of the panel's 8, not 5; write 4"),
         (
             {"exposure": "9 ms"},
             "duration must be at least 10 ms, a frame of the camera, not 8 ms; lengthen it, or "

@@ -88,7 +88,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
         (["run", "film", "--bogus"], "No such option: --bogus"),
         (["bogus"], "No such command 'bogus'; see `viform --help`"),
         (["runn"], "No such command 'runn'. Did you mean 'run'?; see `viform --help`"),
-        (["run", "film", "--seed", "x"], "Invalid value for '--seed'"),
+        (["run", "film", "--seed", "x"], "--seed must be a whole number, not 'x'"),
         (["run", "film", "star"], "Got unexpected extra argument"),
         (["image", "a.dat", "--out", "a.png"], "Missing option '--at'; see `viform image --help`"),
         (["image"], "Missing argument"),
@@ -389,7 +389,7 @@ def test_a_run_stores_its_stream_as_it_is_told(viform, refused, tmp_path):
     assert sizes["raw"] >= 160 // 8 * 96 * 64 > 1.5 * sizes["small"]
     np.testing.assert_array_equal(words(tmp_path / "raw"), words(tmp_path / "small"))
     said = refused("run", "step", "--store", "tiny", "--out", tmp_path / "no")
-    assert said == "--store must be one of raw, fast, small, none, not tiny; change it"
+    assert said == "--store must be one of raw, fast, small, none, not tiny; choose one"
     assert not (tmp_path / "no").exists()
 
 

@@ -159,7 +159,7 @@ def test_text_and_picture(viform: Callable[..., Any], tmp_path: Path) -> None:
         (["--set", "power=2 V"], "power must be a power such as '2 W'"),
         (["--set", "sensor=1"], "sensor must be"),
         (["--set", "x"], "--set must be KEY=VALUE"),
-        (["--out", "a.gif"], "--out must be a .png or .svg"),
+        (["--out", "a.gif"], "--out must be a name ending in .png or .svg"),
         (["--out", "nowhere/a.png"], "in a folder that exists"),
         (["."], "the budget must be a TOML file"),
         (["nowhere.toml"], "the budget must be a TOML file"),

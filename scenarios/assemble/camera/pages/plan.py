@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,10 +14,11 @@ from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.explorer import explorer, packed
 from cosim.report.figures import LINE, MARK, subplots
 from cosim.report.parts import plot, table
+from cosim.run.result import Metric
 from scenarios.assemble.camera.judged import LatchedRun
 from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 
-__all__ = ["plan_section"]
+__all__ = ["board_error", "plan_section"]
 
 _COLOURS: Final = (
     "#d0d9e8", "#74a7dd", "#2f6db5", "#b7ddb0", "#5fa55a", "#f2d38b", "#c9a2d8", "#8a8f9c",
@@ -186,6 +188,15 @@ def _explorer(run: LatchedRun) -> str:
         "tiers": [f"{run.plan.tier} tier", "exact tier", "full physics"],
     }  # fmt: skip
     return explorer(given, "tiles")
+
+
+def board_error(metrics: Mapping[str, Metric]) -> str:
+    """How wrong the spikes of a board may be: they are not simulated, but compared."""
+    wrong = count(metrics["board_bits_wrong"].value)
+    return (
+        "There is nothing to estimate: a board made the spikes, and they are compared with the "
+        f"cycle model bit by bit. Bits that differ: {wrong}."
+    )
 
 
 def plan_section(run: LatchedRun) -> str:

@@ -23,7 +23,7 @@ from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.chip import machine
 from scenarios.assemble.camera.pages.motion import motion_section
-from scenarios.assemble.camera.pages.plan import plan_section
+from scenarios.assemble.camera.pages.plan import board_error, plan_section
 from sensor import tau_levels
 from sensor.codec.report import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
@@ -307,9 +307,10 @@ def stream_page(run: LatchedRun) -> Page:
         f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
         f"--window {run.scenario.image.window}{placing} --scale {shot.white!r} --out a.png"
     )
-    where = "from the same board"
     if run.scenario.sensor.source is None:
-        where = _WHERE[run.plan.tier]
+        where, what, wrong = _WHERE[run.plan.tier], run.setting.chip.title, Page.unmeasured
+    else:
+        where, what, wrong = "from the same board", "a test board", board_error(run.result.metrics)
     files = [
         "figures/overview.png",
         "figures/instants.png",
@@ -319,8 +320,7 @@ def stream_page(run: LatchedRun) -> Page:
         "playback.mp4",
     ]
     subtitle = (
-        f"{run.setting.chip.title}, {number(run.setting.clock.hz / 1e3)} kHz, "
-        f"{count(run.stream.cycles)} cycles"
+        f"{what}, {number(run.setting.clock.hz / 1e3)} kHz, {count(run.stream.cycles)} cycles"
     )
     does = (
         "<p>The first line reproduces one of the linear images from the stream, the second the "
@@ -331,5 +331,5 @@ def stream_page(run: LatchedRun) -> Page:
         does, lines = f"<p>This line reproduces the whole run, with the same bits {where}.</p>", []
     return Page(
         run.scenario.title, subtitle, simulated(run), _cards(run), pictures, quality=_QUALITY,
-        commands=lines, commands_do=does, files=files,
+        commands=lines, commands_do=does, files=files, unmeasured=wrong,
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -28,6 +29,7 @@ from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
+from scenarios.report import write_report
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting
 
@@ -92,6 +94,18 @@ def test_a_run_with_a_board_at_both_ends(address: str, tmp_path: Path) -> None:
     wanted = 0.6 * before * (np.arange(SIDE) * 8 // SIDE + 1) / 8  # white fires at 0.6 a cycle
     np.testing.assert_array_equal(counts, np.broadcast_to(counts[0], counts.shape))
     assert np.abs(counts[0] - 44 * wanted).max() <= 1 + 44 * 0.5 / 255
+
+
+def test_the_report_of_a_board_names_it_and_the_comparison(tmp_path: Path) -> None:
+    sets = [key for key in STEP[2:] if key != "--set"]
+    name, scenario = load("step", [*sets, "duration=3 ms", "scene.at=1 ms"])
+    done = run_scenario(
+        name, scenario, tmp_path / "run", options=Options("numba"), progress=SilentProgress(),
+        began=time.perf_counter(), report=write_report,
+    )  # fmt: skip
+    page = re.sub("<[^>]*>", "", (done.folder / "report.html").read_text())  # terms are marked
+    assert "a test board, 40 kHz, 120 cycles" in page
+    assert "compared with the cycle model bit by bit. Bits that differ: 0." in page
 
 
 @pytest.mark.parametrize(

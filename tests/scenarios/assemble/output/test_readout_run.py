@@ -154,7 +154,7 @@ def test_a_plan_says_what_the_link_must_carry() -> None:
         ("sensor.source=serial:virtual", "readout must be given with a simulated chip whose"),
         ("sensor.clock=50 kHz", "the clock of a readout must be at most 40000 Hz, at which 1000"),
         ("readout.lanes=3", "readout.lanes must be a power of two, so that a block of 512 bits"),
-        ("readout.rows=[0,1001]", "within 0 to 1000, not [0, 1001]; change it"),
+        ("readout.rows=[0,1001]", "within 0 to 1000, not [0, 1001]; write [0, 1000]"),
         ("readout.columns=[5,5]", "readout.columns must be [first, stop) with first below stop"),
         ("readout.rate=1234567 bit/s", "readout.rate must be a whole number of kbit/s"),
         ("readout.rate=10 kbit/s", "and at least 1e+06 bit/s"),

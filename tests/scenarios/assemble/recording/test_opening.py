@@ -92,7 +92,7 @@ def test_white_is_given_known_or_the_brightest(tmp_path):
         (".npz", {"sensor": {"clock": "40 kHz"}}, "Hz, not 40000 Hz; leave it out"),
         (".npz", {"duration": "4 ms"},
          "duration must be from one cycle to all 70 cycles of the recording, 3.5 ms, not 4 ms; "
-         "change it, or leave it out"),
+         "leave it out for all of them, or write one of these"),
         (".npz", {"sensor": {"width": 16}},
          "sensor.height must be given with sensor.width, not absent; add it"),
         (".events.npz", {"sensor": {"width": 9, "height": 8}}, "not 9 x 8; leave both out"),

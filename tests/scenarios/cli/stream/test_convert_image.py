@@ -250,9 +250,9 @@ def test_a_wrong_option_of_image_is_one_line_and_writes_nothing(
 @pytest.mark.parametrize(
     ("out", "expected"),
     [
-        ("a.jpg", "--out must be a name ending in .png, not a.jpg; try a.png"),
-        ("a", "--out must be a name ending in .png, not a; try a.png"),
-        ("no/a.png", "no/a.png must be in a folder that exists, not in no; mkdir -p no"),
+        ("a.jpg", "--out must be a name ending in .png or .npy, not a.jpg; try a.png"),
+        ("a", "--out must be a name ending in .png or .npy, not a; try a.png"),
+        ("no/a.png", "--out must be in a folder that exists, not no/a.png; create the folder"),
     ],
 )
 def test_a_place_where_no_image_can_be_is_refused(

@@ -75,9 +75,9 @@ def test_what_is_lost_is_said_in_writing_and_in_reading(viform, recording, tmp_p
       "event, not 'line'; choose one"),
      ("b.vfl", ["--code", "raw", "--layers", 3],
       "--layers must be given with --code layered, not with raw; leave it out"),
-     ("b.vfl", ["--layers", 9], "--layers must be 1 to 8, not 9; change it"),
+     ("b.vfl", ["--layers", 9], "--layers must be 1 to 8, not 9; write a value of these"),
      ("b.vfl", ["--cycles", 100],
-      "--cycles must be a multiple of 32 from 32 to 512, not 100; change it"),
+      "--cycles must be a multiple of 32 from 32 to 512, not 100; write a value of these"),
      ("b.vfl", ["--k", 3],
       "--k must be given with --code statistical, not with layered; leave --k out")],
 )  # fmt: skip
@@ -97,7 +97,9 @@ def test_a_damaged_file_is_refused_in_a_line(viform, refused, recording, tmp_pat
         f"{path} must be a whole packet file, not a file that is cut off; copy or convert it again"
     )
     path.write_bytes(b"garbage")
-    assert "must be a whole packet file" in refused("image", path, "--at", 3, "--out", path)
+    assert "must be a whole packet file" in refused(
+        "image", path, "--at", 3, "--out", tmp_path / "c.png"
+    )
 
 
 def test_the_ladder_climbs_and_is_better_than_the_statistical_code(stream, tmp_path):

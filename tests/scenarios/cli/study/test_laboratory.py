@@ -65,7 +65,8 @@ def test_a_recording_has_its_laws(viform, tmp_path):
     [
         (("pinhole",), "CAMERA must be one of spiketwo, spikeone, adaptive-exposure, ebaps, emccd, "
          "or a recording that exists, not 'pinhole'; choose one"),
-        (("emccd", "--figure", "a.jpg"), "--figure must be a .png or .svg, not a.jpg; choose one"),
+        (("emccd", "--figure", "a.jpg"), "--figure must be a name ending in .png or .svg, not "
+         "a.jpg; try a.png"),
         (("emccd", "--figure", "/nowhere/a.png"), "--figure must be in a folder that exists, not "
          "/nowhere/a.png; create the folder"),
         ((__file__, "--seed", 1), "--seed must be given with a camera, not with a recording; "

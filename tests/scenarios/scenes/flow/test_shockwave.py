@@ -396,10 +396,10 @@ def test_the_scenario_makes_a_source_that_says_how_it_is_drawn():
     ("assignments", "says"),
     [
         (("scene.angle=44 deg",), "scene.angle must be 2 to 42.44 deg, where the shock at Mach 6 "
-         "is attached and the flow behind it supersonic, not 44; change it"),
+         "is attached and the flow behind it supersonic, not 44; write a value of these"),
         (("scene.mach=4.5", "scene.angle=41 deg"), "scene.angle must be 2 to 40.11 deg"),
         (("scene.chamber=50 kPa",), "scene.chamber must be 5996 to 12657 Pa at Mach 6, where the "
-         "tunnel starts with two shocks, not 50000; change it"),
+         "tunnel starts with two shocks, not 50000; write a value of these"),
         (("scene.mach=9",), "scene.mach must be "),
         (("scene.angle=15 mm",), "scene.angle must be an angle such as '15 deg'"),
         (("scene.chamber=9 V",), "scene.chamber must be a pressure such as '9 kPa'"),
