@@ -146,6 +146,10 @@ def _absolute(scenario: AnyScenario) -> AnyScenario:
         path = None if value is None else named_path(section, key, value)
         if inner is None or value is None or path is None:
             continue
+        if not path:
+            raise InputError(
+                f"{section}.{key}", "the name of a file", repr(value), "write the name"
+            )
         try:
             place = str(Path(path).resolve())
             place.encode()  # it is written into the run's scenario.toml
@@ -190,7 +194,7 @@ def load(
         if not isinstance(inner, dict) or not isinstance(value, str) or folder is None:
             continue
         path = named_path(section, key, value)
-        if path is not None:
+        if path:
             inner[key] = with_path(section, key, value, str(folder / path))
     data |= copy.deepcopy(sections or {})
     _remove_conflicts(data, assignments or [])

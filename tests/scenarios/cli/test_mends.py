@@ -43,6 +43,11 @@ def test_an_image_is_a_png_or_an_array(refused, tmp_path):
     assert said.startswith("--out must be a name ending in .png or .npy, not ")
 
 
+def test_a_source_without_a_name_is_not_the_current_folder(refused):
+    said = refused("run", "playback", "--set", "sensor.source=file:")
+    assert said == "sensor.source must be the name of a file, not 'file:'; write the name"
+
+
 def run_folder(folder: Path, *stores: str) -> Path:
     folder.mkdir()
     (folder / "result.json").write_text("{}")
