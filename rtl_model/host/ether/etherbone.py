@@ -121,7 +121,7 @@ class Etherbone:
         if port.refused:
             raise LineFault(
                 Cause.SILENT, f"no program listens at {port.name}",
-                "check address and port, or start `viform board virtual --udp`",
+                "check address and port, or start `viform board virtual --udp HOST`",
             )  # fmt: skip
         if others:
             raise LineFault(

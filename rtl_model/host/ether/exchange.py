@@ -292,7 +292,7 @@ class Exchange:
         if self.port.refused and silence > _FIRST_WAIT * self.patience_s:
             raise LineFault(
                 Cause.SILENT, f"no program listens at {self.port.name}",
-                "name the port of the board, or start `viform board virtual --udp`",
+                "name the port of the board, or start `viform board virtual --udp HOST`",
             )  # fmt: skip
         if over:
             raise silent(self.port, silence, self.counts.answered > 0)
