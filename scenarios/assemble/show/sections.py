@@ -205,8 +205,9 @@ def _table(outcome: DisplayOutcome) -> str:
             "size before the panel."
         )
         if not outcome.fidelity:
-            absent += (
-                " There is no PSNR and no display beside: a recorded stream has no true light."
+            return (
+                f"<h2>The displays</h2><p>{absent} There is no PSNR and no display beside: a "
+                "recorded stream has no true light.</p>"
             )
         return f"<h2>The displays</h2>{display_table(outcome)}<p>{absent}</p>"
     return (
