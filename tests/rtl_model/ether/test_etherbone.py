@@ -122,6 +122,7 @@ def test_the_longest_packets_are_found(board, monkeypatch):
         assert most_words(bone) == (100 - 16) // 4  # two heads and an address besides the words
 
 
+@pytest.mark.slow
 def test_a_long_read_falls_back_to_short_packets(board):
     with through(board, ShortBuffer, loss=0, repeat=0, reorder=0) as (_, bone):
         bone.write(PATTERN, [7, 8, 9])

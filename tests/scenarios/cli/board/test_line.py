@@ -137,6 +137,7 @@ def test_a_damaged_log_is_one_line_and_a_cut_one_is_replayed(viform, refused, tm
         )
 
 
+@pytest.mark.slow
 def test_a_board_behind_a_serial_server_passes(viform):
     """RFC 2217, negotiated; a socket does not say that a simulated board is behind it."""
     with VirtualBoard(level="model") as board, Rfc2217Server(board.port) as server:
