@@ -51,7 +51,7 @@ def _sourceless(data: Data) -> bool:
     """Whether what sensor.source names is neither a recording nor a board, in a scenario that has
     nothing else to film."""
     source = _value(data, "sensor", "source")
-    known = (FILE, PIPE, "serial:")
+    known = (FILE, PIPE, "serial:", "udp:")
     return isinstance(source, str) and "scene" not in data and not source.startswith(known)
 
 
@@ -70,7 +70,8 @@ _BOARD = (
 
 RULES: tuple[_Rule, ...] = (
     _Rule(
-        _sourceless, "sensor.source", "file:PATH, pipe:PATH or serial:PORT", "one without these",
+        _sourceless, "sensor.source", "file:PATH, pipe:PATH, serial:PORT or udp:HOST",
+        "one without these",
         "write --set sensor.source=file:PATH for a recording",
     ),
     _Rule(

@@ -87,8 +87,8 @@ def test_numbers_out_of_a_range_are_sent_to_its_end():
 def test_a_source_without_a_kind_is_named_before_what_its_chip_would_lack(refused, tmp_path):
     said = refused("run", "playback", "--set", "sensor.source=a.dat", "--out", tmp_path / "run")
     assert said == (
-        "sensor.source must be file:PATH, pipe:PATH or serial:PORT, not one without these; "
-        "write --set sensor.source=file:PATH for a recording"
+        "sensor.source must be file:PATH, pipe:PATH, serial:PORT or udp:HOST, not one without "
+        "these; write --set sensor.source=file:PATH for a recording"
     )
 
 
