@@ -29,7 +29,7 @@ from cosim.run.folder import (
     output_folder,
 )
 from cosim.run.foresight import Foresight
-from cosim.run.loop import earlier, noted_interrupts
+from cosim.run.loop import discard_checkpoints, noted_interrupts
 from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, dumps, write_result
@@ -119,9 +119,8 @@ def run_scenario(
             lost = streams if options.store == NOT_KEPT else []
             sync_tree(folder, without=lost)  # all that the result names is there before it
             write_result(folder, result)
-            last = recording.chain.checkpoint
-            for leftover in (earlier(last), last, folder / REINSTATED):
-                leftover.unlink(missing_ok=True)
+            discard_checkpoints(recording.chain.checkpoint)
+            (folder / REINSTATED).unlink(missing_ok=True)
             finished = True
             if options.store == NOT_KEPT:  # only now: without them a run cannot be resumed
                 for name in streams:

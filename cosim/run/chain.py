@@ -9,7 +9,14 @@ from shutil import rmtree
 from typing import Any, Final
 
 from cosim.run.folder import how_to_resume, room_for
-from cosim.run.loop import Checkpoint, Gate, LostRecording, earlier, open_gate, run_blocks
+from cosim.run.loop import (
+    Checkpoint,
+    Gate,
+    LostRecording,
+    discard_checkpoints,
+    open_gate,
+    run_blocks,
+)
 from cosim.run.progress import Progress
 
 __all__ = ["CHECKPOINT", "STREAM", "BlockChain"]
@@ -89,8 +96,7 @@ class BlockChain:
 
     def discard(self) -> None:
         """Removes the recording and the checkpoints."""
-        for file in (earlier(self.checkpoint), self.checkpoint):
-            file.unlink(missing_ok=True)
+        discard_checkpoints(self.checkpoint)
         place = self.folder / self.recording
         if place.is_dir():
             rmtree(place, ignore_errors=True)

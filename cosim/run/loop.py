@@ -22,8 +22,8 @@ from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks, section
 
 __all__ = [
-    "Checkpoint", "Gate", "LostRecording", "earlier", "noted_interrupts", "open_gate",
-    "run_blocks", "stop_requests",
+    "Checkpoint", "Gate", "LostRecording", "discard_checkpoints", "earlier", "noted_interrupts",
+    "open_gate", "run_blocks", "stop_requests",
 ]  # fmt: skip
 
 _DIGEST = "digest"
@@ -43,6 +43,12 @@ def _digest(arrays: State) -> str:
 def earlier(checkpoint: Path) -> Path:
     """File of the checkpoint before one."""
     return checkpoint.with_stem(f"{checkpoint.stem}-before")
+
+
+def discard_checkpoints(checkpoint: Path) -> None:
+    """Removes a checkpoint and the one before."""
+    for file in (earlier(checkpoint), checkpoint):
+        file.unlink(missing_ok=True)
 
 
 class LostRecording(Exception):

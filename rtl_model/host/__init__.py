@@ -12,13 +12,12 @@ from rtl_model.host.csr import CsrMap, default_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log import LineLog
 from rtl_model.host.ports import Port, SerialPort, is_pty, open_port
-from rtl_model.host.reading import LEVELS, Reading, read_charges
+from rtl_model.host.reading import Reading, check_levels, read_charges
 from rtl_model.host.replay import ReplayPort
 from rtl_model.host.uartbone import BAUD_MIN, Uartbone
 
 __all__ = [
     "BAUD_MIN",
-    "LEVELS",
     "BaudReport",
     "Board",
     "BoardInfo",
@@ -34,6 +33,7 @@ __all__ = [
     "SerialPort",
     "Uartbone",
     "capture",
+    "check_levels",
     "default_map",
     "find_baud",
     "is_pty",

@@ -16,7 +16,7 @@ from rtl_model.host.board import Board
 from rtl_model.host.capture import SETTINGS, Captured, burst, stop
 from rtl_model.host.faults import Cause, LineFault
 
-__all__ = ["LEVELS", "Reading", "read_charges"]
+__all__ = ["LEVELS", "Reading", "check_levels", "read_charges"]
 
 LEVELS: Final = tuple(1 << n for n in range(1, 8))
 """Levels that a reading may have."""
@@ -41,6 +41,12 @@ class Reading(NamedTuple):
     captured: Captured
 
 
+def check_levels(levels: int, name: str) -> None:
+    """Raises InputError for levels that no reading has. name: of the value, for the message."""
+    if levels not in LEVELS:
+        raise InputError(name, ", ".join(map(str, LEVELS)), str(levels), "give one of these")
+
+
 def read_charges(board: Board, levels: int) -> Reading:
     """Takes a reading. A running sensor waits for it, and goes on with the same charges.
 
@@ -52,10 +58,7 @@ def read_charges(board: Board, levels: int) -> Reading:
         InputError: for other levels, more than the board has memory for, or a capture of the sink.
         LineFault: for a board without readings, passes that contradict each other, and as `burst`.
     """
-    if levels not in LEVELS:
-        raise InputError(
-            "the levels of a reading", ", ".join(map(str, LEVELS)), str(levels), "give one of these"
-        )
+    check_levels(levels, "the levels of a reading")
     info = board.info()
     if info.version & 0xFFFF < _SINCE:
         raise LineFault(

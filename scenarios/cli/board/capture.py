@@ -113,7 +113,7 @@ def _read(
     import numpy as np
 
     from cosim import InputError
-    from rtl_model.host import LEVELS, read_charges
+    from rtl_model.host import check_levels, read_charges
     from scenarios.cli.board.regs import assignment
     from sensor.reconstruct.readings import Readings, write_readings
 
@@ -122,8 +122,7 @@ def _read(
             "--frames, --clear and --format", "left out with --levels", "given",
             "leave them out, because a reading is no burst",
         )  # fmt: skip
-    if levels not in LEVELS:
-        raise InputError("--levels", ", ".join(map(str, LEVELS)), str(levels), "give one of these")
+    check_levels(levels, "--levels")
     if out.suffix.lower() != ".npz":
         raise InputError("--out", "a name ending in .npz with --levels", str(out), "rename it")
     with connect(options, json) as connection:

@@ -78,11 +78,11 @@ def board_compare(
     frames = 8 if frames is None else frames
     from rtl_model.bringup.bench.charges import read_and_compare
     from rtl_model.bringup.bench.frames import capture_and_compare
-    from rtl_model.host import LEVELS
+    from rtl_model.host import check_levels
     from scenarios.cli.board.regs import assignment
 
-    if levels is not None and levels not in LEVELS:
-        raise InputError("--levels", ", ".join(map(str, LEVELS)), str(levels), "give one of these")
+    if levels is not None:
+        check_levels(levels, "--levels")
     writes = [assignment(text) for text in assignments or ()]
     with connect(options, json) as connection:
         for name, value in writes:

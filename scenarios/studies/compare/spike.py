@@ -14,7 +14,7 @@ from cosim.files import Recorder, ZarrStream
 from cosim.light.lens import Lens
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.folder import begin_folder
-from cosim.run.loop import earlier
+from cosim.run.loop import discard_checkpoints
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from scenarios.assemble.camera.boards import refuse_boards
@@ -70,8 +70,7 @@ def film_spikes(
         progress.note(note)
     chain = BlockChain("spike camera", stages, cycles, toml, folder)
     chain.run(progress)
-    for leftover in (earlier(chain.checkpoint), chain.checkpoint):
-        leftover.unlink(missing_ok=True)
+    discard_checkpoints(chain.checkpoint)
     recorded = ZarrStream(folder / STREAM)
     words = recorded.read_words(0, -(-recorded.cycles // WORD))
     stream = Viform(words, recorded.cycles, recorded.clock)
