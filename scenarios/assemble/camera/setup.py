@@ -16,7 +16,7 @@ from cosim.plan.paired import Span, windows
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
 from scenarios.assemble.camera.dim_limits import check_dim
-from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan, plan_run
+from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.stages import LensStage, SceneStage
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
@@ -25,6 +25,7 @@ from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.drawing.neutral import NeutralSource
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
+from sensor.latched.planning import ARITHMETIC
 from sensor.latched.survey import SceneSurvey, survey_scene
 from sensor.latched.tiers import Tier
 

@@ -33,11 +33,12 @@ from display.trial.paired import (
     partial_displays,
 )
 from scenarios.assemble.camera.bank_check import BankChange, bank_change
-from scenarios.assemble.camera.planning import ARITHMETIC, RunPlan
+from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.samples import TileSamples
 from sensor import CameraSetting
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.patches import PatchCamera
+from sensor.latched.planning import ARITHMETIC
 from sensor.latched.tiers import Tier
 
 __all__ = ["Verifier"]
