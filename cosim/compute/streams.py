@@ -28,6 +28,8 @@ class Stream(IntEnum):
     """Sampling instants of rows."""
     DRIFT = 6
     """Gain that all pixels have in common."""
+    CALL = 7
+    """Seeds of the calls of a camera after the first."""
     PATTERN = 16
     """Fixed pattern of pixels; keyed by the seed of the device, not of the run."""
     SKIPPED = 48

@@ -66,8 +66,11 @@ def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
         for piece in light.pieces:
             if any(piece is known for known in known_pieces):
                 continue
+            met = [plane for known in known_pieces[-1:] for plane in (known.first, known.last)]
             known_pieces, count = [*known_pieces[-8:], piece], count + 1
             for plane in (piece.first,) if piece.constant else (piece.first, piece.last):
+                if any(plane is one for one in met):  # the end of the piece before
+                    continue
                 least = plane.copy() if least is None else np.minimum(least, plane, out=least)
                 most = plane.copy() if most is None else np.maximum(most, plane, out=most)
         # Light that extends beyond the block is not requested again.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -26,6 +27,10 @@ _GRAIN: Final = 1 << 24
 _PART: Final = 1 << 17
 """Number of pixels that a thread draws at once: numpy and the compiled words release the
 interpreter lock, and the arrays stay in the cache."""
+_KEPT: Final = 4
+"""Patterns of consecutive pixels that are kept, 16 bytes a pixel."""
+_FEW, _MOST = 1 << 10, 1 << 21
+"""Pixels from which a pattern is kept, and up to which."""
 
 Gain = npt.NDArray[np.float64]
 
@@ -73,7 +78,14 @@ class DevicePattern:
                 raise ValueError(f"{name} must be a share from 0 to 1, not {getattr(self, name):g}")
 
     def at(self, pixels: npt.NDArray[np.uint32]) -> FixedPattern:
-        """The pattern of pixels, (n,), by their numbers on the chip."""
+        """The pattern of pixels, (n,), by their numbers on the chip. That of consecutive pixels is
+        kept for a later call, and must not be modified."""
+        first, count = int(pixels[0]) if pixels.size else 0, pixels.size
+        if _FEW < count <= _MOST and np.array_equal(pixels, np.arange(first, first + count)):
+            return _consecutive(self, first, count)
+        return self._made(pixels)
+
+    def _made(self, pixels: npt.NDArray[np.uint32]) -> FixedPattern:
         if pixels.size <= _PART:
             return self._at(pixels)
         parts = [pixels[n : n + _PART] for n in range(0, pixels.size, _PART)]
@@ -123,3 +135,9 @@ class FixedPattern:
 
     gain: Gain
     dark: Gain
+
+
+@lru_cache(_KEPT)
+def _consecutive(pattern: DevicePattern, first: int, count: int) -> FixedPattern:
+    """The pattern of `count` pixels from number `first` on."""
+    return pattern._made(np.arange(first, first + count, dtype=np.uint32))

@@ -8,17 +8,16 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from cosim.clock import Clock
-from cosim.light.light import Light
+from cosim.light.light import Light, Plane
 from cosim.light.source import Source
 from cosim.light.survey import Survey, survey, through
 from cosim.plan.effects import Summary
 from cosim.plan.tiles import TileGrid
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["SceneSurvey", "survey_scene"]
+__all__ = ["SceneSurvey", "summarise", "survey_scene"]
 
 _SIGMAS: Final = 4.0
 """Deviations of the drift within which light is taken to lie."""
@@ -70,13 +69,21 @@ def survey_scene(
         window: cycles of the image window.
         floor: spikes a cycle. Errors of lower rates are relative to this rate.
     """
+    light = through(survey(source, setting.clock, cycles), relay)
+    return summarise(setting, light, cycles, window, floor)
+
+
+def summarise(
+    setting: CameraSetting, light: Survey, cycles: int, window: int, floor: float
+) -> SceneSurvey:
+    """The survey of a camera from the range of the light on its pixels, lux; the other arguments
+    are those of `survey_scene`."""
     clock: Clock = setting.clock
-    light = through(survey(source, clock, cycles), relay)
     grid = TileGrid(*light.least.shape)
     per_cycle = setting.electrons_per_lux * float(clock.period)
     low, high = light.least, light.most
     if setting.crosstalk > 0:  # a pixel may receive a neighbour's light
-        low, high = minimum_filter(low, 3), maximum_filter(high, 3)
+        low, high = _around(low, least=True), _around(high, least=False)
     darkest = grid.reduce(low, np.minimum).astype(float) * per_cycle
     brightest = grid.reduce(high, np.maximum).astype(float) * per_cycle
     brightest = brightest + setting.dark_charge
@@ -100,6 +107,14 @@ def survey_scene(
         setting.dead_time * clock.hz, setting.uneven, timing,
     )  # fmt: skip
     certain = light.certain
-    if setting.crosstalk > 0:
-        certain = minimum_filter(certain, 3)
+    if setting.crosstalk > 0 and not certain.all():
+        certain = _around(certain.astype(np.float32), least=True) > 0
     return SceneSurvey(light, grid, scene, grid.reduce(certain, np.logical_and))
+
+
+def _around(plane: Plane, *, least: bool) -> Plane:
+    """The least or most of a pixel and its eight neighbours, (H, W) float32."""
+    import cv2
+
+    of = cv2.erode if least else cv2.dilate
+    return np.asarray(of(plane, np.ones((3, 3), np.uint8)), np.float32)

@@ -17,7 +17,6 @@ from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
 from scenarios.assemble.camera.dim_limits import check_dim
 from scenarios.assemble.camera.planning import RunPlan, plan_run
-from scenarios.assemble.camera.stages import LensStage, SceneStage
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import LensChoice, choose_lens, choose_mosaic
@@ -26,6 +25,7 @@ from scenarios.scenes.drawing.neutral import NeutralSource
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.planning import ARITHMETIC
+from sensor.latched.stages import LensStage, SceneStage
 from sensor.latched.survey import SceneSurvey, survey_scene
 from sensor.latched.tiers import Tier
 

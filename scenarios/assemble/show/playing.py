@@ -15,10 +15,10 @@ from cosim.run.chain import STREAM
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.progress import Progress
 from scenarios.assemble.camera.boards import BoardPanel
-from scenarios.assemble.camera.stages import SceneStage
 from scenarios.assemble.carrier.carrier import RECEIVED, Carrier
 from scenarios.assemble.show.feeds import Planes
 from scenarios.assemble.show.screen import Screen
+from sensor.latched.stages import SceneStage
 
 __all__ = ["SHOWN", "Played", "Playing"]
 

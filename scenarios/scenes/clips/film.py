@@ -15,7 +15,8 @@ import numpy as np
 from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Points
-from scenarios.scenes.clips.pictures import open_clip
+from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.clips.pictures import Pictures, open_clip
 from scenarios.scenes.drawing.points import spread_points
 
 __all__ = ["FilmSource"]
@@ -35,6 +36,7 @@ class FilmSource:
         start: time in the clip at the start of the run, s.
         rate: frame rate, 1/s; None for that of the clip.
         mosaic: filter array on the pixels, which see the colours of the clip; None for none.
+        clip: the opened clip in place of that of `path`, which then only names it; None to open it.
 
     Attributes:
         coloured: whether the light already is that behind the filters.
@@ -54,10 +56,11 @@ class FilmSource:
         start: float = 0.0,
         rate: float | None = None,
         mosaic: Mosaic | None = None,
+        clip: Clip | Pictures | None = None,
     ) -> None:
         self.shape = shape
         self.coloured = mosaic is not None
-        self._clip = open_clip(path, shape, mosaic, self._MIXED, rate)
+        self._clip = clip or open_clip(path, shape, mosaic, self._MIXED, rate)
         self._lux = np.float32(illuminance * (1.0 if mosaic is None else mosaic.white))
         self._clock = clock
         self._start = seconds_to_ps(start)
@@ -69,7 +72,7 @@ class FilmSource:
         self._pieces: dict[int, Piece] = {}
         self._held = False
         self.degraded: list[str] = []
-        self.notes = self._clip.notes
+        self.notes = list(self._clip.notes) if clip else self._clip.notes
         if not clip_rate:
             idle = [f"scene.{k}" for k, v in (("start", start), ("frame_rate", rate)) if v]
             note = f"; {' and '.join(idle)} {'has' if len(idle) == 1 else 'have'} no effect"

@@ -92,7 +92,9 @@ class Fit:
                 f"to the sensor's {columns} x {rows}"
             )
         top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
-        if shrinks or share * _WIDEST >= 1:
+        if light.shape[:2] == (rows, columns) and size == (columns, rows):
+            plane = light
+        elif shrinks or share * _WIDEST >= 1:
             method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
             scaled = cv2.resize(np.ascontiguousarray(light), size, interpolation=method)
             plane = scaled[top : top + rows, left : left + columns]

@@ -18,10 +18,12 @@ from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.tiff import tiff_size
 from scenarios.scenes.clips.timeline import Timeline
 
-__all__ = ["Pictures", "open_clip"]
+__all__ = ["Pictures", "array_clip", "open_clip", "shown"]
 
 _KEPT: Final = 3
 """Frames in memory."""
+_REMEMBERED: Final = 1 << 28
+"""Bytes of the frames of an array that are kept as light, in place of being converted anew."""
 _NUMBER: Final = re.compile(r"(\d+)")
 
 
@@ -46,6 +48,7 @@ class Pictures:
         size: (height, width) of a picture, its pixels.
         rate: frames/s, which several frames need.
         notes: to which `read` adds.
+        kept: frames in memory.
 
     Attributes:
         notes: notes for the user.
@@ -60,7 +63,7 @@ class Pictures:
 
     def __init__(
         self, path: Path, read: Callable[[int], Plane], frames: int, size: tuple[int, int],
-        rate: float | None, notes: list[str],
+        rate: float | None, notes: list[str], kept: int = _KEPT,
     ) -> None:  # fmt: skip
         if frames > 1 and rate is None:
             raise InputError(
@@ -69,6 +72,7 @@ class Pictures:
             )  # fmt: skip
         self._read, self._frames, self.size, self.notes = read, frames, size, notes
         self._planes: dict[int, Plane] = {}
+        self._kept = kept
         self.rate = Fraction(repr(rate)) if frames > 1 else Fraction(0)
         self.count = 0
         self.frame(0)
@@ -83,8 +87,9 @@ class Pictures:
             self.count = self._frames
             return None
         if n not in self._planes:
-            kept = list(self._planes.items())[1 - _KEPT :]
-            self._planes = {**dict(kept), n: self._read(n)}
+            while len(self._planes) >= self._kept:
+                del self._planes[next(iter(self._planes))]  # the oldest
+            self._planes[n] = self._read(n)
             self.count = max(self.count, n + 1)
         return self._planes[n]
 
@@ -110,7 +115,7 @@ def _array(path: Path, fit: Fit) -> npt.NDArray[Any]:
     return values
 
 
-def _shown(values: npt.NDArray[Any], fit: Fit) -> Plane:
+def shown(values: npt.NDArray[Any], fit: Fit) -> Plane:
     """A picture of an array on the pixels: codes of sRGB, or floats of linear light."""
     if not np.issubdtype(values.dtype, np.integer):
         return fit.floats(np.asarray(values))
@@ -129,7 +134,28 @@ def _from_array(
     frames = values if values.ndim > 2 else values[None]
     size = frames.shape[1], frames.shape[2]
     fit.check_size(*size)
-    return Pictures(path, lambda n: _shown(frames[n], fit), len(frames), size, rate, notes)
+    return Pictures(path, lambda n: shown(frames[n], fit), len(frames), size, rate, notes)
+
+
+def array_clip(
+    frames: npt.NDArray[Any], shape: tuple[int, int], mosaic: Mosaic | None, rate: float
+) -> Pictures:
+    """Frames in memory on a grid: the light of the same array in a .npy file.
+
+    Args:
+        frames: (T, H, W) or (T, H, W, 3), uint8 or uint16 in sRGB, or floats of linear light.
+        shape: (height, width) of the grid.
+        mosaic: filter array on the pixels; None for one colour.
+        rate: frames/s.
+    """
+    notes: list[str] = []
+    fit = Fit(Path("frames"), shape, mosaic, True, notes)
+    size = frames.shape[1], frames.shape[2]
+    fit.check_size(*size)
+    kept = min(len(frames), max(_KEPT, _REMEMBERED // (4 * shape[0] * shape[1])))
+    return Pictures(
+        Path("frames"), lambda n: shown(frames[n], fit), len(frames), size, rate, notes, kept
+    )
 
 
 def _from_folder(
@@ -174,7 +200,7 @@ def _one(path: Path, shape: tuple[int, int], mosaic: Mosaic | None, mixed: bool)
             fit = Fit(path, shape, mosaic, mixed, notes)
             size = values.shape[0], values.shape[1]
             fit.check_size(*size)
-            return Pictures(path, lambda n: _shown(values, fit), 1, size, None, notes)
+            return Pictures(path, lambda n: shown(values, fit), 1, size, None, notes)
         return _from_array(path, shape, mosaic, mixed, None)
     return open_clip(path, shape, mosaic, mixed)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from cosim import Block, Light
 from cosim.light.lens import Lens
+from cosim.light.light import Light
 from cosim.light.source import Source
+from cosim.stage import Block
 
 __all__ = ["LensStage", "SceneStage"]
 

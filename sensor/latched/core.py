@@ -1,0 +1,314 @@
+"""A latched camera that is called: light in, words out, in memory.
+
+The camera is set up once. A call surveys its light, plans which effects that light needs for the
+tolerance, exposes the chip, and states the bound of the plan. It writes nothing. A run does the
+same around it with a recorder and a check of the plan, so both give the same bits.
+
+The draws of a call are a function of the seed and of the number of the call alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from threading import Lock
+from typing import Final
+
+import numpy as np
+
+from cosim.clock import Clock
+from cosim.compute.opencl import Device
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
+from cosim.errors import InputError
+from cosim.light.light import Light, Piece, Plane
+from cosim.light.source import Source
+from cosim.light.survey import Survey
+from cosim.plan.effects import Kind
+from cosim.plan.paired import windows
+from cosim.spikes.viform import WORD, Viform, words_for
+from cosim.stage import Block
+from sensor.latched.camera import SpikeCamera
+from sensor.latched.planning import CameraPlan, plan_camera
+from sensor.latched.readout import DuplicatedRows
+from sensor.latched.setting import CameraSetting
+from sensor.latched.stages import SceneStage
+from sensor.latched.survey import SceneSurvey, summarise, survey_scene
+from sensor.latched.tiers import Tier
+
+__all__ = ["Bounds", "Filmed", "LatchedCamera", "LiveCamera", "seed_of"]
+
+WINDOW: Final = 41
+"""Cycles of the window of an image, by default."""
+_TOGETHER: Final = 1024
+"""Cycles that are exposed at once, whole words."""
+_PLANS: Final = 8
+"""Plans that are kept."""
+
+Relay = Callable[[Light], Light]
+
+
+def seed_of(seed: int, number: int) -> int:
+    """Seed of the temporal noise of a call: that of the camera in call 0, and a word of Philox for
+    the others."""
+    if number == 0:
+        return seed
+    low, high = number & 0xFFFFFFFF, number >> 32
+    return int(philox4x32((low, high, 0, 0), (seed, Stream.CALL))[0])
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a plan promises of the error of a simulation against full physics, before anything is
+    measured.
+
+    Attributes:
+        bound: Limit of the relative error of the spike rates of a tile, in the worst tile.
+        kind: "proof", or "estimate".
+        left_out: Limit for each effect that some tile leaves out, by name.
+        arithmetic: Limit for the arithmetic of the tier.
+        tier: Tier of most tiles.
+        better: Share of tiles that a better tier simulates, 0 to 1.
+        tolerance: Tolerance of the plan.
+    """
+
+    bound: float
+    kind: Kind
+    left_out: dict[str, float]
+    arithmetic: float
+    tier: Tier
+    better: float
+    tolerance: float
+
+    @classmethod
+    def of(cls, plan: CameraPlan) -> Bounds:
+        """The bounds of a plan."""
+        gone = set(plan.plan.left_out)
+        return cls(
+            float(np.max(plan.promised)),
+            # The bounds of the arithmetic are estimates; those of the effects may be proofs.
+            plan.plan.kind if not plan.tier_error.any() else "estimate",
+            {row.effect: row.bound for row in plan.plan.rows if row.effect in gone},
+            float(np.max(plan.tier_error)),
+            plan.tier,
+            float(plan.fine.mean()),
+            plan.plan.tolerance,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Filmed(Viform):
+    """Spikes of a call.
+
+    Attributes:
+        error: Bounds of the error of the simulation; None if they are not known.
+        notes: What a user must know of the light and of the plan.
+    """
+
+    error: Bounds | None = None
+    notes: tuple[str, ...] = ()
+
+
+class LatchedCamera:
+    """A latched camera, ready to be called from any thread.
+
+    Args:
+        setting: the camera with every effect; its seed is that of call 0.
+        device: OpenCL device, or None for the compiled form on the processor.
+        tolerance: allowed relative error of a rate; 0 keeps every effect.
+        window: cycles of the window over which rates are taken; a shorter call has its own length.
+        floor: spikes a cycle; errors of lower rates are relative to it. None for one spike in the
+            window.
+        tier: arithmetic of all pixels; None for the fastest that the tolerance allows, with a
+            better one in the tiles that need it.
+        duplicated_rows: fault of the readout, pairs (source, target).
+    """
+
+    def __init__(
+        self, setting: CameraSetting, device: Device | None, *, tolerance: float = 1e-3,
+        window: int = WINDOW, floor: float | None = None, tier: Tier | None = None,
+        duplicated_rows: Sequence[tuple[int, int]] = (),
+    ) -> None:  # fmt: skip
+        if tier == "fast" and device is None:
+            raise InputError(
+                "tier", "exact or reference without an OpenCL device", "fast", "choose one of them"
+            )
+        self.setting, self._device, self._tier = setting, device, tier
+        self._tolerance, self._window, self._floor = tolerance, window, floor
+        self._duplicated = DuplicatedRows(duplicated_rows) if duplicated_rows else None
+        self._plans: dict[bytes, CameraPlan] = {}
+        self._lock = Lock()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the chip."""
+        return self.setting.chip.height, self.setting.chip.width
+
+    def forget(self) -> None:
+        """Gives back what is kept for later calls."""
+        with self._lock:
+            self._plans = {}
+
+    def _lengths(self, cycles: int) -> tuple[int, float]:
+        """Window and floor of a call."""
+        window = min(self._window, cycles)
+        return window, 1 / window if self._floor is None else self._floor
+
+    def survey(self, source: Source, relay: Relay, cycles: int) -> SceneSurvey:
+        """Survey of a source, which it may consume; `relay` is the lens."""
+        return survey_scene(self.setting, source, relay, cycles, *self._lengths(cycles))
+
+    def plan(self, survey: SceneSurvey, spans: Sequence[tuple[int, int]] = ()) -> CameraPlan:
+        """The plan for a survey; equal ones share it. spans: windows of images, which bounds of a
+        run with register writes depend on."""
+        scene, mixed = survey.scene, self._tier is None
+        digest = hashlib.blake2b(repr((scene.cycles, scene.window, scene.floor, spans)).encode())
+        for part in (scene.darkest, scene.brightest, scene.planes, scene.timing, survey.certain):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        key = digest.digest()
+        with self._lock:
+            known = self._plans.get(key)
+        if known is None:
+            known = plan_camera(
+                survey, self.setting, self._tolerance, spans, self._device,
+                tier=self._tier, mixed=mixed,
+            )  # fmt: skip
+            with self._lock:
+                self._plans = dict([*self._plans.items()][1 - _PLANS :]) | {key: known}
+        return known
+
+    def _exposed(self, plan: CameraPlan, seed: int) -> SpikeCamera:
+        """The planned camera with the noise of a seed."""
+        if seed != self.setting.seed:
+            plan = replace(
+                plan, setting=replace(plan.setting, seed=seed), full=replace(plan.full, seed=seed)
+            )
+        return plan.camera(self._device)
+
+    def film(
+        self, source: Callable[[], Source], relay: Relay, cycles: int, number: int = 0
+    ) -> Filmed:
+        """Films a source.
+
+        Args:
+            source: gives the source anew; it is asked twice, for the survey and for the light.
+            relay: the lens.
+            cycles: length, cycles of the latch clock.
+            number: number of the call, below 2^64.
+
+        Returns:
+            The spikes of all cycles.
+
+        Raises:
+            InputError: a register is written after the end.
+        """
+        late = [write.cycle for write in self.setting.writes if write.cycle >= cycles]
+        if late:
+            raise InputError(
+                "writes", f"at cycles below {cycles}, the end of the light", f"at {late[0]}",
+                "film longer or drop it",
+            )  # fmt: skip
+        at = sorted({cycles * (2 * n + 1) // 10 for n in range(5)})
+        survey = self.survey(source(), relay, cycles)
+        plan = self.plan(survey, tuple(windows(at, survey.scene.window, cycles)))
+        camera = self._exposed(plan, seed_of(self.setting.seed, number))
+        light = source()
+        scene = SceneStage(light, self.setting.reach)
+        words = np.empty((words_for(cycles), *self.shape), np.uint32)
+        for start in range(0, cycles, _TOGETHER):
+            block = Block(start, min(_TOGETHER, cycles - start))
+            part = camera.step(relay(scene.step(None, block)), block)
+            if self._duplicated is not None:
+                part = self._duplicated.step(part, block)
+            words[start // WORD : start // WORD + len(part.words)] = part.words
+        notes = (*light.notes, *light.degraded)
+        return Filmed(words, cycles, self.setting.clock, 0, Bounds.of(plan), notes)
+
+    def open(self, most: float, frames: Clock, relay: Relay, number: int = 0) -> LiveCamera:
+        """A camera whose light comes frame by frame.
+
+        Args:
+            most: brightest light of the scene, lux; the plan holds from darkness up to it.
+            frames: clock of the frames.
+            relay: the lens.
+            number: number of the call.
+
+        Raises:
+            InputError: registers are written, whose cycles belong to a light of known length.
+        """
+        if self.setting.writes:
+            raise InputError("writes", "none for a live camera", "given", "leave them out")
+        # How long it will be used is not known; over a second, phases have drifted as far as they
+        # will in a rate of a window.
+        clock = self.setting.clock
+        cycles = max(round(clock.hz), self._window)
+        dark, bright = (np.full(self.shape, lux, np.float32) for lux in (0.0, most))
+        ends = relay(Light((Piece(0, 1, dark, bright),))).pieces[0]
+        certain = np.ones(self.shape, bool)
+        seen = Survey(ends.first, ends.last, certain, frames.hz / clock.hz)
+        survey = summarise(self.setting, seen, cycles, *self._lengths(cycles))
+        tier: Tier = self._tier or ("exact" if self._device is None else "fast")
+        plan = plan_camera(
+            survey, self.setting, self._tolerance, (), self._device, tier=tier, mixed=False
+        )
+        camera = self._exposed(plan, seed_of(self.setting.seed, number))
+        return LiveCamera(self.setting, camera, Bounds.of(plan), most, frames, relay,
+                          self._duplicated)  # fmt: skip
+
+
+class LiveCamera:
+    """A camera whose light comes frame by frame; the light between two frames is linear in time.
+
+    Attributes:
+        error: Bounds of the error, over a second of any light up to the brightest.
+    """
+
+    def __init__(
+        self, setting: CameraSetting, camera: SpikeCamera, error: Bounds, most: float,
+        frames: Clock, relay: Relay, readout: DuplicatedRows | None,
+    ) -> None:  # fmt: skip
+        self.error = error
+        self._setting, self._camera, self._readout = setting, camera, readout
+        self._most, self._frames, self._relay = most, frames, relay
+        self._count = self._cycle = 0
+        self._last: Plane | None = None
+        self._pieces: list[Piece] = []
+
+    def push(self, plane: Plane) -> Filmed | None:
+        """Takes the next frame.
+
+        Args:
+            plane: (H, W) float32, lux of the scene at the instant of the frame.
+
+        Returns:
+            The spikes of the cycles that are complete with it, in whole cycles; their `start` is
+            the number of the first. None if there is none.
+
+        Raises:
+            InputError: light beyond the range that the plan holds for.
+        """
+        top = float(plane.max(initial=0))
+        if not (plane.min(initial=0) >= 0 and top <= self._most * (1 + 1e-6)):
+            raise InputError(
+                "the light of a frame", f"from 0 to the {self._most:g} lux that was planned for",
+                f"up to {top:g} lux", "open another camera with a larger white",
+            )  # fmt: skip
+        before, self._last = self._last, plane
+        number, self._count = self._count, self._count + 1
+        if before is None:
+            return None
+        begin, end = self._frames.edge(number - 1), self._frames.edge(number)
+        self._pieces.append(Piece(begin, end, before, plane))
+        clock, (back, ahead) = self._setting.clock, self._setting.reach
+        stop = clock.cycle_at(end) - ahead
+        if stop <= self._cycle:
+            return None
+        block = Block(self._cycle, stop - self._cycle)
+        part = self._camera.step(self._relay(Light(tuple(self._pieces))), block)
+        if self._readout is not None:
+            part = self._readout.step(part, block)
+        self._cycle = stop
+        needed = clock.edge(max(stop - back, 0))
+        self._pieces = [piece for piece in self._pieces if piece.stop > needed]
+        return Filmed(np.array(part.words), part.cycles, clock, part.start, self.error)
