@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cosim import Clock, InputError, Viform
-    from scenarios.python import Run, Stream, film, reconstruct, run, send, show
+    from scenarios.python import Camera, Run, Stream, film, reconstruct, run, send, show
     from scenarios.python import open_stream as open
     from scenarios.python import save_stream as save
     from scenarios.studies.dataset.making import dataset
     from scenarios.studies.dataset.reading import SpikeDataset, torch_dataset
 
 _PLACES = {
+    "Camera": "scenarios.python:Camera",
     "Clock": "cosim:Clock",
     "InputError": "cosim:InputError",
     "Run": "scenarios.python:Run",
@@ -39,8 +40,8 @@ _PLACES = {
 }
 
 __all__ = [
-    "Clock", "InputError", "Run", "SpikeDataset", "Stream", "Viform", "dataset", "film", "open",
-    "reconstruct", "run", "save", "send", "show", "torch_dataset",
+    "Camera", "Clock", "InputError", "Run", "SpikeDataset", "Stream", "Viform", "dataset", "film",
+    "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
 ]  # fmt: skip
 
 

@@ -56,7 +56,7 @@ ROOMS = {
         "section", "air stability", "setting", "prediction", "setup", "trial", "evaluation",
         "report", "machine",
     ),
-    "scenarios": ("scenes report", "assemble", "run", "studies python view", "cli"),
+    "scenarios": ("scenes report", "assemble", "run", "python", "studies view", "cli"),
 }  # fmt: skip
 
 LOOSE = {"scenarios": {"__init__.py", "run.py"}}

@@ -13,6 +13,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass
@@ -244,6 +245,22 @@ def _typed(kernel: Any) -> Any:
     return kernel
 
 
+class _Kernel:
+    """A kernel that any thread may call: each has its own, as a kernel holds its arguments."""
+
+    def __init__(self, program: Any, name: str) -> None:
+        self._program, self._name, self._own = program, name, threading.local()
+
+    def __call__(self, *arguments: Any) -> Any:
+        try:
+            kernel = self._own.kernel
+        except AttributeError:
+            import pyopencl as cl
+
+            kernel = self._own.kernel = _typed(cl.Kernel(self._program, self._name))
+        return kernel(*arguments)
+
+
 @dataclass(eq=False)
 class Device:
     """An open device with its queue and its compiled programs.
@@ -258,6 +275,7 @@ class Device:
 
     def __post_init__(self) -> None:
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
+        self._kernels: dict[tuple[str, tuple[str, ...], str], _Kernel] = {}
 
     @property
     def driver(self) -> str:
@@ -295,8 +313,8 @@ class Device:
         return cl.CommandQueue(self.context)
 
     def kernel(self, source: str, name: str, options: tuple[str, ...] = ()) -> Any:
-        """A kernel of `source`. Each (source, options) is compiled once in a process; pyopencl and
-        PoCL store the binary on disk for later ones.
+        """A kernel of `source`, which any thread may call. Each (source, options) is compiled once
+        in a process; pyopencl and PoCL store the binary on disk for later ones.
 
         Warnings of the compiler are shown with PYOPENCL_COMPILER_OUTPUT=1 alone: on processors
         without AVX-512, those of PoCL's own library are on every program."""
@@ -314,7 +332,9 @@ class Device:
                     list(options) if shown else [*options, "-w"],
                     cache_dir=str(cache_folder() / "programs"),
                 )
-        return _typed(cl.Kernel(self._programs[key], name))
+        if (*key, name) not in self._kernels:
+            self._kernels[*key, name] = _Kernel(self._programs[key], name)
+        return self._kernels[*key, name]
 
     def upload(self, array: npt.NDArray[Any]) -> Any:
         """A device buffer with a copy of `array`."""

@@ -3,6 +3,7 @@
 The module `viform` exports them.
 """
 
+from scenarios.python.camera import Camera
 from scenarios.python.filming import film
 from scenarios.python.finished import Run
 from scenarios.python.images import reconstruct
@@ -12,5 +13,6 @@ from scenarios.python.showing import show
 from scenarios.python.streams import Stream, open_stream, save_stream
 
 __all__ = [
-    "Run", "Stream", "film", "open_stream", "reconstruct", "run", "save_stream", "send", "show",
+    "Camera", "Run", "Stream", "film", "open_stream", "reconstruct", "run", "save_stream", "send",
+    "show",
 ]  # fmt: skip

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from cosim import InputError
 from cosim.errors import quote
+from cosim.files.whole import whole
 
 __all__ = ["array_of", "check_frame", "rate_of", "write_frames"]
 
@@ -98,10 +99,10 @@ def write_frames(frames: Any, path: Path) -> int:
         The number of frames.
 
     Raises:
-        InputError: no frame, or one of another kind.
+        InputError: no frame, or one of another kind; then no file is written.
     """
     count, header = 0, 0
-    with path.open("wb") as file:
+    with whole(path) as part, part.open("wb") as file:
         for values in _checked(frames):
             if count == 0:
                 header = _write_header(file, values, 2**62)  # as long as that of any number

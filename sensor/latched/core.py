@@ -222,7 +222,7 @@ class LatchedCamera:
             if self._duplicated is not None:
                 part = self._duplicated.step(part, block)
             words[start // WORD : start // WORD + len(part.words)] = part.words
-        notes = (*light.notes, *light.degraded)
+        notes = (*plan.notes, *light.notes, *light.degraded)
         return Filmed(words, cycles, self.setting.clock, 0, Bounds.of(plan), notes)
 
     def open(self, most: float, frames: Clock, relay: Relay, number: int = 0) -> LiveCamera:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +43,9 @@ _BAND = 1 << 14
 _WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
 
 
+@lru_cache
 def transfer_curve(code: int, white: int) -> npt.NDArray[np.float32]:
-    """Linear light of each code value, white = 1."""
+    """Linear light of each code value, white = 1; the array is shared."""
     v = np.minimum(np.arange(256 if white == _WHITE_8 else 65536) / white, 1)
     if code in _POWER:
         return (v ** _POWER[code]).astype(np.float32)

@@ -93,7 +93,7 @@ class Fit:
             )
         top, left = (size[1] - rows) // 2, (size[0] - columns) // 2
         if light.shape[:2] == (rows, columns) and size == (columns, rows):
-            plane = light
+            plane: npt.NDArray[Any] = light
         elif shrinks or share * _WIDEST >= 1:
             method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
             scaled = cv2.resize(np.ascontiguousarray(light), size, interpolation=method)

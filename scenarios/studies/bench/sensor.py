@@ -24,6 +24,7 @@ from cosim.spikes.viform import words_for
 from display import GL_INSTALL, probe_gl
 from display.render.context import gl_packages
 from scenarios.studies.bench.board import board_rows
+from scenarios.studies.bench.core import core_rows
 from scenarios.studies.bench.display import display_rows
 from scenarios.studies.bench.growth import growth_rows
 from scenarios.studies.bench.link import link_rows
@@ -266,8 +267,8 @@ def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
 
 
 PARTS = {
-    "sensor": _sensor, "display": display_rows, "link": link_rows, "loop": loop_rows,
-    "board": board_rows, "growth": growth_rows, "view": view_rows,
+    "sensor": _sensor, "core": core_rows, "display": display_rows, "link": link_rows,
+    "loop": loop_rows, "board": board_rows, "growth": growth_rows, "view": view_rows,
 }  # fmt: skip
 """The parts that have a benchmark."""
 LARGE: Final = ("growth", "view")

@@ -20,9 +20,9 @@ from cosim.files import Recorder, open_stream
 from cosim.run.progress import QuietProgress
 from cosim.run.shown import progress_in_python
 from scenarios.cli.entry import _main
-from scenarios.python.clips import write_clip
+from scenarios.python.frames import write_frames
 from scenarios.python.words import python_words
-from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.clips.pictures import open_clip
 
 ROOT = Path(viform.__file__).parent
 SMALL = {"sensor.width": 64, "sensor.height": 48}
@@ -57,24 +57,25 @@ def test_importing_loads_nothing_else() -> None:
 
 
 def test_film_gives_the_bits_of_the_command_line(tmp_path: Path) -> None:
-    clip = tmp_path / "clip.mkv"
-    assert write_clip(frames(), clip, 1000) == 5
+    clip = tmp_path / "clip.npy"
+    assert write_frames(frames(), clip) == 5
     spikes = viform.film(
         (f for f in frames()), frame_rate=np.float64(1000), tolerance=1e-2, out=tmp_path / "kept",
         **SMALL,
     )  # fmt: skip
     again = viform.run(tmp_path / "kept", out=tmp_path / "repeated").stream[:]
-    assert again == spikes and (tmp_path / "kept.mkv").is_file()
+    assert again == spikes and (tmp_path / "kept.npy").is_file()
     given = [f"--set={key}={value}" for key, value in SMALL.items()]
     out = tmp_path / "run"
     assert not _main([
         "run", "film", "--set", f"scene.path={clip}", "--set", "duration=5 ms",
+        "--set", "scene.frame_rate=1000 Hz",
         "--tolerance", "1e-2", "--out", str(out), *given,
     ])  # fmt: skip
     stream = open_stream(out)
     assert spikes.cycles == stream.cycles == 200 and spikes.clock == stream.clock
     assert (spikes.words == stream.read_words(0, 7)).all() and spikes.words.any()
-    again = viform.film(clip, duration="5 ms", tolerance=1e-2, **SMALL)
+    again = viform.film(clip, frame_rate=1000, duration="5 ms", tolerance=1e-2, **SMALL)
     assert again == spikes
 
 
@@ -85,8 +86,9 @@ def test_frames_keep_their_codes(tmp_path: Path, kind: str) -> None:
         given = given[..., 1]
     if kind == "float":
         given = np.random.default_rng(4).random((3, 48, 64))
-    write_clip(given, tmp_path / "clip.mkv", 25)
-    clip = Clip(tmp_path / "clip.mkv", (48, 64))
+    write_frames((frame for frame in given), tmp_path / "clip.npy")
+    assert (np.load(tmp_path / "clip.npy") == given).all()
+    clip = open_clip(tmp_path / "clip.npy", (48, 64), rate=25)
     for n, frame in enumerate(given):
         code = frame / 255
         linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
@@ -150,6 +152,9 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         ),
         "frame 1 must be": lambda: viform.film(
             [np.zeros((4, 4), np.uint8), np.zeros((4, 5), np.uint8)], frame_rate=25
+        ),
+        "frame 1 must be .4, 4. uint8": lambda: viform.film(
+            [np.zeros((4, 4), np.uint8), np.zeros((4, 5), np.uint8)], frame_rate=25, out="kept"
         ),
         "scene.path must be": lambda: viform.film("no-such-clip.mp4"),
         "sensor.widht": lambda: viform.film("step", **{"sensor.widht": 5}),

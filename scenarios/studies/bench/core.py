@@ -1,0 +1,127 @@
+"""Throughput of the camera that is called from Python, beside ten lines of numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.opencl import Device
+from cosim.run.timing import REAL_TIME, Row, least, least_of
+from scenarios.python import Camera
+
+__all__ = ["core_rows"]
+
+CHIP: Final = (250, 400)
+"""Rows and columns of the clip of SpikeOne, and of its chip."""
+FRAMES, RATE = 20, 2000.0
+"""Frames of that clip, and frames/s: 400 cycles at 40 kHz."""
+LARGE, LARGE_FRAMES, LARGE_RATE = (1000, 1000), 64, 1000.0
+"""Rows and columns, frames and frames/s of the clip of SpikeTwo: 2560 cycles."""
+CHIPS: Final = {CHIP: "spikeone", LARGE: "spiketwo"}
+WHITE: Final = 0.6
+"""Spikes a cycle of white."""
+
+
+def _clip(shape: tuple[int, int], count: int) -> npt.NDArray[np.uint8]:
+    """A pattern of waves that moves by a pixel a frame, sRGB codes from 40 to 250."""
+    y, x = np.mgrid[: shape[0], : shape[1] + count]
+    wave = (145 + 105 * np.sin(x / 15) * np.cos(y / 20)).astype(np.uint8)
+    return np.stack([wave[:, n : n + shape[1]] for n in range(count)])
+
+
+def plain_film(frames: npt.NDArray[np.uint8], steps: int) -> npt.NDArray[np.bool_]:
+    """The plain way, in numpy without any noise: light interpolated between frames, integrated,
+    compared and subtracted.
+
+    Args:
+        frames: (T, H, W) uint8 in sRGB.
+        steps: cycles from a frame to the next.
+
+    Returns:
+        (T steps, H, W) bool, whether a pixel fires.
+    """
+    code = np.arange(256) / 255
+    curve = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    light = (WHITE * curve).astype(np.float32)[frames]
+    fired = np.empty((len(frames) * steps, *frames.shape[1:]), np.bool_)
+    charge = np.zeros(frames.shape[1:], np.float32)
+    for n, first in enumerate(light):
+        change = (light[min(n + 1, len(light) - 1)] - first) / np.float32(steps)
+        for k in range(steps):
+            charge += first + change * np.float32(k + 0.5)
+            np.greater_equal(charge, 1, out=fired[n * steps + k])
+            charge -= fired[n * steps + k]
+    return fired
+
+
+def _camera(shape: tuple[int, int], device: Device | None, **keys: Any) -> Camera:
+    return Camera(
+        CHIPS[shape], device=None if device is not None else "numba", threshold="1000 e",
+        width=shape[1], height=shape[0], **keys,
+    )  # fmt: skip
+
+
+def core_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+    """Rows of calls from Python: a clip of 400 x 250 and one of 1000 x 1000 with every effect of
+    the preset `silicon`, and a frame that is pushed to a live camera.
+
+    The plan of `core.film` may give tiles of strong contrast to the reference, by the tolerance of
+    a run; the tier `fast` simulates every tile in the fast tier and states its bound. The plain way
+    of the second clip is that of a part of it.
+
+    Args:
+        device: OpenCL device, None for the compiled form.
+        ceiling: throughput of the least work for a spike bit, pixel-cycles/s; None if unknown.
+    """
+    steps = round(REAL_TIME / RATE)
+    small = _clip(CHIP, FRAMES)
+    tiers: tuple[Any, ...] = ("fast", "exact") if device is not None else ("exact",)
+    planned = _camera(CHIP, device, preset="silicon")
+    cameras = [planned, *(_camera(CHIP, device, preset="silicon", tier=tier) for tier in tiers)]
+    calls: list[Callable[[], Any]] = [partial(plain_film, small, steps)]
+    calls += [partial(camera.film, small, RATE, call=0) for camera in cameras]
+    plain, *films = least_of(calls)
+    done = small.size * steps
+    rows = [
+        _row("core.film", name, done, spent, plain / spent, small.size // FRAMES, ceiling)
+        for name, spent in zip(("planned", *tiers), films, strict=True)
+    ]
+    live = planned.open(RATE)
+    frames = iter(small)
+
+    def push() -> None:
+        nonlocal frames
+        frame = next(frames, None)
+        if frame is None:
+            frames = iter(small)
+            frame = next(frames)
+        live.push(frame)
+
+    push()
+    spent = least(push, 2 * FRAMES)
+    rows.append(_row("core.push", tiers[0], done // FRAMES, spent, None, small[0].size, ceiling))
+    large, steps = _clip(LARGE, LARGE_FRAMES), round(REAL_TIME / LARGE_RATE)
+    part = large[:, :100]
+    camera = _camera(LARGE, device, preset="silicon", tier=tiers[0])
+    spent, plain = least_of(
+        [lambda: camera.film(large, LARGE_RATE, call=0), lambda: plain_film(part, steps)], 2
+    )
+    ratio = plain * large.size / part.size / spent
+    done, pixels = large.size * steps, large[0].size
+    rows.append(_row("core.film-large", tiers[0], done, spent, ratio, pixels, ceiling))
+    return rows
+
+
+def _row(
+    name: str, tier: str, done: int, seconds: float, plain: float | None, pixels: int,
+    ceiling: float | None,
+) -> Row:  # fmt: skip
+    value = done / seconds
+    return Row(
+        name, tier, value, "pixel-cycles/s", value / (pixels * REAL_TIME),
+        None if ceiling is None else value / ceiling, plain,
+    )  # fmt: skip

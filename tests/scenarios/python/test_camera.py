@@ -1,0 +1,149 @@
+"""The camera that is called from Python: the bits of a run, its bounds, draws, and refusals."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import viform
+from scenarios.cli.entry import _main
+
+SMALL = {"width": 64, "height": 48, "threshold": "100 e"}
+SENSOR = {f"sensor.{key}": value for key, value in SMALL.items()}
+
+
+def frames(count: int = 6, colour: bool = False) -> np.ndarray:
+    """Waves that move, sRGB codes from 100 to 250."""
+    t, y, x = np.mgrid[:count, :48, :64]
+    grey = (175 + 75 * np.sin((x + 2 * t) / 9) * np.cos(y / 11)).astype(np.uint8)
+    return np.stack([grey, grey[:, ::-1], grey[:, :, ::-1]], axis=3) if colour else grey
+
+
+def filmed_by_a_run(tmp_path: Path, given: np.ndarray, *sets: str) -> viform.Viform:
+    np.save(tmp_path / "clip.npy", given)
+    own = [f"--set={key}={value}" for key, value in SENSOR.items()]
+    more = [f"--set={each}" for each in sets]
+    assert not _main([
+        "run", "film", f"--set=scene.path={tmp_path / 'clip.npy'}", "--set=duration=3 ms",
+        "--set=scene.frame_rate=2000 Hz", "--out", str(tmp_path / "run"), *own, *more,
+    ])  # fmt: skip
+    return viform.open(tmp_path / "run")[:]
+
+
+KINDS = {
+    "silicon": ({"preset": "silicon"}, ["sensor.preset=silicon"]),
+    "exact": ({"device": "numba", "preset": "silicon"}, ["sensor.preset=silicon"]),
+    "quiet": ({"tolerance": 0.5}, ["tolerance=0.5"]),
+    "colour": ({"colour.filter": "rggb"}, ["sensor.colour.filter=rggb"]),
+    "writes": (
+        {"writes": '[{"at": "1 ms", "threshold_level": 4}]'},
+        ['sensor.writes=[{"at": "1 ms", "threshold_level": 4}]'],
+    ),
+    "rows": ({"duplicated_rows": "[[0, 2]]"}, ["sensor.duplicated_rows=[[0, 2]]"]),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_call_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
+    keys, sets = KINDS[kind]
+    given = frames(colour=kind == "colour")
+    run = filmed_by_a_run(tmp_path, given, *sets)
+    with viform.Camera(**{**SMALL, **keys}) as camera:
+        seen = camera.film(given, frame_rate=2000)
+    assert seen.cycles == 120 and seen == run and run.words.any()
+    assert seen.error is not None and 0 <= seen.error.bound < 0.6
+    assert (seen.error.tier == "exact") == (kind in ("exact", "writes"))
+    assert any("f/4" in note for note in seen.notes)
+    assert any("sensor.writes" in note for note in seen.notes) == (kind == "writes")
+
+
+def test_every_tier_films_the_same_light_within_its_bound() -> None:
+    seen = {
+        tier: viform.Camera(**SMALL, tier=tier, tolerance=0).film(frames(), frame_rate=2000)
+        for tier in ("fast", "exact", "reference")
+    }
+    truth = seen["reference"].rate()
+    for tier, spikes in seen.items():
+        assert spikes.error is not None and spikes.error.tier == tier
+        assert np.sqrt(((spikes.rate() - truth) ** 2).mean()) < 0.01 * truth.mean()
+
+
+def test_calls_have_draws_of_their_own_whatever_the_threads() -> None:
+    given = frames()
+    camera = viform.Camera(**SMALL, seed=7)
+    one, two = camera.film(given, 2000), camera.film(given, 2000)
+    assert one != two and abs(one.rate().mean() - two.rate().mean()) < 0.01
+    again = viform.Camera(**SMALL, seed=7)
+    assert again.film(given, 2000, call=1) == two and again.film(given, 2000, call=0) == one
+    with ThreadPoolExecutor(4) as pool:
+        calls = [pool.submit(again.film, given, 2000, call=n) for n in (0, 1, 5, 0, 1, 5)]
+        seen = [each.result() for each in calls]
+    assert seen[:3] == seen[3:] and seen[0] == one and seen[1] == two
+    many = list(again.film_many((given for _ in range(9)), 2000))
+    assert len(many) == 9 and many[0][0] == one and many[1][0] == two and many[5][0] == seen[2]
+    truth = many[0][1]
+    assert truth.shape == (1, 48, 64) and truth.dtype == np.float32 and truth.min() >= 0
+
+
+def test_frames_that_are_pushed_become_the_spikes_of_the_whole() -> None:
+    given = frames(9)
+    camera = viform.Camera(**SMALL, preset="silicon", tier="exact", tolerance=0)
+    whole = camera.film(given, 2000, call=3)
+    stream = camera.open(2000, call=3)
+    parts = [stream.push(frame) for frame in given]
+    assert parts[0] is None and all(part is not None for part in parts[1:])
+    first = 0
+    for part in parts[1:]:
+        assert part.start == first and part == whole[first : first + part.cycles]
+        first += part.cycles
+    assert first >= 8 * 20 - 2 and stream.error.bound >= 0
+
+
+def test_white_fires_at_the_rate_asked_for() -> None:
+    camera = viform.Camera(**SMALL, tolerance=1e-2)
+    white = np.full((6, 48, 64), 255, np.uint8)
+    for rate in (0.25, 0.6, 0.8):
+        seen = camera.film(white, 2000, white_rate=rate)
+        assert seen.rate().mean() == pytest.approx(rate, rel=0.02)
+        assert any("f/" in note for note in seen.notes)
+    light = camera.film(np.full((6, 48, 64), 0.5), 2000)
+    assert light.rate().mean() == pytest.approx(0.3, rel=0.02)
+
+
+def test_what_cannot_be_filmed_is_one_line() -> None:
+    camera = viform.Camera(**SMALL)
+    closed = viform.Camera(**SMALL)
+    closed.close()
+    stream = camera.open(2000)
+    stream.push(frames()[0])
+    calls = {
+        "sensor.treshold": lambda: viform.Camera(treshold="1 e"),
+        "sensor.threshold must be": lambda: viform.Camera(threshold="1000 s"),
+        "tier must be one of fast, exact": lambda: viform.Camera(tier="slow"),
+        "tier must be exact or reference": lambda: viform.Camera(tier="fast", device="numba"),
+        "a Camera must be a simulated one": lambda: viform.Camera(readout="continuous"),
+        "the camera must be open, not closed": lambda: closed.film(frames(), 2000),
+        "frame_rate must be frames/s above 0": lambda: camera.film(frames(), 0),
+        "frame_rate must be frames/s as": lambda: camera.film(frames(), None),
+        "a frame must be .* not .6, 48. int64": lambda: camera.film(np.zeros((2, 6, 48), int), 9),
+        "from 0 to 1, a share of white, not -1 to 0": lambda: camera.film(
+            np.full((2, 4, 4), -1.0), 25
+        ),
+        "a share of white, not nan": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
+        "frames must be at least a cycle": lambda: camera.film(frames(1), 1e9),
+        "white_rate must be above 0": lambda: camera.film(frames(), 2000, white_rate=2),
+        "call must be a whole number": lambda: camera.film(frames(), 2000, call=-1),
+        "instants must be cycles from 0 to 119": lambda: list(
+            camera.film_many([frames()], 2000, instants=[120])
+        ),
+        "a frame must be as the first": lambda: stream.push(frames()[0, 1:]),
+    }
+    for says, call in calls.items():
+        with pytest.raises(viform.InputError, match=says) as raised:
+            call()
+        assert "\n" not in str(raised.value) and "--" not in str(raised.value)
+    text = repr(camera)
+    assert "64 x 48 pixels at 40 kHz" in text and "closed" in repr(closed)
