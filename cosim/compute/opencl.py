@@ -13,7 +13,6 @@ import stat
 import subprocess
 import sys
 import tempfile
-import threading
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.kernels import SharedKernel
 from cosim.errors import InputError, MissingPackages, shorten
 
 __all__ = [
@@ -41,12 +41,6 @@ __all__ = [
 
 _PACKAGES = ("pocl-opencl-icd", "ocl-icd-libopencl1")
 """Debian packages that provide the processor as an OpenCL device."""
-_NUMBERS = {
-    "char": np.int8, "uchar": np.uint8, "short": np.int16, "ushort": np.uint16, "int": np.int32,
-    "uint": np.uint32, "long": np.int64, "ulong": np.uint64, "float": np.float32,
-    "double": np.float64,
-}  # fmt: skip
-"""Types of the numbers that kernels take as arguments."""
 INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
 _KERNELS = 32 << 20
@@ -224,43 +218,6 @@ def wide_cl() -> str:
     return (files("cosim.compute") / "wide.cl").read_text()
 
 
-def _typed(kernel: Any) -> Any:
-    """The kernel, with its numbers declared to pyopencl, which otherwise asks each number for its
-    type at each launch: 7 us a number. Unchanged if the driver does not tell the types."""
-    import pyopencl as cl
-
-    info = cl.kernel_arg_info
-    try:
-        types = [
-            str(kernel.get_arg_info(n, info.TYPE_NAME))
-            if kernel.get_arg_info(n, info.ADDRESS_QUALIFIER)
-            == cl.kernel_arg_address_qualifier.PRIVATE
-            else None
-            for n in range(kernel.num_args)
-        ]
-    except cl.Error:
-        return kernel
-    if all(name is None or name in _NUMBERS for name in types):
-        kernel.set_scalar_arg_dtypes([None if name is None else _NUMBERS[name] for name in types])
-    return kernel
-
-
-class _Kernel:
-    """A kernel that any thread may call: each has its own, as a kernel holds its arguments."""
-
-    def __init__(self, program: Any, name: str) -> None:
-        self._program, self._name, self._own = program, name, threading.local()
-
-    def __call__(self, *arguments: Any) -> Any:
-        try:
-            kernel = self._own.kernel
-        except AttributeError:
-            import pyopencl as cl
-
-            kernel = self._own.kernel = _typed(cl.Kernel(self._program, self._name))
-        return kernel(*arguments)
-
-
 @dataclass(eq=False)
 class Device:
     """An open device with its queue and its compiled programs.
@@ -275,7 +232,7 @@ class Device:
 
     def __post_init__(self) -> None:
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
-        self._kernels: dict[tuple[str, tuple[str, ...], str], _Kernel] = {}
+        self._kernels: dict[tuple[str, tuple[str, ...], str], SharedKernel] = {}
 
     @property
     def driver(self) -> str:
@@ -333,7 +290,7 @@ class Device:
                     cache_dir=str(cache_folder() / "programs"),
                 )
         if (*key, name) not in self._kernels:
-            self._kernels[*key, name] = _Kernel(self._programs[key], name)
+            self._kernels[*key, name] = SharedKernel(self._programs[key], name)
         return self._kernels[*key, name]
 
     def upload(self, array: npt.NDArray[Any]) -> Any:

@@ -21,6 +21,7 @@ from cosim.compute.opencl import Device, choose_device
 from cosim.errors import quote
 from cosim.light.lens import Lens
 from cosim.light.source import Source
+from scenarios.assemble.called import in_memory
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import choose_lens, choose_mosaic
@@ -33,10 +34,9 @@ from scenarios.python.words import in_python
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.pictures import Pictures, array_clip, shown
-from scenarios.scenes.kinds.film import FilmScene
 from sensor.latched.core import Filmed, LatchedCamera, LiveCamera
 
-__all__ = ["Camera", "LiveStream", "can_be_called"]
+__all__ = ["Camera", "LiveStream"]
 
 _AHEAD: Final = 2
 """Clips that `film_many` has filmed, or is filming, before they are asked for, for each core."""
@@ -46,17 +46,6 @@ _AHEAD: Final = 2
 def _device(wanted: str | None) -> Device | None:
     """The device of a process, whose compiled programs all cameras share."""
     return choose_device(wanted)
-
-
-def can_be_called(scenario: Scenario) -> bool:
-    """Whether a camera in memory does what the scenario asks of it."""
-    sensor, scene = scenario.sensor, scenario.scene
-    parts = (scenario.display, scenario.link, scenario.code, scenario.camera, scenario.readout)
-    plain = FilmScene.model_construct(illuminance=scene.illuminance)
-    return (
-        sensor.readout == "synchronous" and sensor.source is None and sensor.sub_threshold is None
-        and all(part is None for part in parts) and scene == plain
-    )  # fmt: skip
 
 
 class Camera:
@@ -90,17 +79,17 @@ class Camera:
         own = {"sensor.chip": chip, "scene.illuminance": illuminance}
         given = own | {f"sensor.{key}": value for key, value in keys.items()}
         _, scenario = load("film", assignments_of(given), tolerance=tolerance, seed=seed)
-        assert isinstance(scenario, Scenario)
-        if not can_be_called(scenario):
+        called = in_memory(scenario)
+        if called is None:
             raise InputError(
                 "a Camera", "a simulated one with readout = synchronous, without sub_threshold",
                 "another one", "use viform.film, which makes a run",
             )  # fmt: skip
-        self._set_up(scenario, device, tier)
+        self._set_up(called, device, tier)
 
     @classmethod
     def of(cls, scenario: Scenario, device: str | None) -> Camera:
-        """The camera of a scenario for which `can_be_called` holds. Raises InputError."""
+        """The camera of a scenario of `in_memory`. Raises InputError."""
         camera = cls.__new__(cls)
         camera._set_up(scenario, device, None)
         return camera

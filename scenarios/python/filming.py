@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from cosim import InputError, Viform
 from cosim.spikes.viform import part_of
+from scenarios.assemble.called import in_memory
 from scenarios.assemble.schema.loading import load, shipped
-from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.camera import Camera, can_be_called
+from scenarios.python.camera import Camera
 from scenarios.python.frames import array_of, rate_of, write_frames
 from scenarios.python.running import run, source_file
 from scenarios.python.words import in_python
@@ -70,8 +70,9 @@ def film(
                 frames = array_of(source)
                 given = {"duration": f"{len(frames) / rate!r} s"} | own | settings
                 _, loaded = load("film", assignments_of(given), tolerance=tolerance, seed=seed)
-                if isinstance(loaded, Scenario) and can_be_called(loaded):
-                    return Camera.of(loaded, device).film_scenario(frames, rate)
+                called = in_memory(loaded)
+                if called is not None:
+                    return Camera.of(called, device).film_scenario(frames, rate)
                 source = frames
             path = source_file(out, folder, ".npy", resume=resume)
             count = write_frames(source, path)

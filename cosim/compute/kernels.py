@@ -1,0 +1,54 @@
+"""Kernels of a program on a device, shared by the threads of a process."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+
+__all__ = ["SharedKernel"]
+
+_NUMBERS = {
+    "char": np.int8, "uchar": np.uint8, "short": np.int16, "ushort": np.uint16, "int": np.int32,
+    "uint": np.uint32, "long": np.int64, "ulong": np.uint64, "float": np.float32,
+    "double": np.float64,
+}  # fmt: skip
+"""Types of the numbers that kernels take as arguments."""
+
+
+def _typed(kernel: Any) -> Any:
+    """The kernel, with its numbers declared to pyopencl, which otherwise asks each number for its
+    type at each launch: 7 us a number. Unchanged if the driver does not tell the types."""
+    import pyopencl as cl
+
+    info = cl.kernel_arg_info
+    try:
+        types = [
+            str(kernel.get_arg_info(n, info.TYPE_NAME))
+            if kernel.get_arg_info(n, info.ADDRESS_QUALIFIER)
+            == cl.kernel_arg_address_qualifier.PRIVATE
+            else None
+            for n in range(kernel.num_args)
+        ]
+    except cl.Error:
+        return kernel
+    if all(name is None or name in _NUMBERS for name in types):
+        kernel.set_scalar_arg_dtypes([None if name is None else _NUMBERS[name] for name in types])
+    return kernel
+
+
+class SharedKernel:
+    """A kernel that any thread may call: each has its own, as a kernel holds its arguments."""
+
+    def __init__(self, program: Any, name: str) -> None:
+        self._program, self._name, self._own = program, name, threading.local()
+
+    def __call__(self, *arguments: Any) -> Any:
+        try:
+            kernel = self._own.kernel
+        except AttributeError:
+            import pyopencl as cl
+
+            kernel = self._own.kernel = _typed(cl.Kernel(self._program, self._name))
+        return kernel(*arguments)
