@@ -1,27 +1,76 @@
-"""The cache of numba on a disk that takes no more: compiled functions are used and not kept.
+"""The cache of numba on a disk that takes no more, or with files that are damaged.
 
 numba raises what a write of its cache raises, and the run would end although its function is
-compiled. It has no option for this. But it calls the entry point "init" of the group
-"numba_extensions" before it compiles anything (numba's manual, "Registering extensions with entry
-points"). Ours in `pyproject.toml` is `tolerate`; so nothing imports numba before it is needed.
+compiled: here such a function is used and not kept. A file of no bytes, or one that is cut, raises
+what `pickle` raises (EOFError, UnpicklingError), and one with other content is executed: here each
+file ends with the SHA-256 of what stands before, and one without it is compiled again.
+
+numba has no option for this. But it calls the entry point "init" of the group "numba_extensions"
+before it compiles anything (numba's manual, "Registering extensions with entry points"). Ours in
+`pyproject.toml` is `tolerate`; so nothing imports numba before it is needed.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
-from typing import Any
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
 
 __all__ = ["tolerate"]
 
 
 def tolerate() -> None:
-    """From now on, a compiled function that the disk does not take is not kept."""
-    from numba.core.caching import FunctionCache
+    """From now on, a compiled function that the disk does not take is not kept, and one that cannot
+    be read from the disk is compiled again."""
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-    keep = FunctionCache.save_overload
+    keep, find = FunctionCache.save_overload, FunctionCache.load_overload
+    write, read_index = IndexDataCacheFile._open_for_write, IndexDataCacheFile._load_index
 
     def save_overload(self: Any, sig: Any, data: Any) -> None:
         with suppress(OSError):
             keep(self, sig, data)
 
+    def load_overload(self: Any, sig: Any, target_context: Any) -> Any:
+        try:
+            return find(self, sig, target_context)
+        except MemoryError:
+            raise
+        except Exception:  # a whole file that names what no longer exists, or cannot be opened
+            return None
+
+    @contextmanager
+    def open_for_write(self: Any, path: str) -> Iterator[IO[bytes]]:
+        with write(self, path) as file:
+            yield file
+            file.flush()
+            file.write(hashlib.sha256(Path(file.name).read_bytes()).digest())
+
+    def load_index(self: Any) -> Any:
+        # numba reads no further than it needs: the sum at the end is not seen. An index that names
+        # no files is written anew.
+        return read_index(self) if _is_whole(Path(self._index_path)) else {}
+
+    def load(self: Any, key: Any) -> Any:
+        name = self._load_index().get(key)
+        if name is None or not _is_whole(Path(self._data_path(name))):
+            return None
+        return self._load_data(name)
+
     FunctionCache.save_overload = save_overload  # type: ignore[method-assign]
+    FunctionCache.load_overload = load_overload  # type: ignore[method-assign]
+    IndexDataCacheFile._open_for_write = open_for_write
+    IndexDataCacheFile._load_index = load_index
+    IndexDataCacheFile.load = load
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a file ends with the sum of what stands before."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return False
+    size = hashlib.sha256().digest_size
+    return hashlib.sha256(data[:-size]).digest() == data[-size:]

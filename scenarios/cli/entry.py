@@ -119,7 +119,9 @@ def _main(arguments: list[str]) -> int:
             install_and_restart(exc.packages)
         print(as_called(f"viform: {exc}"), file=sys.stderr)
         return 2
-    except (Abort, KeyboardInterrupt):
+    except (Abort, KeyboardInterrupt) as exc:
+        if isinstance(exc.__cause__, EOFError):  # typer takes it for an end of the user's input
+            raise exc.__cause__ from None
         print("viform: interrupted", file=sys.stderr)
         return 130
     except SystemExit as exc:  # typer raises this after a BrokenPipeError

@@ -37,9 +37,7 @@ def run(words: tuple[str, ...], folder: Path, log: Path) -> Command:
 
 @pytest.fixture(
     scope="module",
-    params=[
-        pytest.param(kind, marks=() if kind in QUICK else pytest.mark.slow) for kind in RUNS
-    ],
+    params=[pytest.param(kind, marks=() if kind in QUICK else pytest.mark.slow) for kind in RUNS],
 )
 def untouched(request: pytest.FixtureRequest, tmp_path_factory: Any) -> Any:
     """Kind, words, state and duration of a run that is left alone."""

@@ -338,6 +338,15 @@ def test_an_interrupted_run_goes_on_to_the_same_stream(refused, viform, film, cl
     assert not (folder / "checkpoint.npz").exists()
 
 
+def test_an_end_of_a_file_in_our_own_work_is_no_interruption(viform, monkeypatch):
+    def read() -> list[Any]:
+        raise EOFError("Ran out of input")
+
+    monkeypatch.setattr("scenarios.cli.maintenance.checks.run_checks", read)
+    with pytest.raises(EOFError, match="Ran out of input"):
+        viform("doctor")
+
+
 def test_a_run_interrupted_in_its_report_need_not_film_again(film, step_run, tmp_path, monkeypatch):
     folder = tmp_path / "run"
 

@@ -1,0 +1,51 @@
+"""Caches whose files are damaged: what was compiled is dropped and compiled again."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from itertools import product
+from pathlib import Path
+from typing import Final
+
+from tests.survival.forked import call
+
+DAMAGES: Final[dict[str, Callable[[bytes], bytes]]] = {
+    "empty": lambda data: b"",
+    "cut": lambda data: data[: len(data) // 2],
+    "without its end": lambda data: data[:-40],
+    "one bit": lambda data: data[:1000] + bytes([data[1000] ^ 1]) + data[1001:],
+    "zeros": lambda data: bytes(len(data)),
+}
+"""What a file becomes."""
+CASES: Final = list(product(("nbi", "nbc"), DAMAGES))
+FUNCTION = """
+@njit(cache=True)
+def add{n}(a):
+    return a + {n}
+
+"""
+
+
+def called(place: Path) -> list[int]:
+    """Numbers of the functions whose compiled form is found on the disk."""
+    os.environ["NUMBA_CACHE_DIR"] = str(place / "numba")
+    sys.path.insert(0, str(place))
+    module = import_module("functions")
+    functions = [getattr(module, f"add{n}") for n in range(len(CASES) + 1)]
+    assert [add(1) for add in functions] == [1 + n for n in range(len(functions))]
+    return [n for n, add in enumerate(functions) if add.stats.cache_hits]
+
+
+def test_a_damaged_file_of_numba_is_compiled_again(tmp_path: Path) -> None:
+    functions = [FUNCTION.format(n=n) for n in range(len(CASES) + 1)]
+    (tmp_path / "functions.py").write_text(f"from numba import njit\n\n\n{''.join(functions)}")
+    assert call(partial(called, tmp_path), tmp_path) == []
+    for n, (end, damage) in enumerate(CASES):
+        (file,) = tmp_path.rglob(f"functions.add{n}-*.{end}")
+        file.write_bytes(DAMAGES[damage](file.read_bytes()))
+    assert call(partial(called, tmp_path), tmp_path) == [len(CASES)]
+    assert call(partial(called, tmp_path), tmp_path) == list(range(len(CASES) + 1))
