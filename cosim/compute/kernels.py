@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import threading
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,24 @@ _NUMBERS = {
     "double": np.float64,
 }  # fmt: skip
 """Types of the numbers that kernels take as arguments."""
+
+
+def _made(program: Any, name: str) -> Any:
+    """A kernel of a built program. pyopencl keeps the code that sets its arguments in a database;
+    if that is damaged, it is dropped and not used."""
+    import pyopencl as cl
+
+    try:
+        return _typed(cl.Kernel(program, name))
+    except (cl.Error, MemoryError):
+        raise
+    except Exception:
+        if cl._PYOPENCL_NO_CACHE:
+            raise
+        cl._PYOPENCL_NO_CACHE = True
+        for file in Path(os.environ["XDG_CACHE_HOME"]).glob("pytools/*pyopencl-invoker*"):
+            file.unlink(missing_ok=True)
+        return _typed(cl.Kernel(program, name))
 
 
 def _typed(kernel: Any) -> Any:
@@ -48,7 +68,5 @@ class SharedKernel:
         try:
             kernel = self._own.kernel
         except AttributeError:
-            import pyopencl as cl
-
-            kernel = self._own.kernel = _typed(cl.Kernel(self._program, self._name))
+            kernel = self._own.kernel = _made(self._program, self._name)
         return kernel(*arguments)

@@ -42,13 +42,13 @@ def tolerate() -> None:
             return None
 
     @contextmanager
-    def open_for_write(self: Any, path: str) -> Iterator[IO[bytes]]:
+    def _open_for_write(self: Any, path: str) -> Iterator[IO[bytes]]:
         with write(self, path) as file:
             yield file
             file.flush()
             file.write(hashlib.sha256(Path(file.name).read_bytes()).digest())
 
-    def load_index(self: Any) -> Any:
+    def _load_index(self: Any) -> Any:
         # numba reads no further than it needs: the sum at the end is not seen. An index that names
         # no files is written anew.
         return read_index(self) if _is_whole(Path(self._index_path)) else {}
@@ -59,11 +59,12 @@ def tolerate() -> None:
             return None
         return self._load_data(name)
 
-    FunctionCache.save_overload = save_overload  # type: ignore[method-assign]
-    FunctionCache.load_overload = load_overload  # type: ignore[method-assign]
-    IndexDataCacheFile._open_for_write = open_for_write
-    IndexDataCacheFile._load_index = load_index
-    IndexDataCacheFile.load = load
+    for owner, function in (
+        (FunctionCache, save_overload), (FunctionCache, load_overload),
+        (IndexDataCacheFile, load), (IndexDataCacheFile, _load_index),
+        (IndexDataCacheFile, _open_for_write),
+    ):  # fmt: skip
+        setattr(owner, function.__name__, function)
 
 
 def _is_whole(path: Path) -> bool:

@@ -1,11 +1,13 @@
 """OpenCL: choice of a device, compilation, and transfer of arrays. The only file that imports it.
 
-PoCL runs the kernels on any processor. It has two peculiarities: it finds no device if its cache
-folder is not writable, and it aborts the process if /sys is missing.
+PoCL runs the kernels on any processor. It has three peculiarities: it finds no device if its cache
+folder is not writable, and it aborts the process if /sys is missing or a file of its cache is
+damaged (`pocl_files`).
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -14,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -25,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.kernels import SharedKernel
+from cosim.compute.pocl_files import pocl_files
 from cosim.errors import InputError, MissingPackages, shorten
 
 __all__ = [
@@ -285,13 +288,24 @@ class Device:
             with warnings.catch_warnings():
                 if not shown:
                     warnings.simplefilter("ignore", cl.CompilerWarning)
-                self._programs[key] = cl.Program(self.context, source).build(
-                    list(options) if shown else [*options, "-w"],
-                    cache_dir=str(cache_folder() / "programs"),
-                )
+                with self._checked_files(key):
+                    self._programs[key] = cl.Program(self.context, source).build(
+                        list(options) if shown else [*options, "-w"],
+                        cache_dir=str(cache_folder() / "programs"),
+                    )
         if (*key, name) not in self._kernels:
             self._kernels[*key, name] = SharedKernel(self._programs[key], name)
         return self._kernels[*key, name]
+
+    def _checked_files(self, key: tuple[str, tuple[str, ...]]) -> AbstractContextManager[None]:
+        """While a program is built: damaged files of PoCL's cache are dropped before."""
+        if not self.name.startswith("Portable Computing Language"):
+            return nullcontext()
+        folder = Path(os.environ["POCL_CACHE_DIR"])
+        files = pocl_files(folder, folder == cache_folder() / "pocl")
+        told = repr((key, self.name, self.driver))
+        name = hashlib.sha256(told.encode(errors="replace")).hexdigest()[:40]
+        return nullcontext() if files is None else files.building(name)
 
     def upload(self, array: npt.NDArray[Any]) -> Any:
         """A device buffer with a copy of `array`."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr
 from functools import partial
 from importlib import import_module
+from io import StringIO
 from itertools import product
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from tests.survival.forked import call
 
@@ -22,6 +26,7 @@ DAMAGES: Final[dict[str, Callable[[bytes], bytes]]] = {
 }
 """What a file becomes."""
 CASES: Final = list(product(("nbi", "nbc"), DAMAGES))
+KERNELS: Final = 2
 FUNCTION = """
 @njit(cache=True)
 def add{n}(a):
@@ -38,6 +43,40 @@ def called(place: Path) -> list[int]:
     functions = [getattr(module, f"add{n}") for n in range(len(CASES) + 1)]
     assert [add(1) for add in functions] == [1 + n for n in range(len(functions))]
     return [n for n, add in enumerate(functions) if add.stats.cache_hits]
+
+
+def launched(place: Path) -> dict[str, Any]:
+    """Values of OpenCL kernels, and what is said."""
+    for name in ("POCL_CACHE_DIR", "XDG_CACHE_HOME"):
+        os.environ.pop(name, None)
+    os.environ["VIFORM_CACHE"] = str(place / "cache")
+    from cosim.compute.opencl import open_device
+
+    device, values = open_device(), []
+    buffer = device.room(4)
+    with redirect_stderr(StringIO()) as said:
+        for n in range(KERNELS):
+            source = f"kernel void number(global int *a) {{ a[0] = {n}; }}"
+            device.kernel(source, "number")(device.queue, (1,), None, buffer)
+            values.append(int(device.download(buffer, np.zeros(1, np.int32))[0]))
+    return {"values": values, "said": said.getvalue()}
+
+
+def test_damaged_files_of_opencl_are_compiled_again(tmp_path: Path) -> None:
+    """Each of them ends the process where PoCL meets it."""
+    assert call(partial(launched, tmp_path), tmp_path)["said"] == ""
+    cache = tmp_path / "cache/pocl"
+    kernels, programs = sorted(cache.rglob("*.so")), sorted(cache.rglob("*.bc"))
+    for path, damage in ((kernels[0], "empty"), (programs[1], "cut")):
+        path.write_bytes(DAMAGES[damage](path.read_bytes()))
+    (launchers,) = cache.parent.glob("pytools/*.sqlite")
+    launchers.write_bytes(DAMAGES["zeros"](launchers.read_bytes()))
+    said = (
+        f"viform: files of the cache {cache} were damaged (2); they are dropped and compiled "
+        "again\n"
+    )
+    found = call(partial(launched, tmp_path), tmp_path)
+    assert found == {"values": list(range(KERNELS)), "said": said}
 
 
 def test_a_damaged_file_of_numba_is_compiled_again(tmp_path: Path) -> None:

@@ -13,9 +13,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
 from typing import Any
 
 from cosim.compute.opencl import INSTALL, cache_folder, probe
+from cosim.compute.pocl_files import drop_damaged
 from display import GL_INSTALL, probe_gl
 
 __all__ = ["CHECKS", "Check", "run_checks"]
@@ -115,10 +117,14 @@ def _kernel() -> Check:
 
 
 def _cache() -> Check:
+    """Checks the cache, and drops what is damaged in it."""
     folder = cache_folder()
-    return Check(
-        "cache", os.access(folder, os.W_OK), str(folder), "set VIFORM_CACHE to a folder you own"
-    )
+    if not os.access(folder, os.W_OK):
+        return Check("cache", False, str(folder), "set VIFORM_CACHE to a folder you own")
+    damaged = drop_damaged(Path(os.environ.get("POCL_CACHE_DIR") or folder / "pocl"))
+    state = f"{folder}; {damaged} damaged files of PoCL were in it" if damaged else str(folder)
+    remedy = "none is needed: they are dropped, and compiled again by the next run"
+    return Check("cache", not damaged, state, remedy, needed=not damaged)
 
 
 def _memory() -> Check:
@@ -163,6 +169,8 @@ CHECKS: tuple[Callable[[], Check], ...] = (
 
 
 def run_checks() -> list[Check]:
-    """Runs all checks in parallel; most of them wait for a child process."""
+    """Runs all checks in parallel, after that of the cache, which the others use; most of them
+    wait for a child process."""
+    cache = _cache()
     with ThreadPoolExecutor() as pool:
-        return list(pool.map(lambda check: check(), CHECKS))
+        return list(pool.map(lambda check: cache if check is _cache else check(), CHECKS))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -122,6 +123,21 @@ def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(checks, "probe", list)
     check = checks._opencl()
     assert not check.ok and "pocl-opencl-icd" in check.remedy
+
+
+def test_doctor_finds_damaged_files_of_pocl(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    program = tmp_path / "AB/CD/program.bc"
+    for folder in (program.parent, tmp_path / "sums"):
+        folder.mkdir(parents=True)
+    program.write_bytes(b"")
+    (tmp_path / "sums/one").write_text('{"folder": "AB/CD", "files": {"program.bc": [7, 1]}}')
+    check = checks._cache()
+    assert not check.ok and not check.needed and not program.exists()
+    assert check.state.endswith("; 1 damaged files of PoCL were in it")
+    assert checks._cache().ok
 
 
 def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
