@@ -16,6 +16,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, Final, TypeVar
 
+from cosim.compute.forks import use
+
 __all__ = ["all_cores", "cores"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -44,10 +46,12 @@ def _shared() -> bool:
 
 
 def all_cores(function: _Function) -> _Function:
-    """Decorator, above `njit(parallel=True)`, of a function that threads may call."""
+    """Decorator, above `njit(parallel=True)`, of a function that threads may call. It raises
+    InputError in a process that was forked from one that has called such a function."""
 
     @wraps(function)
     def alone(*given: Any) -> Any:
+        use("numba")
         if _shared():
             return function(*given)
         with _BUSY:

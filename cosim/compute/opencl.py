@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.forks import lose_in_forks, use
 from cosim.compute.kernels import SharedKernel
 from cosim.compute.pocl_files import pocl_files
 from cosim.errors import InputError, MissingPackages, shorten
@@ -185,8 +186,9 @@ def open_device(wanted: str | None = None) -> Device:
     """The device whose "platform: device" text contains `wanted` (in any case). Without `wanted`,
     the first GPU, or else the first device.
 
-    Raises InputError if there is none.
+    Raises InputError if there is none, or a parent of this process has used one before it forked.
     """
+    use("OpenCL")
     prepare_caches()
     _check_cache(Path(os.environ["POCL_CACHE_DIR"]))
     if not os.path.isdir("/sys/devices/system/cpu") and not probe():
@@ -236,6 +238,7 @@ class Device:
     def __post_init__(self) -> None:
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
         self._kernels: dict[tuple[str, tuple[str, ...], str], SharedKernel] = {}
+        lose_in_forks(self, "context", "queue")  # they would hang
 
     @property
     def driver(self) -> str:
@@ -262,12 +265,14 @@ class Device:
 
     @cached_property
     def context(self) -> Any:
+        use("OpenCL")
         import pyopencl as cl
 
         return cl.Context([self.handle])
 
     @cached_property
     def queue(self) -> Any:
+        use("OpenCL")
         import pyopencl as cl
 
         return cl.CommandQueue(self.context)

@@ -6,6 +6,7 @@ numba's own threads (parallel=True), the compilation took three times as long.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -24,6 +25,9 @@ __all__ = ["add_images", "add_reduced", "by_rows", "carry_errors"]
 def _threads() -> tuple[int, ThreadPoolExecutor]:
     count = cores()
     return count, ThreadPoolExecutor(count, thread_name_prefix="rows")
+
+
+os.register_at_fork(after_in_child=_threads.cache_clear)  # a fork does not copy threads
 
 
 def by_rows(function: Callable[..., None], rows: int, *arguments: Any) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import moderngl
 
 from cosim import InputError
+from cosim.compute.forks import use
 from cosim.errors import MissingPackages
 
 __all__ = [
@@ -65,8 +66,10 @@ def open_context() -> moderngl.Context:
 
     Raises:
         InputError: there is no GL or EGL library, no EGL vendor or no driver, GL is below 3.3, or
-            its limits are below the needs of the shaders.
+            its limits are below the needs of the shaders; or a parent of this process has created
+            one before it forked.
     """
+    use("OpenGL")
     # Mesa would repeat the error on standard error.
     os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
     try:

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit, prange
 
 from cosim import Clock
+from cosim.compute.cores import all_cores
 from cosim.compute.opencl import Device, open_device
 from cosim.run.case import Case
 from sensor import EFFECTS, make_pixels
@@ -59,6 +60,7 @@ def flushing() -> Iterator[None]:
         library.fesetenv(before)
 
 
+@all_cores
 @njit(cache=True, parallel=True)
 def _halves(values):  # type: ignore[no-untyped-def]
     """Half of each value, on the threads that the compiled pixel runs on."""

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-__all__ = ["Command", "call"]
+__all__ = ["Command", "call", "copied"]
 
 _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(["tests.survival.warm"])
@@ -98,3 +98,26 @@ def _call(function: Callable[[], Any], out: Path) -> None:
     except BaseException:
         document = {"error": traceback.format_exc()}
     out.write_text(json.dumps(document))
+
+
+def copied(function: Callable[[], Any]) -> str:
+    """What a function returns or raises, as text, in a copy of this process that `fork` makes.
+
+    The copy is ended after a minute, and the text is then empty.
+    """
+    reader, writer = os.pipe()
+    copy = os.fork()
+    if copy == 0:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(60)
+        try:
+            text = str(function())
+        except BaseException as exc:
+            text = f"{type(exc).__name__}: {exc}"
+        os.write(writer, text.encode())
+        os._exit(0)
+    os.close(writer)
+    with open(reader, "rb") as file:
+        text = file.read().decode()
+    os.waitpid(copy, 0)
+    return text

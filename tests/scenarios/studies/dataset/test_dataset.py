@@ -32,6 +32,7 @@ from scenarios.studies.dataset import build, item
 from scenarios.studies.dataset.formats import read_flo, run_lengths, write_flo
 from scenarios.studies.dataset.making import order_of
 from scenarios.studies.dataset.order import Order, read_split
+from tests.survival.forked import copied
 
 ROOT = Path(api.__file__).parent
 SMALL = ("duration=2.5 ms", "image.at=[25, 50, 80]")
@@ -450,6 +451,16 @@ def test_pytorch_loads_batches(whole: Path) -> None:
             assert torch.equal(
                 batches[0][key], torch.from_numpy(np.stack([plain[0][key], plain[1][key]]))
             )
+
+
+def test_items_are_read_in_a_forked_process(whole: Path) -> None:
+    """The loader of PyTorch forks its workers by default."""
+    items = api.SpikeDataset(whole, "train")
+
+    def sums() -> list[int]:
+        return [int(items[n]["spikes"].sum()) for n in range(len(items))]
+
+    assert copied(sums) == str(sums())
 
 
 def test_without_pytorch_one_line_says_so(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:

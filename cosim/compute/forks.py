@@ -1,0 +1,56 @@
+"""Processes that are forked from one that has computed.
+
+A fork copies the memory of OpenCL, OpenMP and OpenGL, but not their threads. The copy waits for
+them for ever, or ends: PoCL and Mesa hang, and GNU OpenMP ends the process. No library has a way to
+begin anew. So a forked process is refused what its parent has used before; it may do all else, such
+as read data sets and reconstruct images.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Final
+from weakref import WeakKeyDictionary
+
+from cosim.errors import InputError
+
+__all__ = ["lose_in_forks", "use"]
+
+_HERE: Final[set[str]] = set()
+_BEFORE: Final[set[str]] = set()
+"""Libraries that this process has used, and those that its parents had when they forked it."""
+
+_OWNERS: Final[WeakKeyDictionary[object, tuple[str, ...]]] = WeakKeyDictionary()
+_LOST: Final[list[Any]] = []
+
+
+def use(library: str) -> None:
+    """States that this process uses the threads of a library.
+
+    Raises:
+        InputError: it was forked from a process that has used them.
+    """
+    if library in _BEFORE:
+        raise InputError(
+            "a process that simulates", "one that was spawned",
+            f"forked from one that has used {library}, whose threads a fork does not copy",
+            'start it by multiprocessing.get_context("spawn"), that of a DataLoader by '
+            'multiprocessing_context="spawn"',
+        )  # fmt: skip
+    _HERE.add(library)
+
+
+def lose_in_forks(owner: object, *names: str) -> None:
+    """In a process that is forked, attributes of an object are taken away. They are kept as they
+    are, because their release may hang as well."""
+    _OWNERS[owner] = names
+
+
+def _forked() -> None:
+    _BEFORE.update(_HERE)
+    _HERE.clear()
+    for owner, names in _OWNERS.items():
+        _LOST.append([owner.__dict__.pop(name, None) for name in names])
+
+
+os.register_at_fork(after_in_child=_forked)
