@@ -31,7 +31,7 @@ from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ["PoclFiles", "drop_damaged", "pocl_files"]
+__all__ = ["PoclFiles", "drop_damaged", "keep_sums", "pocl_files"]
 
 _SUMS: Final = "sums"
 _ACCESSED: Final = "last_accessed"
@@ -192,13 +192,23 @@ class PoclFiles:
         _drop(part)
 
 
+_OPEN: Final[list[PoclFiles]] = []
+
+
 @cache
 def pocl_files(folder: Path, own: bool) -> PoclFiles | None:
     """The files that this process uses, see `PoclFiles`; None if the folder cannot be written."""
     try:
-        return PoclFiles(folder, own)
+        _OPEN.append(PoclFiles(folder, own))
     except OSError:
         return None
+    return _OPEN[-1]
+
+
+def keep_sums() -> None:
+    """Adds the files that this process has compiled to their sums, before it may be killed."""
+    for files in _OPEN:
+        files.keep()
 
 
 def drop_damaged(folder: Path) -> int:

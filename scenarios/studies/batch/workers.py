@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from cosim import InputError
+from cosim.compute.pocl_files import keep_sums
 from cosim.files.whole import NO_ROOM
 from cosim.run.workers import workers_for
 
@@ -42,3 +43,5 @@ def _run(job: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
         if isinstance(cause, OSError) and cause.errno in NO_ROOM:
             raise OSError(cause.errno, cause.strerror, cause.filename) from exc
         return exc
+    finally:
+        keep_sums()  # a worker is killed when its tasks are done

@@ -94,8 +94,11 @@ def test_files_without_a_sum_are_dropped_where_nobody_else_uses_the_cache(tmp_pa
         path.unlink()
     assert run(tmp_path, killed=True) == [True, True] and not stranger.exists()
     # Of the process that was killed, the program has a sum, and the kernel has none.
-    assert run(tmp_path) == [False, True]
-    assert run(tmp_path) == [False, False]
+    process = Process(tmp_path)
+    assert [process.build("one", "AB/CD"), process.launch("AB/CD")] == [False, True]
+    process.files.keep()
+    process.end(killed=True)
+    assert run(tmp_path, killed=True) == [False, False]
 
 
 def test_a_kernel_that_another_process_has_just_compiled_stays(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import choose_device
+from cosim.compute.pocl_files import keep_sums
 from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import BLOCK, blocks
 from scenarios.assemble.camera.bands.strip import Strip
@@ -67,4 +68,5 @@ def expose_band(band: Band) -> Words:
         light = strip.step(block, clock.edge(max(block.start - reach[0], 0)))
         part = camera.step(light, block).words[:, first:stop]
         words[block.start // WORD :][: len(part)] = part
+    keep_sums()  # a worker is killed when its bands are done
     return words
