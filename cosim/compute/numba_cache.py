@@ -13,6 +13,7 @@ before it compiles anything (numba's manual, "Registering extensions with entry 
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,6 +25,10 @@ __all__ = ["tolerate"]
 def tolerate() -> None:
     """From now on, a compiled function that the disk does not take is not kept, and one that cannot
     be read from the disk is compiled again."""
+    # It would warn of a /dev/shm that cannot be written. The lock is for processes that are forked
+    # while they compile (`forks`).
+    warnings.filterwarnings("ignore", "Could not obtain multiprocessing lock")
+
     from numba.core.caching import FunctionCache, IndexDataCacheFile
 
     keep, find = FunctionCache.save_overload, FunctionCache.load_overload

@@ -121,6 +121,11 @@ class PoclFiles:
         if not (place / "program.bc").exists():
             _drop(self._sums / key)
             return None
+        there = _listed(place)
+        if there - record["files"].keys():
+            for other in _records(self._folder).values():
+                if other["folder"] == record["folder"]:  # a source that PoCL takes for the same
+                    record["files"] = other["files"] | record["files"]
         if _damaged(place, record):
             count = drop_damaged(self._folder)  # all at once, to say it in one line
             if count:
@@ -132,7 +137,6 @@ class PoclFiles:
             record = _read(self._sums / key)
             if record is None:
                 return None
-        there = _listed(place)
         nameless = there - record["files"].keys()
         record["files"] = {name: told for name, told in record["files"].items() if name in there}
         if nameless and self._alone():
@@ -214,16 +218,19 @@ def keep_sums() -> None:
 def drop_damaged(folder: Path) -> int:
     """Drops the programs in PoCL's cache `folder` that have damaged files. Returns the number of
     these files."""
-    count = 0
-    for key, record in _records(folder).items():
-        place = folder / record["folder"]
-        damaged = _damaged(place, record)
-        if damaged:
-            count += damaged
+    records = _records(folder)
+    places = {
+        record["folder"]: count
+        for record in records.values()
+        if (count := _damaged(folder / record["folder"], record))
+    }
+    for key, record in records.items():
+        if record["folder"] in places:
             _drop(folder / _SUMS / key)
-            for name in _listed(place):
-                _drop(place / name)
-    return count
+    for place in places:
+        for name in _listed(folder / place):
+            _drop(folder / place / name)
+    return sum(places.values())
 
 
 def _records(folder: Path) -> dict[str, dict[str, Any]]:

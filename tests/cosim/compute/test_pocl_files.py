@@ -127,6 +127,21 @@ def test_a_program_that_is_lost_or_in_another_folder_is_compiled_again(tmp_path:
     assert json.loads(sums.read_text())["folder"] == "EF/GH"
 
 
+def test_two_sources_may_have_one_folder(tmp_path: Path) -> None:
+    run(tmp_path)
+    other = Process(tmp_path)
+    other.build("other", "AB/CD")  # its first build: what is there has a name
+    other.end()
+    path = tmp_path / "AB/CD/second/8-1-1/second.so"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"kernel")
+    other.files.keep()
+    assert run(tmp_path) == [False, False] and path.exists()
+    path.write_bytes(b"")
+    assert run(tmp_path) == [True, True] and not path.exists()
+    assert len(list((tmp_path / "sums").glob("[!.]*"))) == 1
+
+
 def test_all_damaged_files_are_found_at_once(tmp_path: Path) -> None:
     process = Process(tmp_path)
     for n in range(3):
