@@ -1,5 +1,5 @@
 """Runs of every kind under a limit of the address space: done, or one line that says what is
-needed, before anything is written."""
+needed, before anything is written. Workers without shared memory."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 
 from tests.survival.commands import RUNS
-from tests.survival.forked import Command
+from tests.survival.forked import Command, call
+from tests.survival.small_disk import mount_private, resize
 
 GIB = 1 << 30
+SHARED = Path("/dev/shm")
 LIMITS = (0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 3.0)
 """Limits behind the marker, GiB."""
 
@@ -47,6 +49,24 @@ def test_too_little_is_said_before_the_run(kind: str, tmp_path: Path) -> None:
         "viform: the limit of the address space (ulimit -v) must be "
     )
     assert line.endswith("or close other programs") and not (tmp_path / "run").exists()
+
+
+def without_shared_memory() -> list[object]:
+    """Results of two workers."""
+    from cosim.run.workers import workers_for
+
+    mount_private(SHARED, 4096)
+    resize(SHARED, 4096, read_only=True)
+    with pytest.raises(OSError):
+        (SHARED / "file").touch()
+    with workers_for(2, None) as pool:
+        return sorted(pool.run(abs, {0: (-3,), 1: (-4,)}))
+
+
+def test_workers_need_no_shared_memory(tmp_path: Path) -> None:
+    """/dev/shm holds the semaphores of `multiprocessing`, and cannot be written in some
+    containers."""
+    assert call(without_shared_memory, tmp_path) == [[0, 3], [1, 4]]
 
 
 @pytest.mark.slow
