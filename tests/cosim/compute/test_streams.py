@@ -20,7 +20,7 @@ def test_streams_are_distinct_and_keep_their_numbers():
     assert len(set(numbers.values())) == len(numbers)
     assert numbers == {
         "NONE": 0, "SHOT_NOISE": 1, "INITIAL_CHARGE": 2, "METASTABILITY": 3, "CHARGE": 4,
-        "ROW_TIMING": 5, "DRIFT": 6,
+        "ROW_TIMING": 5, "DRIFT": 6, "CALL": 7,
         "PATTERN": 16,
         "SKIPPED": 48, "READING": 49, "CONTINUOUS": 64,
         "VIBRATION": 80,

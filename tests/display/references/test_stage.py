@@ -14,9 +14,9 @@ from display.observe.slow_motion import Film, SlowMotion
 from display.panels.panel import FramePanel
 from display.references.stage import TRUTH, ReferenceStage
 from display.section import DisplaySection
-from scenarios.assemble.camera.stages import SceneStage
 from scenarios.scenes.charts.chart import PURSUIT, STRIPS, Chart
 from scenarios.scenes.drawing.analytic import AnalyticSource
+from sensor.latched.stages import SceneStage
 
 MS = PS // 1000
 CLOCK = Clock(40_000)

@@ -259,7 +259,7 @@ import os, signal, sys
 from contextlib import contextmanager
 
 import cosim.run.loop as loop
-from scenarios.assemble.camera.stages import SceneStage
+from sensor.latched.stages import SceneStage
 from scenarios.cli import main
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background has it ignored

@@ -32,10 +32,10 @@ from scenarios.assemble.camera.bands.band import Band, expose_band
 from scenarios.assemble.camera.bands.chain import BandedCamera, band_rows
 from scenarios.assemble.camera.bands.strip import Strip
 from scenarios.assemble.camera.setup import set_up_camera
-from scenarios.assemble.camera.stages import LensStage, SceneStage
 from scenarios.assemble.schema.loading import filmed, load
 from scenarios.run import Done, run_scenario
 from sensor import SpikeCamera
+from sensor.latched.stages import LensStage, SceneStage
 
 SMALL = ("sensor.width=40", "sensor.height=56", "duration=3.3 ms")
 WRITES = '{"cycle":60,"threshold_level":8},{"at":"2.01 ms","window":[8,32]}'
