@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any, Final, Protocol
 
 from cosim.errors import InputError
+from cosim.run.processes import RETRIES, Processes
 
 __all__ = ["MOST_WORKERS", "Workers", "check_workers", "workers_for"]
 
@@ -15,8 +16,6 @@ MOST_WORKERS: Final = 1024
 """Largest number of processes."""
 _SECONDS: Final = 10
 """Longest wait for a scheduler."""
-_RETRIES: Final = 3
-"""Times that a task is run again after a worker was lost."""
 
 
 class Workers(Protocol):
@@ -66,7 +65,7 @@ class _Dask:
         from distributed import as_completed
 
         keys = {
-            self._client.submit(function, *given, pure=False, retries=_RETRIES): key
+            self._client.submit(function, *given, pure=False, retries=RETRIES): key
             for key, given in tasks.items()
         }
         try:
@@ -99,23 +98,18 @@ def workers_for(workers: int, scheduler: str | None) -> Iterator[Workers]:
     Raises:
         InputError: the scheduler does not answer.
     """
-    if scheduler is None and workers == 1:
-        yield _Here()
+    if scheduler is None:
+        if workers == 1:
+            yield _Here()
+        else:
+            with Processes(workers) as processes:
+                yield processes
         return
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     logging.getLogger("distributed").setLevel(logging.ERROR)  # it warns of workers that it ends
-    dask.config.set({"distributed.scheduler.allowed-failures": _RETRIES})
-    if scheduler is None:
-        with (
-            LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            yield _Dask(client)
-        return
+    dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
     try:
         client = Client(scheduler, timeout=_SECONDS)
     except (OSError, ValueError, TimeoutError) as exc:

@@ -50,8 +50,7 @@ def dataset(
         seed: of all that is drawn.
         tolerance: allowed relative error of each run.
         device: part of an OpenCL device's name, or "numba".
-        workers: processes on this machine. A script that gives more than 1 starts with
-            `if __name__ == "__main__":`.
+        workers: processes on this machine; a script needs no main guard for them.
         scheduler: address of a Dask scheduler, whose workers film instead; they must see `out`.
         resume: whether the interrupted data set in `out` goes on.
         progress: whether progress is shown on standard error; None for on a terminal and in a

@@ -187,7 +187,7 @@ def test_a_sweep_of_40_points_with_a_lost_worker_is_the_serial_one(tmp_path: Pat
         while not (points.is_dir() and len(list(points.glob("*.json"))) >= 20):
             time.sleep(0.02)
         for child in psutil.Process().children(recursive=True):
-            if "spawn_main" in " ".join(child.cmdline()) and not killed:
+            if "cosim.run.processes" in " ".join(child.cmdline()) and not killed:
                 child.kill()
                 killed.append(child.pid)
 

@@ -204,7 +204,7 @@ def test_the_band_of_a_lost_worker_is_made_again(tmp_path, monkeypatch) -> None:
         while not list(bands.glob("*.npy")):
             time.sleep(0.02)
         for child in psutil.Process().children(recursive=True):
-            if "spawn_main" in " ".join(child.cmdline()) and not killed:
+            if "cosim.run.processes" in " ".join(child.cmdline()) and not killed:
                 child.kill()
                 killed.append(child.pid)
 
