@@ -62,7 +62,7 @@ class _Dask:
     def run(
         self, function: Callable[..., Any], tasks: Mapping[int, tuple[Any, ...]]
     ) -> Iterator[tuple[int, Any]]:
-        from distributed import as_completed
+        from distributed import CancelledError, KilledWorker, as_completed
 
         keys = {
             self._client.submit(function, *given, pure=False, retries=RETRIES): key
@@ -72,6 +72,17 @@ class _Dask:
             for future in as_completed(keys):
                 yield keys[future], future.result()
                 future.release()  # its result may be large
+        except CancelledError:
+            raise InputError(
+                "--scheduler", "a Dask scheduler that runs until the end", "one that has ended",
+                "start it and its workers again, and repeat the command with --out and --resume",
+            ) from None  # fmt: skip
+        except KilledWorker as exc:
+            raise InputError(
+                "--scheduler", "one whose workers have the memory for a task",
+                f"one of which {exc.allowed_failures + 1} ended with the same task",
+                "give them more memory, or make the input smaller",
+            ) from None  # fmt: skip
         finally:
             self._client.cancel(list(keys))
 
@@ -108,7 +119,8 @@ def workers_for(workers: int, scheduler: str | None) -> Iterator[Workers]:
     import dask
     from distributed import Client
 
-    logging.getLogger("distributed").setLevel(logging.ERROR)  # it warns of workers that it ends
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what a user must know is raised
     dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
     try:
         client = Client(scheduler, timeout=_SECONDS)
