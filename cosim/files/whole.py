@@ -16,7 +16,7 @@ from typing import Final
 from cosim.errors import InputError
 from cosim.files.durable import put, sync, sync_tree
 
-__all__ = ["NO_ROOM", "refusal", "remove_parts", "whole"]
+__all__ = ["NO_ROOM", "identity", "refusal", "remove_parts", "whole"]
 
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk."""
@@ -108,3 +108,13 @@ def _check(path: Path) -> None:
         raise InputError(
             f"{path}", "in a folder that exists", f"in {path.parent}", f"mkdir -p {path.parent}"
         )
+
+
+def identity(path: Path) -> tuple[int, ...] | None:
+    """Device, inode, size and time of a file, None if there is none. Those of another file that
+    takes its name differ, and those of the same one once it is written again."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

@@ -21,10 +21,11 @@ import numpy as np
 from cosim.clock import Clock
 from cosim.compute.memory import check_plane
 from cosim.errors import InputError, shorten
+from cosim.files.whole import identity
 from cosim.files.zstd import HEAD, content_size
 from cosim.spikes.viform import Words, spikes_beyond, words_for
 
-__all__ = ["CHUNK", "KEPT", "VERSION", "ZarrStream", "not_a_store"]
+__all__ = ["CHUNK", "KEPT", "VERSION", "ZarrStream", "form_of", "not_a_store"]
 
 VERSION = 1
 CHUNK = 2
@@ -46,13 +47,18 @@ def not_a_store(
     return InputError(f"{path}", "the stream.zarr of a finished run", actual, remedy)
 
 
+def form_of(path: Path) -> Path:
+    """The file of a store that states the form of its words. It is written once, before them:
+    another one means another store."""
+    return path / "words" / "zarr.json"
+
+
 def _check_form(path: Path) -> None:
     """Raises InputError unless the array of words states the form that recorders write: format 3 of
     Zarr, whole chunks, codecs of _CODECS. It is read before zarr opens the store, which would load
     whatever codec a store names."""
-    about = path / "words" / "zarr.json"
     try:
-        with about.open("rb") as file:
+        with form_of(path).open("rb") as file:
             told = json.loads(file.read(_MOST))
         form, node, named = told["zarr_format"], told["node_type"], told["codecs"]
         names = [str(codec["name"]) for codec in named]
@@ -82,6 +88,7 @@ class ZarrStream:
     ) -> None:  # fmt: skip
         import zarr  # takes a quarter of a second, so only if a store is opened
 
+        self._opened = identity(form_of(path))
         _check_form(path)
         try:
             group = zarr.open_group(path, mode="r", use_consolidated=False)
@@ -149,6 +156,8 @@ class ZarrStream:
             words = cast(Words, self._words[n * CHUNK : (n + 1) * CHUNK])
         except Exception as exc:  # a chunk that does not decode
             raise not_a_store(self._path, f"damaged in chunk {n}") from exc
+        if identity(form_of(self._path)) != self._opened:  # chunks of two stores are no stream
+            raise not_a_store(self._path, "another one than was opened", "open it again")
         last = n * CHUNK + len(words) == words_for(self.cycles)
         if last and spikes_beyond(words[-1], self.cycles):
             raise not_a_store(self._path, "one with spikes beyond its last cycle")

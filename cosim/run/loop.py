@@ -22,8 +22,8 @@ from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks, section
 
 __all__ = [
-    "Checkpoint", "Gate", "LostRecording", "discard_checkpoints", "earlier", "noted_interrupts",
-    "open_gate", "run_blocks", "stop_requests",
+    "Checkpoint", "Gate", "LostRecording", "discard_checkpoints", "earlier", "end_requests",
+    "noted_interrupts", "open_gate", "run_blocks", "stop_requests",
 ]  # fmt: skip
 
 _DIGEST = "digest"
@@ -187,6 +187,15 @@ def stop_requests() -> Iterator[threading.Event]:
         requested.set()
 
     with _handlers(request):
+        yield requested
+
+
+@contextmanager
+def end_requests() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set, for a server that ends at once: further signals do not
+    interrupt its end."""
+    requested = threading.Event()
+    with _handlers(lambda *_: requested.set()):
         yield requested
 
 

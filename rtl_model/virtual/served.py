@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import Self
@@ -62,10 +61,10 @@ class Served:
         """Opens the port and serves it until `stop`."""
         raise NotImplementedError
 
-    def wait(self) -> None:
-        """Waits until the board ends by itself, which is a failure. Ctrl-C is passed on."""
-        while self.alive:
-            time.sleep(_ATTENTION_S)
+    def wait(self, ended: threading.Event) -> None:
+        """Waits until the event is set, or the board ends by itself, which is a failure."""
+        while self.alive and not ended.wait(_ATTENTION_S):
+            pass
 
     def stop(self) -> None:
         """Ends the board and closes the port. Raises ViformError if the board has failed."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import BLOCK, InputError
-from cosim.files.zarr_store import ZarrStream
+from cosim.files.whole import identity
+from cosim.files.zarr_store import ZarrStream, form_of
 from cosim.light.source import Source, truth_at
 from cosim.run.chain import STREAM
 from cosim.run.result import read_result
@@ -43,6 +44,8 @@ class Opened:
         window: of TFP, cycles.
         source: the scene of the run, None if it is not known.
         notes: what a user should know.
+        file: a file of the stream, another one of which means another stream; None to check none.
+        as_opened: its `identity` before the stream was opened.
     """
 
     title: str
@@ -51,10 +54,23 @@ class Opened:
     window: int
     source: Source | None
     notes: list[str]
+    file: Path | None = None
+    as_opened: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         self._light: OrderedDict[int, npt.NDArray[np.float32]] = OrderedDict()
         self._pool = ThreadPoolExecutor(2)
+
+    def check(self) -> None:
+        """Raises InputError if the stream is not the one that was opened: what is kept of that one
+        does not go with chunks, a scene or a size of another."""
+        if self.file is None or (now := identity(self.file)) == self.as_opened:
+            return
+        raise InputError(
+            self.title, "the stream that was opened",
+            "another one under its name" if now else "one that was removed",
+            "end viform view and start it again",
+        )  # fmt: skip
 
     def _decode_around(self, at: int) -> None:
         """Decodes the chunks that an image by intervals reads, two at a time; those that are kept
@@ -113,11 +129,15 @@ def open_recording(path: Path, size: tuple[int, int] | None = None) -> Opened:
     Raises:
         InputError: there is no stream, or it is damaged.
     """
-    if not (path / "result.json").exists():
+    run = (path / "result.json").exists()
+    store = path / STREAM if run else path
+    file = form_of(store) if store.is_dir() else store
+    as_opened = identity(file)
+    if not run:
         stream, notes = open_any(path, size)
         if isinstance(stream, ZarrStream):
             stream.kept = _KEPT
-        return Opened(path.name, stream, 1.0, PLAYED, None, notes)
+        return Opened(path.name, stream, 1.0, PLAYED, None, notes, file, as_opened)
     if not (path / STREAM).exists():
         frames = (path / "frames.zarr").exists()
         raise InputError(
@@ -129,7 +149,7 @@ def open_recording(path: Path, size: tuple[int, int] | None = None) -> Opened:
     found = ZarrStream(path / STREAM, kept=_KEPT)
     white = None if result is None else result.metrics.get("white_rate")
     rate = white.value if white is not None and white.value else 1.0
-    return Opened(path.name, found, rate, PLAYED, None, [])
+    return Opened(path.name, found, rate, PLAYED, None, [], file, as_opened)
 
 
 def with_scene(opened: Opened, path: Path) -> Opened:
@@ -138,7 +158,7 @@ def with_scene(opened: Opened, path: Path) -> Opened:
     if not (path / "result.json").exists():
         return opened
     title, window, source, told = _scene(path / "scenario.toml", opened.stream)
-    return Opened(title, opened.stream, opened.white, window, source, [*opened.notes, *told])
+    return replace(opened, title=title, window=window, source=source, notes=[*opened.notes, *told])
 
 
 def _scene(path: Path, stream: SpikeStream) -> tuple[str, int, Source | None, list[str]]:

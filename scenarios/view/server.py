@@ -4,6 +4,10 @@ It listens on 127.0.0.1 alone. Every request must carry the token of the address
 prints, and the names of this machine as host and origin, so that no other page in a browser, and no
 name that was redirected here, can read the stream. It serves the page and the data of the
 explorer, and no files.
+
+Other users of the machine can connect, though they learn nothing. So a connection has a time limit
+for its request, and their number a limit as well: a new one ends the one that has waited longest,
+first among those that have not shown the token.
 """
 
 from __future__ import annotations
@@ -11,9 +15,17 @@ from __future__ import annotations
 import hmac
 import html
 import json
+import math
+import os
+import re
+import resource
 import secrets
+import socket
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final
@@ -24,11 +36,21 @@ from cosim.errors import ViformError
 if TYPE_CHECKING:
     from scenarios.view.opened import Opened
 
-__all__ = ["HOST", "MOST", "ViewServer"]
+__all__ = ["CONNECTIONS", "HOST", "MOST", "ViewServer"]
 
 HOST: Final = "127.0.0.1"
 MOST: Final = 4096
 """Cycles of a pixel in one answer, at most."""
+CONNECTIONS: Final = 32
+"""Connections at a time, at most. A browser opens six."""
+_FILES: Final = 16
+"""Descriptors that connections leave for the files of the stream and of the page."""
+_FIRST_S: Final = 5.0
+"""Time limit of the first request of a connection, s."""
+_NEXT_S: Final = 60.0
+"""Time limit of the next request of one that has shown the token, s, and of an answer until it is
+taken."""
+_WHOLE: Final = re.compile(r"-?[0-9]{1,11}", re.ASCII)
 _POLICY: Final = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "connect-src 'self'; img-src blob: data:"
@@ -63,10 +85,26 @@ class _Query:
     def whole(self, name: str, least: int, most: int) -> int:
         """A whole number between two limits, or a refusal."""
         text = self.text(name)
-        number = int(text) if text.lstrip("-").isdecimal() and len(text) < 12 else None
+        number = int(text) if _WHOLE.fullmatch(text) else None
         if number is None or not least <= number <= most:
             raise _Refused(400, f"{name} must be a whole number from {least} to {most}")
         return number
+
+
+@dataclass(eq=False)
+class _Connection:
+    """A connection to the server.
+
+    Attributes:
+        until: instant at which its request must have come (time.monotonic()); infinite while it is
+            answered.
+        known: whether it has shown the token.
+        ended: whether the server has ended it.
+    """
+
+    until: float
+    known: bool = False
+    ended: bool = False
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -81,10 +119,13 @@ class ViewServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    request_queue_size = 2 * CONNECTIONS
 
     def __init__(self, port: int = 0) -> None:
         super().__init__((HOST, port), _Handler)
         self.opened: Opened | None = None
+        self._connections: dict[socket.socket, _Connection] = {}
+        self._connecting = Lock()
         self.token, self.lock = secrets.token_urlsafe(24), Lock()
         self.names = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
         self.address = f"http://{HOST}:{self.server_port}/?token={self.token}"
@@ -113,16 +154,106 @@ class ViewServer(ThreadingHTTPServer):
         return whole_page(opened.title, head, sections, policy=_POLICY).encode()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Passes over a browser that has ended its connection, as it does while a user scrolls."""
-        if not isinstance(sys.exception(), ConnectionError):
+        """Passes over a browser that has ended its connection, as it does while a user scrolls, or
+        that does not take its answer."""
+        if not isinstance(sys.exception(), (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)
+
+    def get_request(self) -> tuple[socket.socket, Any]:
+        """Accepts a connection. Without a descriptor for it, another one is ended."""
+        try:
+            return super().get_request()
+        except OSError:
+            self._end_one()
+            time.sleep(0.05)  # until it is closed; this is tried again at once
+            raise
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answers a connection in a thread of its own. It takes the place of another one if there
+        are as many as there may be; if all are being answered, it is closed."""
+        with self._connecting:
+            there = sum(not each.ended for each in self._connections.values())
+        if (there >= CONNECTIONS or (there and _descriptors() < _FILES)) and not self._end_one():
+            self.shutdown_request(request)
+            return
+        with self._connecting:
+            self._connections[request] = _Connection(time.monotonic() + _FIRST_S)
+        try:
+            super().process_request(request, client_address)
+        except RuntimeError:  # the system gives no thread
+            self.shutdown_request(request)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Closes a connection."""
+        with self._connecting:
+            self._connections.pop(request, None)
+        super().shutdown_request(request)
+
+    def service_actions(self) -> None:
+        """Ends the connections whose time is over. It is called several times a second."""
+        now = time.monotonic()
+        with self._connecting:
+            for request, each in self._connections.items():
+                if each.until < now:
+                    _end(request, each)
+
+    def _end_one(self) -> bool:
+        """Ends the connection that has waited longest, first of those that have not shown the
+        token; returns whether one waits."""
+        with self._connecting:
+            waiting = [
+                (each.known, each.until, n, request, each)
+                for n, (request, each) in enumerate(self._connections.items())
+                if not each.ended and each.until < math.inf
+            ]
+            if waiting:
+                *_, request, each = min(waiting)
+                _end(request, each)
+        return bool(waiting)
+
+    def answering(self, request: socket.socket) -> None:
+        """Takes the time limit off a connection whose request has come."""
+        with self._connecting:
+            self._connections[request].until = math.inf
+
+    def waiting(self, request: socket.socket) -> None:
+        """Begins the time limit of the next request of a connection that has been answered."""
+        with self._connecting:
+            each = self._connections[request]
+            each.until = time.monotonic() + (_NEXT_S if each.known else _FIRST_S)
+
+    def know(self, request: socket.socket) -> None:
+        """Notes that a connection has shown the token."""
+        with self._connecting:
+            self._connections[request].known = True
+
+
+def _descriptors() -> float:
+    """Descriptors that are free."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limit == resource.RLIM_INFINITY:
+        return math.inf
+    try:
+        return limit - len(os.listdir("/proc/self/fd"))
+    except OSError:  # no Linux, or there is none for it
+        return 0 if sys.platform == "linux" else math.inf
+
+
+def _end(request: socket.socket, connection: _Connection) -> None:
+    """Ends a connection; the thread that reads it closes it."""
+    connection.ended = True
+    with suppress(OSError):
+        request.shutdown(socket.SHUT_RDWR)
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: ViewServer
     protocol_version = "HTTP/1.1"
+    server_version, sys_version = "Viform", ""
+    timeout = _NEXT_S
 
     def do_GET(self) -> None:
+        self.server.answering(self.connection)
         try:
             kind, content = self._answer()
             status = 200
@@ -130,6 +261,9 @@ class _Handler(BaseHTTPRequestHandler):
             kind, content, status = "text/plain; charset=utf-8", str(exc).encode(), exc.status
         except ViformError as exc:
             kind, content, status = "text/plain; charset=utf-8", str(exc).encode(), 400
+        except OSError as exc:  # of the stream or the page: nothing has been sent yet
+            line = f"the files must be readable, not refused ({exc.strerror}); ask again"
+            kind, content, status = "text/plain; charset=utf-8", line.encode(), 503
         self.send_response(status)
         for name, value in (
             ("Content-Type", kind), ("Content-Length", str(len(content))),
@@ -139,13 +273,18 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(content)
+        self.server.waiting(self.connection)
 
     def log_message(self, format: str, *args: Any) -> None:
         """No line for each request."""
 
     def _answer(self) -> tuple[str, bytes]:
         """MIME type and content, or a refusal."""
-        asked, server = urlsplit(self.path), self.server
+        server = self.server
+        try:
+            asked = urlsplit(self.path)
+        except ValueError:
+            raise _Refused(400, "the address must be that of the page or of its data") from None
         query, origin = _Query(asked.query), self.headers.get("Origin")
         if self.headers.get("Host") not in server.names:
             raise _Refused(403, f"the host must be {HOST}")
@@ -153,7 +292,10 @@ class _Handler(BaseHTTPRequestHandler):
             raise _Refused(403, "the request must come from this page")
         if not hmac.compare_digest(query.text("token").encode(), server.token.encode()):
             raise _Refused(403, "the token must be that of the address that viform view printed")
+        server.know(self.connection)
         if asked.path == "/":
+            if server.opened is not None:
+                server.opened.check()
             return "text/html; charset=utf-8", server.page()
         answers: dict[str, Callable[[_Query], tuple[str, bytes]]] = {
             "/rates": self._rates, "/spikes": self._spikes, "/light": self._light,
@@ -164,7 +306,10 @@ class _Handler(BaseHTTPRequestHandler):
         if server.opened is None:
             raise _Refused(503, "the stream is being opened; ask again")
         with server.lock:  # decoding and images use all cores by themselves
-            return answers[asked.path](query)
+            server.opened.check()
+            answer = answers[asked.path](query)
+            server.opened.check()
+            return answer
 
     @property
     def _opened(self) -> Opened:

@@ -87,6 +87,7 @@ def board_virtual(
     """Start a simulated board, or an imager's registers, behind a pty or over UDP until Ctrl-C."""
     from cosim import InputError
     from cosim.files.whole import whole
+    from cosim.run.loop import end_requests
     from rtl_model.geometry import Geometry
     from rtl_model.host.ether import is_udp
     from rtl_model.registers import csr_csv
@@ -141,7 +142,9 @@ def board_virtual(
         else:
             print(_text(board, geometry, csr))
         sys.stdout.flush()
-        board.wait()
+        with end_requests() as ended:
+            board.wait(ended)
+            board.stop()
 
 
 def _document(

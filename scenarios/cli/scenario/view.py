@@ -29,6 +29,7 @@ def view(
     """Explore a stream in a browser: images at any cycle, the true light, the spikes of a pixel. It
     serves this machine alone, until Ctrl-C."""
     from cosim import InputError
+    from cosim.run.loop import end_requests
     from scenarios.view.server import HOST, ViewServer
 
     pixels = size_option(size)
@@ -38,32 +39,47 @@ def view(
         raise InputError(
             "--port", f"a free port of {HOST}", f"{port} ({exc.strerror})", "leave it out"
         ) from None
-    with server, _serving(server):
-        from scenarios.view.opened import open_recording, with_scene
+    failed: list[BaseException] = []
 
-        opened = open_recording(run, pixels)
-        if json:
-            print_document({"stream": str(run), "address": server.address})
-        else:
-            print(f"{server.address}\nopen this address in a browser; Ctrl-C ends it")
-        sys.stdout.flush()
-        if _has_browser():
-            import webbrowser
-
-            webbrowser.open(server.address)
+    def open_stream() -> None:
         try:
-            server.opened = with_scene(opened, run)
-            for note in server.opened.notes:
-                print(f"viform: {note}", file=sys.stderr)
-            threading.Event().wait()  # until Ctrl-C
-        except KeyboardInterrupt:
-            print("viform: ended", file=sys.stderr)
+            _open(server, run, pixels, json)
+        except BaseException as exc:
+            failed.append(exc)
+            ended.set()
+
+    with end_requests() as ended, server, _serving(server):
+        opening = threading.Thread(target=open_stream, daemon=True)  # Ctrl-C does not wait for it
+        opening.start()
+        ended.wait()
+        if failed:
+            raise failed[0]
+        print("viform: ended", file=sys.stderr)
+
+
+def _open(server: ViewServer, run: Path, size: tuple[int, int] | None, json: bool) -> None:
+    """Gives the server its stream, and prints and opens its address."""
+    from scenarios.view.opened import open_recording, with_scene
+
+    opened = open_recording(run, size)
+    if json:
+        print_document({"stream": str(run), "address": server.address})
+    else:
+        print(f"{server.address}\nopen this address in a browser; Ctrl-C ends it")
+    sys.stdout.flush()
+    if _has_browser():
+        import webbrowser
+
+        webbrowser.open(server.address)
+    server.opened = with_scene(opened, run)
+    for note in server.opened.notes:
+        print(f"viform: {note}", file=sys.stderr)
 
 
 @contextmanager
 def _serving(server: ViewServer) -> Iterator[None]:
     """The server answers within this context, in a thread."""
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.2})
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1})
     thread.start()
     try:
         yield
