@@ -190,13 +190,13 @@ def stop_requests() -> Iterator[threading.Event]:
         yield requested
 
 
-@contextmanager
-def end_requests() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set, for a server that ends at once: further signals do not
-    interrupt its end."""
+def end_requests() -> threading.Event:
+    """An event that SIGINT and SIGTERM set from now on, for a server that then ends at once:
+    further signals do not interrupt its end. In the main thread."""
     requested = threading.Event()
-    with _handlers(lambda *_: requested.set()):
-        yield requested
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: requested.set())
+    return requested
 
 
 @contextmanager

@@ -49,6 +49,7 @@ class Terminal:
                 "mount -t devpts devpts /dev/pts",
             ) from exc  # fmt: skip
         tty.setraw(self._slave)
+        os.fchmod(self._slave, 0o600)  # most systems let programs of the group tty write to it
         os.set_blocking(self.master, False)
         self.slave = os.ttyname(self._slave)
         self._link: Path | None = None

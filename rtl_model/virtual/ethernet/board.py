@@ -30,6 +30,7 @@ __all__ = ["EthernetBoard"]
 _AT_ONCE = 64  # requests that are answered before the end of the board is looked for
 _BUFFER = 1 << 21  # bytes asked of the system for each direction
 _LONGEST = 65_536
+_WAITING = 1024  # answers that a slow board holds; beyond it the oldest are lost
 _RUN_ADDRESS = next(r.address for r in REGISTERS if r.name == "sensor_run")
 
 
@@ -111,7 +112,8 @@ class _Server:
         self._poll = select.poll()
         self._poll.register(udp, select.POLLIN)
         self._poll.register(waker, select.POLLIN)
-        self._queue: deque[tuple[float, bytes, Any]] = deque()  # (when it is due, answer, to)
+        # (when it is due, answer, to)
+        self._queue: deque[tuple[float, bytes, Any]] = deque(maxlen=_WAITING)
 
     def turn(self) -> bool:
         """One step; returns whether there is another."""

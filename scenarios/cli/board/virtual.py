@@ -142,9 +142,7 @@ def board_virtual(
         else:
             print(_text(board, geometry, csr))
         sys.stdout.flush()
-        with end_requests() as ended:
-            board.wait(ended)
-            board.stop()
+        board.wait(end_requests())
 
 
 def _document(

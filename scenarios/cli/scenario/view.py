@@ -39,6 +39,7 @@ def view(
         raise InputError(
             "--port", f"a free port of {HOST}", f"{port} ({exc.strerror})", "leave it out"
         ) from None
+    ended = end_requests()
     failed: list[BaseException] = []
 
     def open_stream() -> None:
@@ -48,7 +49,7 @@ def view(
             failed.append(exc)
             ended.set()
 
-    with end_requests() as ended, server, _serving(server):
+    with server, _serving(server):
         opening = threading.Thread(target=open_stream, daemon=True)  # Ctrl-C does not wait for it
         opening.start()
         ended.wait()

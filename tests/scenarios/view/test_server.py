@@ -219,7 +219,8 @@ def test_the_command_serves_until_it_is_ended(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         time.sleep(0.03)
     said, errors = process.communicate(timeout=60)
-    assert (process.returncode, said, errors) == (0, "", "viform: ended\n")
+    assert (said, errors) == ("", "viform: ended\n")
+    assert process.returncode in (0, -signal.SIGINT)  # the last one may come after its end
 
 
 @pytest.mark.parametrize("wrong", ["absent", "empty", "port"])

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -35,15 +36,17 @@ def test_it_serves_until_it_is_interrupted(tmp_path: Path) -> None:
             text += line
         document = json.loads(text)
         assert document["port"] == str(link)
-        assert os.path.exists(link)
+        assert link.stat().st_mode & 0o777 == 0o600  # nobody else writes to the board
         assert document["geometry"]["rows"] == 4
         assert document["time_scale"] >= 1.0
         geometry = Geometry(**document["geometry"])
         assert Path(document["csr"]).read_text() == csr_csv(geometry)
-        child.send_signal(signal.SIGINT)
+        for _ in range(3):  # a user who is in a hurry
+            child.send_signal(signal.SIGINT)
+            time.sleep(0.03)
         _, errors = child.communicate(timeout=60)
-        assert child.returncode == 0
         assert errors == ""
+        assert child.returncode in (0, -signal.SIGINT)  # the last one may come after its end
         assert not os.path.lexists(link)
     finally:
         child.kill()
