@@ -151,7 +151,8 @@ class ViewServer(ThreadingHTTPServer):
         }  # fmt: skip
         sections = f"<h2>Images and spikes</h2>{explorer(given)}"
         head = f"<h1>{html.escape(opened.title)}</h1>"
-        return whole_page(opened.title, head, sections, policy=_POLICY).encode()
+        page = whole_page(opened.title, head, sections, policy=_POLICY)
+        return page.encode(errors="backslashreplace")  # the name of a file need not be UTF-8
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Passes over a browser that has ended its connection, as it does while a user scrolls, or

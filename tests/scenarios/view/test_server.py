@@ -92,6 +92,13 @@ def test_the_page_needs_its_token(server: ViewServer) -> None:
         assert status == 403 and line.count(b"\n") == 0 and b"token" in line
 
 
+def test_a_file_need_not_have_a_name_in_utf_8(server: ViewServer) -> None:
+    assert server.opened is not None
+    server.opened.title = os.fsdecode(b"a\xff")
+    status, page, _ = ask(server, f"/?token={server.token}")
+    assert status == 200 and rb"<h1>a\udcff</h1>" in page
+
+
 def test_other_hosts_and_origins_are_refused(server: ViewServer) -> None:
     path = f"/?token={server.token}"
     port = server.server_port
