@@ -35,10 +35,10 @@ RETRIES: Final = 3
 """Times that a task is run again after a worker was lost."""
 _START: Final = (
     "import sys; pair, folder, sys.path[:] = int(sys.argv[1]), sys.argv[2], sys.argv[3:]; "
-    "from cosim.run.processes import _serve; _serve(pair, folder)"
+    "import viform; from cosim.run.processes import _serve; _serve(pair, folder)"
 )
 """Program of a worker. Its arguments: its end of the pair, the folder of temporary files, and
-sys.path of this process."""
+sys.path of this process. It imports viform first, as a user's program does."""
 _ONE_THREAD: Final = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 """Environment of a worker, unless the user has set it: the workers share the cores."""
 
