@@ -124,8 +124,12 @@ def workers_for(workers: int, scheduler: str | None) -> Iterator[Workers]:
     dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
     try:
         client = Client(scheduler, timeout=_SECONDS)
-    except (OSError, ValueError, TimeoutError) as exc:
-        why = "no address" if isinstance(exc, ValueError) else f"no answer within {_SECONDS} s"
+    except Exception as exc:  # Dask's, of many types
+        why = "no address"
+        if isinstance(exc, (OSError, TimeoutError)):
+            why = f"no answer within {_SECONDS} s"
+        elif isinstance(exc, TypeError) and scheduler.startswith("tls://"):
+            why = "no certificate: distributed.comm.tls of Dask's configuration names none"
         raise InputError(
             "--scheduler", "the address of a Dask scheduler that answers, such as "
             "tcp://host:8786", f"{scheduler} ({why})",

@@ -16,7 +16,11 @@ from cosim.run.workers import workers_for
 @pytest.fixture
 def cluster() -> Iterator[LocalCluster]:
     with LocalCluster(
-        n_workers=0, processes=False, dashboard_address=None, host="127.0.0.1", protocol="tcp://"
+        n_workers=0,
+        processes=False,
+        dashboard_address="127.0.0.1:0",
+        host="127.0.0.1",
+        protocol="tcp://",
     ) as made:
         yield made
 
@@ -25,7 +29,7 @@ def test_a_scheduler_that_ends_and_workers_that_are_lost_are_one_line(
     cluster: LocalCluster, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def too_often(keys: Any) -> Any:
-        raise KilledWorker("task", None, 3)
+        raise KilledWorker("task", None, 3)  # type: ignore[arg-type]
 
     def ended(keys: Any) -> Any:
         cluster.close()
@@ -43,3 +47,15 @@ def test_a_scheduler_that_ends_and_workers_that_are_lost_are_one_line(
         ):
             dict(pool.run(time.sleep, {1: (600,)}))
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("tls://127.0.0.1:9", "no certificate: distributed.comm.tls of Dask's configuration"),
+        ("nowhere", "no address"),
+    ],
+)  # fmt: skip
+def test_an_address_that_is_none_is_one_line(address: str, why: str) -> None:
+    with pytest.raises(InputError, match=why), workers_for(1, address):
+        pass
