@@ -46,8 +46,9 @@ def main() -> None:
         print(f"viform: {line}", file=sys.stderr)
         code = 2
         _drop_output()
-    for number in (signal.SIGINT, signal.SIGTERM):  # only the end is left: no traceback from it
-        signal.signal(number, lambda *_: os._exit(code))
+    if code == 130:  # who interrupts once more does not want a traceback of what is left to do
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: os._exit(code))
     gc.freeze()  # otherwise the interpreter searches all objects for dead ones before it ends
     sys.exit(code)
 
