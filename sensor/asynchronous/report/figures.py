@@ -76,7 +76,7 @@ def target_figure(recovered: list[Recovered], dark: float, path: Path) -> Data:
             *np.array(unknown).T, "v", ms=5, color="#8a909c",
             label="below this, 99.9 %",
         )  # fmt: skip
-    highest = max([span[1], *(2 * high for _, high in unknown)])
+    highest = max([span[1], *(30 * high for _, high in unknown)])  # with room for the legend
     top.set(
         xscale="log", yscale="log", ylabel="recovered (lux)", xlim=span,
         ylim=(span[0] / 1.3, highest),

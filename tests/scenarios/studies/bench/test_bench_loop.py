@@ -12,21 +12,13 @@ import scenarios.studies.bench.loop as loop
 from cosim.errors import Interrupted
 from cosim.run.chain import BlockChain
 from scenarios.cli.entry import _main
-
-SMALL = "sensor.width=32", "sensor.height=24", "display.beside=[]", "display.projector=none"
-LINK = (
-    *SMALL, "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
-    "code.cycles=32", "code.tile=8",
-)  # fmt: skip
+from tests.scenarios.studies.bench.small import make_bench_small
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small chips; the timed runs are as short as the first."""
-    glass, whole = (name for name, *_ in loop.LOOPS.values())
-    monkeypatch.setitem(loop.LOOPS, "loop.glass", (glass, *SMALL))
-    monkeypatch.setitem(loop.LOOPS, "loop.glass-over-light", (whole, *LINK))
-    monkeypatch.setattr(loop, "DURATION", loop.WARM)
+    make_bench_small(monkeypatch, "loop", "sensor")
 
 
 def rows(viform: Callable[..., Any]) -> list[dict[str, Any]]:
@@ -54,7 +46,8 @@ def test_bench_loop_prints_the_documented_rows(viform: Callable[..., Any]) -> No
 def test_every_run_of_bench_loop_is_one_that_its_scenario_allows(
     viform: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(loop.LOOPS, "loop.glass-over-light")  # its clock locks for seconds
+    glass = {"loop.glass": loop.LOOPS["loop.glass"]}  # the clock of the other locks for seconds
+    monkeypatch.setattr(loop, "LOOPS", glass)
     monkeypatch.setattr(BlockChain, "run", lambda *_: {"sensor": 0.5})
     for row in rows(viform):
         assert row["tier"] == "chain" or row["value"] == 80 / 0.5  # cycles a second
