@@ -109,8 +109,9 @@ def _main(arguments: list[str]) -> int:
         code = get_command(app).main(arguments, prog_name="viform", standalone_mode=False)
     except TyperException as exc:
         text = " ".join(exc.format_message().split()).rstrip(".")
-        text = parser_refusal(text, arguments)
         context = getattr(exc, "ctx", None)
+        commands = getattr(getattr(context, "command", None), "commands", ())
+        text = parser_refusal(text, arguments, [*commands])
         where = context.command_path if context is not None else "viform"
         print(as_called(f"viform: {text}; see `{where} --help`"), file=sys.stderr)
         return 2

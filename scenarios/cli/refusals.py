@@ -29,13 +29,17 @@ def _given(name: str, arguments: Sequence[str]) -> str | None:
     return values[-1] if values else None
 
 
-def parser_refusal(text: str, arguments: Sequence[str]) -> str:
+def parser_refusal(text: str, arguments: Sequence[str], commands: Sequence[str] = ()) -> str:
     """Returns the parser's text as "NAME must be X, not Y"; another text as it is.
 
     Args:
         text: of the parser.
         arguments: words of the command, in which the value is looked up.
+        commands: those of the group that the words name, if they name a group.
     """
+    if text == "Missing command" and commands:
+        group = " ".join(arguments)
+        return f"the command after `viform {group}` must be one of {', '.join(commands)}, not none"
     said = _SAID.fullmatch(text)
     if said is None:
         return text

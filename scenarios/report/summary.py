@@ -85,8 +85,9 @@ def _long(run: Run, spent: float) -> str:
         text = f"Run time for {amount(result.simulated_s, 's', 4)} of simulated time, {speed}."
     full = result.metrics.get("full_physics")
     if full is not None and full.value is not None:
-        camera = run.seconds.get("sensor")
-        took = "" if not camera else f"; in this run the camera took {elapsed(camera)}"
+        camera = result.metrics.get("camera")
+        own = None if camera is None else camera.value
+        took = "" if own is None else f"; in this run the camera took {elapsed(own)}"
         text += (
             f" Full physics for every pixel would take the camera about {elapsed(full.value)}, "
             f"predicted from the patches{took}."

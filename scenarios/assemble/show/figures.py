@@ -44,6 +44,14 @@ def _places(levels: Any, waves: Any) -> list[int]:
     return list(dict.fromkeys([moving, *(int(n) for n in still[:1])]))
 
 
+def _named(point: tuple[int, int, str]) -> tuple[str, str]:
+    """Place and title of a pixel of interest, (row, column, label). The label of a scene without
+    named parts is the place itself."""
+    row, column, label = point
+    place = f"row {row}, column {column}"
+    return place, label if label == place else f"{label} ({place})"
+
+
 def wave_figure(shown: Shown, path: Path) -> tuple[str, Data]:
     """Writes the light of two pixels over time on every display, with the true light; returns the
     caption and what was drawn."""
@@ -82,17 +90,15 @@ def wave_figure(shown: Shown, path: Path) -> tuple[str, Data]:
         ax.set_xlim(ms[0], ms[-1])
         ax.set_ylim(0, len(waves) - 1 + _HIGH)
         ax.tick_params(labelsize=7, color=LINE, labelcolor=INK)
-        row_of, column, label = chain.points[place]
+        pixel, title = _named(chain.points[place])
         lights = {"true light": truth} | {outcome.title(n): wave for n, wave in waves.items()}
         for name, light_of in lights.items():
             level_of = light_of[:, place]
             turns = np.flatnonzero(np.diff(level_of))
             ends = np.unique(np.concatenate([[0], turns, turns + 1, [len(ms) - 1]]))
-            rows_of += [
-                (f"row {row_of}, column {column}", name, float(ms[k]), float(level_of[k]))
-                for k in ends
-            ]  # only where the light changes
-        ax.set_title(f"{label} (row {row_of}, column {column})", fontsize=9.5, color=INK)
+            # only where the light changes
+            rows_of += [(pixel, name, float(ms[k]), float(level_of[k])) for k in ends]
+        ax.set_title(title, fontsize=9.5, color=INK)
         ax.set_xlabel("time (ms)", fontsize=9, color=INK)
     across = axes[0, 0].get_yaxis_transform()
     for base, name in zip(bases, waves, strict=True):

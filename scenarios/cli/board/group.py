@@ -19,7 +19,6 @@ __all__ = ["board"]
 board = typer.Typer(
     name="board",
     help="A test board over a serial line or Ethernet: real, or of Verilog in a simulator.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,

@@ -9,7 +9,6 @@ __all__ = ["design"]
 design = typer.Typer(
     name="design",
     help="Choose hardware: dynamic range within a budget.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,

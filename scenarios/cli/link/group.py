@@ -12,7 +12,6 @@ __all__ = ["link"]
 link = typer.Typer(
     name="link",
     help="Bytes over light: error rates beside theory, capacity, files through streams.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,

@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from cosim.compute.opencl import Device
+from cosim.errors import Interrupted
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
 from cosim.run.timing import Row
@@ -17,17 +18,18 @@ from scenarios.assemble.schema.loading import load
 
 __all__ = ["LOOPS", "loop_rows"]
 
-LOOPS: Final = {"loop.glass": "glass", "loop.glass-over-light": "glass-over-light"}
-"""Scenarios by the name of their row."""
+LOOPS: Final[dict[str, tuple[str, ...]]] = {
+    "loop.glass": ("glass",), "loop.glass-over-light": ("glass-over-light",),
+}  # fmt: skip
+"""Scenario, and values of --set, by the name of the row."""
 DURATION: Final = "16 ms"
 """Of light: a part of the shipped scenarios, whose cost grows with the time."""
-WARM: Final = "1 ms"
-"""Of light: a run before those that are timed, which builds kernels and shaders for all."""
+WARM: Final = "2 ms"
+"""Of light: a run before those that are timed, which builds kernels and shaders for all. No
+shorter than the window of an image."""
 
 
-def loop_rows(
-    device: Device | None, ceiling: float | None, sets: tuple[str, ...] = ()
-) -> list[Row]:
+def loop_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     """A row for each chain, and one for each of its stages alone.
 
     The chain of the plan runs from its first to its last block, with the recording, without the
@@ -38,10 +40,9 @@ def loop_rows(
     Args:
         device: OpenCL device, None for the compiled form.
         ceiling: of the machine; chains have none.
-        sets: further values of --set.
     """
     rows = []
-    for name, scenario in LOOPS.items():
+    for name, (scenario, *sets) in LOOPS.items():
         _run(scenario, device, sets, WARM, parallel=True)
         spent, seconds, simulated = _run(scenario, device, sets, DURATION, parallel=True)
         _, plain, _ = _run(scenario, device, sets, DURATION, parallel=False)
@@ -54,21 +55,19 @@ def loop_rows(
     return rows
 
 
-def _row(
-    name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None
-) -> Row:
+def _row(name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None) -> Row:
     value = cycles / max(seconds, 1e-9)
     return Row(name, tier, value, "planes/s", value / hz, None, plain)
 
 
 def _run(
-    scenario: str, device: Device | None, sets: tuple[str, ...], duration: str, *, parallel: bool
+    scenario: str, device: Device | None, sets: list[str], duration: str, *, parallel: bool
 ) -> tuple[dict[str, float], float, tuple[int, float]]:
     """Seconds of each stage, seconds of the chain, and (cycles, cycles a second) of the scene.
 
     The time of a chain that fails to keep its plan is that of its last try.
     """
-    name, loaded = load(scenario, [f"duration={duration}", *sets])
+    name, loaded = load(scenario, [*sets, f"duration={duration}"])
     options = Options("numba" if device is None else device.name)
     machine = assemble(name, loaded, options, QuietProgress())
     try:
@@ -80,5 +79,7 @@ def _run(
             spent = chain.run(QuietProgress())
             seconds = time.perf_counter() - begin
         return spent, seconds, (machine.setup.cycles, machine.setup.setting.clock.hz)
+    except Interrupted as exc:  # its advice is to go on in a folder that is gone
+        raise KeyboardInterrupt from exc
     finally:
         machine.close()

@@ -62,25 +62,33 @@ def target_figure(recovered: list[Recovered], dark: float, path: Path) -> Data:
     bars = np.maximum(np.abs(ends.T - value), 0)
     span = np.array([min(p.lux for p in recovered) / 2, max(p.lux for p in recovered) * 2])
     top.plot(span, span, color=LINE, linewidth=1, zorder=0, label="_nolegend_")
-    top.errorbar(
-        lux, value, [np.minimum(bars[0], value * 0.999), bars[1]], fmt="o", ms=4.5, color=BLUE,
-        capsize=2.5, linewidth=1, label="maximum likelihood, 99.9 %",
-    )  # fmt: skip
+    if known:
+        top.errorbar(
+            lux, value, [np.minimum(bars[0], value * 0.999), bars[1]], fmt="o", ms=4.5, color=BLUE,
+            capsize=2.5, linewidth=1, label="maximum likelihood, 99.9 %",
+        )  # fmt: skip
     plain = [(p.lux, p.plain) for p in recovered if p.plain is not None and p.plain > 0]
-    top.plot(*np.array(plain).T, "x", ms=5, color=MARK, label="mean of Q/width and of floors")
-    unknown = [(p.lux, p.high) for p in recovered if p.estimate is None and (p.high or 0) > 0]
+    if plain:
+        top.plot(*np.array(plain).T, "x", ms=5, color=MARK, label="mean of Q/width and of floors")
+    unknown = [(p.lux, p.high) for p in recovered if p.estimate is None and p.high]
     if unknown:
         top.plot(
             *np.array(unknown).T, "v", ms=5, color="#8a909c",
             label="below this, 99.9 %",
         )  # fmt: skip
-    top.set(xscale="log", yscale="log", ylabel="recovered (lux)", xlim=span, ylim=span / [1.3, 1])
-    top.legend(frameon=False, fontsize=9, loc="upper left")
-    low.axhspan(-100 * WITHIN, 100 * WITHIN, color=PALE, zorder=0)
-    low.errorbar(
-        lux, 100 * (value / lux - 1), 100 * bars / lux, fmt="o", ms=4.5, color=BLUE, capsize=2.5,
-        linewidth=1, label="of maximum likelihood",
+    highest = max([span[1], *(30 * high for _, high in unknown)])  # with room for the legend
+    top.set(
+        xscale="log", yscale="log", ylabel="recovered (lux)", xlim=span,
+        ylim=(span[0] / 1.3, highest),
     )  # fmt: skip
+    if known or plain or unknown:
+        top.legend(frameon=False, fontsize=9, loc="upper left")
+    low.axhspan(-100 * WITHIN, 100 * WITHIN, color=PALE, zorder=0)
+    if known:
+        low.errorbar(
+            lux, 100 * (value / lux - 1), 100 * bars / lux, fmt="o", ms=4.5, color=BLUE,
+            capsize=2.5, linewidth=1, label="of maximum likelihood",
+        )  # fmt: skip
     low.plot(
         [p[0] for p in plain], [100 * (p[1] / p[0] - 1) for p in plain], "x", ms=5, color=MARK,
         label="of the mean",
@@ -112,6 +120,8 @@ def events_figure(instant: npt.NDArray[np.int64], stop: int, steady: bool, path:
     else:
         bins = np.linspace(0, stop / 1e12, 201)
     ax.hist(seconds, bins, color=BLUE)
+    if not seconds.size:
+        ax.set_ylim(0, 1)
     ax.set_xlabel("time (s)", color=INK)
     ax.set_ylabel("events in a bin", color=INK)
     ax.spines[["top", "right"]].set_visible(False)

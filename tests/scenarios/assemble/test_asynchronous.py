@@ -24,6 +24,7 @@ from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from scenarios.scenes.charts.sky import FINE, Sky, star_levels
+from sensor.asynchronous.report.figures import target_figure
 from sensor.asynchronous.run import EventRun
 
 SMALL = ("sensor.asynchronous.width=96", "sensor.asynchronous.height=96")
@@ -193,6 +194,14 @@ def test_the_page_says_the_error_and_what_was_left_out(whole):
     for row in result.left_out:
         cells = [number(row["bound"], 2), row["kind"], number(row["measured"], 2)]
         assert "".join(f"<td>{cell}</td>" for cell in cells) in page
+
+
+def test_a_sky_too_dark_for_any_event_has_its_report(tmp_path):
+    dark = "duration=1 ms", "scene.illuminance=1 lux", "sensor.lens.f_number=16"
+    result, run = shoot(tmp_path / "dark", *SMALL, *dark, report=write_report)
+    assert not run.views.sent.instant.size and result.metrics["dynamic_range"].value is None
+    drawn = target_figure(run.views.recovered, 1e-5, tmp_path / "patches.png")
+    assert len(drawn.rows) == len(run.views.recovered)  # each below its limit, and no more
 
 
 def test_the_stream_holds_what_was_sent(whole):

@@ -17,9 +17,11 @@ from rtl_model.imagers.catalogue import IMAGERS
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.show import assembling
+from scenarios.assemble.show.figures import _named
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
+from scenarios.scenes.drawing.points import spread_points
 
 CLOCK = Clock(40_000)
 PANEL = {"beside": ["1000 Hz"], "projector": "none", "renderer": "numpy"}
@@ -283,3 +285,8 @@ def test_the_probes_of_a_camera_without_a_latch_say_its_delay(readout, tmp_path,
     stages = [row.stage for row in done.result.latency]
     assert stages[-4:] == ["interval", "readout", "transport", "hold"]
     assert "From photon to photon" in (tmp_path / "run/report.html").read_text(encoding="utf-8")
+
+
+def test_a_pixel_of_interest_is_titled_once():
+    points = *spread_points((50, 80), 1), (5, 6, "bar 1")
+    assert [_named(point)[1] for point in points] == [points[0][2], "bar 1 (row 5, column 6)"]

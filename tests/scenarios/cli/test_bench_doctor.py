@@ -13,15 +13,12 @@ from cosim.compute.opencl import open_device
 from cosim.run.timing import Row
 from scenarios.cli.entry import _main
 from scenarios.cli.maintenance import checks
+from tests.scenarios.studies.bench.small import make_bench_small
 
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench, "CYCLES", 64)
-    monkeypatch.setattr(bench, "PLAIN_CYCLES", 1)
-    monkeypatch.setattr(bench, "REPEATS", 1)
-    monkeypatch.setattr(bench, "SHORT", 1)
-    monkeypatch.setattr(bench, "BLOCK", 8)
+    make_bench_small(monkeypatch, "sensor")
 
 
 @pytest.mark.usefixtures("quick")

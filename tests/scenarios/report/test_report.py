@@ -6,8 +6,10 @@ import base64
 import html
 import re
 import shlex
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import av
 import cv2
@@ -18,8 +20,11 @@ from cosim import Clock, Viform
 from cosim.config.amounts import elapsed, number
 from cosim.report.pictures import accumulation, busiest_box, enlarge, mark_pixels
 from cosim.report.png import for_display, to_linear_bytes
+from cosim.run.result import Metric
 from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.cli.scenario.run import print_result
 from scenarios.report import write_report
+from scenarios.report.summary import _long
 from sensor import EFFECTS
 from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 
@@ -143,6 +148,16 @@ def test_the_page_holds_the_resolved_scenario_and_how_to_make_it_again(page, ste
         "--out a.png"
     )
     assert run == f"viform run {step_run.folder / 'scenario.toml'}"
+
+
+def test_terminal_and_report_give_one_time_of_the_camera(step_run, capsys):
+    """That of a link is its air and its sensor."""
+    result = replace(step_run.result, metrics={**step_run.result.metrics})
+    result.metrics["camera"] = Metric(29.5, "s")
+    run = SimpleNamespace(result=result, seconds={"sensor": 12.6, "air": 16.9})
+    print_result(result, step_run.folder, [], [], json=False)
+    assert ", which took 29.5 s" in capsys.readouterr().out
+    assert "in this run the camera took 29.5 s" in _long(run, 40.0)
 
 
 def test_error_run_time_and_what_was_left_out_come_first(page, step_run):

@@ -4,14 +4,13 @@ import json
 
 import pytest
 
-from rtl_model.events.size import EventSize
 from scenarios.studies import events
+from tests.scenarios.studies.bench.small import make_bench_small
 
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(events, "SIZES", (EventSize(8, 8, depth=64),))
-    monkeypatch.setattr(events, "RATES", (0.01, 0.3))
+    make_bench_small(monkeypatch, "events")
 
 
 def test_the_command_prints_the_document_and_draws_its_figure(small, viform, refused, tmp_path):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import scenarios.studies.codes.measure
-import scenarios.studies.codes.scenes
 from cosim import Clock, Viform
 from cosim.config.amounts import count, number
 from cosim.files import open_stream
@@ -28,6 +27,7 @@ from sensor.codec.size import (
 )
 from sensor.codec.stream import recode
 from tests.scenarios.pages import page_of
+from tests.scenarios.studies.bench.small import make_bench_small
 
 CLOCK = Clock(40_000)
 
@@ -210,16 +210,8 @@ def test_a_run_tells_the_size_of_its_stream(step_run):
 @pytest.fixture
 def document(monkeypatch, device):
     """The bench over two small scenes and one steady light."""
-    measure = scenarios.studies.codes.measure
-    for module in (measure, scenarios.studies.codes.scenes):
-        monkeypatch.setattr(module, "SHAPE", (24, 32))
-        monkeypatch.setattr(module, "CYCLES", 640)
-    monkeypatch.setattr(measure, "SCENES", {"step": "still", "pan": "moving"})
-    monkeypatch.setattr(measure, "THRESHOLDS", (100.0,))
-    monkeypatch.setattr(measure, "INSTANTS", (320,))
-    monkeypatch.setattr(measure, "MEANS", (20.3,))
-    monkeypatch.setattr(measure, "STEADY_PIXELS", 100)
-    return measure.bench_code(device)
+    make_bench_small(monkeypatch, "code")
+    return scenarios.studies.codes.measure.bench_code(device)
 
 
 def test_the_bench_tells_still_from_moving_and_agrees_with_the_closed_forms(document, tmp_path):

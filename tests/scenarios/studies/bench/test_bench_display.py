@@ -16,6 +16,7 @@ from cosim.spikes.viform import WORD
 from display import probe_gl
 from scenarios.studies.bench.display import KINDS, _words
 from sensor import CHIPS
+from tests.scenarios.studies.bench.small import make_bench_small
 
 
 @pytest.fixture
@@ -24,11 +25,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     there, said = probe_gl()
     if not there:
         pytest.skip(f"needs GL through EGL: {said}")
-    monkeypatch.setattr(scenarios.studies.bench.display, "CHIPS", {"spiketwo": CHIPS["spikeone"]})
-    monkeypatch.setattr(scenarios.studies.bench.display, "CYCLES", 128)
-    monkeypatch.setattr(scenarios.studies.bench.display, "PLAIN_CYCLES", 2)
-    monkeypatch.setattr(scenarios.studies.bench.display, "REPEATS", 1)
-    monkeypatch.setattr(scenarios.studies.bench.sensor, "CYCLES", 64)
+    make_bench_small(monkeypatch, "display")
 
 
 @pytest.mark.usefixtures("small")

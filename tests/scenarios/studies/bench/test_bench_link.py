@@ -8,28 +8,14 @@ from typing import Any
 
 import pytest
 
-import scenarios.studies.bench.detector
-import scenarios.studies.bench.ldpc
-import scenarios.studies.bench.link
 import scenarios.studies.bench.modem as modem
-import scenarios.studies.bench.reed_solomon
-import scenarios.studies.bench.sensor
+from tests.scenarios.studies.bench.small import make_bench_small
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """A small panel before a small camera, and few words."""
-    bench = scenarios.studies.bench
-    sizes = "link.panel.width=256", "link.panel.height=256", "sensor.width=320", "sensor.height=320"
-    monkeypatch.setattr(modem, "SETS", (*modem.SETS, *sizes))
-    monkeypatch.setattr(modem, "BYTES", 20_000)
-    for part in (modem, bench.ldpc, bench.reed_solomon):
-        monkeypatch.setattr(part, "TURNS", 1)
-    monkeypatch.setattr(bench.ldpc, "WORDS", 16)
-    monkeypatch.setattr(bench.reed_solomon, "WORDS", 16)
-    monkeypatch.setattr(bench.detector, "HEIGHT", 128)
-    monkeypatch.setattr(bench.detector, "PHASES", (0.25,))
-    monkeypatch.setattr(bench.sensor, "CYCLES", 64)
+    make_bench_small(monkeypatch, "link")
 
 
 @pytest.mark.usefixtures("small")
