@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.child import python_child
 from cosim.compute.kernels import SharedKernel
 from cosim.errors import InputError, MissingPackages, shorten
 
@@ -140,9 +141,8 @@ def probe() -> list[dict[str, Any]]:
         if the child aborted or did not end.
     """
     prepare_caches()
-    command = [sys.executable, "-c", _PROBE]
     try:
-        child = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        child = subprocess.run(python_child(_PROBE), capture_output=True, text=True, timeout=60)
         devices: list[dict[str, Any]] = json.loads(child.stdout)
     except (subprocess.TimeoutExpired, json.JSONDecodeError):
         return []

@@ -110,7 +110,11 @@ def workers_for(workers: int, scheduler: str | None) -> Iterator[Workers]:
     if scheduler is None:
         with (
             LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                preload="viform",  # a user's module may have the name of one of our packages
             ) as cluster,
             Client(cluster) as client,
         ):

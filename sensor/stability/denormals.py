@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit, prange
 
 from cosim import Clock
+from cosim.compute.child import python_child
 from cosim.compute.opencl import Device, open_device
 from cosim.run.case import Case
 from sensor import EFFECTS, make_pixels
@@ -113,7 +114,7 @@ def _forms(device: Device | None) -> Forms:
             return forms(device)
         # In a process of its own: threads that numba has already started keep their setting.
         call = f"from {__name__} import child; child({device.name if device else ''!r})"
-        done = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True)
+        done = subprocess.run(python_child(call), capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(done.stderr.strip().rpartition("\n")[2])
         made: dict[str, str] = json.loads(done.stdout)

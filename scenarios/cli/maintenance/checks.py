@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
+from cosim.compute.child import python_child
 from cosim.compute.opencl import INSTALL, cache_folder, probe
 from display import GL_INSTALL, probe_gl
 
@@ -103,8 +104,8 @@ def _gl() -> Check:
 def _kernel() -> Check:
     """Checks in a child process that the OpenCL kernel of the pixels can be built and agrees with
     its compiled form."""
-    command = [sys.executable, "-m", "scenarios.cli.maintenance.kernel"]
-    child = subprocess.run(command, capture_output=True, text=True)
+    call = "from scenarios.cli.maintenance.kernel import main; main()"
+    child = subprocess.run(python_child(call), capture_output=True, text=True)
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with the compiled form on every bit")
     last = (child.stderr.strip().splitlines() or ["ended without a message"])[-1]
