@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.child import python_child
+from cosim.compute.cores import cores
 from cosim.compute.kernels import SharedKernel
 from cosim.errors import InputError, MissingPackages, shorten
 
@@ -130,6 +131,8 @@ def prepare_caches() -> None:
     os.environ.setdefault("MPLCONFIGDIR", str(folder / "matplotlib"))
     if not os.access(Path(__file__).parent, os.W_OK):
         os.environ.setdefault("NUMBA_CACHE_DIR", str(folder / "numba"))
+    if cores() < (os.cpu_count() or 1):  # PoCL takes a thread for each core of the machine
+        os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", str(cores()))
     Path(os.environ["POCL_CACHE_DIR"]).mkdir(parents=True, exist_ok=True)
 
 

@@ -16,6 +16,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
 from cosim.compute.child import python_child
+from cosim.compute.cores import cores
 from cosim.compute.opencl import INSTALL, cache_folder, probe
 from display import GL_INSTALL, probe_gl
 
@@ -127,7 +128,7 @@ def _memory() -> Check:
 
     memory = psutil.virtual_memory()
     free, total = memory.available / _GIB, memory.total / _GIB
-    state = f"{free:.1f} of {total:.1f} GiB free, {os.cpu_count()} cores"
+    state = f"{free:.1f} of {total:.1f} GiB free, {cores()} core{'s' * (cores() > 1)}"
     remedy = f"free some memory: a megapixel run needs {_MEMORY_GIB} GiB"
     return Check("memory", memory.available >= _MEMORY_GIB * _GIB, state, remedy, needed=False)
 

@@ -80,7 +80,8 @@ def test_modules_of_the_user_hide_no_package(
     assert find_spec("mine").origin == str(tmp_path / "mine.py")
     with pytest.warns(UserWarning) as said:
         assert again.Clock.__module__ == "cosim.clock"
-    assert sorted(str(each.message).split("`")[1] for each in said) == [f"import {n}" for n in names]
+    hidden = sorted(str(each.message).split("`")[1] for each in said)
+    assert hidden == [f"import {name}" for name in names]
     assert f"not {tmp_path}/sensor/__init__.py: rename" in str([str(s.message) for s in said])
 
     monkeypatch.setitem(sys.modules, "sensor", SimpleNamespace(
