@@ -39,6 +39,10 @@ def cores() -> int:
     return min(count, _limit() or count)
 
 
+if cores() < (os.cpu_count() or 1):  # PoCL takes a thread for each core of the machine
+    os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", str(cores()))
+
+
 def _shared() -> bool:
     """Whether several threads may enter numba's thread pool. It is not known before the first."""
     import numba  # takes half a second, and its functions are there when this is called

@@ -101,8 +101,8 @@ def forms(device: Device | None) -> dict[str, str]:
 
 
 def child(name: str) -> None:
-    """Prints what the forms make while denormal numbers are taken for 0. name: of the device, empty
-    for numba."""
+    """Prints what the forms make while denormal numbers are taken for 0. name: number of the
+    device, empty for numba."""
     with flushing():
         device = open_device(name) if name else None
         print(json.dumps(forms(_Flushing(device.handle, device.name) if device else None)))
@@ -113,7 +113,7 @@ def _forms(device: Device | None) -> Forms:
         if not flush:
             return forms(device)
         # In a process of its own: threads that numba has already started keep their setting.
-        call = f"from {__name__} import child; child({device.name if device else ''!r})"
+        call = f"from {__name__} import child; child({str(device.number) if device else ''!r})"
         done = subprocess.run(python_child(call), capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(done.stderr.strip().rpartition("\n")[2])

@@ -89,7 +89,10 @@ def _packages() -> Check:
 
 def _opencl() -> Check:
     devices = probe()
-    names = "; ".join(f"{d['platform']}: {d['device']} ({d['units']} units)" for d in devices)
+    names = "; ".join(
+        f"{number}: {d['platform']}: {d['device']} ({d['units']} units)"
+        for number, d in enumerate(devices)
+    )
     remedy = f"{INSTALL} (or use --device numba, slower)"
     if not os.path.isdir("/sys/devices/system/cpu") and not devices:
         remedy = "mount /sys, which PoCL needs"

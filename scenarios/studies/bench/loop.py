@@ -54,9 +54,7 @@ def loop_rows(
     return rows
 
 
-def _row(
-    name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None
-) -> Row:
+def _row(name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None) -> Row:
     value = cycles / max(seconds, 1e-9)
     return Row(name, tier, value, "planes/s", value / hz, None, plain)
 
@@ -69,7 +67,7 @@ def _run(
     The time of a chain that fails to keep its plan is that of its last try.
     """
     name, loaded = load(scenario, [f"duration={duration}", *sets])
-    options = Options("numba" if device is None else device.name)
+    options = Options("numba" if device is None else str(device.number))
     machine = assemble(name, loaded, options, QuietProgress())
     try:
         with TemporaryDirectory() as folder:
