@@ -102,7 +102,7 @@ def synthesise(
         script = [f"read_verilog -I. {names}"]
         if chosen:
             script.append(f"chparam{chosen} {top}")
-        script += [f"{SCRIPTS[family]} -top {top}", f"tee -q -o {statistics} stat -json"]
+        script += [f"{SCRIPTS[family]} -top {top}", f'tee -q -o "{statistics}" stat -json']
         try:
             done = subprocess.run(
                 [yosys, "-q", "-p", "; ".join(script)],
