@@ -50,7 +50,8 @@ def netlist(sources, folder, top, parameters):
     sources: folder of the Verilog. parameters: by name; those that the module has are set.
     """
     folder.mkdir(exist_ok=True)
-    names = " ".join(path.name for path in sorted(sources.glob("*.v")))
+    (folder / "sources").symlink_to(sources.resolve())
+    names = " ".join(f"sources/{path.name}" for path in sorted(sources.glob("*.v")))
     settings = "".join(
         f" -set {name} {value}"
         for name, value in parameters.items()
@@ -58,11 +59,11 @@ def netlist(sources, folder, top, parameters):
     )
     made = folder / f"{top}.v"
     script = (
-        f"read_verilog -I. {names}; chparam{settings} {top}; "
-        f'synth_ice40 -top {top}; write_verilog -noattr "{made}"'
+        f"read_verilog -Isources {names}; chparam{settings} {top}; "
+        f"synth_ice40 -top {top}; write_verilog -noattr {made.name}"
     )
     subprocess.run(
-        ["yosys", "-q", "-p", script], cwd=sources, capture_output=True, timeout=1800, check=True
+        ["yosys", "-q", "-p", script], cwd=folder, capture_output=True, timeout=1800, check=True
     )
     text = made.read_text()
     described = MODELS.read_text()
