@@ -97,16 +97,17 @@ def synthesise(
         settings = (geometry or Geometry()).verilog
     chosen = "".join(f" -set {name} {value}" for name, value in settings.items())
     with tempfile.TemporaryDirectory() as folder:
-        statistics = Path(folder) / "statistics.json"
-        names = " ".join(path.name for path in sorted(sources.glob("*.v")))
-        script = [f"read_verilog -I. {names}"]
+        # yosys takes a blank in a name for its end, so names are relative to its working folder.
+        (Path(folder) / "sources").symlink_to(sources.resolve())
+        names = " ".join(f"sources/{path.name}" for path in sorted(sources.glob("*.v")))
+        script = [f"read_verilog -Isources {names}"]
         if chosen:
             script.append(f"chparam{chosen} {top}")
-        script += [f"{SCRIPTS[family]} -top {top}", f"tee -q -o {statistics} stat -json"]
+        script += [f"{SCRIPTS[family]} -top {top}", "tee -q -o statistics.json stat -json"]
         try:
             done = subprocess.run(
                 [yosys, "-q", "-p", "; ".join(script)],
-                cwd=sources,
+                cwd=folder,
                 capture_output=True,
                 text=True,
                 timeout=timeout_s,
@@ -122,7 +123,7 @@ def synthesise(
         if done.returncode or remarks:
             line = (remarks or ["an error without a message"])[0]
             raise InputError("the Verilog", "accepted by yosys", line, "see rtl_model/verilog")
-        text = statistics.read_text(encoding="utf-8")
+        text = (Path(folder) / "statistics.json").read_text(encoding="utf-8")
     # yosys 0.23 prints a line before the document.
     cells = json.loads(text[text.index("{") :])["design"]["num_cells_by_type"]
     counts = {

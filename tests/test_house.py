@@ -289,15 +289,19 @@ def undeclared(tree: ast.Module) -> Iterator[tuple[int, str]]:
         yield 1, f"__all__ names {name}, which is not here"
 
 
-def tracked(root: Path) -> list[Path]:
-    """Returns the files git tracks or would add; skips the test where there is no clone."""
+def git(root: Path, *words: str) -> str:
+    """Returns what git says of a clone; skips the test where there is none."""
     # git refuses a clone that another user owns, which a container often runs in.
-    command = ["git", "-c", f"safe.directory={root}", "-C", str(root), "ls-files", "-z"]
-    command += ["--cached", "--others", "--exclude-standard"]
+    command = ["git", "-c", f"safe.directory={root}", "-C", str(root), *words]
     try:
-        listed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+        return subprocess.run(command, capture_output=True, check=True, text=True).stdout
     except (FileNotFoundError, subprocess.CalledProcessError):
         pytest.skip("needs git and a clone to know which files are ours")
+
+
+def tracked(root: Path) -> list[Path]:
+    """Returns the files git tracks or would add; skips the test where there is no clone."""
+    listed = git(root, "ls-files", "-z", "--cached", "--others", "--exclude-standard")
     return [root / name for name in listed.split("\0") if name and (root / name).is_file()]
 
 
@@ -381,6 +385,18 @@ def test_no_file_knows_the_machine_it_was_written_on():
     mine = Path(__file__).resolve()  # holds the patterns
     said = {str(path): machine_words(path) for path in tracked(ROOT) if path != mine}
     assert {path: words for path, words in said.items() if words} == {}
+
+
+def test_a_clone_has_the_bytes_of_the_repository(tmp_path):
+    """Also one that turns the ends of lines into those of Windows, as a user's git may."""
+    for name in ("true", "false"):
+        words = ("-c", f"core.autocrlf={name}", "-c", "core.eol=native")
+        git(ROOT, *words, "checkout-index", "--all", f"--prefix={tmp_path}/{name}/")
+    files = [path for path in (tmp_path / "false").rglob("*") if path.is_file()]
+    assert len(files) > 1000
+    for path in files:
+        other = tmp_path / "true" / path.relative_to(tmp_path / "false")
+        assert other.read_bytes() == path.read_bytes(), path.relative_to(tmp_path / "false")
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,7 @@ case "$*" in
                 {{ export VIFORM_INSTALL && exec "$VIFORM_LAUNCHER" "$@"; }}
         fi
         echo "$VIFORM_CALLED" >"$BOX/called"
+        export -p | grep -o 'PYTHON[A-Z0-9]*' >"$BOX/exported"
         printf '<%s>' "$@" ;;
 esac
 """
@@ -197,9 +198,23 @@ def test_set_up_once_then_only_the_command(box):
 def test_a_long_step_says_how_long_and_what_it_does(box):
     box.python()
     box.touch("pip.sleeps")
-    said = box.run("list").stderr.splitlines()
-    assert said[0] == "viform: making .venv (once, about a minute)"
-    assert said[1] in ("viform:   10 s, pip talks", "viform:   10 s, pip complains")
+    first, *said = box.run("list").stderr.splitlines()
+    assert first == "viform: making .venv (once, about a minute)"
+    assert said[0] in ("viform:   10 s, pip talks", "viform:   10 s, pip complains")
+    # Each of two steps counts once, from its beginning.
+    seconds = [int(line.split()[1]) for line in said]
+    again = seconds.index(10, 1)
+    for step in (seconds[:again], seconds[again:]):
+        assert step == [10 * n for n in range(1, len(step) + 1)]
+
+
+def test_no_module_of_the_user_comes_before_ours(box):
+    box.python()
+    ill = ("PYTHONPATH", "PYTHONHOME", "PYTHONPLATLIBDIR", "PYTHONSTARTUP", "PYTHONINSPECT")
+    done = box.run("list", **dict.fromkeys((*ill, "PYTHONSAFEPATH", "PYTHONUTF8"), "1"))
+    assert done.returncode == 0
+    kept = {"PYTHONSAFEPATH", "PYTHONNOUSERSITE", "PYTHONUTF8"}
+    assert set((box.root / "exported").read_text().split()) == kept
 
 
 def test_test_adds_its_own_and_covers_run(box):

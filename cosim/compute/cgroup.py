@@ -1,10 +1,12 @@
-"""The memory that control groups leave to this process, as a container or a batch system sets them.
+"""The memory and the cores that control groups leave to this process, as a container or a batch
+system sets them.
 
 Every group above the process counts. What the system would give up without loss, files that are
 read and not in use, counts as free: a group's usage contains them.
 
-Sources: Linux, Documentation/admin-guide/cgroup-v2.rst (memory.max, memory.current, memory.stat),
-and cgroup-v1/memory.rst (memory.limit_in_bytes, memory.usage_in_bytes).
+Sources: Linux, Documentation/admin-guide/cgroup-v2.rst (memory.max, memory.current, memory.stat,
+cpu.max), cgroup-v1/memory.rst (memory.limit_in_bytes, memory.usage_in_bytes), and
+scheduler/sched-bwc.rst (cpu.cfs_quota_us, cpu.cfs_period_us).
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-__all__ = ["free_in_groups"]
+__all__ = ["cores_in_groups", "free_in_groups"]
 
 _GROUPS: Final = Path("/sys/fs/cgroup")
 _OWN: Final = Path("/proc/self/cgroup")
@@ -43,31 +45,50 @@ def free_in_groups(groups: Path = _GROUPS, own: Path = _OWN) -> int | None:
         own: file that says which are those of this process.
     """
     free = [
-        left for folder, files in _above(groups, own) if (left := _left(folder, files)) is not None
+        left
+        for folder, second in _above("memory", groups, own)
+        if (left := _left(folder, _V2 if second else _V1)) is not None
     ]
     return max(min(free), 0) if free else None
 
 
-def _above(groups: Path, own: Path) -> Iterator[tuple[Path, _Files]]:
-    """The groups of this process, and those that contain them. Within a container the path may be
-    that of the host, which is not mounted: then what is mounted is the container's own."""
+def cores_in_groups(groups: Path = _GROUPS, own: Path = _OWN) -> int | None:
+    """Number of cores whose time this process may take, rounded up; None without a limit, or where
+    none can be read. Args as for `free_in_groups`."""
+    shares = []
+    for folder, second in _above("cpu", groups, own):
+        with suppress(OSError, ValueError):  # `max`, or no such file
+            if second:
+                quota, period = map(int, (folder / "cpu.max").read_text().split())
+            else:
+                quota = int((folder / "cpu.cfs_quota_us").read_text())  # -1 without a limit
+                period = int((folder / "cpu.cfs_period_us").read_text())
+            if quota > 0 and period > 0:
+                shares.append(-(-quota // period))
+    return min(shares, default=None)
+
+
+def _above(controller: str, groups: Path, own: Path) -> Iterator[tuple[Path, bool]]:
+    """The groups of this process for a controller, and those that contain them, and whether they
+    are of version 2. Within a container the path may be that of the host, which is not mounted:
+    then what is mounted is the container's own."""
     try:
         lines = own.read_text().splitlines()
     except OSError:
         return
     for line in lines:
         _, controllers, path = (*line.split(":", 2), "", "")[:3]
-        if "memory" in controllers.split(","):
-            root, files = groups / "memory", _V1
+        if controller in controllers.split(","):
+            root, second = groups / controller, False
         elif not controllers:
-            root, files = groups, _V2
+            root, second = groups, True
         else:
             continue
         place = root / path.lstrip("/")
         while place != root and place.is_relative_to(root):
-            yield place, files
+            yield place, second
             place = place.parent
-        yield root, files
+        yield root, second
 
 
 def _left(folder: Path, files: _Files) -> int | None:

@@ -13,9 +13,10 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
-from functools import wraps
+from functools import cache, wraps
 from typing import Any, Final, TypeVar
 
+from cosim.compute.cgroup import cores_in_groups
 from cosim.compute.forks import use
 
 __all__ = ["all_cores", "cores"]
@@ -26,13 +27,21 @@ _SAFE: Final = ("omp", "tbb")
 """numba's thread pools that several threads may enter at once."""
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+_limit = cache(cores_in_groups)
 
 
 def cores() -> int:
-    """Number of cores that this process may use."""
+    """Number of cores that this process may use: those of the machine, or fewer where the user
+    (`taskset`), a container or a batch system says so."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        count = len(os.sched_getaffinity(0))
+    else:
+        count = os.cpu_count() or 1
+    return min(count, _limit() or count)
+
+
+if cores() < (os.cpu_count() or 1):  # PoCL takes a thread for each core of the machine
+    os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", str(cores()))
 
 
 def _shared() -> bool:

@@ -26,6 +26,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+import cosim.compute.cores  # noqa: F401  # it limits the threads of PoCL
+from cosim.compute.child import python_child
 from cosim.compute.forks import lose_in_forks, use
 from cosim.compute.kernels import SharedKernel
 from cosim.compute.pocl_files import pocl_files
@@ -140,13 +142,12 @@ def probe() -> list[dict[str, Any]]:
     """The OpenCL devices of this machine, found by a child process, which may abort.
 
     Returns:
-        A dictionary for each device: platform, device, version, units. Empty if there is none, or
-        if the child aborted or did not end.
+        A dictionary for each device, in the order of their numbers: platform, device, version,
+        units. Empty if there is none, or if the child aborted or did not end.
     """
     prepare_caches()
-    command = [sys.executable, "-c", _PROBE]
     try:
-        child = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        child = subprocess.run(python_child(_PROBE), capture_output=True, text=True, timeout=60)
         devices: list[dict[str, Any]] = json.loads(child.stdout)
     except (subprocess.TimeoutExpired, json.JSONDecodeError):
         return []
@@ -183,8 +184,11 @@ def choose_device(wanted: str | None) -> Device | None:
 
 
 def open_device(wanted: str | None = None) -> Device:
-    """The device whose "platform: device" text contains `wanted` (in any case). Without `wanted`,
-    the first GPU, or else the first device.
+    """The device that is meant; without `wanted`, the first GPU, or else the first device.
+
+    Args:
+        wanted: number of the device in the order of `probe`, from 0, or part of its "platform:
+            device" text, in any case; a number that no device has is a part of it.
 
     Raises InputError if there is none, or a parent of this process has used one before it forked.
     """
@@ -208,14 +212,16 @@ def open_device(wanted: str | None = None) -> Device:
         )  # fmt: skip
     names = [f"{p.name.strip()}: {d.name.strip()}" for p, d in present]
     if wanted is not None:
-        hits = [i for i, name in enumerate(names) if wanted.lower() in name.lower()]
+        numbers = [i for i in range(len(names)) if wanted == str(i)]
+        hits = numbers or [i for i, name in enumerate(names) if wanted.lower() in name.lower()]
         if not hits:
-            raise _no_device(repr(wanted), f"choose one of: {'; '.join(names)}; or numba")
+            choice = "; ".join(f"{number}: {name}" for number, name in enumerate(names))
+            raise _no_device(repr(wanted), f"choose a number or a name of: {choice}; or numba")
         chosen = hits[0]
     else:
         gpus = [i for i, (_, d) in enumerate(present) if d.type & cl.device_type.GPU]
         chosen = (gpus or [0])[0]
-    return Device(present[chosen][1], names[chosen])
+    return Device(present[chosen][1], names[chosen], chosen)
 
 
 def wide_cl() -> str:
@@ -230,10 +236,12 @@ class Device:
     Attributes:
         handle: pyopencl's device.
         name: "platform: device".
+        number: in the order of `probe`; devices of one name differ in it.
     """
 
     handle: Any
     name: str
+    number: int = 0
 
     def __post_init__(self) -> None:
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}

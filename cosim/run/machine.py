@@ -29,7 +29,7 @@ class Options:
     """Options of the command line for the assembly of a machine.
 
     Attributes:
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         resume: whether the run continues in the folder of an interrupted run.
         trace: file for waveforms, None for none.
         store: how streams are compressed, one of `cosim.files.STORES`; the bits are the same.

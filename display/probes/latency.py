@@ -33,6 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Clock, Viform
+from cosim.compute.cores import cores
 from cosim.spikes.viform import unpack_planes
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
@@ -215,7 +216,7 @@ def spike_latency(
         for way in WAYS:
             edges = _film(camera, rate, way, seed, settling_cycles(panel))
             end = edges.response()
-            with ThreadPoolExecutor() as pool:
+            with ThreadPoolExecutor(cores()) as pool:
                 rows += pool.map(partial(_one, edges, end, panel), DRIVES)
     return rows
 

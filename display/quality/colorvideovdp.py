@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
+from cosim.compute.child import python_child
 from display.observe.slow_motion import SlowMotion
 
 __all__ = ["color_video_vdp"]
@@ -64,8 +65,9 @@ def color_video_vdp(
         tests: dict[str, Any] = {f"test{n}": light for n, light in enumerate(shown)}
         sizes = np.array([rate / group, per_degree / motion.by, luminance])
         np.savez(path, truth=_grouped(frames[truth], group), sizes=sizes, **tests)
+        call = f"from {__name__} import main; main()"
         done = subprocess.run(
-            [sys.executable, "-m", __name__, str(path)], capture_output=True, text=True, check=False
+            python_child(call, str(path)), capture_output=True, text=True, check=False
         )
     if done.returncode:
         print(f"viform: ColorVideoVDP failed: {done.stderr.strip()[-200:]}", file=sys.stderr)
@@ -109,5 +111,6 @@ def _measure(path: Path) -> list[float]:
     ]
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Prints the results for the file that the first argument names."""
     print(json.dumps(_measure(Path(sys.argv[1]))))

@@ -8,12 +8,12 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from typing import Any
 
 import moderngl
 
 from cosim import InputError
+from cosim.compute.child import python_child
 from cosim.compute.forks import use
 from cosim.errors import MissingPackages
 
@@ -145,9 +145,7 @@ def probe_gl() -> tuple[bool, str]:
     """Whether a context can be created; and the renderer with its GL version, or the error
     message."""
     try:
-        child = subprocess.run(
-            [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=60
-        )
+        child = subprocess.run(python_child(_PROBE), capture_output=True, text=True, timeout=60)
         answer = json.loads(child.stdout.strip().splitlines()[-1])
     except subprocess.TimeoutExpired:
         return False, "the GL driver did not answer within a minute"

@@ -190,7 +190,7 @@ def set_up_link(
     Args:
         scenario: the scenario.
         camera: that of [sensor], with every effect.
-        device: part of an OpenCL device's name, "numba", or None for the default one.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: of the pilots.
 
     Raises:

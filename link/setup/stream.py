@@ -131,7 +131,7 @@ def set_up_stream(
         scenario: a scenario of the link's section, its camera and its seed; the file and the
             duration are not read.
         camera: that of the link, with every effect.
-        device: part of an OpenCL device's name, "numba", or None for the default one.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: of the pilots.
         cycles: length of the stream, camera cycles.
         hold: camera cycles after the end of the stream in which packets may still wait.

@@ -14,7 +14,6 @@ more.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Viform
+from cosim.compute.cores import cores
 from link.coding import Inbox
 from link.layout import Layout
 from link.receiving import Receiver
@@ -216,12 +216,12 @@ def _wall(rows: Sequence[StageTime], processors: int) -> float:
 
 
 def stage_document(
-    rows: Sequence[StageTime], processors: Callable[[], int | None] = os.cpu_count
+    rows: Sequence[StageTime], processors: Callable[[], int] = cores
 ) -> dict[str, Any]:
-    """Returns the keys of `predicted` for a run's stages and its total. processors: how many the
-    machine has."""
+    """Returns the keys of `predicted` for a run's stages and its total. processors: how many it
+    may use."""
     return {
         "stages": [asdict(row) for row in rows],
-        "total_s": _wall(rows, processors() or 1),
+        "total_s": _wall(rows, processors()),
         "processor_s": sum(row.processor_s for row in rows),
     }

@@ -21,7 +21,7 @@ class LinkStudy:
         name: short name of the scenario.
         scenario: the scenario.
         camera: that of [sensor], with every effect.
-        device: part of an OpenCL device's name, "numba", or None for the default one.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
     """
 
     def __init__(

@@ -8,8 +8,9 @@ from pathlib import Path
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.stage import Report
-from rtl_model.host import Cause, LineFault
+from rtl_model.host import Cause, LineFault, Lines
 from rtl_model.host.csr import CsrMap
+from rtl_model.host.ports import AS_EVER
 
 __all__ = ["BringUp", "stop_sensor"]
 
@@ -28,6 +29,7 @@ class BringUp:
         frames: number of frames in a captured burst.
         low_latency: whether the driver of the port is asked for its low-latency mode. The figures
             of the port stage state whether it was granted.
+        lines: modem lines of the port to set.
         log: file that every transaction is written to, None for none.
         allowed_s: time limit of each stage, s, which replaces `ALLOWED_S`.
     """
@@ -39,6 +41,7 @@ class BringUp:
     time_scale: float = 1.0
     frames: int = 8
     low_latency: bool = False
+    lines: Lines = AS_EVER
     log: Path | None = None
     allowed_s: float | None = None
 

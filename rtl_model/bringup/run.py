@@ -92,7 +92,7 @@ def bring_up(
         progress(stage)
 
     try:
-        opened = open_port(port, chosen.baud) if isinstance(port, str) else port
+        opened = open_port(port, chosen.baud, lines=chosen.lines) if isinstance(port, str) else port
     except LineFault as fault:
         add(failed_stage("port", time.monotonic() - begin, fault))
     else:

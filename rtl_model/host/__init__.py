@@ -11,7 +11,7 @@ from rtl_model.host.capture import Captured
 from rtl_model.host.csr import CsrMap, default_map, read_csr
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log import LineLog
-from rtl_model.host.ports import Port, SerialPort, is_pty, open_port
+from rtl_model.host.ports import Lines, Port, SerialPort, is_pty, open_port
 from rtl_model.host.reading import Reading, check_levels, read_charges
 from rtl_model.host.replay import ReplayPort
 from rtl_model.host.uartbone import BAUD_MIN, Uartbone
@@ -27,6 +27,7 @@ __all__ = [
     "CsrMap",
     "LineFault",
     "LineLog",
+    "Lines",
     "Port",
     "Reading",
     "ReplayPort",

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from rtl_model.host.ether import Etherbone, is_udp, open_udp
 from rtl_model.host.log import LineLog, Logged
-from rtl_model.host.ports import open_port
+from rtl_model.host.ports import AS_EVER, Lines, open_port
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S, Uartbone
 
 __all__ = ["Bone", "check_answers", "opened_bone", "patience_s"]
@@ -78,6 +78,7 @@ def opened_bone(
     time_scale: float = 1.0,
     log: Path | None = None,
     low_latency: bool = False,
+    lines: Lines = AS_EVER,
 ) -> Iterator[tuple[Uartbone | Etherbone, bool]]:
     """Opens a port by name, until the end of the context.
 
@@ -88,6 +89,7 @@ def opened_bone(
         time_scale: seconds of the host's time to a second of the board's clock.
         log: file that records every transaction, None for none.
         low_latency: whether the driver of a serial port is asked for its low-latency mode.
+        lines: modem lines of a serial port to set.
 
     Yields:
         The master of the bus, and whether the low-latency mode was granted.
@@ -107,7 +109,7 @@ def opened_bone(
             ether.require_answer()
             yield ether, False
             return
-        port = open_port(url, baud)
+        port = open_port(url, baud, lines=lines)
         stack.callback(port.close)
         granted = low_latency and port.low_latency()
         recorder = _recorder(stack, log, port, simulated, time_scale)

@@ -14,7 +14,7 @@ import select
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, Protocol
 from urllib.parse import urlsplit
 
 from cosim import InputError
@@ -32,12 +32,34 @@ except ImportError:  # Windows, whose ports pyserial opens without it
         """Is never raised."""
 
 
-__all__ = ["Port", "SerialPort", "is_pty", "latency_timer", "open_port", "ports_here"]
+__all__ = [
+    "AS_EVER", "Level", "Lines", "Port", "SerialPort", "is_pty", "latency_timer", "open_port",
+    "ports_here",
+]  # fmt: skip
 
 _POLL_S = 0.01  # interval at which a read checks its deadline
 _COUNTED_S = 0.1  # most of the time between two such looks that counts
 _TIMERS = Path("/sys/bus/usb-serial/devices")
 _WRITE_S = 1.0  # shortest time limit of a write
+
+
+Level = Literal["on", "off"]
+"""State of a modem line: asserted or not."""
+
+
+class Lines(NamedTuple):
+    """Modem lines that the host sets, which reset some boards.
+
+    Attributes:
+        dtr, rts: state as the port is opened and until it is closed; None for asserted, as
+            programs for serial lines commonly do.
+    """
+
+    dtr: Level | None = None
+    rts: Level | None = None
+
+
+AS_EVER: Final = Lines()
 
 
 class Port(Protocol):
@@ -194,13 +216,14 @@ def _stuck(name: str) -> LineFault:
     return LineFault(Cause.STUCK, f"{name} did not accept the bytes to send within the time limit")
 
 
-def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
+def open_port(url: str, baud: int, *, exclusive: bool = True, lines: Lines = AS_EVER) -> SerialPort:
     """Opens a port by any URL of pyserial, 8 data bits, no parity, one stop bit.
 
     Args:
         url: a device or a URL of pyserial.
         baud: of the line.
         exclusive: whether other programs are locked out, if the system supports it.
+        lines: modem lines to set. Linux asserts both for the moment in which it opens a device.
 
     Raises:
         LineFault: NO_PORT, BUSY or PERMISSION.
@@ -228,6 +251,9 @@ def open_port(url: str, baud: int, *, exclusive: bool = True) -> SerialPort:
         raise _bad_url(url, exc) from exc
     except OSError as exc:  # hwgrep:// searches its port at once
         raise _refused(url, exc) from exc
+    for name, level in lines._asdict().items():
+        if level is not None:
+            setattr(inner, name, level == "on")  # set as the port is opened
     try:
         inner.open()
     except (OSError, TerminalError, LookupError, TypeError) as exc:

@@ -1,4 +1,5 @@
-"""Opening of a board by its address, `serial:PORT[,BAUD]` or `udp:HOST[:PORT]`.
+"""Opening of a board by its address, `serial:PORT[,BAUD][,dtr=off][,rts=off]` or
+`udp:HOST[:PORT]`.
 
 PORT of a serial line is a device, a URL of pyserial, or `virtual`. The simulator is only imported
 for a virtual board.
@@ -8,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from cosim import InputError
 from rtl_model.geometry import Geometry
-from rtl_model.host import Board, BoardInfo, LineFault, is_pty, opened_bone
+from rtl_model.host import Board, BoardInfo, LineFault, Lines, is_pty, opened_bone
 from rtl_model.host.ether import is_loopback, is_udp, udp_address
 
 __all__ = ["OpenBoard", "open_board", "parse_address"]
@@ -37,11 +38,12 @@ class OpenBoard(NamedTuple):
     name: str
 
 
-def parse_address(address: str, key: str) -> tuple[str, int]:
-    """Name of the port, as `opened_bone` takes it, and baud of a serial line.
+def parse_address(address: str, key: str) -> tuple[str, int, Lines]:
+    """Name of the port, as `opened_bone` takes it, and baud and modem lines of a serial line.
 
     Args:
-        address: `serial:PORT[,BAUD]` or `udp:HOST[:PORT]`; the baud of the latter has no meaning.
+        address: `serial:PORT[,BAUD][,dtr=off][,rts=off]` or `udp:HOST[:PORT]`; the baud and lines
+            of the latter have no meaning.
         key: of the scenario, for messages.
 
     Raises:
@@ -53,23 +55,30 @@ def parse_address(address: str, key: str) -> tuple[str, int]:
                 key, "without a baud for a board over UDP", repr(address),
                 f"write it like {address.partition(',')[0]}",
             )  # fmt: skip
-        return udp_address(address).url, _BAUD
+        return udp_address(address).url, _BAUD, Lines()
     kind, _, port = address.partition(":")
     if kind == "serial" and is_udp(port):
         raise InputError(
             key, "udp:HOST[:PORT] for a board over UDP", repr(address), f"write it like {port}"
         )
-    port, comma, baud = port.partition(",")
-    right = kind == "serial" and port and (not comma or (baud.isdecimal() and int(baud) > 0))
+    port, *words = port.split(",")
+    baud = words.pop(0) if words and "=" not in words[0] else str(_BAUD)
+    levels: dict[str, Any] = dict(word.partition("=")[::2] for word in words)
+    right = (
+        kind == "serial" and port and baud.isdecimal() and int(baud) > 0
+        and len(levels) == len(words) and levels.keys() <= set(Lines._fields)
+        and set(levels.values()) <= {"on", "off"}
+    )  # fmt: skip
     if not right:
         raise InputError(
             key,
             "serial:PORT, serial:PORT,BAUD or udp:HOST[:PORT], with PORT of a serial line a "
-            "device, a URL of pyserial or virtual, and BAUD a positive integer",
+            "device, a URL of pyserial or virtual, and BAUD a positive integer; dtr=off and "
+            "rts=off may follow a serial line",
             repr(address),
             "write it like serial:virtual, serial:/dev/ttyUSB0,115200 or udp:192.168.1.50",
         )
-    return port, int(baud) if baud else _BAUD
+    return port, int(baud), Lines(**levels)
 
 
 @contextmanager
@@ -83,7 +92,7 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
         key: of the scenario, for messages.
         virtual: geometry of a virtual board, which is the cycle model; the default one if None.
     """
-    port, baud = parse_address(address, key)
+    port, baud, lines = parse_address(address, key)
     try:
         if port == _VIRTUAL:
             from rtl_model.virtual import VirtualBoard
@@ -91,11 +100,11 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
             geometry = (virtual or Geometry())._replace(baud=_VIRTUAL_BAUD)
             with VirtualBoard(geometry, level="model") as served:
                 yield from _connected(
-                    served.port, _VIRTUAL_BAUD, "the virtual board", True, served.time_scale
+                    served.port, _VIRTUAL_BAUD, "the virtual board", True, served.time_scale, lines
                 )
         else:
             simulated = is_loopback(port) if is_udp(port) else is_pty(port)
-            yield from _connected(port, baud, f"the board at {port}", simulated, 1.0)
+            yield from _connected(port, baud, f"the board at {port}", simulated, 1.0, lines)
     except LineFault as fault:
         raise InputError(
             f"the board of {key}", "one that answers without a fault", f"at fault: {fault.text}",
@@ -104,9 +113,12 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
 
 
 def _connected(
-    port: str, baud: int, name: str, simulated: bool, time_scale: float
+    port: str, baud: int, name: str, simulated: bool, time_scale: float, lines: Lines
 ) -> Iterator[OpenBoard]:
-    with opened_bone(port, baud, simulated=simulated, time_scale=time_scale) as (bone, _):
+    with opened_bone(port, baud, simulated=simulated, time_scale=time_scale, lines=lines) as (
+        bone,
+        _,
+    ):
         bone.resynchronise()
         board = Board(bone)
         yield OpenBoard(board, board.info(), name)

@@ -146,7 +146,7 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
         command: name of the command, for messages.
         name: short name of the scenario.
         scenario: the checked scenario.
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
 
     Raises:
         InputError: `command` does not support this kind of scenario, or the scenario is invalid.

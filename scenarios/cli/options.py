@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scenarios.assemble.schema.scenario import AnyScenario
 
 __all__ = [
-    "Resume", "ScenarioName", "ScenarioOptions", "Scheduler", "Tolerance", "Workers",
+    "Device", "Resume", "ScenarioName", "ScenarioOptions", "Scheduler", "Tolerance", "Workers",
     "check_figure", "count_workers", "expand_options",
 ]  # fmt: skip
 
@@ -27,6 +27,10 @@ Resume = Annotated[bool, typer.Option("--resume", help="continue what was interr
 Workers = Annotated[int | None, typer.Option(help="processes on this machine [one for two cores]")]
 Scheduler = Annotated[
     str | None, typer.Option(help="address of a Dask scheduler, for its workers instead")
+]
+Device = Annotated[
+    str | None,
+    typer.Option(help="number of an OpenCL device (`viform doctor`), part of its name, or numba"),
 ]
 
 
@@ -71,9 +75,7 @@ class ScenarioOptions:
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
     ] = None
     seed: Annotated[int | None, typer.Option(help="seed of all temporal noise")] = None
-    device: Annotated[
-        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
-    ] = None
+    device: Device = None
 
     def load(self, scenario: str, tolerance: float | None = None) -> tuple[str, AnyScenario]:
         """Short name and checked scenario. Raises InputError."""

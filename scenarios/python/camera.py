@@ -59,7 +59,7 @@ class Camera:
         tolerance: Allowed relative error of the simulation; 0 keeps every effect.
         seed: Seed of the temporal noise of call 0. Other calls have draws of their own, which
             depend on the seed and on their number alone.
-        device: Part of an OpenCL device's name, or "numba"; the default device if None.
+        device: Number or part of the name of an OpenCL device, or "numba"; the default if None.
         tier: "fast", "exact" or "reference" for all pixels; None for the fastest that the tolerance
             allows, with a better one where it is needed.
         illuminance: Illuminance of the scene, with its unit; white reflects all of it.

@@ -41,7 +41,7 @@ def film(
         chip: its name, such as "spiketwo"; that of the scenario if None.
         tolerance: allowed relative error of the simulation; that of the scenario if None.
         seed: of the temporal noise; that of the scenario if None.
-        device: part of an OpenCL device's name, or "numba".
+        device: number or part of the name of an OpenCL device, or "numba".
         out: folder to keep, with images and report, and frames beside it in OUT.npy; none is kept
             if None.
         resume: whether the interrupted run in `out` goes on, with the same arguments; that of a

@@ -29,7 +29,7 @@ def send(
         tolerance: allowed error, half-widths of the bit error rate's interval; that of the scenario
             if None.
         seed: of all random effects; that of the scenario if None.
-        device: part of an OpenCL device's name, or "numba".
+        device: number or part of the name of an OpenCL device, or "numba".
         resume: whether the interrupted run in `out` goes on, with the same arguments; a complete
             one is returned.
         progress: whether progress is shown on standard error; None for on a terminal and in a

@@ -27,7 +27,7 @@ def show(
     Args:
         stream: spikes in memory, an open stream, or a file of any format.
         out: folder to create, with spikes in memory beside it in OUT.zarr; runs/playback-N if None.
-        device: part of an OpenCL device's name, or "numba".
+        device: number or part of the name of an OpenCL device, or "numba".
         resume: whether the interrupted run in `out` goes on, with the same arguments; a complete
             one is returned.
         progress: whether progress is shown on standard error; None for on a terminal and in a

@@ -13,7 +13,6 @@ their boost below shape 1. Negative binomial: a Poisson whose mean is gamma dist
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -22,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from cosim.compute.cores import cores
 from cosim.compute.philox_compiled import random_words
 from cosim.compute.streams import Stream
 
@@ -182,7 +182,7 @@ def _draw(law: Callable[..., None], given: tuple[Any, ...], numbers: Numbers, fr
     """Draws from a compiled distribution, large planes on all cores. The result does not depend on
     threads, since each pixel has its own counter. given: flat arrays of the parameters."""
     flat = _pixels(numbers)
-    parts = min(os.cpu_count() or 1, out.size // _PART)
+    parts = min(cores(), out.size // _PART)
     if parts < 2:
         law(*given, flat, frame, seed, int(stream), out)
         return

@@ -103,7 +103,8 @@ class _ChipSection(Section):
     source: str | None = Field(
         default=None,
         description="serial:PORT, serial:PORT,BAUD or udp:HOST[:PORT]: a board makes the spikes, "
-        "PORT of a serial line a device, a URL of pyserial or virtual; simulated when absent",
+        "PORT of a serial line a device, a URL of pyserial or virtual; dtr=off and rts=off may "
+        "follow a serial line; simulated when absent",
     )
     readout: Literal["synchronous", "asynchronous", "continuous"] = Field(
         default="synchronous",

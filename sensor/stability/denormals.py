@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit, prange
 
 from cosim import Clock
+from cosim.compute.child import python_child
 from cosim.compute.cores import all_cores
 from cosim.compute.opencl import Device, open_device
 from cosim.run.case import Case
@@ -102,8 +103,8 @@ def forms(device: Device | None) -> dict[str, str]:
 
 
 def child(name: str) -> None:
-    """Prints what the forms make while denormal numbers are taken for 0. name: of the device, empty
-    for numba."""
+    """Prints what the forms make while denormal numbers are taken for 0. name: number of the
+    device, empty for numba."""
     with flushing():
         device = open_device(name) if name else None
         print(json.dumps(forms(_Flushing(device.handle, device.name) if device else None)))
@@ -114,8 +115,8 @@ def _forms(device: Device | None) -> Forms:
         if not flush:
             return forms(device)
         # In a process of its own: threads that numba has already started keep their setting.
-        call = f"from {__name__} import child; child({device.name if device else ''!r})"
-        done = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True)
+        call = f"from {__name__} import child; child({str(device.number) if device else ''!r})"
+        done = subprocess.run(python_child(call), capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(done.stderr.strip().rpartition("\n")[2])
         made: dict[str, str] = json.loads(done.stdout)

@@ -71,7 +71,7 @@ LATCHED = (
 """Those of a latched chip, which has two tiers, an OpenCL form and a compiled one."""
 
 QUICK = {
-    "run glass default", "run film 0", "run silicon 0.1",
+    "run small glass", "run film 0", "run small silicon 0.1",
     "run emccd-window default",
     "run step numba", "plan film", "plan light-link", "plan ebaps-night", "accuracy step",
     "list schema", "paper",
@@ -102,7 +102,12 @@ def _cases() -> list[Case]:
         "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
         "code.cycles=64", "code.tile=32",
     )  # fmt: skip
+    small = _sets("sensor.width=96", "sensor.height=64")
     found += [
+        ("run small glass", ("run", "glass", *small, *_sets("duration=4 ms"))),
+        ("run small silicon 0.1", (
+            "run", "film", *small, *SCENARIOS["silicon"][1][2:], "--tolerance", "0.1"
+        )),
         ("run glass-over-light", ("run", "glass-over-light", *whole)),
         ("run megapixel", ("run", "glass", *_sets("duration=2 ms", "image.at=[40]"))),
         ("run bring-up", ("run", "bring-up", *board)),
@@ -114,7 +119,7 @@ def _cases() -> list[Case]:
         ("design", ("design", "dynamic-range")),
         ("link ber", ("link", "ber")),
         ("link capacity", ("link", "capacity")),
-    ]
+    ]  # fmt: skip
     return [Case(name, words, name in QUICK) for name, words in found]
 
 

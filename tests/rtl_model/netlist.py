@@ -1,4 +1,5 @@
-"""Netlists of ice40 cells by yosys, for comparisons of the synthesis and not only of the source."""
+"""Netlists of ice40 cells by yosys, for comparisons of the synthesis and not only of the source,
+and Verilator's remarks on a source."""
 
 import re
 import shutil
@@ -7,9 +8,20 @@ from pathlib import Path
 
 import pytest
 
+from rtl_model.verilated import VERILOG
 from rtl_model.verilated.build import missing
 
-__all__ = ["MODELS", "NEEDS_TOOLS", "netlist"]
+__all__ = ["MODELS", "NEEDS_TOOLS", "lint", "netlist"]
+
+
+def lint(top, settings=(), *, folder=VERILOG, options=("-I.",)):
+    """The ended process of Verilator, which remarks on a module. It works in the folder of the
+    sources: it takes a blank in a name for the end of the name."""
+    command = ["verilator", "--lint-only", "-Wall", *options, "--top-module", top]
+    command += [f"-G{name}={value}" for name, value in dict(settings).items()]
+    return subprocess.run(
+        [*command, f"{top}.v"], cwd=folder, capture_output=True, text=True, timeout=300, check=False
+    )
 
 
 def models():
@@ -38,7 +50,8 @@ def netlist(sources, folder, top, parameters):
     sources: folder of the Verilog. parameters: by name; those that the module has are set.
     """
     folder.mkdir(exist_ok=True)
-    names = " ".join(path.name for path in sorted(sources.glob("*.v")))
+    (folder / "sources").symlink_to(sources.resolve())
+    names = " ".join(f"sources/{path.name}" for path in sorted(sources.glob("*.v")))
     settings = "".join(
         f" -set {name} {value}"
         for name, value in parameters.items()
@@ -46,11 +59,11 @@ def netlist(sources, folder, top, parameters):
     )
     made = folder / f"{top}.v"
     script = (
-        f"read_verilog -I. {names}; chparam{settings} {top}; "
-        f"synth_ice40 -top {top}; write_verilog -noattr {made}"
+        f"read_verilog -Isources {names}; chparam{settings} {top}; "
+        f"synth_ice40 -top {top}; write_verilog -noattr {made.name}"
     )
     subprocess.run(
-        ["yosys", "-q", "-p", script], cwd=sources, capture_output=True, timeout=1800, check=True
+        ["yosys", "-q", "-p", script], cwd=folder, capture_output=True, timeout=1800, check=True
     )
     text = made.read_text()
     described = MODELS.read_text()

@@ -15,6 +15,8 @@ from typing import Any
 
 import pytest
 
+from tests.survival.small_disk import NoMounts
+
 __all__ = ["Command", "call", "copied"]
 
 _CONTEXT = multiprocessing.get_context("forkserver")
@@ -70,7 +72,7 @@ def _run(words: tuple[str, ...], log: Path, prepare: Callable[[], None] | None) 
 def call(function: Callable[[], Any], place: Path) -> Any:
     """Calls a function in a process of its own; returns its result by way of JSON.
 
-    A test is skipped where the system does not permit the function (PermissionError).
+    A test is skipped where the system permits no mounts.
 
     Args:
         function: of a module, or a partial of one.
@@ -93,7 +95,7 @@ def call(function: Callable[[], Any], place: Path) -> Any:
 def _call(function: Callable[[], Any], out: Path) -> None:
     try:
         document = {"value": function()}
-    except PermissionError as exc:
+    except NoMounts as exc:
         document = {"refused": str(exc)}
     except BaseException:
         document = {"error": traceback.format_exc()}

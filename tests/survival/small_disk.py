@@ -6,23 +6,26 @@ import ctypes
 import os
 from pathlib import Path
 
-__all__ = ["mount_private", "resize"]
+__all__ = ["NoMounts", "mount_private", "resize"]
 
 _NEW_MOUNTS, _NEW_USER = 0x00020000, 0x10000000  # linux/sched.h
 _READ_ONLY, _REMOUNT, _RECURSIVE, _PRIVATE = 1, 32, 1 << 14, 1 << 18  # linux/mount.h
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
+class NoMounts(Exception):
+    """The system does not permit a mount. Containers and kernels refuse it by several numbers."""
+
+
 def _call(name: str, *arguments: object) -> None:
     if getattr(_libc, name)(*arguments):
-        number = ctypes.get_errno()
-        raise OSError(number, f"{name}: {os.strerror(number)}")
+        raise NoMounts(f"{name}: {os.strerror(ctypes.get_errno())}")
 
 
 def mount_private(folder: Path, size: int) -> None:
     """Mounts a file system of `size` bytes on a folder, for this process alone.
 
-    The process must have one thread. Raises OSError where the system does not permit it.
+    The process must have one thread. Raises NoMounts.
     """
     if os.geteuid() == 0:
         _call("unshare", _NEW_MOUNTS)

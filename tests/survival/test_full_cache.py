@@ -3,13 +3,17 @@ and what OpenCL cannot compile is one line."""
 
 from __future__ import annotations
 
+import ctypes
+import errno
 import os
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tests.survival import small_disk
 from tests.survival.forked import call
 from tests.survival.small_disk import mount_private, resize
 from tests.survival.test_full_disk import refusal, viform
@@ -32,6 +36,12 @@ def mounted(place: Path, size: int) -> Path:
     os.environ["VIFORM_CACHE"] = str(cache)
     os.environ["NUMBA_CACHE_DIR"] = str(cache / "numba")
     return cache
+
+
+def not_permitted(number: int, place: Path) -> None:
+    """A mount that the system refuses by a number of <errno.h>."""
+    small_disk._libc = SimpleNamespace(unshare=lambda *_: ctypes.set_errno(number) is not None)
+    mounted(place, 64 << 10)
 
 
 def free(folder: Path) -> int:
@@ -86,6 +96,12 @@ def run(place: Path, size: int, *options: str) -> dict[str, Any]:
     code, errors = viform(*RUN, "--out", str(place / "run"), *options)
     line = refusal(code, errors) if code else ""
     return {"code": code, "line": line, "free": free(cache), "errors": errors}
+
+
+@pytest.mark.parametrize("number", [errno.EPERM, errno.ENOSPC, errno.EINVAL])
+def test_where_no_disk_may_be_mounted_its_tests_are_skipped(number: int, tmp_path: Path) -> None:
+    with pytest.raises(pytest.skip.Exception, match="needs mounts: unshare: "):
+        call(partial(not_permitted, number, tmp_path), tmp_path)
 
 
 def test_a_function_that_cannot_be_kept_is_used(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
-    from rtl_model.host import CsrMap
+    from rtl_model.host import CsrMap, Lines
+    from rtl_model.host.ports import Level as Line
     from rtl_model.virtual import Level, VirtualBoard
     from rtl_model.virtual.ethernet import EthernetBoard
 
@@ -35,12 +36,14 @@ class Endpoint:
         baud: of a serial line.
         simulated: whether a simulated board is behind the port.
         time_scale: seconds of the host's time to a second of the board's clock.
+        lines: modem lines of a serial port to set.
     """
 
     url: str
     baud: int
     simulated: bool
     time_scale: float
+    lines: Lines
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -111,6 +114,8 @@ def open_endpoint(
     level: str = "bytes",
     faults: Sequence[str] | None = None,
     geometry: Geometry | None = None,
+    dtr: Line | None = None,
+    rts: Line | None = None,
 ) -> Iterator[Endpoint]:
     """The endpoint of `--port`; a virtual board is started, and stopped at the end of the context.
 
@@ -122,10 +127,11 @@ def open_endpoint(
         simulated: whether a simulated board is behind the port; None: true for a pty and a
             loopback address only.
         level, faults, geometry: of a virtual board.
+        dtr, rts: modem lines of a serial port to set.
     """
     from cosim import InputError
     from rtl_model.geometry import Geometry
-    from rtl_model.host import is_pty
+    from rtl_model.host import Lines, is_pty
     from rtl_model.host.ether import is_loopback, is_udp
 
     if time_scale is not None and not 0 < time_scale < 1e6:
@@ -134,7 +140,11 @@ def open_endpoint(
         raise InputError("--baud", "above 0", str(baud), "115200 is common")
     if baud is not None and is_udp(port):
         raise InputError("--baud", "given with a serial port", f"with {port}", "leave it out")
-    baud = baud or Geometry().baud
+    if (dtr or rts) and is_udp(port):
+        raise InputError(
+            "--dtr and --rts", "given with a serial port", f"with {port}", "leave them out"
+        )
+    baud, lines = baud or Geometry().baud, Lines(dtr, rts)
     if port != VIRTUAL:
         if faults or level != "bytes":
             raise InputError(
@@ -142,14 +152,14 @@ def open_endpoint(
             )
         if simulated is None:
             simulated = is_loopback(port) if is_udp(port) else is_pty(port)
-        yield Endpoint(port, baud, simulated, time_scale or 1.0)
+        yield Endpoint(port, baud, simulated, time_scale or 1.0, lines)
         return
     if simulated is False:
         raise InputError(
             "--real", "given with the port of a board", f"with --port {port}", "leave it out"
         )
     with virtual_board(baud=baud, level=level, faults=faults, geometry=geometry) as board:
-        yield Endpoint(board.port, baud, True, time_scale or board.time_scale)
+        yield Endpoint(board.port, baud, True, time_scale or board.time_scale, lines)
 
 
 def csr_map(csr: Path | None) -> CsrMap | None:

@@ -37,7 +37,11 @@ def capture_image(endpoint: Endpoint, section: BoardSection, seed: int) -> Image
     Raises InputError for a board of another size than the section states, LineFault.
     """
     with opened_bone(
-        endpoint.url, section.baud, simulated=endpoint.simulated, time_scale=endpoint.time_scale
+        endpoint.url,
+        section.baud,
+        simulated=endpoint.simulated,
+        time_scale=endpoint.time_scale,
+        lines=endpoint.lines,
     ) as (bone, _):
         board = Board(bone, csr_map(None if section.csr is None else Path(section.csr)))
         size = board.info().geometry

@@ -58,7 +58,7 @@ class BoardMachine:
         endpoint = open_endpoint(
             section.port, None if is_udp(section.port) else section.baud, section.time_scale,
             level="bytes" if geometry is None else section.level, faults=section.faults,
-            geometry=geometry,
+            geometry=geometry, dtr=section.dtr, rts=section.rts,
         )  # fmt: skip
         self._endpoint = self._stack.enter_context(endpoint)
         self.length = len(self._endpoint.stages)

@@ -24,6 +24,12 @@ class BoardSection(Section):
         "cycle model, which needs no Verilator",
     )  # fmt: skip
     baud: Annotated[int, Field(ge=2001, le=12_000_000)] = 115_200
+    dtr: Literal["on", "off"] | None = Field(
+        default=None, description="DTR of a serial port, which resets some boards; on when absent"
+    )
+    rts: Literal["on", "off"] | None = Field(
+        default=None, description="RTS of a serial port, likewise; on when absent"
+    )
     rows: Annotated[int, Field(ge=1, le=4095)] | None = Field(
         default=None, description="of the board; a virtual one has 32 when absent"
     )

@@ -155,7 +155,7 @@ def set_up_camera(
 
     Args:
         scenario: scenario without boards.
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         size: (rows, columns) of the board that replaces the chip, None without one.
 
     Raises:

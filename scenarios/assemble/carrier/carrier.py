@@ -212,7 +212,7 @@ def make_carrier(stream: CarriedStream, device: str | None, progress: Progress) 
 
     Args:
         stream: what is sent.
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: of the pilots.
     """
     link = stream.scenario()

@@ -61,6 +61,7 @@ def board_bringup(
             time_scale=endpoint.time_scale,
             frames=frames,
             low_latency=options.low_latency,
+            lines=endpoint.lines,
             log=options.log,
         )
         if is_udp(endpoint.url):

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -62,7 +62,14 @@ class LineOptions:
         bool,
         typer.Option("--low-latency", help="set an FTDI adapter's driver to its low-latency mode"),
     ] = False
-
+    dtr: Annotated[
+        Literal["on", "off"] | None,
+        typer.Option(help="line DTR of a serial port, which resets some boards", show_default="on"),
+    ] = None
+    rts: Annotated[
+        Literal["on", "off"] | None,
+        typer.Option(help="line RTS of a serial port, likewise", show_default="on"),
+    ] = None
     force: Annotated[
         bool,
         typer.Option(
@@ -109,6 +116,7 @@ def endpoint_of(options: LineOptions) -> Any:
             "--low-latency", "given with a serial port", f"with {options.port}", "leave it out"
         )
     virtual: dict[str, Any] = {"simulated": options.simulated}
+    virtual |= {"dtr": options.dtr, "rts": options.rts}
     if isinstance(options, BoardOptions):
         virtual |= {"level": options.level, "faults": options.fault}
     return open_endpoint(options.port, options.baud, options.time_scale, **virtual)
@@ -140,6 +148,7 @@ def connect(
             opened = opened_bone(
                 endpoint.url, endpoint.baud, simulated=endpoint.simulated,
                 time_scale=endpoint.time_scale, log=options.log, low_latency=options.low_latency,
+                lines=endpoint.lines,
             )  # fmt: skip
             bone, granted = stack.enter_context(opened)
             if options.low_latency and not granted:

@@ -16,6 +16,8 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
+from cosim.compute.child import python_child
+from cosim.compute.cores import cores
 from cosim.compute.opencl import INSTALL, cache_folder, probe
 from cosim.compute.pocl_files import drop_damaged
 from display import GL_INSTALL, probe_gl
@@ -89,7 +91,10 @@ def _packages() -> Check:
 
 def _opencl() -> Check:
     devices = probe()
-    names = "; ".join(f"{d['platform']}: {d['device']} ({d['units']} units)" for d in devices)
+    names = "; ".join(
+        f"{number}: {d['platform']}: {d['device']} ({d['units']} units)"
+        for number, d in enumerate(devices)
+    )
     remedy = f"{INSTALL} (or use --device numba, slower)"
     if not os.path.isdir("/sys/devices/system/cpu") and not devices:
         remedy = "mount /sys, which PoCL needs"
@@ -105,8 +110,8 @@ def _gl() -> Check:
 def _kernel() -> Check:
     """Checks in a child process that the OpenCL kernel of the pixels can be built and agrees with
     its compiled form."""
-    command = [sys.executable, "-m", "scenarios.cli.maintenance.kernel"]
-    child = subprocess.run(command, capture_output=True, text=True)
+    call = "from scenarios.cli.maintenance.kernel import main; main()"
+    child = subprocess.run(python_child(call), capture_output=True, text=True)
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with the compiled form on every bit")
     last = (child.stderr.strip().splitlines() or ["ended without a message"])[-1]
@@ -132,7 +137,7 @@ def _memory() -> Check:
 
     memory = psutil.virtual_memory()
     free, total = memory.available / _GIB, memory.total / _GIB
-    state = f"{free:.1f} of {total:.1f} GiB free, {os.cpu_count()} cores"
+    state = f"{free:.1f} of {total:.1f} GiB free, {cores()} core{'s' * (cores() > 1)}"
     remedy = f"free some memory: a megapixel run needs {_MEMORY_GIB} GiB"
     return Check("memory", memory.available >= _MEMORY_GIB * _GIB, state, remedy, needed=False)
 

@@ -10,7 +10,7 @@ from sensor import EFFECTS, make_pixels
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["kernel_agrees"]
+__all__ = ["kernel_agrees", "main"]
 
 _PIXELS = _CYCLES = 64
 
@@ -25,5 +25,6 @@ def kernel_agrees() -> bool:
     return bool((compiled.expose(spans, _CYCLES) == kernel.expose(spans, _CYCLES)).all())
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Prints whether they agree."""
     print("agree" if kernel_agrees() else "differ")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from xml.etree import ElementTree
 
 import typer
 
+from cosim.compute.cores import cores
 from scenarios.cli.output import Json, print_document
 from scenarios.cli.packages import has_launcher, install_and_restart
 
@@ -22,7 +22,7 @@ __all__ = ["test"]
 
 # Each worker has a contiguous part of the tests, because those of a file share fixtures and
 # compiled kernels. A worker that is done takes over tests of another.
-_SPREAD = ["-n", str(min(os.cpu_count() or 1, 4)), "--dist", "worksteal"]
+_SPREAD = ["-n", str(min(cores(), 4)), "--dist", "worksteal"]
 _STATIC = {"ruff": ["ruff", "check", "."], "mypy": ["mypy"]}
 
 

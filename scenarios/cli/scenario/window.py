@@ -32,7 +32,7 @@ def show_live(
 
     Args:
         scenario: a scenario with a synchronous readout.
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: receives progress.
         open_window: creates the window from a title and (height, width).
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, number
-from scenarios.cli.options import check_figure
+from scenarios.cli.options import Device, check_figure
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["bench"]
@@ -73,9 +73,7 @@ def bench(
             "event path of a board carries"
         ),
     ] = None,
-    device: Annotated[
-        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
-    ] = None,
+    device: Device = None,
     figure: Annotated[
         Path | None, typer.Option(help="PNG to draw, for code, continuous and events")
     ] = None,

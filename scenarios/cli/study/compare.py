@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from scenarios.cli.options import Device
 from scenarios.cli.output import Json, make_progress, print_document
 
 __all__ = ["compare"]
@@ -28,9 +29,7 @@ def compare(
     out: Annotated[
         Path | None, typer.Option(help="folder to create [runs/compare-SCENE-N]")
     ] = None,
-    device: Annotated[
-        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
-    ] = None,
+    device: Device = None,
     json: Json = False,
 ) -> None:
     """Record one scene with the spike camera and every other imager, and compare the results."""

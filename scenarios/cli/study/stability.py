@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import number
+from scenarios.cli.options import Device
 from scenarios.cli.output import Json, print_document
 
 __all__ = ["stability"]
@@ -18,9 +19,7 @@ def stability(
         list[str] | None,
         typer.Argument(metavar="[CASE ...]", help="numbers of the cases; all by default"),
     ] = None,
-    device: Annotated[
-        str | None, typer.Option(help="part of an OpenCL device's name, or numba")
-    ] = None,
+    device: Device = None,
     json: Json = False,
 ) -> None:
     """Compare extreme cases with independent references; exit 0 if all agree."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import Final
 
+from cosim.compute.child import python_child
 from cosim.compute.opencl import Device
 from cosim.run.timing import Row
 from rtl_model.bringup.stages.ethernet.rate import measured_rates
@@ -106,7 +106,7 @@ def _datagrams_per_s(size: int, answer: int) -> float:
 def _child(code: str, *words: str) -> Iterator[str]:
     """A Python process that runs `code`; yields the first line that it prints."""
     process = subprocess.Popen(
-        [sys.executable, "-c", code, *words],
+        python_child(code, *words),
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     assert process.stdout is not None

@@ -68,7 +68,7 @@ def _run(
     The time of a chain that fails to keep its plan is that of its last try.
     """
     name, loaded = load(scenario, [*sets, f"duration={duration}"])
-    options = Options("numba" if device is None else device.name)
+    options = Options("numba" if device is None else str(device.number))
     machine = assemble(name, loaded, options, QuietProgress())
     try:
         with TemporaryDirectory() as folder:

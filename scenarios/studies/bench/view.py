@@ -14,7 +14,6 @@ import json
 import os
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -26,6 +25,7 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 
 from cosim.clock import Clock
+from cosim.compute.child import python_child
 from cosim.compute.opencl import Device
 from cosim.files.recorder import Recorder
 from cosim.run.folder import check_room
@@ -114,7 +114,7 @@ class _Viewer:
 def _viewing(stream: Path) -> Iterator[_Viewer]:
     code = "from scenarios.cli.entry import main; main()"
     process = subprocess.Popen(
-        [sys.executable, "-c", code, "view", str(stream), "--json"],
+        python_child(code, "view", str(stream), "--json"),
         stdout=subprocess.PIPE, text=True, env=_without_browser(),
     )  # fmt: skip
     try:

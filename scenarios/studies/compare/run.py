@@ -57,7 +57,7 @@ def run_compare(
     Args:
         comparison: the scene and the settings of the cameras.
         out: folder to create; runs/compare-<name>-<n> if None.
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: receives progress and notes.
         began: time.perf_counter() at the start of the command.
 

@@ -49,7 +49,7 @@ def film_spikes(
         scenario: scenario of the spike camera.
         folder: folder for the stream.
         instant: instant of the images, ps.
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: receives progress and notes.
 
     Returns:

@@ -49,7 +49,7 @@ def dataset(
         split: shares of train, val and test.
         seed: of all that is drawn.
         tolerance: allowed relative error of each run.
-        device: part of an OpenCL device's name, or "numba".
+        device: number or part of the name of an OpenCL device, or "numba".
         workers: processes on this machine; a script needs no main guard for them.
         scheduler: address of a Dask scheduler, whose workers film instead; they must see `out`.
         resume: whether the interrupted data set in `out` goes on.

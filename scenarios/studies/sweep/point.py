@@ -24,7 +24,7 @@ def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str,
     Args:
         name: short name of the scenario.
         scenario: checked scenario.
-        device: part of an OpenCL device's name, "numba", or None for the default device.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
 
     Raises:
         InputError: the machine of the worker cannot run it.

@@ -1,4 +1,4 @@
-"""Free memory, as control groups of Linux limit it: a made-up /sys/fs/cgroup."""
+"""Free memory and cores, as control groups of Linux limit them: a made-up /sys/fs/cgroup."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import pytest
 
 from cosim import InputError
-from cosim.compute import memory
-from cosim.compute.cgroup import free_in_groups
+from cosim.compute import cores, memory
+from cosim.compute.cgroup import cores_in_groups, free_in_groups
 from cosim.compute.memory import check_memory, check_program, free_memory
+from scenarios.cli.maintenance.checks import _memory
 
 MIB = 1 << 20
 V1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
@@ -60,6 +61,31 @@ def test_a_container_that_sees_the_path_of_its_host(tmp_path: Path) -> None:
 def test_no_limit(tmp_path: Path, text: str) -> None:
     assert free_in_groups(tmp_path, own(tmp_path, text)) is None
     assert free_in_groups(tmp_path, tmp_path / "none") is None
+
+
+def test_the_tightest_group_of_cores_counts(tmp_path: Path) -> None:
+    file = own(tmp_path, "5:cpu,cpuacct:/x\n0::/batch/job\n")
+    assert cores_in_groups(tmp_path, file) is None
+    for folder, limit in (("batch", "250000 100000"), ("batch/job", "max 100000")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "cpu.max").write_text(f"{limit}\n")
+    assert cores_in_groups(tmp_path, file) == 3
+    (tmp_path / "cpu/x").mkdir(parents=True)
+    (tmp_path / "cpu/x/cpu.cfs_period_us").write_text("100000\n")
+    for quota, found in ((-1, 3), (50_000, 1)):
+        (tmp_path / "cpu/x/cpu.cfs_quota_us").write_text(f"{quota}\n")
+        assert cores_in_groups(tmp_path, file) == found
+
+
+@pytest.mark.parametrize(("limit", "count"), [(None, 6), (2, 2), (9, 6)])
+def test_cores_are_those_that_the_process_may_use(
+    monkeypatch: pytest.MonkeyPatch, limit: int | None, count: int
+) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(6)))
+    monkeypatch.setattr("os.cpu_count", lambda: 64)
+    monkeypatch.setattr(cores, "_limit", lambda: limit)
+    assert cores.cores() == count
+    assert f", {count} cores" in _memory().state
 
 
 def test_a_group_limits_what_a_run_may_take(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,6 +41,18 @@ def test_a_device_is_found_by_any_part_of_its_name(device: Device) -> None:
     assert open_device(name.lower()[-8:]).name.endswith(name[-8:])
 
 
+def test_devices_of_one_name_are_told_apart_by_number(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cl = pytest.importorskip("pyopencl")
+    platform = device.handle.platform
+    again = SimpleNamespace(name=platform.name, get_devices=lambda: [device.handle] * 2)
+    monkeypatch.setattr(cl, "get_platforms", lambda: [again])
+    assert [open_device(n).number for n in ("0", "1", device.name[-5:])] == [0, 1, 0]
+    with pytest.raises(InputError, match=f"a name of: 0: {device.name[:8]}.*; 1: .*; or numba"):
+        open_device("2000")
+
+
 def test_a_device_named_wrongly_is_one_line_that_names_the_right_ones(device: Device) -> None:
     with pytest.raises(InputError) as refused:
         open_device("abacus")

@@ -49,8 +49,6 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     package.mkdir()
     (package / "__init__.py").write_text(PACKAGE)
     (package / "display_model.py").write_text(MODEL)
-    here = str(Path(colorvideovdp.__file__).parents[2])
-    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{here}")
     monkeypatch.syspath_prepend(str(tmp_path))
     return package
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +37,7 @@ def footprint(*pixels: dict[int, float]) -> Footprints:
     return Footprints(place, place, cell.astype(np.int64), share.astype(np.float32))
 
 
+@cache
 def matrix(model: PixelModel, light: float, spike: int) -> npt.NDArray[np.float64]:
     """P(spike, charge after | charge before) of a tick, on the grid; a light on its steps."""
     kernel, first, fires = (np.asarray(each, float) for each in laws(
@@ -74,24 +76,26 @@ def by_sum(
 ) -> npt.NDArray[np.float64]:
     """Log likelihood ratios of all bits, (symbols, cells), by a sum over all of them."""
     symbols = len(spikes)
-    known: dict[tuple[int, int, float], npt.NDArray[np.float64]] = {}
+    start = np.zeros(len(matrix_size(model)))
+    start[:LEVELS] = 1 / LEVELS
 
+    @cache
     def of(p: int, n: int, light: float) -> npt.NDArray[np.float64]:
-        key = p, n, round(light, 9)
-        if key not in known:
-            known[key] = symbol(model, light, spikes[n][p])
-        return known[key]
+        return symbol(model, light, spikes[n][p])
+
+    @cache
+    def charge(p: int, *lights: float) -> npt.NDArray[np.float64]:
+        """Of a pixel, after symbols of these lights."""
+        if not lights:
+            return start
+        return charge(p, *lights[:-1]) @ of(p, len(lights) - 1, lights[-1])
 
     on, off = np.zeros((2, symbols, cells))
     for drawn in itertools.product((0, 1), repeat=symbols * cells):
         bits, chance = np.reshape(drawn, (symbols, cells)), 1.0
         for p in range(len(seen.row)):
-            charge = np.zeros(len(matrix_size(model)))
-            charge[:LEVELS] = 1 / LEVELS
-            for n in range(symbols):
-                lit = float(bits[n, seen.cell[p]] @ seen.share[p].astype(float))
-                charge = charge @ of(p, n, model.off + model.on * lit)
-            chance *= charge.sum()
+            lit = bits[:, seen.cell[p]] @ seen.share[p].astype(float)
+            chance *= charge(p, *np.round(model.off + model.on * lit, 9).tolist()).sum()
         on += chance * bits
         off += chance * (1 - bits)
     return np.log(np.maximum(on, 1e-300)) - np.log(np.maximum(off, 1e-300))

@@ -12,6 +12,7 @@ from cosim import InputError
 from rtl_model.gateware import ETHERNET, TARGETS, design_for, ethernet_named, network, write_folder
 from rtl_model.gateware.ethernet_top import ethernet_pins
 from rtl_model.gateware.top import TOP
+from tests.rtl_model.netlist import lint
 
 HERE = Path(__file__).parent
 EVERY = [(name, phy) for name, phys in ETHERNET.items() for phy in phys]
@@ -67,10 +68,8 @@ def test_constraints_name_every_port_once(name, phy):
 def test_verilator_has_nothing_to_remark(name, phy, tmp_path):
     write_folder(design(name, phy), tmp_path / "made")
     shutil.copy(HERE / "liteeth" / f"{phy.kind}.v", tmp_path / "made/liteeth_core.v")
-    command = ["verilator", "--lint-only", "-Wall", f"-I{HERE}", "--top-module", TOP, f"{TOP}.v"]
-    done = subprocess.run(
-        command, cwd=tmp_path / "made", capture_output=True, text=True, timeout=300, check=False
-    )
+    (tmp_path / "made/vendor").symlink_to(HERE)
+    done = lint(TOP, folder=tmp_path / "made", options=["-Ivendor"])
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 

@@ -19,6 +19,7 @@ from rtl_model.host import (
     Cause,
     LineFault,
     LineLog,
+    Lines,
     ReplayPort,
     Uartbone,
     capture,
@@ -107,6 +108,21 @@ def test_permission_names_the_group(monkeypatch, tmp_path):
     with pytest.raises(LineFault) as fault:
         open_port("/dev/ttyUSB0", 115_200)
     assert fault.value.cause is Cause.PERMISSION and "usermod -aG" in str(fault.value)
+
+
+@pytest.mark.parametrize("given", [{}, {"dtr": "off"}, {"dtr": "off", "rts": "off"}, {"rts": "on"}])
+def test_modem_lines_are_set_as_the_port_opens(monkeypatch, terminal, given):
+    """Some boards reset by them. A pty has none: what is asked of it is seen here."""
+    import serial
+
+    asked = {}
+    for name in ("dtr", "rts"):
+        monkeypatch.setattr(
+            serial.Serial, f"_update_{name}_state",
+            lambda port, name=name: asked.setdefault(name, getattr(port, f"_{name}_state")),
+        )  # fmt: skip
+    open_port(terminal[1], 115_200, lines=Lines(**given)).close()
+    assert asked == {name: given.get(name, "on") == "on" for name in ("dtr", "rts")}
 
 
 def test_an_echo_is_told():

@@ -168,14 +168,20 @@ def test_memories_too_small_for_a_frame_are_refused() -> None:
 
 
 def test_a_place_is_a_port_and_perhaps_a_baud() -> None:
-    assert parse_address("serial:/dev/ttyUSB0", "k") == ("/dev/ttyUSB0", 115_200)
+    assert parse_address("serial:/dev/ttyUSB0", "k") == ("/dev/ttyUSB0", 115_200, (None, None))
     assert parse_address("serial:socket://10.0.0.7:1234,3000000", "k") == (
         "socket://10.0.0.7:1234",
         3_000_000,
+        (None, None),
     )
+    for words, given in (("", 115_200), (",9600", 9600)):
+        address = f"serial:/dev/ttyUSB0{words},rts=off,dtr=on"
+        assert parse_address(address, "k") == ("/dev/ttyUSB0", given, ("on", "off"))
     assert parse_address("udp:10.0.0.7", "k")[0] == "udp:10.0.0.7:1234"
     assert parse_address("udp:[::1]:1235", "k")[0] == "udp:[::1]:1235"
-    for wrong in ("", "serial:", "usb:/dev/x", "serial:x,", "serial:x,0", "serial:x,fast"):
+    for wrong in ("", "serial:", "usb:/dev/x", "serial:x,", "serial:x,0", "serial:x,fast",
+                  "serial:x,dtr=low", "serial:x,9600,cts=on", "serial:x,dtr=on,dtr=on",
+                  "serial:x,rts=on,9"):  # fmt: skip
         with pytest.raises(InputError, match="k must be serial:PORT"):
             parse_address(wrong, "k")
 

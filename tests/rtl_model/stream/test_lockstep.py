@@ -1,7 +1,6 @@
 """The Verilog of each source with its stream agrees with the cycle model in every bit and clock."""
 
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -10,8 +9,8 @@ from rtl_model.stream.lockstep import beats, run
 from rtl_model.stream.program import Case
 from rtl_model.stream.reader import read_stream
 from rtl_model.stream.verilated import COLUMNS
-from rtl_model.verilated import VERILOG
 from rtl_model.verilated.build import missing
+from tests.rtl_model.netlist import lint
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
 
@@ -111,7 +110,7 @@ def test_many_seeds(case, seed):
     ],
 )
 def test_verilator_has_nothing_to_remark(source, settings):
-    said = lint(source, settings)
+    said = lint(f"viform_stream_{source}", settings)
     assert (said.returncode, said.stdout + said.stderr) == (0, "")
 
 
@@ -121,16 +120,6 @@ def test_verilator_has_nothing_to_remark(source, settings):
      ("external", "IN_FLIGHT", 12)],
 )  # fmt: skip
 def test_a_parameter_that_is_not_supported_is_refused(source, name, value):
-    said = lint(source, {name: value})
+    said = lint(f"viform_stream_{source}", {name: value})
     assert said.returncode != 0
     assert f"{name}_must_be_" in said.stdout + said.stderr
-
-
-def lint(source, settings):
-    top = f"viform_stream_{source}"
-    command = ["verilator", "--lint-only", "-Wall", f"-I{VERILOG}", "--top-module", top]
-    command += [f"-G{name}={value}" for name, value in settings.items()]
-    return subprocess.run(
-        [*command, str(VERILOG / f"{top}.v")],
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip

@@ -9,6 +9,7 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 from rtl_model.registers.verilog import HEADER, verilog_header, write_verilog_header
 from rtl_model.verilated import VERILOG
+from tests.rtl_model.netlist import lint
 
 
 def test_the_header_is_made_from_the_table(tmp_path):
@@ -48,12 +49,7 @@ def test_nothing_is_waived():
     ],
 )
 def test_verilator_has_nothing_to_remark(geometry):
-    command = ["verilator", "--lint-only", "-Wall", f"-I{VERILOG}", "--top-module", "viform_board"]
-    command += [f"-G{name}={value}" for name, value in geometry.verilog.items()]
-    done = subprocess.run(
-        [*command, str(VERILOG / "viform_board.v")],
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+    done = lint("viform_board", geometry.verilog)
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 
@@ -77,16 +73,18 @@ YOSYS = [("LANES", 48)]
 def test_a_parameter_that_is_not_supported_is_refused(tool, name, value):
     if shutil.which(tool) is None:
         pytest.skip(f"needs the system package {tool}")
-    sources = [str(path) for path in sorted(VERILOG.glob("*.v"))]
+    sources = sorted(path.name for path in VERILOG.glob("*.v"))
     top = "viform_system" if tool == "yosys" and name != "BIT_CLOCKS" else "viform_board"
-    script = f"read_verilog -I{VERILOG} {' '.join(sources)}; chparam -set {name} {value} {top}; "
+    script = f"read_verilog -I. {' '.join(sources)}; chparam -set {name} {value} {top}; "
     command = {
-        "verilator": ["verilator", "--lint-only", "-Wno-fatal", f"-I{VERILOG}", f"-G{name}={value}",
+        "verilator": ["verilator", "--lint-only", "-Wno-fatal", "-I.", f"-G{name}={value}",
                       "--top-module", top, *sources],
-        "iverilog": ["iverilog", "-g2005", f"-I{VERILOG}", f"-P{top}.{name}={value}", "-s", top,
+        "iverilog": ["iverilog", "-g2005", "-I.", f"-P{top}.{name}={value}", "-s", top,
                      "-o", "/dev/null", *sources],
         "yosys": ["yosys", "-q", "-p", f"{script}hierarchy -check -top {top}"],
     }[tool]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        command, cwd=VERILOG, capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode != 0
     assert f"{name}_must_be_" in done.stdout + done.stderr

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -54,6 +55,59 @@ def test_importing_loads_nothing_else() -> None:
     assert all(getattr(viform, name) is not None for name in viform.__all__)
     with pytest.raises(AttributeError, match="no attribute 'films'"):
         viform.films  # noqa: B018
+
+
+def test_modules_of_the_user_hide_no_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finders = [finder for finder in sys.meta_path if finder is not viform._Packages]
+    monkeypatch.setattr(sys, "meta_path", finders)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    names = ("cosim", "display", "link", "scenarios", "sensor")
+    for name in names:
+        monkeypatch.delitem(sys.modules, name)
+    for name in names[1:]:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").touch()
+    (tmp_path / "cosim.py").touch()
+    (tmp_path / "mine.py").touch()
+    assert find_spec("display").origin == str(tmp_path / "display/__init__.py")
+    spec = spec_from_file_location("again", viform.__file__)
+    again = module_from_spec(spec)
+    spec.loader.exec_module(again)
+    for name in names:
+        assert find_spec(name).origin == str(ROOT / name / "__init__.py")
+    assert find_spec("mine").origin == str(tmp_path / "mine.py")
+    with pytest.warns(UserWarning) as said:
+        assert again.Clock.__module__ == "cosim.clock"
+    hidden = sorted(str(each.message).split("`")[1] for each in said)
+    assert hidden == [f"import {name}" for name in names]
+    assert f"not {tmp_path}/sensor/__init__.py: rename" in str([str(s.message) for s in said])
+
+    monkeypatch.setitem(sys.modules, "sensor", SimpleNamespace(
+        __spec__=spec_from_file_location("sensor", tmp_path / "sensor/__init__.py")
+    ))  # fmt: skip
+    with pytest.raises(ImportError, match=f"not {tmp_path}/sensor/__init__.py, which was") as no:
+        spec.loader.exec_module(module_from_spec(spec))
+    assert "\n" not in str(no.value)
+
+
+def test_a_program_finds_what_it_needs_in_any_folder(tmp_path: Path) -> None:
+    """The program's children find no module of the working folder, nor does PYTHONPATH matter."""
+    for name in ("sensor", "display", "random", "json"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('the file of the user')\n")
+    code = "from cosim.compute.opencl import probe; import viform; viform.Stream; print(*probe())"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", f"import sys; del sys.path[0]\n{code}"],
+        capture_output=True, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert "'platform'" in done.stdout, done.stderr
+    (tmp_path / "random.py").unlink()
+    (tmp_path / "json.py").unlink()
+    program = Path(sys.executable).with_name("viform")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([program, "list"], capture_output=True, text=True, env=environment)
+    assert (done.returncode, done.stderr) == (0, "") and "light-link" in done.stdout
 
 
 def test_film_gives_the_bits_of_the_command_line(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ class Band:
         tier: its arithmetic.
         flags: flags of the fast tier for the rows with their halo, (rows, groups) uint8; None in
             another tier.
-        device: name for `choose_device`.
+        device: as for `choose_device`.
     """
 
     rows: tuple[int, int]

@@ -49,7 +49,7 @@ class Bands:
 
     Attributes:
         workers, scheduler: see `workers_for`.
-        device: name for `choose_device`.
+        device: as for `choose_device`.
     """
 
     workers: int

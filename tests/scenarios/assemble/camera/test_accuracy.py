@@ -15,8 +15,8 @@ from scenarios.assemble.schema.loading import load
 from scenarios.cli.output import SilentProgress
 
 STAR = (
-    "sensor.chip=spikeone", "sensor.preset=silicon", "scene.rotation=0 Hz", "duration=5 ms",
-    "image.at=[60, 150]",
+    "sensor.width=160", "sensor.height=128", "sensor.preset=silicon", "scene.rotation=0 Hz",
+    "duration=5 ms", "image.at=[60, 150]",
 )  # fmt: skip
 
 

@@ -11,6 +11,8 @@ UDP = ("--port", "udp:127.0.0.1:9")
         (("identify", *UDP, "--baud", 115_200), "--baud must be given with a serial port"),
         (("bringup", *UDP, "--baud", 9600), "--baud must be given with a serial port"),
         (("bringup", *UDP, "--low-latency"), "--low-latency must be given with a serial port"),
+        (("identify", *UDP, "--dtr", "off"), "--dtr and --rts must be given with a serial port"),
+        (("prbs", "--rts", "low"), "--rts must be one of 'on', 'off', not 'low'"),
         (
             ("gateware", "ulx3s-25f", "--ethernet", "rmii", "--baud", 9600, "--out", "x"),
             "--baud must be left out with --ethernet",
