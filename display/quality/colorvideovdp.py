@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
+from cosim.errors import say
 from display.observe.slow_motion import SlowMotion
 
 __all__ = ["color_video_vdp"]
@@ -65,10 +66,11 @@ def color_video_vdp(
         sizes = np.array([rate / group, per_degree / motion.by, luminance])
         np.savez(path, truth=_grouped(frames[truth], group), sizes=sizes, **tests)
         done = subprocess.run(
-            [sys.executable, "-m", __name__, str(path)], capture_output=True, text=True, check=False
-        )
+            [sys.executable, "-m", __name__, str(path)], capture_output=True,
+            encoding="utf-8", errors="replace", check=False,
+        )  # fmt: skip
     if done.returncode:
-        print(f"viform: ColorVideoVDP failed: {done.stderr.strip()[-200:]}", file=sys.stderr)
+        say(f"ColorVideoVDP failed: {done.stderr.strip()[-200:]}")
         return dict.fromkeys(names, float("nan"))
     return dict(zip(names, json.loads(done.stdout.splitlines()[-1]), strict=True))
 

@@ -146,8 +146,9 @@ def probe_gl() -> tuple[bool, str]:
     message."""
     try:
         child = subprocess.run(
-            [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=60
-        )
+            [sys.executable, "-c", _PROBE], capture_output=True, timeout=60,
+            encoding="utf-8", errors="replace",
+        )  # fmt: skip
         answer = json.loads(child.stdout.strip().splitlines()[-1])
     except subprocess.TimeoutExpired:
         return False, "the GL driver did not answer within a minute"

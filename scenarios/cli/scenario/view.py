@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenarios.cli.output import Json, print_document, size_option
+from cosim.errors import say
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from scenarios.view.server import ViewServer
@@ -45,7 +46,8 @@ def view(
         if json:
             print_document({"stream": str(run), "address": server.address})
         else:
-            print(f"{server.address}\nopen this address in a browser; Ctrl-C ends it")
+            tell(server.address)
+            tell("open this address in a browser; Ctrl-C ends it")
         sys.stdout.flush()
         if _has_browser():
             import webbrowser
@@ -54,10 +56,10 @@ def view(
         try:
             server.opened = with_scene(opened, run)
             for note in server.opened.notes:
-                print(f"viform: {note}", file=sys.stderr)
+                say(note)
             threading.Event().wait()  # until Ctrl-C
         except KeyboardInterrupt:
-            print("viform: ended", file=sys.stderr)
+            say("ended")
 
 
 @contextmanager
