@@ -65,13 +65,28 @@ def load_matplotlib() -> None:
 def _matplotlib() -> Any:
     """The module. Raises InputError if it cannot read the user's settings."""
     try:
-        return import_module("matplotlib")
+        with _SETTINGS, _without_a_file_of_the_folder():
+            return import_module("matplotlib")
     except (OSError, ValueError) as exc:  # UnicodeDecodeError is a ValueError
         why = " ".join(str(exc).split())
         raise InputError(
             "Matplotlib's settings", "a file matplotlibrc in UTF-8 and a back end that it knows",
             why, "mend them, or work in a folder without matplotlibrc and unset MPLBACKEND",
         ) from exc  # fmt: skip
+
+
+@contextmanager
+def _without_a_file_of_the_folder() -> Iterator[None]:
+    """A context in which Matplotlib, as a command imports it, finds no matplotlibrc in the working
+    folder. It reads that before MATPLOTLIBRC, which scenarios/cli/start.py has set, and has no
+    option for it."""
+    exists = os.path.exists
+    if os.environ.get("MATPLOTLIBRC") == os.devnull:
+        os.path.exists = lambda path: path != "matplotlibrc" and exists(path)
+    try:
+        yield
+    finally:
+        os.path.exists = exists
 
 
 @contextmanager
@@ -107,11 +122,7 @@ def _set_defaults(matplotlib: Any) -> None:
 def _figure(**options: Any) -> Any:
     """A new figure, not pyplot's: that keeps each figure, takes longer to import, and allows one
     thread alone. options: of `Figure`."""
-    matplotlib = _matplotlib()
-    with _SETTINGS:
-        # The command's own process (scenarios/cli/start.py), but for a matplotlibrc in its folder.
-        if not _users and os.environ.get("MATPLOTLIBRC") == os.devnull:
-            _set_defaults(matplotlib)
+    _matplotlib()
     from matplotlib.figure import Figure
 
     return Figure(**options)

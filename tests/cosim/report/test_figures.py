@@ -8,6 +8,7 @@ from typing import Any
 import matplotlib
 import pytest
 
+from cosim.report import figures
 from cosim.report.figures import own_settings, subplots
 from scenarios.report.frame import write_report
 from scenarios.scenes.charts import chart_art
@@ -43,14 +44,21 @@ def test_a_report_is_drawn_with_our_settings(tmp_path: Path) -> None:
     assert ended.value.args == (False, "normal")
 
 
-def test_figures_of_a_command_do_not_follow_a_matplotlibrc_in_its_folder(
-    monkeypatch: pytest.MonkeyPatch,
+def test_a_command_reads_no_matplotlibrc_of_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with matplotlib.rc_context(USERS):
-        monkeypatch.setenv("MATPLOTLIBRC", "/home/a")
-        assert subplots(figsize=(1, 1))[0].get_facecolor() == (0, 0, 0, 1)
-        monkeypatch.setenv("MATPLOTLIBRC", "/dev/null")
-        assert subplots(figsize=(1, 1))[0].get_facecolor() == (1, 1, 1, 1)
+    (tmp_path / "matplotlibrc").write_bytes(b"font.family: caf\xe9\n")
+    monkeypatch.chdir(tmp_path)
+    found = []
+    imported = figures.import_module
+    monkeypatch.setattr(
+        figures, "import_module",
+        lambda name: found.append(matplotlib.matplotlib_fname()) or imported(name),
+    )  # fmt: skip
+    for value in ("/dev/null", "/home/a"):
+        monkeypatch.setenv("MATPLOTLIBRC", value)
+        subplots(figsize=(1, 1))
+    assert found == ["/dev/null", "matplotlibrc"] and matplotlib.matplotlib_fname() == found[1]
 
 
 def test_the_letters_of_a_scene_are_the_same_for_every_user() -> None:
