@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import json
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,9 @@ from typing import Any
 
 import pytest
 
+from cosim import InputError
+from cosim.compute import opencl
+from cosim.compute.cores import all_cores
 from cosim.errors import one_line, say
 from cosim.run.result import dumps
 from cosim.run.shown import SilentProgress, TerminalProgress
@@ -120,6 +124,29 @@ def test_settings_of_a_user_s_other_programs_do_not_reach_a_command() -> None:
     assert environ["NUMBA_NUM_THREADS"] == "1"
 
 
+def test_a_thread_pool_that_is_not_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    @all_cores
+    def compiled() -> None:
+        raise ValueError("No threading layer could be loaded.\nHINT:\nIntel TBB is required")
+
+    monkeypatch.setenv("NUMBA_THREADING_LAYER", "tbb")
+    with pytest.raises(InputError, match=r"NUMBA_THREADING_LAYER must be .* not 'tbb'; unset it"):
+        compiled()
+
+
+def test_a_small_limit_of_files_is_told_before_the_compiler_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    monkeypatch.setattr(resource, "getrlimit", lambda of: (20480, limit[1]))
+    with pytest.raises(InputError) as refused:
+        opencl._check_cache(tmp_path)
+    assert str(refused.value) == (
+        "the limit of a file's size (ulimit -f) must be 2048 KiB or more, not 20 KiB; raise it, or "
+        "pass --device numba"
+    )
+
+
 def test_a_working_folder_that_is_gone_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -150,3 +177,42 @@ def test_standard_streams_may_be_closed_or_full(redirected: str, out: str) -> No
     done: Any = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=60)
     assert (done.returncode, done.stdout) == (0, out)
     assert done.stderr == ("err\n" if redirected == ">&-" else "")
+
+
+USED = ("run", "step", "--set", "sensor.width=32", "--set", "sensor.height=32", "--set",
+        "duration=2 ms", "--set", "scene.at=1 ms", "--device", "numba", "--out", "out")  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("before", "after", "code"),
+    [
+        ("MPLBACKEND=module://nothing.here MATPLOTLIBRC=$PWD", "", 0),
+        ("PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 LC_ALL=POSIX", "", 0),
+        ("PYTHONIOENCODING=cp1252", "", 0),
+        ("NUMBA_THREADING_LAYER=tbb NUMBA_NUM_THREADS=none", "", 0),
+        ("NUMBA_CACHE_DIR=/proc/none", "", 0),
+        ("PYTHONWARNINGS=error PYTHONOPTIMIZE=2", "", 0),
+        ("HOME= TMPDIR=/nowhere TERM=dumb COLUMNS=1 LANG=xx_YY.FOO", "", 0),
+        ("", ">&-", 0), ("", "2>&-", 0), ("", "2>/dev/full", 0), ("", "<&- >&- 2>&-", 0),
+        ("umask 0777;", "", 0),
+        ("prlimit --fsize=20000", "", 2),
+        ("prlimit --nofile=9", "", 2),
+        ("mkdir gone; cd gone; rmdir ../gone;", "", 2),
+    ],
+)  # fmt: skip
+def test_a_run_is_complete_or_refused_in_any_surroundings(
+    tmp_path: Path, before: str, after: str, code: int
+) -> None:
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\n", encoding="utf-8")
+    program = "from scenarios.cli import main; main()"
+    command = f'{before} "$0" -c \'{program}\' "$@" {after}'
+    done: Any = subprocess.run(
+        ["sh", "-c", command, sys.executable, *USED],
+        cwd=tmp_path, capture_output=True, encoding="utf-8", errors="replace", timeout=600,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    assert (tmp_path / "out/result.json").exists() is (code == 0)
+    assert "Traceback" not in done.stderr
+    if code:
+        assert done.stderr.splitlines()[-1].startswith("viform: ") and not done.stdout
