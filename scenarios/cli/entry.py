@@ -31,7 +31,7 @@ def main() -> None:
     # SIGINT's current handler is not used: a shell script ignores SIGINT for `viform ... &`.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     read_launcher()
-    if sys.flags.optimize > 1 and os.environ.pop("PYTHONOPTIMIZE", None):
+    if sys.flags.optimize > 1 and os.environ.pop("PYTHONOPTIMIZE", ""):
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # the help is in docstrings
     os.umask(os.umask(0o077) & 0o077)  # the user may enter the folders that the command makes
     protect()
