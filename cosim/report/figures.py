@@ -54,7 +54,7 @@ def load_matplotlib() -> None:
     a recording leaves some."""
 
     def load() -> None:
-        with suppress(InputError):  # raised again where a figure is drawn
+        with suppress(InputError, ImportError, OSError):  # raised again where a figure is drawn
             _matplotlib()
             for name in ("matplotlib.figure", "matplotlib.backends.backend_agg"):
                 import_module(name)
@@ -67,7 +67,7 @@ def _matplotlib() -> Any:
     try:
         with _SETTINGS, _without_a_file_of_the_folder():
             return import_module("matplotlib")
-    except (OSError, ValueError) as exc:  # UnicodeDecodeError is a ValueError
+    except (PermissionError, ValueError) as exc:  # UnicodeDecodeError is a ValueError
         why = " ".join(str(exc).split())
         raise InputError(
             "Matplotlib's settings", "a file matplotlibrc in UTF-8 and a back end that it knows",
