@@ -5,14 +5,22 @@
 - `MissingPackages`: an `InputError` that system packages would resolve. The launcher installs them.
 - `Interrupted`: the user stopped a run. Its checkpoint exists, and the text says how to continue.
 - Any other exception is a fault of this project and keeps its traceback.
+
+Lines for the user go to standard error by `say`. Foreign text, such as a file's name or the answer
+of a board, is printed by it or by `one_line`.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Final
 
-__all__ = ["InputError", "Interrupted", "MissingPackages", "ViformError", "quote", "shorten"]
+__all__ = [
+    "InputError", "Interrupted", "MissingPackages", "ViformError", "one_line", "quote", "say",
+    "shorten",
+]  # fmt: skip
 
 LONGEST: Final = 80
 """Characters of a wrong value that a message repeats."""
@@ -20,10 +28,31 @@ LONGEST: Final = 80
 WHOLE: Final = 200
 """Characters of the name of a wrong thing, or of what is said of it."""
 
+_BLANKS: Final = "\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
+"""Characters of our own texts that Python does not count as printable."""
+
 
 def shorten(text: str, longest: int = LONGEST) -> str:
     """The text, or so many of its first characters and an ellipsis."""
     return text if len(text) <= longest else f"{text[:longest]}..."
+
+
+def one_line(text: str) -> str:
+    """Foreign text as a line for a terminal: what is not printable becomes an escape. A file's
+    name, a key or the answer of a board may hold a line break, or a sequence that commands the
+    terminal."""
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() or c in _BLANKS else c.encode("unicode_escape").decode() for c in text
+    )
+
+
+def say(text: str) -> None:
+    """Prints a line of the program on standard error, if that can be written."""
+    if sys.stderr is not None:  # print would choose standard output
+        with suppress(OSError):
+            print(f"viform: {one_line(text)}", file=sys.stderr, flush=True)
 
 
 def quote(value: object) -> str:
@@ -62,8 +91,8 @@ class InputError(ViformError):
             else f"{text[:-LONGEST][: WHOLE - LONGEST]}...{text[-LONGEST:]}"
             for text in (self.what, self.actual)
         )
-        line = " ".join(f"{what} must be {self.must}, not {actual}; {self.remedy}".split())
-        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+        line = f"{what} must be {self.must}, not {actual}; {self.remedy}"
+        return one_line(" ".join(line.split()))
 
 
 class MissingPackages(InputError):

@@ -109,7 +109,8 @@ def synthesise(
                 [yosys, "-q", "-p", "; ".join(script)],
                 cwd=folder,
                 capture_output=True,
-                text=True,
+                encoding="utf-8",
+                errors="replace",
                 timeout=timeout_s,
                 check=False,
             )

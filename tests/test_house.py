@@ -32,6 +32,12 @@ ONLY_IN = {
     "pyopencl": "cosim",
 }
 
+HOME_OF_FIGURES = "cosim/report/figures.py"
+"""The one file that makes figures: others would follow the settings of a user for his own."""
+OTHER_OPENERS = ("os", "av", "webbrowser", "self._zip")
+"""What has a function `open` that opens no text."""
+FIGURE_MAKERS = ("matplotlib.figure", "matplotlib.backends", "matplotlib.pyplot", "pylab")
+
 # package -> its rooms from the ground up; a room imports itself and those before it. A name stands
 # for a folder or a file of the package; rooms in one string stand side by side.
 ROOMS = {
@@ -127,7 +133,45 @@ def broken_rules(root: Path) -> list[str]:
                     found.append(f"{place}:{line}: {package} must not import the tests")
                 if ONLY_IN.get(top, package) != package:
                     found.append(f"{place}:{line}: only {ONLY_IN[top]} may import {top}")
+                if name.startswith(FIGURE_MAKERS) and str(place) != HOME_OF_FIGURES:
+                    found.append(f"{place}:{line}: only {HOME_OF_FIGURES} makes figures")
+            for line, name in texts(tree):
+                found.append(f"{place}:{line}: {name} must name its encoding")
     return found
+
+
+def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yields (line, call) of each file or process that is read or written as text in the encoding
+    of the user's locale."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        module = ast.unparse(node.func.value) if isinstance(node.func, ast.Attribute) else ""
+        named = {word.arg: word.value for word in node.keywords}
+        if "encoding" in named or None in named:
+            continue
+        if name in ("read_text", "write_text"):
+            text = len(node.args) < 1 + (name == "write_text")
+        elif name == "fdopen" or (name == "open" and module not in OTHER_OPENERS):
+            values = [
+                n.value for n in [*node.args, named.get("mode")] if isinstance(n, ast.Constant)
+            ]
+            modes = [v for v in values if isinstance(v, str) and re.fullmatch("[rwaxbt+]{1,3}", v)]
+            # Without a mode, what has a method `open` may be a port, or a member of an archive.
+            text = not any("b" in mode for mode in modes) and bool(
+                modes or module in ("", "io") or name == "fdopen"
+            )
+        elif name in ("NamedTemporaryFile", "TemporaryFile", "SpooledTemporaryFile"):
+            mode = named.get("mode", node.args[0] if node.args else None)
+            text = mode is not None and "b" not in ast.unparse(mode)
+        else:
+            text = name in ("TextIOWrapper", "popen", "getoutput", "getstatusoutput")
+            text |= bool({"text", "universal_newlines"} & named.keys()) and name in (
+                "run", "Popen", "check_output", "check_call", "call",
+            )  # fmt: skip
+        if text:
+            yield node.lineno, name
 
 
 def modules(root: Path) -> dict[str, Path]:
@@ -417,6 +461,18 @@ def test_a_clone_has_the_bytes_of_the_repository(tmp_path):
         ("sensor__a", "import moderngl", "only display may import moderngl"),
         ("scenarios__a", "import serial.tools", "only rtl_model may import serial"),
         ("sensor__a", "import pyopencl as cl", "only cosim may import pyopencl"),
+        ("sensor__a", "from matplotlib.figure import Figure", "only cosim/report/figures.py makes"),
+        ("sensor__a", "import matplotlib.pyplot as plt", "only cosim/report/figures.py makes"),
+        ("sensor__a", "path.read_text()", "read_text must name its encoding"),
+        ("sensor__a", "path.write_text(words)", "write_text must name its encoding"),
+        ("sensor__a", "open(path)", "open must name its encoding"),
+        ("sensor__a", "open(path, 'a')", "open must name its encoding"),
+        ("sensor__a", "path.open('w')", "open must name its encoding"),
+        ("sensor__a", "os.fdopen(4, mode='w')", "fdopen must name its encoding"),
+        ("sensor__a", "gzip.open(path, 'rt')", "open must name its encoding"),
+        ("sensor__a", "NamedTemporaryFile('w')", "NamedTemporaryFile must name its encoding"),
+        ("sensor__a", "TextIOWrapper(raw)", "TextIOWrapper must name its encoding"),
+        ("sensor__a", "subprocess.run(words, text=True)", "run must name its encoding"),
         ("sensor__a", "from tests import helpers", "sensor must not import the tests"),
         ("sensor__a", "x = 1\n" * 398, "sensor/a.py:400: must be under 400 lines"),
     ],
@@ -458,6 +514,8 @@ def test_what_is_allowed_passes(tmp_path):
         sensor___b='"""Own private names and relative imports are our own affair."""\n',
         link__a='"""A module."""\nimport cosim, sensor.chip, display\n',
         display__a='"""A module."""\ndef f():\n    import moderngl\n',
+        display__b='"""A module."""\nopen(path, "rb")\npath.open("wb")\narchive.open(name)\n'
+        'path.read_text(encoding="ascii")\nos.open(path, os.O_RDONLY)\nline.replace(text="")\n',
         scenarios__a='"""A module."""\nimport cosim, sensor, display, rtl_model, link\n',
     )
     assert broken_rules(tmp_path) == []

@@ -73,7 +73,7 @@ def _above(controller: str, groups: Path, own: Path) -> Iterator[tuple[Path, boo
     are of version 2. Within a container the path may be that of the host, which is not mounted:
     then what is mounted is the container's own."""
     try:
-        lines = own.read_text().splitlines()
+        lines = own.read_text(encoding="utf-8").splitlines()
     except OSError:
         return
     for line in lines:
@@ -94,11 +94,11 @@ def _above(controller: str, groups: Path, own: Path) -> Iterator[tuple[Path, boo
 def _left(folder: Path, files: _Files) -> int | None:
     """What one group leaves; None without a limit."""
     with suppress(OSError, ValueError):  # `max`, or no such file
-        limit = int((folder / files.limit).read_text())
-        used = int((folder / files.usage).read_text())
+        limit = int((folder / files.limit).read_text(encoding="utf-8"))
+        used = int((folder / files.usage).read_text(encoding="utf-8"))
         idle = 0
         with suppress(OSError, ValueError):
-            for line in (folder / files.stat).read_text().splitlines():
+            for line in (folder / files.stat).read_text(encoding="utf-8").splitlines():
                 if line.startswith(f"{files.idle} "):
                     idle = int(line.split()[1])
         return limit - max(used - idle, 0)

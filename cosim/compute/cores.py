@@ -18,6 +18,7 @@ from typing import Any, Final, TypeVar
 
 from cosim.compute.cgroup import cores_in_groups
 from cosim.compute.forks import use
+from cosim.errors import InputError
 
 __all__ = ["all_cores", "cores"]
 
@@ -56,14 +57,24 @@ def _shared() -> bool:
 
 def all_cores(function: _Function) -> _Function:
     """Decorator, above `njit(parallel=True)`, of a function that threads may call. It raises
-    InputError in a process that was forked from one that has called such a function."""
+    InputError in a process that was forked from one that has called such a function, and if the
+    user has set a thread pool that the machine lacks."""
 
     @wraps(function)
     def alone(*given: Any) -> Any:
         use("numba")
-        if _shared():
-            return function(*given)
-        with _BUSY:
-            return function(*given)
+        try:
+            if _shared():
+                return function(*given)
+            with _BUSY:
+                return function(*given)
+        except ValueError as exc:
+            if not str(exc).startswith("No threading layer could be loaded"):
+                raise
+            layer = os.environ.get("NUMBA_THREADING_LAYER", "")
+            raise InputError(
+                "NUMBA_THREADING_LAYER", "a thread pool of numba that this machine has",
+                repr(layer), "unset it",
+            ) from None  # fmt: skip
 
     return alone  # type: ignore[return-value]  # the same signature

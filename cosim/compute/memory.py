@@ -1,4 +1,4 @@
-"""Check of free memory before a large allocation."""
+"""Check of free memory before a large allocation, and the process's limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cosim.compute.cgroup import free_in_groups
 from cosim.compute.cores import cores
 from cosim.errors import InputError
 
-__all__ = ["check_memory", "check_plane", "check_program", "free_memory"]
+__all__ = ["check_memory", "check_plane", "check_program", "free_memory", "largest_file"]
 
 _GIB = 2**30
 _PLANE: Final = 32
@@ -41,14 +41,23 @@ def _present() -> int:
 
 def _addresses() -> int:
     """Bytes by which the address space may still grow."""
+    most = _limit("RLIMIT_AS")
+    return most if most == sys.maxsize else most - int(psutil.Process().memory_info().vms)
+
+
+def largest_file() -> int:
+    """Bytes that a file of this process may have."""
+    return _limit("RLIMIT_FSIZE")
+
+
+def _limit(name: str) -> int:
+    """A limit of this process by its name in `resource`; sys.maxsize for none."""
     try:
         import resource  # not on Windows
     except ImportError:
         return sys.maxsize
-    most, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if most == resource.RLIM_INFINITY:
-        return sys.maxsize
-    return most - int(psutil.Process().memory_info().vms)
+    most, _ = resource.getrlimit(getattr(resource, name))
+    return sys.maxsize if most == resource.RLIM_INFINITY else most
 
 
 def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) -> None:

@@ -13,7 +13,6 @@ import os
 import shutil
 import stat
 import subprocess
-import sys
 import tempfile
 import warnings
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -30,8 +29,9 @@ import cosim.compute.cores  # noqa: F401  # it limits the threads of PoCL
 from cosim.compute.child import python_child
 from cosim.compute.forks import lose_in_forks, use
 from cosim.compute.kernels import SharedKernel
+from cosim.compute.memory import largest_file
 from cosim.compute.pocl_files import pocl_files
-from cosim.errors import InputError, MissingPackages, shorten
+from cosim.errors import InputError, MissingPackages, say, shorten
 
 __all__ = [
     "INSTALL",
@@ -51,6 +51,8 @@ INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
 _KERNELS = 32 << 20
 """Bytes that the compiler may write for a run: some tens of kernels, each with its stages."""
+_FILE = 2 << 20
+"""Bytes that a file of the compiler may have; those of our kernels have up to 0.2 MiB."""
 _SAID: set[str] = set()
 """Values of VIFORM_CACHE that a line has said are not used."""
 _LOCAL_GPU = 64
@@ -87,10 +89,9 @@ def cache_folder() -> Path:
     found = found or Path(tempfile.mkdtemp(prefix="viform-"))
     if given and why and given not in _SAID:
         _SAID.add(given)
-        print(
-            f"viform: VIFORM_CACHE must be a folder of this user that nobody else may enter (mode "
-            f"700), not {shorten(given)} ({why}); {found} is used",
-            file=sys.stderr,
+        say(
+            f"VIFORM_CACHE must be a folder of this user that nobody else may enter (mode "
+            f"700), not {shorten(given)} ({why}); {found} is used"
         )
     return found
 
@@ -121,9 +122,9 @@ def _objection(folder: Path, close: bool = False) -> str:
 
 
 def prepare_caches() -> None:
-    """Directs the caches of PoCL, pyopencl and Matplotlib to a writable folder, for this process
-    and its children, and that of numba if the source folder is not writable. It must be called
-    before numba and Matplotlib are imported.
+    """Directs the caches of PoCL and pyopencl to a writable folder, for this process and its
+    children, and that of numba if the source folder is not writable. It must be called before numba
+    is imported.
 
     VIFORM_CACHE is set to the folder. Otherwise a second call would use a folder below it, because
     the first has changed XDG_CACHE_HOME.
@@ -132,7 +133,6 @@ def prepare_caches() -> None:
     os.environ["VIFORM_CACHE"] = str(folder)
     os.environ.setdefault("POCL_CACHE_DIR", str(folder / "pocl"))
     os.environ.setdefault("XDG_CACHE_HOME", str(folder))
-    os.environ.setdefault("MPLCONFIGDIR", str(folder / "matplotlib"))
     if not os.access(Path(__file__).parent, os.W_OK):
         os.environ.setdefault("NUMBA_CACHE_DIR", str(folder / "numba"))
     Path(os.environ["POCL_CACHE_DIR"]).mkdir(parents=True, exist_ok=True)
@@ -147,7 +147,7 @@ def probe() -> list[dict[str, Any]]:
     """
     prepare_caches()
     try:
-        child = subprocess.run(python_child(_PROBE), capture_output=True, text=True, timeout=60)
+        child = subprocess.run(python_child(_PROBE), capture_output=True, timeout=60)
         devices: list[dict[str, Any]] = json.loads(child.stdout)
     except (subprocess.TimeoutExpired, json.JSONDecodeError):
         return []
@@ -166,8 +166,14 @@ def _no_device(value: str, remedy: str) -> InputError:
 
 
 def _check_cache(folder: Path) -> None:
-    """Raises InputError if the disk of the cache is full: the compiler, which works in files there,
-    would end the process."""
+    """Raises InputError if the disk of the cache is full, or the user's files must be small: the
+    compiler works in files there, and would end the process or fail without a reason."""
+    most = largest_file()
+    if most < _FILE:
+        raise InputError(
+            "the limit of a file's size (ulimit -f)", f"{_FILE >> 10} KiB or more",
+            f"{most / 1024:.3g} KiB", "raise it, or pass --device numba",
+        )  # fmt: skip
     free = shutil.disk_usage(folder)
     if free.total and free.free < _KERNELS:
         raise InputError(
@@ -226,7 +232,7 @@ def open_device(wanted: str | None = None) -> Device:
 
 def wide_cl() -> str:
     """OpenCL source that defines WIDE, an attribute of kernels with sixteen lanes."""
-    return (files("cosim.compute") / "wide.cl").read_text()
+    return (files("cosim.compute") / "wide.cl").read_text(encoding="utf-8")
 
 
 @dataclass(eq=False)

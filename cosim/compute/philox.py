@@ -69,4 +69,4 @@ def philox4x32(
 
 def philox_cl() -> str:
     """OpenCL source of `philox16`, sixteen counters at a time."""
-    return wide_cl() + (files("cosim.compute") / "philox.cl").read_text()
+    return wide_cl() + (files("cosim.compute") / "philox.cl").read_text(encoding="utf-8")

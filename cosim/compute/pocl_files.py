@@ -191,7 +191,7 @@ class PoclFiles:
     def _write(self, key: str, record: dict[str, Any]) -> None:
         part = self._sums / f".{key}.{os.getpid()}"
         with suppress(OSError):  # a full disk: compiled again at the next start
-            part.write_text(json.dumps(record))
+            part.write_text(json.dumps(record), encoding="utf-8")
             os.replace(part, self._sums / key)
         _drop(part)
 
@@ -242,7 +242,7 @@ def _records(folder: Path) -> dict[str, dict[str, Any]]:
 def _read(path: Path) -> dict[str, Any] | None:
     """The sums of a program; None if there are none, or they are damaged themselves."""
     with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
-        record = json.loads(path.read_text())
+        record = json.loads(path.read_text(encoding="utf-8"))
         return {
             "folder": str(record["folder"]),
             "files": {str(name): list(told) for name, told in record["files"].items()},

@@ -16,10 +16,17 @@ from typing import Final
 from cosim.errors import InputError
 from cosim.files.durable import put, sync, sync_tree
 
-__all__ = ["NO_ROOM", "identity", "refusal", "remove_parts", "whole"]
+__all__ = ["NO_ROOM", "how_to_make_room", "identity", "refusal", "remove_parts", "whole"]
 
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Error numbers of a full disk."""
+"""Error numbers of a full disk, and of a file that is larger than the user or the disk allows."""
+
+
+def how_to_make_room(exc: OSError) -> str:
+    """Instruction to the user after an error of NO_ROOM."""
+    if exc.errno == errno.EFBIG:
+        return "raise the limit of a file's size (ulimit -f)"
+    return "make room"
 
 
 def refusal(path: Path, exc: OSError) -> InputError | OSError:

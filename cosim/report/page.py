@@ -111,7 +111,8 @@ def write_page(
     are those of `whole_page`."""
     with whole(folder / "report.html") as part:
         page = whole_page(title, as_called(head), as_called(sections), scripts=scripts)
-        part.write_text(page, encoding="utf-8")
+        # A name in another encoding is no text of UTF-8.
+        part.write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
 def _inline(script: str) -> str:

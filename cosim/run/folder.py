@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.files.whole import NO_ROOM, remove_parts, whole
+from cosim.files.whole import NO_ROOM, how_to_make_room, remove_parts, whole
 from cosim.run.inputs import add_digests
 
 __all__ = [
@@ -102,7 +102,7 @@ def room_for(what: str, folder: Path, then: str = "") -> Iterator[None]:
             raise
         raise InputError(
             "--out", f"where there is room for {what}", f"{folder} ({exc.strerror})",
-            f"make room, then {then or how_to_resume(folder)}",
+            f"{how_to_make_room(exc)}, then {then or how_to_resume(folder)}",
         ) from exc  # fmt: skip
 
 

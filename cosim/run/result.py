@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,9 @@ def viform_version() -> str:
     return version("viform")
 
 
+_ESCAPED: Final = re.compile(r"[\x7f-\x9f\ud800-\udfff]")
+
+
 def _clean(value: Any) -> Any:
     """The value with NaN and infinite numbers replaced by None."""
     if isinstance(value, float) and not math.isfinite(value):
@@ -38,8 +42,10 @@ def _clean(value: Any) -> Any:
 
 
 def dumps(document: Any) -> str:
-    """A JSON document with an indent of two spaces."""
-    return json.dumps(_clean(document), indent=2, ensure_ascii=False, allow_nan=False)
+    """A JSON document with an indent of two spaces. What is not a character of UTF-8, as in the
+    name of a file in another encoding, or commands a terminal becomes an escape."""
+    text = json.dumps(_clean(document), indent=2, ensure_ascii=False, allow_nan=False)
+    return _ESCAPED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 @dataclass(frozen=True)

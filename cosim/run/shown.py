@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from cosim.errors import one_line, say
 from cosim.run.progress import Pace, QuietProgress, duration_text
 
 __all__ = [
@@ -28,7 +29,7 @@ class SilentProgress:
     def tell(self, what: str) -> None: ...
 
     def note(self, text: str) -> None:
-        print(f"viform: {text}", file=sys.stderr)
+        say(text)
 
     def close(self) -> None: ...
 
@@ -123,7 +124,7 @@ class TerminalProgress(SilentProgress):
         )
 
         self._progress = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),  # moves while a step compiles
@@ -144,7 +145,7 @@ class TerminalProgress(SilentProgress):
     def start(self, what: str, total: int) -> None:
         self._prepared()
         self._total, self._pace = total, Pace(total)
-        self._task = self._progress.add_task(what, total=total, left="")
+        self._task = self._progress.add_task(one_line(what), total=total, left="")
 
     def advance(self, done: int) -> None:
         seconds = self._pace.step(done, time.monotonic())
@@ -152,13 +153,14 @@ class TerminalProgress(SilentProgress):
         self._progress.update(self._task, completed=done, left=left)
 
     def tell(self, what: str) -> None:
-        self._progress.update(self._task, description=what)
+        self._progress.update(self._task, description=one_line(what))
         task = next(each for each in self._progress.tasks if each.id == self._task)
         if task.total == 0:  # their number is not known
             task.total = None
 
     def note(self, text: str) -> None:
-        self._progress.console.print(f"viform: {text}", markup=False, highlight=False)
+        line = f"viform: {one_line(text)}"
+        self._progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def close(self) -> None:
         self._prepared()
@@ -167,7 +169,12 @@ class TerminalProgress(SilentProgress):
 
 def make_progress() -> SilentProgress:
     """A bar if standard error is a terminal, else lines."""
-    return TerminalProgress() if sys.stderr.isatty() else LineProgress()
+    return TerminalProgress() if _on_a_terminal() else LineProgress()
+
+
+def _on_a_terminal() -> bool:
+    """Whether standard error is a terminal; programs without one have none at all."""
+    return sys.stderr is not None and sys.stderr.isatty()
 
 
 class _Collected(QuietProgress):
@@ -200,7 +207,7 @@ def progress_in_python(shown: bool | None) -> Iterator[QuietProgress]:
     shown: whether it is shown, as a bar or, where standard error is no terminal, as lines; None for
         a bar on a terminal or in a notebook, and nothing elsewhere.
     """
-    bar = sys.stderr.isatty() or _in_notebook()
+    bar = _on_a_terminal() or _in_notebook()
     if shown is False or (shown is None and not bar):
         yield QuietProgress()
         return

@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from cosim import PS
 from cosim.compute.child import python_child
+from cosim.errors import say
 from display.observe.slow_motion import SlowMotion
 
 __all__ = ["color_video_vdp"]
@@ -67,10 +68,11 @@ def color_video_vdp(
         np.savez(path, truth=_grouped(frames[truth], group), sizes=sizes, **tests)
         call = f"from {__name__} import main; main()"
         done = subprocess.run(
-            python_child(call, str(path)), capture_output=True, text=True, check=False
-        )
+            python_child(call, str(path)), capture_output=True, encoding="utf-8",
+            errors="replace", check=False,
+        )  # fmt: skip
     if done.returncode:
-        print(f"viform: ColorVideoVDP failed: {done.stderr.strip()[-200:]}", file=sys.stderr)
+        say(f"ColorVideoVDP failed: {done.stderr.strip()[-200:]}")
         return dict.fromkeys(names, float("nan"))
     return dict(zip(names, json.loads(done.stdout.splitlines()[-1]), strict=True))
 

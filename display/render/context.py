@@ -145,7 +145,10 @@ def probe_gl() -> tuple[bool, str]:
     """Whether a context can be created; and the renderer with its GL version, or the error
     message."""
     try:
-        child = subprocess.run(python_child(_PROBE), capture_output=True, text=True, timeout=60)
+        child = subprocess.run(
+            python_child(_PROBE), capture_output=True, timeout=60,
+            encoding="utf-8", errors="replace",
+        )  # fmt: skip
         answer = json.loads(child.stdout.strip().splitlines()[-1])
     except subprocess.TimeoutExpired:
         return False, "the GL driver did not answer within a minute"

@@ -67,7 +67,7 @@ def base_graph(number: int) -> Graph:
     """
     if number not in _DATA_COLUMNS:
         raise ValueError(f"graph must be 1 or 2, not {number}")
-    text = (files("link.coding") / f"ldpc_graph_{number}.csv").read_text()
+    text = (files("link.coding") / f"ldpc_graph_{number}.csv").read_text(encoding="utf-8")
     table = np.loadtxt(text.splitlines(), np.int32, delimiter=",", skiprows=1)
     row, column = table[:, 0].copy(), table[:, 1].copy()
     return Graph(_DATA_COLUMNS[number], int(row[-1]) + 1, row, column, table[:, 2:].copy())

@@ -61,7 +61,7 @@ def decode_on_device(
         "WORD_BITS": code.word_bits, "MESSAGE": MESSAGE, "OFFSET": OFFSET, "SOFT": SOFT,
         "SUM": SUM,
     }  # fmt: skip
-    source = wide_cl() + (files("link.coding") / "ldpc.cl").read_text()
+    source = wide_cl() + (files("link.coding") / "ldpc.cl").read_text(encoding="utf-8")
     options = [f"-D{k}={v}" for k, v in sizes.items()]
     kernel = device.kernel(source, "decode", (*options, *(["-DFAR"] if far else [])))
     order = device.upload(starts), device.upload(np.stack([columns, shifts], axis=1))

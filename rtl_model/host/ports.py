@@ -287,7 +287,7 @@ def latency_timer(name: str) -> tuple[Path, int | None]:
     """
     path = _TIMERS / Path(os.path.realpath(name)).name / "latency_timer"
     try:
-        return path, int(path.read_text())
+        return path, int(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return path, None
 

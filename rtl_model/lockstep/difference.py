@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.errors import one_line
 from rtl_model.cycle import Tiles
 from rtl_model.lockstep.program import Program
 
@@ -64,7 +65,7 @@ class Difference:
             f"reproduce: {self.reproducer}",
         ]
         if self.waves is not None:
-            lines.append(f"waveforms: {self.waves}, displayed by `gtkwave {self.view}`")
+            lines.append(one_line(f"waveforms: {self.waves}, displayed by `gtkwave {self.view}`"))
         return "\n".join(lines)
 
 

@@ -35,7 +35,7 @@ class Readout:
 
     def __init__(self, device: Device, window: Window | None = None) -> None:
         self.window = Window() if window is None else window.checked()
-        source = (files("rtl_model.readout") / "scan.cl").read_text()
+        source = (files("rtl_model.readout") / "scan.cl").read_text(encoding="utf-8")
         options = ("-cl-std=CL1.2", f"-DLOCAL={_LOCAL}")
         self._device, self._kernel = device, device.kernel(source, "scan", options)
         places = self.window.places

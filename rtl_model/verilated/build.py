@@ -319,8 +319,9 @@ def _tool(command: Sequence[str], folder: Path) -> str:
     """Runs a tool in `folder`; returns its standard output."""
     try:
         done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT, check=False
-        )
+            command, cwd=folder, capture_output=True, timeout=_TIME_LIMIT, check=False,
+            encoding="utf-8", errors="replace",
+        )  # fmt: skip
     except subprocess.TimeoutExpired as exc:
         raise BuildFailed(command[0], f"it did not end within {_TIME_LIMIT} s") from exc
     if done.returncode:
@@ -387,6 +388,6 @@ def _locked(path: Path, *, unless: Path) -> Iterator[None]:
     if unless.is_file():
         yield
         return
-    with path.open("w") as lock:
+    with path.open("w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield

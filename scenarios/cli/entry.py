@@ -12,6 +12,7 @@ from contextlib import suppress
 
 import scenarios.cli.start  # noqa: F401  # first: its clock is the start of run_time_s
 from scenarios.cli.packages import install_and_restart, read_launcher
+from scenarios.cli.streams import STDOUT, protect
 
 _NO_MEMORY = (
     (RuntimeError, "can't start new thread"), (ImportError, "failed to map segment"),
@@ -30,6 +31,10 @@ def main() -> None:
     # SIGINT's current handler is not used: a shell script ignores SIGINT for `viform ... &`.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     read_launcher()
+    if sys.flags.optimize > 1 and os.environ.pop("PYTHONOPTIMIZE", ""):
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # the help is in docstrings
+    os.umask(os.umask(0o077) & 0o077)  # the user may enter the folders that the command makes
+    protect()
     try:
         code = _main(sys.argv[1:] or ["--help"])
         sys.stdout.flush()  # this may raise BrokenPipeError
@@ -40,10 +45,12 @@ def main() -> None:
         print("viform: interrupted", file=sys.stderr)
         code = 130
     except Exception as exc:
+        from cosim.errors import say
+
         line = _of_the_machine(exc)
         if line is None:
             raise
-        print(f"viform: {line}", file=sys.stderr)
+        say(line)
         code = 2
         _drop_output()
     if code == 130:  # who interrupts once more does not want a traceback of what is left to do
@@ -56,16 +63,26 @@ def main() -> None:
 def _of_the_machine(error: Exception) -> str | None:
     """The line for an error that is the machine's, not the program's: a full disk, or no memory.
     Most writers of files raise InputError, and runs state what they need; this is for the rest."""
-    from cosim.files.whole import NO_ROOM
+    from cosim.files.whole import NO_ROOM, how_to_make_room
 
     if isinstance(error, OSError) and error.errno in NO_ROOM:
-        where = error.filename or "standard output or an output file"
         return (
             f"the disk must have room for the output, not fail with {error.strerror!r} at "
-            f"{where}; make room and repeat the command"
+            f"{error.filename or 'an output file'}; "
+            f"{how_to_make_room(error)} and repeat the command"
+        )
+    if isinstance(error, OSError) and error.filename == STDOUT:
+        return (
+            f"{STDOUT} must be a file or a program that takes it, not fail with "
+            f"{error.strerror!r}; repeat the command with another, or with > /dev/null"
         )
     cause: BaseException | None = error
     while cause is not None:
+        if isinstance(cause, OSError) and cause.errno in (errno.EMFILE, errno.ENFILE):
+            return (
+                "the limit of open files must be enough for the command, not reached; raise it "
+                "(ulimit -n)"
+            )
         if _no_memory(cause):
             return (
                 "the memory must be enough for the command, not used up; close other programs, "
@@ -98,14 +115,22 @@ def _main(arguments: list[str]) -> int:
 
     from cosim import Interrupted
     from cosim.compute.opencl import prepare_caches
-    from cosim.errors import MissingPackages, ViformError
+    from cosim.errors import InputError, MissingPackages, ViformError, say
     from cosim.run.called import as_called
     from scenarios.cli.app import app
     from scenarios.cli.refusals import parser_refusal
 
     with suppress(OSError):  # most commands work without a cache
         prepare_caches()
+        os.environ.setdefault("MPLCONFIGDIR", f"{os.environ['VIFORM_CACHE']}/matplotlib")
     try:
+        try:
+            os.getcwd()
+        except OSError as exc:
+            raise InputError(
+                "the working folder", "one that exists", f"lost ({exc.strerror})",
+                "change to another (cd) and repeat the command",
+            ) from exc  # fmt: skip
         code = get_command(app).main(arguments, prog_name="viform", standalone_mode=False)
     except TyperException as exc:
         text = " ".join(exc.format_message().split()).rstrip(".")
@@ -113,15 +138,15 @@ def _main(arguments: list[str]) -> int:
         commands = getattr(getattr(context, "command", None), "commands", ())
         text = parser_refusal(text, arguments, [*commands])
         where = context.command_path if context is not None else "viform"
-        print(as_called(f"viform: {text}; see `{where} --help`"), file=sys.stderr)
+        say(as_called(f"{text}; see `{where} --help`"))
         return 2
     except Interrupted as exc:
-        print(as_called(f"viform: {exc}"), file=sys.stderr)
+        say(as_called(str(exc)))
         return 130
     except ViformError as exc:
         if isinstance(exc, MissingPackages):
             install_and_restart(exc.packages)
-        print(as_called(f"viform: {exc}"), file=sys.stderr)
+        say(as_called(str(exc)))
         return 2
     except (Abort, KeyboardInterrupt) as exc:
         if isinstance(exc.__cause__, EOFError):  # typer takes it for an end of the user's input

@@ -7,7 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.errors import one_line
 from cosim.run.shown import LineProgress, SilentProgress, TerminalProgress, make_progress
+from scenarios.cli.streams import json_for
 
 __all__ = [
     "Json",
@@ -16,7 +18,9 @@ __all__ = [
     "TerminalProgress",
     "make_progress",
     "print_document",
+    "print_json",
     "size_option",
+    "tell",
 ]
 
 Json = Annotated[bool, typer.Option("--json", help="one JSON document on standard output")]
@@ -26,7 +30,18 @@ def print_document(document: Any) -> None:
     """Writes one JSON document to standard output."""
     from cosim.run.result import dumps
 
-    sys.stdout.write(dumps(document) + "\n")
+    print_json(dumps(document) + "\n")
+
+
+def print_json(text: str) -> None:
+    """Writes the text of a JSON document to standard output."""
+    sys.stdout.write(json_for(sys.stdout, text))
+
+
+def tell(*lines: object) -> None:
+    """Prints lines on standard output. A line break in a name stays in its line, as an escape."""
+    for line in lines:
+        print(one_line(str(line)))
 
 
 def size_option(text: str | None) -> tuple[int, int] | None:

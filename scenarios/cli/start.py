@@ -1,13 +1,17 @@
 """The start of the command, before other modules are imported: its time, for `run_time_s`, and
-settings of the interpreter and of the C library that suit short runs with large arrays."""
+settings of the interpreter, of libraries and of the C library. They are those of this process and
+its children; from Python, a user's own settings stay."""
 
 import ctypes
 import gc
 import os
+import sys
 import time
+import warnings
+from collections.abc import MutableMapping
 from contextlib import suppress
 
-__all__ = ["BEGAN"]
+__all__ = ["BEGAN", "isolate"]
 
 BEGAN = time.perf_counter()
 """time.perf_counter() at the start of the command."""
@@ -31,3 +35,27 @@ with suppress(AttributeError, OSError):  # not the GNU C library
 # OpenBLAS reads this when numpy is imported. Its products here are small, and its threads wait for
 # the next one in a busy loop, on the cores that kernels and compiled loops use.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def isolate(environ: MutableMapping[str, str]) -> None:
+    """Takes settings out of an environment that a user has made for programs of his own, and that
+    would end a run or change what it writes."""
+    # An application's back end, and files of settings for somebody's own figures. `figures.py` in
+    # cosim/report knows this process by the last.
+    environ["MPLBACKEND"], environ["MATPLOTLIBRC"] = "agg", os.devnull
+    # A thread pool that is not there, an interpreter in place of the compiler, dumps on standard
+    # output: only what numba must know of a machine stays.
+    known = {"NUMBA_CACHE_DIR"}
+    if (threads := environ.get("NUMBA_NUM_THREADS", "")).isdecimal() and int(threads):
+        known.add("NUMBA_NUM_THREADS")
+    for name in [name for name in environ if name.startswith("NUMBA_") and name not in known]:
+        del environ[name]
+    environ.pop("PYTHONWARNINGS", None)
+
+
+isolate(os.environ)
+if sys.warnoptions:  # a warning of a library, made an error, would end the command
+    sys.warnoptions.clear()
+    warnings.resetwarnings()
+    for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
+        warnings.simplefilter("ignore", kind)

@@ -6,6 +6,7 @@ import html
 import shlex
 import time
 
+from cosim.report.figures import own_settings
 from cosim.report.page import write_page
 from cosim.report.parts import run_time
 from cosim.run.machine import Machine, Run
@@ -18,7 +19,8 @@ def write_report(machine: Machine, run: Run) -> list[str]:
     """Writes figures and report.html into the folder of the run; returns their names."""
     begin = time.perf_counter()
     (run.folder / "figures").mkdir(exist_ok=True)
-    page = machine.page(run)
+    with own_settings():
+        page = machine.page(run)
     now = time.perf_counter()
     run.seconds["report"], spent = now - begin, now - run.began
     again = [*page.commands, f"viform run {shlex.quote(str(run.folder / 'scenario.toml'))}"]

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from cosim.report.figures import subplots
 from sensor.laboratory.laws import Laws
 
 __all__ = ["laws_figure"]
@@ -21,10 +22,7 @@ _BINS: Final = 120
 
 def laws_figure(laws: Laws, title: str, path: Path, kind: str) -> None:
     """Draws the figure. kind: "png" or "svg"."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 4), layout="constrained")
-    intervals, chart, excess = figure.subplots(1, 3)
+    figure, (intervals, chart, excess) = subplots(1, 3, figsize=(12, 4), layout="constrained")
     longest, highest = 1, 0.0
     for law in laws.intervals:
         longest = max(longest, int(np.flatnonzero(law.histogram >= _SEEN).max(initial=0)) + 1)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cosim import SpikeStream
 from cosim.report.drawn import Data, Value, write_figure
-from cosim.report.figures import INK, LINE, MARK, QUICK, subplots
+from cosim.report.figures import INK, LINE, MARK, QUICK, canvas_of, subplots
 from sensor.reconstruct.intervals import spike_cycles
 
 __all__ = ["interval_figure"]
@@ -44,8 +44,6 @@ def interval_figure(
     Returns:
         The bars and the light drawn: pixel, time, spikes a cycle.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     places = [(r, c) for r, c, _ in points]
     spikes = spike_cycles(stream, places, (span[0] - 255, span[1] + 255))
     if min(len(cycles) for cycles in spikes) < 2:  # intervals that are longer than the span
@@ -55,7 +53,7 @@ def interval_figure(
     size = 11, _PITCH * rows + 0.8
     figure, ax = subplots(figsize=size)
     figure.dpi = _DOTS
-    canvas = FigureCanvasAgg(figure)
+    canvas = canvas_of(figure)
     begin, end = (cycle * ms for cycle in span)
     times = np.linspace(begin, end, truth.shape[1])
     bases = np.arange(rows)[::-1]

@@ -116,7 +116,9 @@ def _forms(device: Device | None) -> Forms:
             return forms(device)
         # In a process of its own: threads that numba has already started keep their setting.
         call = f"from {__name__} import child; child({str(device.number) if device else ''!r})"
-        done = subprocess.run(python_child(call), capture_output=True, text=True)
+        done = subprocess.run(
+            python_child(call), capture_output=True, encoding="utf-8", errors="replace"
+        )
         if done.returncode:
             raise RuntimeError(done.stderr.strip().rpartition("\n")[2])
         made: dict[str, str] = json.loads(done.stdout)

@@ -13,7 +13,7 @@ from typing import Any
 
 from cosim import InputError
 from cosim.config.toml import to_toml
-from cosim.errors import quote, shorten
+from cosim.errors import one_line, quote, shorten
 from cosim.run.inputs import PATHS, named_path, with_path
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.schema.scenario import (
@@ -81,7 +81,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
             "the scenario", "a TOML file", f"{path} ({shorten(str(exc))})", "correct that place"
         ) from exc
     stem = path.parent.name if path.name == "scenario.toml" else path.stem
-    return stem or "scenario", data, path.parent
+    return one_line(stem) or "scenario", data, path.parent  # it is printed, and names files
 
 
 def _value(text: str) -> Any:

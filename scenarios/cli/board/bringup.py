@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from rtl_model.bringup.bench.endpoint import csr_map
 from scenarios.cli.board.connection import BoardOptions, endpoint_of, warn_of_latency
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document
+from scenarios.cli.output import Json, SilentProgress, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.bringup.bench.stage import Stage
@@ -75,9 +76,9 @@ def board_bringup(
     if json:
         print_document(report.document() | {"files": [str(out / f) for f in files] if out else []})
     else:
-        print("the board passes every stage" if report.ok else f"not passed: {report.cause}")
+        tell("the board passes every stage" if report.ok else f"not passed: {report.cause}")
         for name in files:
-            print(f"{'written':<12} {out}/{name}")
+            tell(f"{'written':<12} {out}/{name}")
     if not report.ok:
         raise typer.Exit(1)
 
@@ -88,7 +89,8 @@ def print_stage(stage: Stage) -> None:
         return
     mark = "ok" if stage.outcome == "ok" else "FAILED"
     text = stage.cause if stage.cause is not None else _short(stage)
-    print(f"{mark:<7} {stage.name:<10} {stage.seconds:7.2f} s  {text}", flush=True)
+    tell(f"{mark:<7} {stage.name:<10} {stage.seconds:7.2f} s  {text}")
+    sys.stdout.flush()
 
 
 def _short(stage: Stage) -> str:

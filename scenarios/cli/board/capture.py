@@ -10,7 +10,7 @@ import typer
 from cosim.config.amounts import number
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, make_progress, print_document
+from scenarios.cli.output import Json, SilentProgress, make_progress, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.host import Captured
@@ -158,5 +158,5 @@ def _print(document: dict[str, Any], json: bool) -> None:
     hidden = ("ok", "file", "first_frame", "lost_rows", "seconds")
     for name, value in document.items():
         if name not in hidden:
-            print(f"{name:<12} {number(value)}")
-    print(f"{'written':<12} {document['file']}")
+            tell(f"{name:<12} {number(value)}")
+    tell(f"{'written':<12} {document['file']}")

@@ -10,7 +10,7 @@ import typer
 
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, make_progress, print_document, tell
 
 __all__ = ["board_compare"]
 
@@ -103,11 +103,11 @@ def board_compare(
             "levels": levels, "levels_wrong": levels_wrong,
         })  # fmt: skip
     elif wrong is None:
-        print(f"{frames} frames, {burst.got.size} bits, none wrong")
+        tell(f"{frames} frames, {burst.got.size} bits, none wrong")
     else:
-        print(f"{wrong.text}; {wrong.remedy}")
+        tell(f"{wrong.text}; {wrong.remedy}")
     if levels_wrong is not None and not json:
-        print(
+        tell(
             f"{expected.size} charges in {levels} levels after {reading.frames} frames, "
             f"{levels_wrong or 'none'} wrong"
         )
@@ -158,9 +158,9 @@ def _lockstep(options: LockstepOptions, json: bool) -> None:
             },
         })  # fmt: skip
     elif difference is None:
-        print(f"{outcome.pixels} pixel-cycles in {outcome.clock} clocks, no difference")
+        tell(f"{outcome.pixels} pixel-cycles in {outcome.clock} clocks, no difference")
         if options.trace is not None:
-            print(f"no waveforms without a difference: {options.trace} was not written")
+            tell(f"no waveforms without a difference: {options.trace} was not written")
     else:
         print(difference)
     if difference is not None:

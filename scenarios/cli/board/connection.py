@@ -5,7 +5,6 @@ The host is imported in the functions that need it, so that `--help` starts quic
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from cosim.errors import say
 from rtl_model.bringup.bench.endpoint import VIRTUAL, Endpoint, csr_map, open_endpoint
 from scenarios.cli.output import print_document
 
@@ -165,10 +165,7 @@ def connect(
 
 def warn_of_latency(port: str) -> None:
     """Prints on standard error that a port has no low-latency mode; the command continues."""
-    print(
-        f"viform: {port} has no low-latency mode, like all ptys and sockets; continuing without it",
-        file=sys.stderr,
-    )
+    say(f"{port} has no low-latency mode, like all ptys and sockets; continuing without it")
 
 
 def _failed(fault: LineFault, json: bool) -> typer.Exit:
@@ -176,5 +173,5 @@ def _failed(fault: LineFault, json: bool) -> typer.Exit:
     if json:
         print_document({"ok": False, "kind": fault.cause.value, "cause": str(fault)})
     else:
-        print(f"viform: {fault}", file=sys.stderr)
+        say(str(fault))
     return typer.Exit(1)

@@ -10,7 +10,7 @@ import typer
 
 from cosim.config.amounts import number
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document
+from scenarios.cli.output import Json, SilentProgress, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.gateware import Design, Fit
@@ -115,7 +115,7 @@ def board_gateware(
     if json:
         print_document(_document(design, files, counted))
     else:
-        print(_text(design, out, files, counted))
+        tell(*_text(design, out, files, counted))
     if not ok:
         raise typer.Exit(1)
 
@@ -137,7 +137,7 @@ def _list(json: bool) -> None:
         print_document({"ok": True, "targets": rows})
         return
     for one in TARGETS.values():
-        print(
+        tell(
             f"{one.name:<16} {one.part:<19} {one.clock_hz / 1e6:g} MHz  {one.board}"
             + (f", Ethernet {', '.join(phys[one.name])}" if phys[one.name] else "")
         )
@@ -162,7 +162,7 @@ def _document(design: Design, files: list[str], cells: Fit | None) -> dict[str, 
     }
 
 
-def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> str:
+def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> list[str]:
     target, size = design.target, design.geometry
     lines = [
         f"target     {target.board}, {target.part}",
@@ -181,7 +181,7 @@ def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> str
             lines.append(f"{name:<10} {used} of {available}, {100 * used / available:.0f} %")
     if not files:
         lines.append(f"{target.part} is too small: nothing was written")
-        return "\n".join(lines)
+        return lines
     lines += [
         f"written    {len(files)} files in {out}",
         f"try        make -C {out} && make -C {out} program",
@@ -192,4 +192,4 @@ def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> str
             else f"udp:{design.network.ip}"
         ),
     ]
-    return "\n".join(lines)
+    return lines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scenarios.cli.board.connection import LineOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 __all__ = ["board_identify"]
 
@@ -42,16 +42,16 @@ def board_identify(
         print_document(document)
         return
     line = "" if rate is None else f", {rate} baud"
-    print(f"{'port':<14} {document['port']}{line}")
-    print(f"{'identifier':<14} {identifier or 'none'}")
+    tell(f"{'port':<14} {document['port']}{line}")
+    tell(f"{'identifier':<14} {identifier or 'none'}")
     board_rows = document.get("board")
     if isinstance(board_rows, dict):
         for name, value in board_rows.items():
             if value is None:  # baud, over UDP
                 continue
-            print(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
+            tell(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
         if "build_matches" in document:
             origin = "this program's" if document["build_matches"] else "not this program's"
-            print(f"{'verilog':<14} {origin}, by the build's CRC-32")
+            tell(f"{'verilog':<14} {origin}, by the build's CRC-32")
     else:
-        print(f"{'design':<14} foreign, {document['registers']} registers in its csr.csv")
+        tell(f"{'design':<14} foreign, {document['registers']} registers in its csr.csv")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import amount, number
-from scenarios.cli.output import Json, make_progress, print_document, size_option
+from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
 
 __all__ = ["board_links"]
 
@@ -74,11 +74,11 @@ def board_links(
              "coded": coded, "links": links}
         )  # fmt: skip
         return
-    print(f"{rows} x {columns} pixels at {amount(hz, 'Hz')}: {amount(raw, 'bit/s', 4)}")
+    tell(f"{rows} x {columns} pixels at {amount(hz, 'Hz')}: {amount(raw, 'bit/s', 4)}")
     print()
-    print("| link | Mbit/s |" + "".join(f" {name} |" for name in bits))
-    print("|---|---|" + "---|" * len(bits))
-    print("| bits per pixel and cycle | |" + "".join(f" {each:.3f} |" for each in bits.values()))
+    tell("| link | Mbit/s |" + "".join(f" {name} |" for name in bits))
+    tell("|---|---|" + "---|" * len(bits))
+    tell("| bits per pixel and cycle | |" + "".join(f" {each:.3f} |" for each in bits.values()))
     for link in LINKS:
         cells = "".join(f" {number(share)} |" for share in shares[link.name].values())
-        print(f"| {link.name} | {number(link.rate / 1e6, 4)} |{cells}")
+        tell(f"| {link.name} | {number(link.rate / 1e6, 4)} |{cells}")

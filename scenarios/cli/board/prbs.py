@@ -9,7 +9,7 @@ import typer
 from cosim.config.amounts import count, elapsed
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 __all__ = ["board_prbs"]
 
@@ -37,7 +37,7 @@ def board_prbs(
         print_document({"ok": clean, "orders": rows})
     else:
         for report in reports:
-            print(
+            tell(
                 f"order {report.order:>2}: {count(32 * report.words)} bits in each direction, "
                 f"{report.bits_wrong_from_board} wrong from the board, "
                 f"{report.bits_wrong_to_board} to the board, "

@@ -9,7 +9,7 @@ import typer
 from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map
 from scenarios.cli.board.connection import LineOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.host import CsrMap
@@ -71,7 +71,7 @@ def board_regs(
         fields = row.get("fields") or {}
         assert isinstance(fields, dict)
         more = ", ".join(f"{name} {field}" for name, field in fields.items())
-        print(
+        tell(
             f"{row['address']:#07x} {row['mode']} {row['name']:<22} {text:<11}"
             f"{more or row['text']}".rstrip()
         )

@@ -9,7 +9,7 @@ import typer
 
 from rtl_model.bringup.bench.endpoint import csr_map
 from scenarios.cli.board.connection import Csr
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.host.log_events import LogEvent
@@ -57,7 +57,7 @@ def board_replay(
         if json:
             print_document(report.document())
         elif not report.ok:
-            print(f"not passed: {report.cause}")
+            tell(f"not passed: {report.cause}")
         if not report.ok:
             raise typer.Exit(1)
         return
@@ -69,9 +69,9 @@ def board_replay(
         return
     begun = rows[0]["monotonic"]
     for row in rows:
-        print(f"{row['monotonic'] - begun:10.6f} s  {row['text']}")
+        tell(f"{row['monotonic'] - begun:10.6f} s  {row['text']}")
     end = ", the last line is cut off" if port.cut else ""
-    print(f"{len(rows)} events, {faults} answers with a fault{end}")
+    tell(f"{len(rows)} events, {faults} answers with a fault{end}")
 
 
 def _text(event: LogEvent, names: dict[int, str]) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document
+from scenarios.cli.output import Json, SilentProgress, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.stream.program import Case
@@ -83,13 +83,13 @@ def board_stream(
             "difference": None if difference is None else dict(zip(names, difference, strict=True)),
         })  # fmt: skip
     elif difference is None:
-        print(
+        tell(
             f"{outcome.clocks} clocks, {moved} beats, {last[5]} rows of {last[4]} planes lost to a "
             "full ring, no difference"
         )
     else:
         clock, output, verilog, model = difference
-        print(f"clock {clock}: {output} is {verilog} in the Verilog, {model} in the model")
+        tell(f"clock {clock}: {output} is {verilog} in the Verilog, {model} in the model")
     if difference is not None:
         raise typer.Exit(1)
 

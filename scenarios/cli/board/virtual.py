@@ -13,7 +13,7 @@ import typer
 from cosim.config.amounts import number
 from rtl_model.bringup.bench.endpoint import checked_level, virtual_board
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document
+from scenarios.cli.output import Json, SilentProgress, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
@@ -140,7 +140,7 @@ def board_virtual(
         if json:
             print_document(_document(board, geometry, csr))
         else:
-            print(_text(board, geometry, csr))
+            tell(*_text(board, geometry, csr))
         sys.stdout.flush()
         board.wait(end_requests())
 
@@ -159,7 +159,7 @@ def _document(
     }
 
 
-def _text(board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | None) -> str:
+def _text(board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | None) -> list[str]:
     from rtl_model.host.ether import is_udp
 
     lanes = f"{geometry.lanes} lanes, " if board.imager is None else ""
@@ -177,4 +177,4 @@ def _text(board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | N
     rate = f" --baud {geometry.baud}" if serial else ""
     lines.append(f"try        viform board {command} --port {board.port}{rate}")
     lines.append("end        Ctrl-C")
-    return "\n".join(lines)
+    return lines

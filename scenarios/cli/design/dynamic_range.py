@@ -9,7 +9,7 @@ import typer
 
 from cosim.config.amounts import number
 from scenarios.cli.options import check_figure
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 __all__ = ["design_dynamic_range"]
 
@@ -50,7 +50,7 @@ def design_dynamic_range(
     else:
         print(_text(document, top))
         if out is not None:
-            print(f"figure: {out}")
+            tell(f"figure: {out}")
     if document["best"] is None:
         raise typer.Exit(1)
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import number
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, make_progress, print_document, tell
 
 __all__ = ["link_ber"]
 
@@ -58,7 +58,7 @@ def link_ber(
     else:
         print(_text(document))
         if out is not None:
-            print(f"figure: {out / 'ber.png'}, {out / 'ber.svg'}")
+            tell(f"figure: {out / 'ber.png'}, {out / 'ber.svg'}")
     if not document["holds"]:
         raise typer.Exit(1)
 

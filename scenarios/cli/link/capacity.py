@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, number
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, make_progress, print_document, tell
 
 __all__ = ["link_capacity"]
 
@@ -87,7 +87,7 @@ def link_capacity(
     else:
         print(_text(name, document))
         if out is not None:
-            print(f"figure: {out / 'capacity.png'}, {out / 'capacity.svg'}")
+            tell(f"figure: {out / 'capacity.png'}, {out / 'capacity.svg'}")
 
 
 def _write(document: dict[str, Any], out: Path) -> None:

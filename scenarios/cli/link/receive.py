@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, count
-from scenarios.cli.output import Json, SilentProgress, print_document, size_option
+from scenarios.cli.output import Json, SilentProgress, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from cosim import Clock
@@ -141,19 +141,19 @@ def _write(out: Path, received: Received, document: str) -> None:
 def _tell(document: dict[str, Any]) -> None:
     from link.mode import word_code
 
-    print(f"{document['outcome']}: {document['verdict']}")
+    tell(f"{document['outcome']}: {document['verdict']}")
     if document["file"] is not None:
         rate = document["goodput_bps"]
         shown = f", {amount(rate, 'bit/s', 4)}" if rate is not None else ""
-        print(f"file: {document['file']['name']}, {count(document['file']['bytes'])} bytes{shown}")
+        tell(f"file: {document['file']['name']}, {count(document['file']['bytes'])} bytes{shown}")
     if document["timing"] is not None:
         mode, timing = document["mode"], document["timing"]
         first, offset = round(timing["first_tick"], 2), round(timing["clock_offset_ppm"])
-        print(
+        tell(
             f"mode: {mode['width']}x{mode['height']}, cells {mode['cell']}, ticks {mode['ticks']}, "
             f"{mode['line']}, {word_code(mode['parity'], mode['rate'])}; first light at tick "
             f"{first + 0.0:.2f}, clock {offset:+d} ppm, "  # + 0.0: never -0.00
             f"known to {timing['clock_error_ppm']:.0f} ppm"
         )
         frames = document["frames"]
-        print(f"frames: {frames['right']} right of {frames['seen']}, needed {frames['needed']}")
+        tell(f"frames: {frames['right']} right of {frames['seen']}, needed {frames['needed']}")

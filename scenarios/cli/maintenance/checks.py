@@ -111,7 +111,9 @@ def _kernel() -> Check:
     """Checks in a child process that the OpenCL kernel of the pixels can be built and agrees with
     its compiled form."""
     call = "from scenarios.cli.maintenance.kernel import main; main()"
-    child = subprocess.run(python_child(call), capture_output=True, text=True)
+    child = subprocess.run(
+        python_child(call), capture_output=True, encoding="utf-8", errors="replace"
+    )
     if child.stdout.strip() == "agree":
         return Check("kernel", True, "built, and agrees with the compiled form on every bit")
     last = (child.stderr.strip().splitlines() or ["ended without a message"])[-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from cosim.run.called import as_called
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 __all__ = ["doctor"]
 
@@ -21,9 +21,9 @@ def doctor(json: Json = False) -> None:
     else:
         for check in checks:
             mark = "ok" if check.ok else ("MISSING" if check.needed else "note")
-            print(f"{mark:<8} {check.name:<12} {check.state}")
+            tell(f"{mark:<8} {check.name:<12} {check.state}")
             if not check.ok:
-                print(f"{'':<8} {'':<12} remedy: {check.remedy}")
-        print(as_called(f"`viform run film` {'can work' if ready else 'cannot work yet'}"))
+                tell(f"{'':<8} {'':<12} remedy: {check.remedy}")
+        tell(as_called(f"`viform run film` {'can work' if ready else 'cannot work yet'}"))
     if not ready:
         raise typer.Exit(1)

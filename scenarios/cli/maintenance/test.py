@@ -103,7 +103,7 @@ def test(context: typer.Context, json: Json = False) -> None:
         checks["pytest"] = subprocess.run(words, cwd=root, stdout=sink).returncode == 0
         for name, (process, output) in static.items():
             checks[name] = process.wait() == 0
-            text = output.read_text(errors="replace").rstrip()
+            text = output.read_text(encoding="utf-8", errors="replace").rstrip()
             print(f"viform: {name}\n{text}", file=sys.stderr if json else sys.stdout, flush=True)
         counts = _counts(junit)
     if json:

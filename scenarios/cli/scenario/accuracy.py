@@ -9,7 +9,7 @@ import typer
 
 from cosim.config.amounts import count, number
 from scenarios.cli.options import ScenarioName, ScenarioOptions, check_figure, expand_options
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, make_progress, print_document, tell
 
 __all__ = ["accuracy"]
 
@@ -61,7 +61,7 @@ def accuracy(
         return
     print(_text(name, document))
     if figure is not None:
-        print(f"figure: {figure}")
+        tell(f"figure: {figure}")
 
 
 def _number(value: float | None) -> str:

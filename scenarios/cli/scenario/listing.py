@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cosim import InputError
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 __all__ = ["list_scenarios"]
 
@@ -46,7 +46,7 @@ def list_scenarios(
         return
     wide = max(len(row["name"]) for row in rows)
     for row in rows:
-        print(f"{row['name']:<{wide}} {row['title']}")
+        tell(f"{row['name']:<{wide}} {row['title']}")
 
 
 def _list_keys(prefix: str, json: bool) -> None:
@@ -62,4 +62,4 @@ def _list_keys(prefix: str, json: bool) -> None:
         print_document({"keys": [asdict(key) for key in found]})
         return
     for key in found:
-        print(key)
+        tell(key)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from scenarios.cli.options import ScenarioName, ScenarioOptions, expand_options
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, make_progress, print_document, tell
 
 __all__ = ["live"]
 
@@ -33,4 +33,4 @@ def live(
     if json:
         print_document({"scenario": name, "pictures": pictures})
     else:
-        print(f"{pictures} pictures of {name} were displayed")
+        tell(f"{pictures} pictures of {name} were displayed")

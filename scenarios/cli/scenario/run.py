@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +14,14 @@ from scenarios.cli.options import (
     Tolerance,
     expand_options,
 )
-from scenarios.cli.output import Json, SilentProgress, make_progress, print_document
+from scenarios.cli.output import (
+    Json,
+    SilentProgress,
+    make_progress,
+    print_document,
+    print_json,
+    tell,
+)
 
 if TYPE_CHECKING:
     from cosim.run.result import Result
@@ -103,7 +109,7 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
         f"already done in {folder}, on {result.device}{by}; to run it again, give another --out"
     )
     if json:
-        sys.stdout.write((folder / "result.json").read_text(encoding="utf-8"))
+        print_json((folder / "result.json").read_text(encoding="utf-8"))
     else:
         print_result(result, folder, [], verdict_before(folder), json)
     _end(result)
@@ -127,15 +133,15 @@ def print_result(
         print_document(result.document())
         return
     for line in table:
-        print(line)
+        tell(line)
     metrics = {
         name: metric for name, metric in result.metrics.items() if not table or name in _FURTHER
     }
     wide = max([12, *(len(key) for key in metrics)])
     if verdict:
-        print(f"{'outcome':<{wide}} {result.outcome}")
+        tell(f"{'outcome':<{wide}} {result.outcome}")
     for n, text in enumerate(verdict):
-        print(f"{'' if n else 'verdict':<{wide}} {text}")
+        tell(f"{'' if n else 'verdict':<{wide}} {text}")
     unknown = []
     for key, metric in metrics.items():
         if key in ("full_physics", "camera"):
@@ -144,16 +150,16 @@ def print_result(
             unknown.append(key)
             continue
         value = "unknown" if metric.value is None else amount(metric.value, metric.unit, 4)
-        print(f"{key:<{wide}} {value}")
+        tell(f"{key:<{wide}} {value}")
     if unknown:
-        print(f"{'unknown':<{wide}} {', '.join(unknown)}")
+        tell(f"{'unknown':<{wide}} {', '.join(unknown)}")
     for name_of, text in _checked(result):
-        print(f"{name_of:<{wide}} {text}")
+        tell(f"{name_of:<{wide}} {text}")
     light = amount(result.simulated_s, "s", 4)
-    print(f"{'run time':<{wide}} {elapsed(result.run_time_s)} for {light} of light")
+    tell(f"{'run time':<{wide}} {elapsed(result.run_time_s)} for {light} of light")
     if not verdict:
-        print(f"{'outcome':<{wide}} {result.outcome}")
-    print(f"{'report':<{wide}} {folder / 'report.html'}")
+        tell(f"{'outcome':<{wide}} {result.outcome}")
+    tell(f"{'report':<{wide}} {folder / 'report.html'}")
 
 
 def _checked(result: Result) -> list[tuple[str, str]]:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenarios.cli.output import Json, print_document, size_option
+from cosim.errors import say
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from scenarios.view.server import ViewServer
@@ -55,7 +56,7 @@ def view(
         ended.wait()
         if failed:
             raise failed[0]
-        print("viform: ended", file=sys.stderr)
+        say("ended")
 
 
 def _open(server: ViewServer, run: Path, size: tuple[int, int] | None, json: bool) -> None:
@@ -66,7 +67,8 @@ def _open(server: ViewServer, run: Path, size: tuple[int, int] | None, json: boo
     if json:
         print_document({"stream": str(run), "address": server.address})
     else:
-        print(f"{server.address}\nopen this address in a browser; Ctrl-C ends it")
+        tell(server.address)
+        tell("open this address in a browser; Ctrl-C ends it")
     sys.stdout.flush()
     if _has_browser():
         import webbrowser
@@ -74,7 +76,7 @@ def _open(server: ViewServer, run: Path, size: tuple[int, int] | None, json: boo
         webbrowser.open(server.address)
     server.opened = with_scene(opened, run)
     for note in server.opened.notes:
-        print(f"viform: {note}", file=sys.stderr)
+        say(note)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document, size_option
+from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
 
 __all__ = ["convert"]
 
@@ -137,7 +137,7 @@ def convert(
         )  # fmt: skip
         return
     height, width = opened.shape
-    print(
+    tell(
         f"{out}: {count(opened.cycles)} cycles of {width} x {height}"
         f"{', in place of an earlier one' if replaced else ''}"
     )

@@ -10,7 +10,7 @@ import typer
 
 from cosim.config.amounts import amount, number
 from scenarios.cli.options import Device, check_figure
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 __all__ = ["bench"]
 
@@ -112,18 +112,18 @@ def bench(
 def _print_rows(document: dict[str, Any]) -> None:
     """Prints the document of `bench`."""
     ceiling = document["ceiling"]
-    print(document["device"])
+    tell(document["device"])
     if ceiling["value"] is not None:
-        print(f"ceiling {amount(ceiling['value'], ceiling['unit'])}: {ceiling['what']}")
+        tell(f"ceiling {amount(ceiling['value'], ceiling['unit'])}: {ceiling['what']}")
     names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8}"
     wide = max(len(row["tier"]) for row in document["rows"])
-    print(f"{'':<20} {'tier':<{wide}} {'':<25} {names}")
+    tell(f"{'':<20} {'tier':<{wide}} {'':<25} {names}")
     for row in document["rows"]:
         real, share, plain = (
             "" if row[key] is None else number(row[key])
             for key in ("realtime", "ceiling_ratio", "plain_ratio")
         )
-        print(
+        tell(
             f"{row['name']:<20} {row['tier']:<{wide}} {amount(row['value'], row['unit']):<25} "
             f"{real:>11} {share:>10} {plain:>8}"
         )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.run.called import as_called
-from scenarios.cli.output import Json, make_progress, print_document, size_option
+from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from sensor.calibrate.calibration import Calibration
@@ -84,7 +84,7 @@ def calibrate(
     if json:
         print_document(document)
     else:
-        print(_text(result, document, folder))
+        tell(*_text(result, document, folder))
 
 
 def _flat(text: str) -> tuple[Path, float | None]:
@@ -106,7 +106,7 @@ def _flat(text: str) -> tuple[Path, float | None]:
     return Path(name), value
 
 
-def _text(result: Calibration, document: dict[str, Any], folder: Path) -> str:
+def _text(result: Calibration, document: dict[str, Any], folder: Path) -> list[str]:
     """The result as text."""
     known = [p for p in result.parameters.values() if p.known]
     unknown = [p for p in result.parameters.values() if not p.known]
@@ -127,4 +127,4 @@ def _text(result: Calibration, document: dict[str, Any], folder: Path) -> str:
         lines.append(as_called(f"viform run film --set sensor.preset={preset}"))
     else:
         lines.append("no camera.toml: it takes the temporal noise, which is not known")
-    return "\n".join(lines)
+    return lines

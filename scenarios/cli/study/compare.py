@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from scenarios.cli.options import Device
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, make_progress, print_document, tell
 
 __all__ = ["compare"]
 
@@ -45,10 +45,10 @@ def compare(
     if json:
         print_document(document)
     else:
-        print(_text(document, folder))
+        tell(*_text(document, folder))
 
 
-def _text(document: dict[str, Any], folder: Path) -> str:
+def _text(document: dict[str, Any], folder: Path) -> list[str]:
     """The table as text."""
     from scenarios.studies.compare.report import HEADS, figure_text
     from scenarios.studies.compare.row import FIGURES, Figure
@@ -63,4 +63,4 @@ def _text(document: dict[str, Any], folder: Path) -> str:
         for line in cells
     ]  # fmt: skip
     lines += [f"  {row['title']}: {row['setting']}" for row in rows]
-    return "\n".join([*lines, *document["notes"], f"{folder / 'report.html'}"])
+    return [*lines, *document["notes"], f"{folder / 'report.html'}"]

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from scenarios.cli.options import expand_options
+from scenarios.cli.output import tell
 from scenarios.cli.study.batch import BatchOptions
 
 __all__ = ["dataset"]
@@ -46,8 +47,8 @@ def dataset(
 
 def _print(document: dict[str, Any], folder: Path) -> None:
     for split, names in document["splits"].items():
-        print(f"{split:<6} {len(names)} items")
+        tell(f"{split:<6} {len(names)} items")
     if document["failed"]:
-        print(f"left out {document['failed']} of {document['items']} items")
-    print(f"card   {folder}/README.md")
-    print(f"sums   {folder}/SHA256SUMS")
+        tell(f"left out {document['failed']} of {document['items']} items")
+    tell(f"card   {folder}/README.md")
+    tell(f"sums   {folder}/SHA256SUMS")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.config.amounts import number
-from scenarios.cli.output import Json, make_progress, print_document, size_option
+from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from scenarios.studies.methods import MethodRow
@@ -73,7 +73,7 @@ def compare_methods(
         return
     print(_text(rows))
     cycles = ", ".join(map(str, truths))
-    print(f"cycle {cycles}; white {number(white)} spikes a cycle; windows of the best PSNR")
+    tell(f"cycle {cycles}; white {number(white)} spikes a cycle; windows of the best PSNR")
 
 
 def _text(rows: list[MethodRow]) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.config.amounts import number
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from cosim.run.printed import Row
@@ -45,7 +45,7 @@ def paper(
         for name in chosen:
             selected = [row for row in rows if row.source.startswith(name)]
             print(_table(f"{name}: {DOCUMENTS[name].title}", selected))
-        print(f"{sum(row.holds for row in rows)} of {len(rows)} rows hold; {_sources(rows)}")
+        tell(f"{sum(row.holds for row in rows)} of {len(rows)} rows hold; {_sources(rows)}")
     if not all(row.holds for row in rows):
         raise typer.Exit(1)
 

@@ -9,7 +9,7 @@ import typer
 
 from cosim.config.amounts import number
 from scenarios.cli.options import Device
-from scenarios.cli.output import Json, print_document
+from scenarios.cli.output import Json, print_document, tell
 
 __all__ = ["stability"]
 
@@ -50,11 +50,11 @@ def stability(
         print_document({"rows": [asdict(row) for row in rows]})
     else:
         width = max(len(row.name) for row in rows)
-        print(f"{'case':>4} {'':<{width}}  {'':<5} {'value':>9} {'limit':>9} unit")
+        tell(f"{'case':>4} {'':<{width}}  {'':<5} {'value':>9} {'limit':>9} unit")
         for row in rows:
             value = "none" if row.value is None else number(row.value)
             limit = "" if row.limit is None else number(row.limit)
             mark = "holds" if row.holds else "FAILS"
-            print(f"{row.case:>4} {row.name:<{width}}  {mark} {value:>9} {limit:>9} {row.unit}")
+            tell(f"{row.case:>4} {row.name:<{width}}  {mark} {value:>9} {limit:>9} {row.unit}")
     if not all(row.holds for row in rows):
         raise typer.Exit(1)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from scenarios.cli.options import ScenarioName, expand_options
+from scenarios.cli.output import tell
 from scenarios.cli.study.batch import BatchOptions
 
 __all__ = ["sweep"]
@@ -58,9 +59,9 @@ def _print(document: dict[str, Any], folder: Path) -> None:
         ])  # fmt: skip
     widths = [max(len(line[n]) for line in lines) for n in range(len(lines[0]))]
     for line in lines:
-        print(
+        tell(
             "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         )
-    print(f"store   {folder / 'sweep.zarr'}")
+    tell(f"store   {folder / 'sweep.zarr'}")
     if names:
-        print(f"figure  {folder / 'sweep.png'}")
+        tell(f"figure  {folder / 'sweep.png'}")

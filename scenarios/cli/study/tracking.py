@@ -9,7 +9,7 @@ import typer
 
 from cosim.config.amounts import number
 from scenarios.cli.options import check_figure
-from scenarios.cli.output import Json, make_progress, print_document
+from scenarios.cli.output import Json, make_progress, print_document, tell
 
 __all__ = ["compare_tracking"]
 
@@ -61,9 +61,9 @@ def compare_tracking(
         return
     print(tracking_table(rows))
     light = f"white {number(conditions.electrons)} electrons/s in each pixel"
-    print(f"{light}; {trials} trials, seed {seed}")
+    tell(f"{light}; {trials} trials, seed {seed}")
     if figure is not None:
-        print(f"figure  {figure}")
+        tell(f"figure  {figure}")
 
 
 def _numbers(option: str, text: str) -> list[float]:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.report.figures import own_settings
+
 __all__ = ["FINE", "WEDGE", "bars", "edge", "faces", "slow", "still", "words"]
 
 FINE = 4
@@ -94,16 +96,15 @@ class _Brush:
 @lru_cache(maxsize=32)
 def _letters(line: str) -> tuple[list[npt.NDArray[np.float64]], float]:
     """Outlines of a line of text with capitals of height 1 above y = 0, and its width."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import TextPath
-
     size = 200.0  # curves are cut into lines at a resolution of 1
-    font = FontProperties(family="DejaVu Sans", weight="bold")  # comes with matplotlib
-    high = TextPath((0, 0), "H", size=size, prop=font).get_extents().height
-    outlines = [
-        np.asarray(o) * (1 / high, -1 / high)
-        for o in TextPath((0, 0), line, size=size, prop=font).to_polygons()
-    ]
+    with own_settings():
+        from matplotlib.font_manager import FontProperties
+        from matplotlib.textpath import TextPath
+
+        font = FontProperties(family="DejaVu Sans", weight="bold")  # comes with matplotlib
+        capital, text = (TextPath((0, 0), each, size=size, prop=font) for each in ("H", line))
+    high = capital.get_extents().height
+    outlines = [np.asarray(o) * (1 / high, -1 / high) for o in text.to_polygons()]
     left = min(float(o[:, 0].min()) for o in outlines)
     right = max(float(o[:, 0].max()) for o in outlines)
     return [o - (left, 0.0) for o in outlines], right - left

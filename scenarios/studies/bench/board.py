@@ -107,7 +107,8 @@ def _child(code: str, *words: str) -> Iterator[str]:
     """A Python process that runs `code`; yields the first line that it prints."""
     process = subprocess.Popen(
         python_child(code, *words),
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, encoding="utf-8", errors="replace",
+        start_new_session=True,
     )  # fmt: skip
     assert process.stdout is not None
     try:

@@ -68,7 +68,7 @@ UNLIT = 2.5e-6
 
 def _ceiling(device: Device, n: int) -> float:
     """Throughput of the minimum work for a spike bit, pixel-cycles/s, for n pixels."""
-    source = (files("sensor.latched.pixel") / "ceiling.cl").read_text()
+    source = (files("sensor.latched.pixel") / "ceiling.cl").read_text(encoding="utf-8")
     kernel = device.kernel(source, "ceiling", ("-cl-std=CL1.2",))
     padded, n_words = -(-n // 16) * 16, words_for(CYCLES)
     phase, add = (

@@ -105,7 +105,7 @@ class _Viewer:
 
     def peak(self) -> float:
         """Bytes that the process has held at most (proc(5), VmHWM)."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        status = Path(f"/proc/{self.process.pid}/status").read_text(encoding="utf-8")
         line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
         return 1024 * float(line.split()[1])
 
@@ -115,7 +115,7 @@ def _viewing(stream: Path) -> Iterator[_Viewer]:
     code = "from scenarios.cli.entry import main; main()"
     process = subprocess.Popen(
         python_child(code, "view", str(stream), "--json"),
-        stdout=subprocess.PIPE, text=True, env=_without_browser(),
+        stdout=subprocess.PIPE, encoding="utf-8", errors="replace", env=_without_browser(),
     )  # fmt: skip
     try:
         yield _Viewer(process, stream)

@@ -81,7 +81,7 @@ class FastPixels:
         """Kernels for a set of flags: for constant light, and for changing light."""
 
         def text(name: str) -> str:
-            return (files("sensor.latched.fast") / name).read_text()
+            return (files("sensor.latched.fast") / name).read_text(encoding="utf-8")
 
         source, model = wide_cl() + text("light.cl"), self._array.model
         defines = [

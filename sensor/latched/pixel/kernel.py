@@ -74,12 +74,12 @@ class KernelPixels:
 
     def _build(self, name: str, ramp: bool) -> Any:
         folder = files("sensor.latched.pixel")
-        source = wide_cl() + (folder / "exact.cl").read_text()
+        source = wide_cl() + (folder / "exact.cl").read_text(encoding="utf-8")
         defines = ["-cl-std=CL1.2", f"-DJUMP={JUMP}", f"-DDEEPEST=({DEEPEST}L)"]
         defines.append(f"-DPLANES={_PLANES}")
         if self._model.noisy:
             # One fragment draws thresholds, for all kinds of noise.
-            source = philox_cl() + (folder / "threshold.cl").read_text() + source
+            source = philox_cl() + (folder / "threshold.cl").read_text(encoding="utf-8") + source
             defines += ["-DSHOT_NOISE", f"-DSHOT_NOISE_STREAM={int(Stream.SHOT_NOISE)}u"]
             defines += [f"-DKNOTS={KNOTS}u", f"-DMANTISSA_BITS={MANTISSA_BITS}"]
         if self._model.transfers:

@@ -130,7 +130,7 @@ def test_output_that_has_no_place_to_go_to_ends_without_a_traceback():
         _, err = process.communicate(timeout=120)
     assert process.returncode == 2
     assert err.startswith("viform: ") and err.count("\n") == 1, err
-    assert err.endswith("make room and repeat the command\n")
+    assert err.endswith("at standard output; make room and repeat the command\n")
 
     reading, writing = os.pipe()
     os.close(reading)  # as of a `head` that has seen enough
