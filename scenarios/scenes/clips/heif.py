@@ -242,6 +242,7 @@ def decoded_still(
             streams = [each for each in container.streams.video if each.id in wanted]
             for each in streams:
                 each.codec_context.options = DECODING
+                fit.check_size(each.codec_context.height * len(streams), each.codec_context.width)
             for packet in container.demux(streams) if streams else ():
                 for frame in packet.decode():
                     frames.setdefault(packet.stream.id, frame)
@@ -268,9 +269,9 @@ def _composed(tiles: Tiles, planes: dict[int, npt.NDArray[Any]], fit: Fit) -> np
         return parts[0]
     height, width = parts[0].shape[:2]
     rows = len(parts) // tiles.columns
-    if any(part.shape != parts[0].shape for part in parts) or (
-        tiles.shape[0] > rows * height or tiles.shape[1] > tiles.columns * width
-    ):
+    fills = (rows - 1) * height < tiles.shape[0] <= rows * height
+    fills &= (tiles.columns - 1) * width < tiles.shape[1] <= tiles.columns * width
+    if not fills or any(part.shape != parts[0].shape for part in parts):
         raise fit.bad("damaged: its tiles do not fill it")
     lines = [
         np.concatenate(parts[n : n + tiles.columns], axis=1)
