@@ -97,7 +97,7 @@ class Clip:
         self._path = path
         self.notes: list[str] = []
         self._fit = Fit(path, shape, mosaic, mixed, self.notes)
-        self._coded = Coded(path.name, mosaic is not None, self._fit.note)
+        self._coded = Coded(path.name, mosaic is not None, self._fit)
         self._strict = True  # damaged pictures are refused first, so that they can be noted
         self._iterator: Iterator[Any] | None = None
         self._next = 0
@@ -119,13 +119,11 @@ class Clip:
                 self.timeline = timeline
 
     def _undecodable(self, exc: Exception) -> InputError:
-        """The refusal of a file in which decoding failed. FFmpeg reports sizes beyond its limits,
-        which a damaged file states, as a lack of memory."""
-        if isinstance(exc, MemoryError):
-            return self._fit.bad("damaged: it states more data than a clip can have")
-        if 0 in getattr(self, "size", (1,)):  # FFmpeg does not say why it has refused the size
+        """The refusal of a file in which decoding failed."""
+        if 0 in getattr(self, "size", (1,)) and not isinstance(exc, MemoryError):
+            # FFmpeg does not say why it has refused the size
             return self._fit.bad(f"damaged, or of more than {MOST_PIXELS:,} pixels")
-        return self._fit.bad(str(getattr(exc, "strerror", None) or exc))
+        return self._fit.undecodable(exc)
 
     def _start(self) -> None:
         import av

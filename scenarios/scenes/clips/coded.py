@@ -9,14 +9,13 @@ BT.709. Transparent parts are black.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from scenarios.scenes.clips.fitted import LUMINANCE
+from scenarios.scenes.clips.fitted import LUMINANCE, Fit
 
 __all__ = ["GREY_OF_TIFF", "SRGB", "Coded", "float_values", "is_of_floats", "transfer_curve"]
 
@@ -44,6 +43,8 @@ _PRIMARIES: Final = {
         [[1.2249, -0.2249, 0.0], [-0.0421, 1.0421, 0.0], [-0.0197, -0.0786, 1.0983]], np.float32
     ),
 }
+_MATRICES: Final = {0, 1, 2, 4, 5, 6, 7, 9}
+"""Matrices of luma and chroma that FFmpeg converts: code points of H.273, table 4."""
 _LIMITED, _FULL = 1, 2
 """FFmpeg's numbers of the ranges of codes."""
 # FFmpeg's 16-bit RGB is exact for RGB. Codes of limited range become white at 255 x 256 + 3; codes
@@ -144,18 +145,32 @@ class Coded:
     Args:
         name: name of the file, for notes.
         coloured: whether colours are kept.
-        note: takes notes for the user.
+        fit: takes notes for the user, and refuses what FFmpeg does not convert.
 
     Attributes:
         most: highest light of the frames so far, white = 1.
     """
 
-    def __init__(self, name: str, coloured: bool, note: Callable[[str], None]) -> None:
-        self._name, self._coloured, self._note = name, coloured, note
+    def __init__(self, name: str, coloured: bool, fit: Fit) -> None:
+        self._name, self._coloured, self._fit, self._note = name, coloured, fit, fit.note
         self.most = 1.0
 
     def light(self, frame: Any) -> npt.NDArray[np.float32]:
-        """Linear light of a frame: (H, W), or (H, W, 3) in BT.709 if colours are kept."""
+        """Linear light of a frame: (H, W), or (H, W, 3) in BT.709 if colours are kept.
+
+        Raises:
+            InputError: FFmpeg does not convert its form.
+        """
+        try:
+            return self._converted(frame)
+        except (OSError, ValueError) as exc:
+            matrix = int(getattr(frame, "colorspace", 2))
+            if matrix in _MATRICES:
+                raise self._fit.undecodable(exc) from None
+            told = f"colours by matrix {matrix} of ITU-T H.273, table 4, which are not converted"
+            raise self._fit.bad(told) from None
+
+    def _converted(self, frame: Any) -> npt.NDArray[np.float32]:
         code = int(frame.color_trc or 2)
         if code in (_PQ, _HLG):
             kind = "PQ, white at 203 cd/m2" if code == _PQ else "HLG, white at a signal of 75 %"

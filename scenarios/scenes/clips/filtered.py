@@ -80,6 +80,11 @@ def deinterlaced(before: Any | None, frame: Any, after: Any | None) -> Any:
         frame: the frame.
         after: the frame after it; None for the last.
     """
+    form = frame.width, frame.height, frame.format.name
+    before, after = (
+        None if each is None or (each.width, each.height, each.format.name) != form else each
+        for each in (before, after)
+    )
     frames = [each for each in (before, frame, after) if each is not None]
     made = _filtered(frames, ("bwdif", "mode=send_frame:deint=interlaced"))
     return made[0 if before is None else 1]

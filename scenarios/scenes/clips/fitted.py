@@ -61,6 +61,13 @@ class Fit:
             "check the file, or leave scene.path out for the built-in scene",
         )  # fmt: skip
 
+    def undecodable(self, exc: Exception) -> InputError:
+        """The refusal of a file in which decoding failed. FFmpeg reports sizes beyond its limits,
+        which a damaged file states, as a lack of memory."""
+        if isinstance(exc, MemoryError):
+            return self.bad("damaged: it states more data than a clip can have")
+        return self.bad(str(getattr(exc, "strerror", None) or exc))
+
     def on(
         self, light: npt.NDArray[np.float32], aspect: float = 1.0, pose: Pose = AS_STORED,
         most: float | None = None,

@@ -246,12 +246,12 @@ def decoded_still(
             for packet in container.demux(streams) if streams else ():
                 for frame in packet.decode():
                     frames.setdefault(packet.stream.id, frame)
-    except (av.FFmpegError, OSError, ValueError) as exc:
-        raise fit.bad(str(getattr(exc, "strerror", None) or exc)) from None
+    except (av.FFmpegError, OSError, ValueError, MemoryError) as exc:
+        raise fit.undecodable(exc) from None
     if wanted - frames.keys():
         raise fit.bad(f"damaged: {len(wanted - frames.keys())} of its {len(wanted)} parts missing")
-    light = _composed(still.colours, {item: coded.light(frames[item]) for item in wanted
-                                      if item in still.colours.items}, fit)  # fmt: skip
+    items = dict.fromkeys(still.colours.items)
+    light = _composed(still.colours, {item: coded.light(frames[item]) for item in items}, fit)
     if still.alpha is not None:
         share = {item: frames[item].to_ndarray(format="gray") for item in still.alpha.items}
         alpha = _composed(still.alpha, share, fit) / np.float32(255)

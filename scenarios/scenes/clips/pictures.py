@@ -251,7 +251,7 @@ def _from_still(
     path: Path, still: Still, mosaic: Mosaic | None, fit: Fit, notes: list[str]
 ) -> Pictures:
     """The picture of a HEIF file."""
-    coded = Coded(path.name, mosaic is not None, fit.note)
+    coded = Coded(path.name, mosaic is not None, fit)
     if still.colours.shape is not None:
         fit.check_size(*still.colours.shape)
     light, pose = decoded_still(path, still, coded, fit)
@@ -294,10 +294,14 @@ def _page(path: Path, page: int) -> npt.NDArray[Any] | None:
     not read it, or not as codes of 8 or 16 bits or floats."""
     import cv2
 
+    logging = cv2.utils.logging
+    before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # it writes lines of its own
     try:  # turns them upright, as `imread` does except where rows become columns
         _, read = cv2.imreadmulti(str(path), page, 1, flags=cv2.IMREAD_UNCHANGED)
     except cv2.error:
         return None
+    finally:
+        logging.setLogLevel(before)
     if not read or not (
         read[0].dtype in (np.uint8, np.uint16) or np.issubdtype(read[0].dtype, np.floating)
     ):

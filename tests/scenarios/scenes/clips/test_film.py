@@ -154,6 +154,18 @@ def test_colours_of_other_primaries_have_their_own_luminance(tmp_path, primaries
     np.testing.assert_allclose(clip.frame(1), 1, atol=2e-4)
 
 
+def test_a_matrix_that_is_not_converted_is_named(tmp_path):
+    path = tmp_path / "a.mkv"
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("ffv1", rate=25)
+        stream.height, stream.width, stream.pix_fmt = 16, 32, "yuv444p"
+        stream.codec_context.colorspace = 8  # YCgCo
+        container.mux(stream.encode(av.VideoFrame(32, 16, "yuv444p")))
+        container.mux(stream.encode(None))
+    with pytest.raises(InputError, match=r"colours by matrix 8 of ITU-T H\.273, table 4, which"):
+        Clip(path, SHAPE)
+
+
 def test_a_wide_clip_loses_its_sides_and_a_tall_one_top_and_bottom(tmp_path, make_clip):
     wide = np.tile(np.arange(24, dtype=np.uint8) * 10, (8, 1))
     frame = first_frame(make_clip(tmp_path / "wide.mkv", wide[None]), (8, 8))
