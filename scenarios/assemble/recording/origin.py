@@ -57,6 +57,11 @@ class Origin(Protocol):
         source that cannot be read again, or that is shorter."""
         ...
 
+    def sample(self, count: int) -> bytes:
+        """Some of the first `count` bytes, by which a run that goes on knows them again; none of a
+        source that cannot be read again."""
+        ...
+
     def close(self) -> None: ...
 
 
@@ -189,6 +194,11 @@ class GrowingFile:
             )  # fmt: skip
         self._at, self._grown = count, self._now()
 
+    def sample(self, count: int) -> bytes:
+        """See `Origin`."""
+        places = (0, count // 2, max(count - _SAMPLE, 0))
+        return b"".join(os.pread(self._file, min(_SAMPLE, count - at), at) for at in places)
+
     def close(self) -> None:
         os.close(self._file)
 
@@ -284,6 +294,10 @@ class Pipe:
                 "--resume", "given with a source that can be read again", f"given with {self.name}",
                 "start again with another --out",
             )  # fmt: skip
+
+    def sample(self, count: int) -> bytes:
+        """See `Origin`."""
+        return b""
 
     def close(self) -> None:
         if self._own:

@@ -270,6 +270,13 @@ def test_an_interrupted_file_goes_on_and_what_came_is_readable(recorded, shown, 
     assert 64 <= kept.cycles <= there // FRAME and f"after {kept.cycles} of" in text
     whole = open_stream(shown.folder / "stream.zarr")
     np.testing.assert_array_equal(kept.read_words(0, 2), whole.read_words(0, 2))
+    path.write_bytes(recorded[1][::-1])
+    with pytest.raises(InputError) as other:
+        run(given, tmp_path / "run", resume=True)
+    assert str(other.value) == (
+        f"--resume must be given with the file that was read, not with {path}, which was written "
+        "anew since; start again with another --out"
+    )
     path.write_bytes(recorded[1])
     same(run(given, tmp_path / "run", resume=True), shown)
 
