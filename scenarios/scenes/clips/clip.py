@@ -18,7 +18,7 @@ from typing import Any, Final
 from cosim import InputError, Plane
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.coded import Coded, float_values, is_of_floats
-from scenarios.scenes.clips.filtered import deinterlaced, pose_of
+from scenarios.scenes.clips.filtered import Pose, deinterlaced, pose_of
 from scenarios.scenes.clips.fitted import DECODING, MOST_PIXELS, Fit
 from scenarios.scenes.clips.timeline import Timeline
 
@@ -103,6 +103,7 @@ class Clip:
         self._next = 0
         self._decoded: dict[int, Any] = {}  # the latest frames by their numbers
         self._planes: dict[int, Plane] = {}
+        self._poses: dict[int, Pose] = {}
         self.ended = False
         self.rate = Fraction(0)
         self.count = 0
@@ -242,7 +243,7 @@ class Clip:
     def _linear(self, n: int) -> Plane:
         frame = self._decoded[n]
         self._fit.check_size(frame.height, frame.width)
-        pose = pose_of(frame)
+        pose = self._pose(frame)
         if is_of_floats(frame):
             return self._fit.floats(float_values(frame), self._aspect, pose)
         if frame.interlaced_frame:
@@ -255,6 +256,12 @@ class Clip:
             self._fit.note(f"{self._path.name} does not begin with a key frame: its first are torn")
         light = self._coded.light(frame)
         return self._fit.on(light, self._aspect, pose, most=self._coded.most)
+
+    def _pose(self, frame: Any) -> Pose:
+        """How a frame is turned upright: as the first one of the same rotation."""
+        if frame.rotation not in self._poses:
+            self._poses[frame.rotation] = pose_of(frame)
+        return self._poses[frame.rotation]
 
     def frame(self, n: int) -> Plane | None:
         """Frame n, (H, W) float32; None if the clip ends before it."""

@@ -180,7 +180,7 @@ class Coded:
         parts = frame.format.components
         deep = max(part.bits for part in parts) > 8
         curve = self._curve(code, frame, parts[0].bits if deep else 8)
-        matrix = _PRIMARIES.get(int(getattr(frame, "color_primaries", 2) or 2))
+        matrix = _PRIMARIES.get(int(frame.color_primaries or 2))
         weights = LUMINANCE if matrix is None else LUMINANCE @ matrix
         clear = None
         if frame.format.name == "pal8" or any(part.is_alpha for part in parts):

@@ -17,9 +17,10 @@ Pose = tuple[bool, int]
 of quarter turns, counterclockwise."""
 AS_STORED: Final[Pose] = (False, 0)
 
-_UNKNOWN: Final = range(28, 36)
-"""FFmpeg's numbers of side data that PyAV 18 does not know. A frame with any, such as Exif (31),
-does not give the side data that PyAV knows."""
+_MATRIX: Final = 6
+"""FFmpeg's number of the side data with a display matrix."""
+_KINDS: Final = 40
+"""Kinds of side data, with some to come."""
 
 
 def _filtered(frames: Sequence[Any], *filters: tuple[str, str]) -> list[Any]:
@@ -49,13 +50,14 @@ def _filtered(frames: Sequence[Any], *filters: tuple[str, str]) -> list[Any]:
 
 def pose_of(frame: Any) -> Pose:
     """How a frame is turned upright, by its display matrix (ISO/IEC 14496-12, 8.2.2) or, which
-    FFmpeg makes one of, its Exif orientation."""
-    try:
-        sides = frame.side_data
-    except ValueError:  # "31 is not a valid Type"
-        deletions = [("sidedata", f"mode=delete:type={kind}") for kind in _UNKNOWN]
-        sides = _filtered([frame], *deletions)[0].side_data
-    side = sides.get("DISPLAYMATRIX")
+    FFmpeg makes one of, its Exif orientation.
+
+    PyAV 18 refuses to give any side data of a frame that has some that it does not know, such as
+    Exif, and frees the name of an ICC profile twice, which ends the process. So all but the matrix
+    is removed before.
+    """
+    others = [("sidedata", f"mode=delete:type={n}") for n in range(_KINDS) if n != _MATRIX]
+    side = _filtered([frame], *others)[0].side_data.get("DISPLAYMATRIX")
     if side is None:
         return AS_STORED
     a, b, _, c, d, *_ = struct.unpack("=9i", bytes(side))

@@ -268,25 +268,25 @@ def _from_tiff(
     fit = Fit(path, shape, mosaic, mixed, notes)
     for page in pages:
         fit.check_size(*page.decoded)
-    shown = [n for n, page in enumerate(pages) if page.whole]
-    alike = all(pages[n].size == pages[0].size for n in shown)
-    if not (shown and alike):
-        shown = [0]
+    kept = [n for n, page in enumerate(pages) if page.whole]
+    alike = all(pages[n].size == pages[0].size for n in kept)
+    if not (kept and alike):
+        kept = [0]
     # FFmpeg reads the first page only, and few of floats.
     values = _page(path, 0) if pages[0].floats else None
-    if values is None and len(shown) == 1:
+    if values is None and len(kept) == 1:
         clip = Clip(path, shape, mosaic, mixed)
         if not alike:
             clip.notes.append(f"{path.name}: the first of its {len(pages)} pages is filmed")
         return clip
 
     def read(n: int) -> Plane:
-        values = _page(path, shown[n])
+        values = _page(path, kept[n])
         if values is None:
-            raise fit.bad(f"page {shown[n] + 1} cannot be decoded")
+            raise fit.bad(f"page {kept[n] + 1} cannot be decoded")
         return shown(values, fit, GREY_OF_TIFF if values.ndim == 2 else SRGB)
 
-    return Pictures(path, read, len(shown), pages[0].size, rate, notes)
+    return Pictures(path, read, len(kept), pages[0].size, rate, notes)
 
 
 def _page(path: Path, page: int) -> npt.NDArray[Any] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import struct
 import zlib
 from collections.abc import Callable
@@ -131,6 +132,19 @@ def test_a_picture_is_shown_upright_and_not_mirrored(tmp_path: Path, orientation
     floats = (stored / 255).astype(np.float32)
     (tmp_path / "f.tif").write_bytes(tiff(floats, orientation=orientation))
     np.testing.assert_allclose(open_clip(tmp_path / "f.tif", SHAPE).frame(0), GREY / 255, atol=1e-6)
+
+
+def test_a_picture_with_a_named_profile_does_not_end_the_process(tmp_path: Path) -> None:
+    """PyAV frees the name of a profile twice, when it has given the frame's side data."""
+    body = b"name\0\0" + zlib.compress(bytes(16) + b"RGB XYZ " + bytes(108))
+    head = chunk(b"iCCP", body), chunk(b"eXIf", tiff(orientation=2))
+    grey = np.repeat(GREY[..., None], 3, axis=2)
+    path = png(tmp_path / "a.png", 2, *head, lines(grey))
+    for _ in range(20):
+        plane = open_clip(path, SHAPE).frame(0)
+        gc.collect()
+    shown = Clip(oriented(tmp_path / "plain.png", GREY[:, ::-1].copy(), 1), SHAPE).frame(0)
+    np.testing.assert_allclose(plane, shown, atol=1e-6)
 
 
 # Which picture.
