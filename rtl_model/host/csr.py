@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from cosim import InputError
+from cosim.config.toml import read_text
 from rtl_model.geometry import Geometry
 from rtl_model.imagers.catalogue import IMAGERS, design
 from rtl_model.imagers.device.registers import CONSTANT
@@ -120,7 +121,7 @@ def imager_map(name: str) -> CsrMap:
 def read_csr(path: Path) -> CsrMap:
     """Reads a `csr.csv`. Raises InputError, with the line, for another file."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as exc:
         why = getattr(exc, "strerror", None) or "not text"
         raise InputError(f"{path}", "a csr.csv", f"unreadable ({why})", "check the name") from exc

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Final
 
+from cosim.config.toml import read_toml
 from sensor.reconstruct.readings import READINGS, DimLight, read_readings
 
 __all__ = ["dim_of_run"]
@@ -27,7 +27,7 @@ def dim_of_run(folder: Path) -> DimLight | None:
 def _dark_cycles(path: Path) -> float:
     """Width in cycles from which on the run rejects an interval; infinite for none."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path)
     except (OSError, ValueError):  # a stream may lie in any folder
         return math.inf
     if "dark_limit" not in data.get("sensor", {}):

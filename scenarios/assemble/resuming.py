@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import InputError
+from cosim.config.toml import read_text
 from cosim.run.inputs import changed_files
 from cosim.run.result import Result, read_result
 from scenarios.assemble.schema.loading import load
@@ -60,7 +61,7 @@ def done_before(name: str, scenario: AnyScenario, out: Path) -> Result | None:
         )  # fmt: skip
     if result is None or isinstance(scenario, BoardScenario):
         return None
-    for key, path in changed_files(stored_in.read_text(encoding="utf-8")):
+    for key, path in changed_files(read_text(stored_in)):
         raise InputError(
             "--resume", f"given for the {key} that {out} was computed from",
             f"for {path}, which has changed since", "give another --out",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import time
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from cosim import InputError, Plane, SpikeStream
+from cosim.config.toml import read_toml
 from cosim.run.chain import STREAM
 from cosim.run.progress import Progress
 from scenarios.assemble.recording.opening import known_white
@@ -147,8 +147,7 @@ def truth_of_run(path: Path, shape: tuple[int, int]) -> tuple[Truths, float]:
             "give --truth FILE --at N --scale RATE",
         )  # fmt: skip
     try:
-        text = (folder / "scenario.toml").read_text(encoding="utf-8")
-        sensor = tomllib.loads(text).get("sensor", {})
+        sensor = read_toml(folder / "scenario.toml").get("sensor", {})
     except (OSError, ValueError):
         sensor = {}
     for key, reason in _UNEVEN.items():

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from pathlib import Path
 from typing import Any, Final
 
 from cosim.config.quantity import Quantity
+from cosim.config.toml import read_toml
 from cosim.errors import InputError, quote, shorten
 
 __all__ = ["BUILT_IN", "OF_THRESHOLD", "PATTERN", "SENSOR", "with_preset"]
@@ -39,7 +39,7 @@ _ROUNDING: Final = 1e-6
 def _read(path: Path) -> dict[str, Any]:
     """The file's data. Raises InputError in one line."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path)
     except (OSError, ValueError, RecursionError) as exc:
         reason = exc.strerror if isinstance(exc, OSError) else str(exc)
         raise InputError(

@@ -171,14 +171,24 @@ class ComingPlanes:
         block has taken."""
         parts = {f"late/{name}": value for name, value in self.lateness.state().items()}
         done = self.came if self.end and not self.waiting else -1
-        return {"planes": np.array([self._taken, done, self.incomplete]), **parts}
+        sample = np.frombuffer(self._origin.sample(self._taken * self.frame), np.uint8)
+        planes = np.array([self._taken, done, self.incomplete])
+        return {"planes": planes, "sample": sample, **parts}
 
     def restore(self, state: State) -> None:
-        """Goes on from a `state`. Raises InputError if the source cannot be read again."""
+        """Goes on from a `state`. Raises InputError if the source cannot be read again, or has
+        other bytes than those that were read."""
         self.lateness.restore(section(state, "late"))
         self._taken, done, incomplete = (int(n) for n in state["planes"])
         self._held.clear()
         self._origin.skip(self._taken * self.frame)
+        sample = state["sample"].tobytes()
+        if self._origin.sample(self._taken * self.frame) != sample:
+            raise InputError(
+                "--resume", "given with the file that was read",
+                f"with {self._origin.name}, which was written anew since",
+                "start again with another --out",
+            )  # fmt: skip
         self.came = self._taken
         if done >= 0:
             self.came, self.incomplete = done, incomplete

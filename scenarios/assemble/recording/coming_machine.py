@@ -106,7 +106,8 @@ class ComingMachine:
     def chain(self, folder: Path) -> Chain:
         planes, live = self.coming.planes, self.live
         cycles = planes.cycles or planes.clock.cycles_in(seconds_to_ps(DAY))
-        recorder = Recorder(folder / STREAM, planes.shape, cycles, planes.clock, keep=True)
+        # Nothing of it stays in memory: a stream may come for days. Its chunks are read again.
+        recorder = Recorder(folder / STREAM, planes.shape, cycles, planes.clock)
         stages: dict[str, Any] = {"file": planes, "recorder": recorder}
         length, lead, plan = cycles, 0, ""
         if live is not None:

@@ -19,6 +19,10 @@ __all__ = ["GrowingFile", "Origin", "Pipe", "open_origin"]
 
 _LOOK_S: Final = 0.01
 """Time between two looks at a file that has not grown, s: no call tells of growth everywhere."""
+_SAMPLE: Final = 64
+"""Bytes of a sample, by which a file that is written anew is told from one that grows."""
+_SAMPLES: Final = 64
+"""Samples of a file that are kept."""
 
 
 class Origin(Protocol):
@@ -53,6 +57,11 @@ class Origin(Protocol):
         source that cannot be read again, or that is shorter."""
         ...
 
+    def sample(self, count: int) -> bytes:
+        """Some of the first `count` bytes, by which a run that goes on knows them again; none of a
+        source that cannot be read again."""
+        ...
+
     def close(self) -> None: ...
 
 
@@ -63,7 +72,9 @@ def _unreadable(name: str, exc: OSError) -> InputError:
 class GrowingFile:
     """A file that another program writes; implements `Origin`.
 
-    It ends when it has not grown for `timeout_s`.
+    It ends when it has not grown for `timeout_s`. It is read as the file that was opened: one that
+    was moved away or deleted is read to its end. A file that takes its place, or that is written
+    anew in its place, is another recording and is refused.
 
     Args:
         path: the file.
@@ -80,6 +91,9 @@ class GrowingFile:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:  # fmt: skip
         self.name, self.end, self._at = str(path), "", 0
+        self._path = path
+        self._samples: list[tuple[int, bytes]] = []  # where, and what was read there
+        self._apart, self._checked = 1, 0  # bytes between samples, time of the file at a check
         self._timeout, self._now, self._sleep = timeout_s, now, sleep
         try:
             kind = path.stat().st_mode
@@ -105,17 +119,60 @@ class GrowingFile:
             size = self._size()
             if size > self._at:
                 data = os.pread(self._file, min(most, size - self._at), self._at)
+                self._check_samples()
+                self._keep_sample(data)
                 self._at += len(data)
                 self._grown = self._now()
                 return data
+            gone = self._gone()
             now = self._now()
             if now - self._grown >= self._timeout:
-                self.end = f"it has not grown for {self._timeout:g} s"
+                self.end = f"it has not grown for {self._timeout:g} s{gone}"
             elif now >= until:
                 break
             else:
                 self._sleep(max(min(_LOOK_S, until - now), 0))
         return b""
+
+    def _other(self, what: str) -> InputError:
+        """The refusal of a file that is not the one that was opened."""
+        return InputError(
+            "sensor.source", "a file that only grows",
+            f"{self.name}, which {what} after {self._at} bytes were read",
+            "let its writer append, and start again with another --out",
+        )  # fmt: skip
+
+    def _gone(self) -> str:
+        """What has become of a file that has been read to its end, in words; "" if it is there.
+        Raises InputError if another file has its name."""
+        opened = os.fstat(self._file)
+        if opened.st_mtime_ns != self._checked:
+            self._check_samples()
+            self._checked = opened.st_mtime_ns
+        try:
+            named = self._path.stat()
+        except OSError:
+            return ", and it was deleted" if not opened.st_nlink else ", and it was moved away"
+        if (named.st_dev, named.st_ino) != (opened.st_dev, opened.st_ino):
+            raise self._other("was replaced by another file")
+        return ""
+
+    def _keep_sample(self, data: bytes) -> None:
+        """Keeps the end of what has been read, if the last sample is far enough away. Samples are
+        spread over the file: when there are too many, every other is dropped."""
+        if not data or (self._samples and self._at - self._samples[-1][0] < self._apart):
+            return
+        part = data[-_SAMPLE:]
+        self._samples.append((self._at + len(data) - len(part), part))
+        if len(self._samples) > _SAMPLES:
+            del self._samples[1::2]
+            self._apart = (self._at + len(data)) * 2 // _SAMPLES
+
+    def _check_samples(self) -> None:
+        """Raises InputError if what has been read is not in the file any more."""
+        for at, part in self._samples:
+            if os.pread(self._file, len(part), at) != part:
+                raise self._other("was written anew")
 
     def _size(self) -> int:
         size = os.fstat(self._file).st_size
@@ -136,6 +193,11 @@ class GrowingFile:
                 f"{self.name} has {size}", "start again with another --out",
             )  # fmt: skip
         self._at, self._grown = count, self._now()
+
+    def sample(self, count: int) -> bytes:
+        """See `Origin`."""
+        places = (0, count // 2, max(count - _SAMPLE, 0))
+        return b"".join(os.pread(self._file, min(_SAMPLE, count - at), at) for at in places)
 
     def close(self) -> None:
         os.close(self._file)
@@ -232,6 +294,10 @@ class Pipe:
                 "--resume", "given with a source that can be read again", f"given with {self.name}",
                 "start again with another --out",
             )  # fmt: skip
+
+    def sample(self, count: int) -> bytes:
+        """See `Origin`."""
+        return b""
 
     def close(self) -> None:
         if self._own:

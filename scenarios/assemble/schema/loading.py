@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import InputError
-from cosim.config.toml import to_toml
+from cosim.config.toml import read_text, to_toml
 from cosim.errors import one_line, quote, shorten
 from cosim.run.inputs import PATHS, named_path, with_path
 from scenarios.assemble.schema.messages import validate
@@ -67,7 +67,7 @@ def _read(name: str) -> tuple[str, dict[str, Any], Path | None]:
             "see `viform list`",
         )
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         if _DEEP.search(text):  # tomllib takes seconds for a key of thousands of parts
             raise ValueError(f"a key of more than {_PARTS} parts")
         data = tomllib.loads(text)

@@ -1,103 +1,77 @@
 """Decodes video clips and images, of any format that PyAV supports, to frames of linear light.
 
-A frame is decoded to RGB, rotated upright, linearised by its transfer curve, reduced to luminance
-(Rec. ITU-R BT.709), scaled to cover the sensor, and cropped at the centre. Under a filter array it
-keeps its colours until each pixel takes that of its filter. Pictures of floats (Radiance HDR,
-OpenEXR, PFM, TIFF) are linear light already, with white at 1 and no upper limit.
+A frame is decoded to RGB, de-interlaced if it has two fields, linearised by its transfer curve,
+reduced to luminance (Rec. ITU-R BT.709), turned upright, scaled to cover the sensor, and cropped at
+the centre. Under a filter array it keeps its colours until each pixel takes that of its filter.
+Pictures of floats (Radiance HDR, OpenEXR, PFM, TIFF) are linear light already, with white at 1 and
+no upper limit.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from fractions import Fraction
-from functools import lru_cache
+from itertools import islice
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-import numpy.typing as npt
+from typing import Any, Final
 
 from cosim import InputError, Plane
 from cosim.light.mosaic import Mosaic
-from scenarios.scenes.clips.fitted import DECODING, LUMINANCE, MOST_PIXELS, Fit
+from scenarios.scenes.clips.coded import Coded, float_values, is_of_floats
+from scenarios.scenes.clips.filtered import Pose, deinterlaced, pose_of
+from scenarios.scenes.clips.fitted import DECODING, MOST_PIXELS, Fit
 from scenarios.scenes.clips.timeline import Timeline
 
-__all__ = ["SRGB", "Clip", "transfer_curve"]
+__all__ = ["Clip"]
 
-# Transfer characteristics: code point (ITU-T H.273, table 3) -> exponent of the display. Clips are
-# made for displays, so BT.709 and unspecified characteristics use the sRGB curve.
-_POWER = {4: 2.2, 5: 2.8, 8: 1.0}
-_AS_SRGB = {0, 1, 2, 3, 6, 7, 13, 14, 15}
-
-SRGB = 13
-"""Transfer characteristic "sRGB" (ITU-T H.273, table 3)."""
-_FLOATS = re.compile(r"f(16|32)(le|be)?$")
-"""The end of FFmpeg's names of pixel formats with floats."""
-_FAR = 8
+_FAR: Final = 8
 """Number of frames ahead from which on a seek to a key frame saves time."""
-_BAND = 1 << 14
-"""Pixels of a picture that are converted at once."""
-# Code values of white. FFmpeg's 16-bit RGB is exact for RGB and grey, but for YUV it has white at
-# 255 x 256 + 3; its 8-bit RGB of 8-bit pictures is accurate to one code.
-_WHITE_8, _WHITE_16, _WHITE_16_FROM_YUV = 255, 65535, 65283
-
-
-@lru_cache
-def transfer_curve(code: int, white: int) -> npt.NDArray[np.float32]:
-    """Linear light of each code value, white = 1; the array is shared."""
-    v = np.minimum(np.arange(256 if white == _WHITE_8 else 65536) / white, 1)
-    if code in _POWER:
-        return (v ** _POWER[code]).astype(np.float32)
-    # IEC 61966-2-1, sRGB to linear
-    linear = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float32)
-
-
-def _luminance(
-    picture: npt.NDArray[np.uint8], curve: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
-    """Linear luminance of an 8-bit picture, transparent parts black: (H, W) float32.
-
-    OpenCV takes a fifth of numpy's time for it, and in bands that fit in the cache again a half.
-
-    Args:
-        picture: (H, W, 3 or 4) uint8, red, green, blue, and alpha.
-        curve: (256,) float32, linear light of each code value.
-    """
-    import cv2
-
-    height, width, channels = picture.shape
-    curves = np.stack([curve, curve, curve, np.arange(256, dtype=np.float32) / 255], axis=1)
-    weights = np.append(LUMINANCE, np.float32(0))[None, :channels]
-    luminance = np.empty((height, width), np.float32)
-    step = max(_BAND // width, 1)
-    for top in range(0, height, step):
-        lit = cv2.LUT(picture[top : top + step], curves[None, :, :channels])
-        band = luminance[top : top + step]
-        band[...] = cv2.transform(lit, weights)
-        if channels == 4:
-            band *= lit[..., 3]
-    return luminance
-
-
-def _values(frame: Any) -> npt.NDArray[Any]:
-    """The floats of a frame, (H, W) or (H, W, 3). FFmpeg's own conversion would clip them."""
-    name = frame.format.name
-    if not name.startswith(("gbrpf16", "gbrapf16", "grayf16")):
-        values: npt.NDArray[Any] = frame.to_ndarray()
-        return values[..., :3] if values.ndim == 3 else values
-    kind = np.dtype(np.float16).newbyteorder(">" if name.endswith("be") else "<")
-    planes = [
-        np.frombuffer(plane, kind).reshape(plane.height, -1)[:, : plane.width]
-        for plane in frame.planes
-    ]  # green, blue, red
-    return planes[0] if len(planes) < 3 else np.stack([planes[2], planes[0], planes[1]], axis=2)
+_PROBED: Final = 1000
+"""Packets that are read to tell a clip from a still beside it."""
+_KEPT: Final = 3
+"""Decoded frames that are kept: one of two fields is shown with those before and after it."""
+_OF_OTHERS: Final = (2, 3)
+"""FFmpeg's numbers of frames that are told by others, P and B."""
+_WITH_ALPHA: Final = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
+"""Decoders of the transparency of WebM, which FFmpeg's own leave out, by the name of the codec."""
 
 
 def _is_still(name: str) -> bool:
-    """Whether a container of FFmpeg, by its name, holds a single picture."""
-    return name.endswith("_pipe") or name == "image2"
+    """Whether a container of FFmpeg, by its name, holds a single picture. Not TIFF, of which FFmpeg
+    takes any tag that it does not know for damage."""
+    return (name.endswith("_pipe") or name == "image2") and name != "tiff_pipe"
+
+
+def _shown(container: Any, path: Path) -> tuple[Any, int] | None:
+    """The stream of a clip, and the number of those it could be; None if all are covers."""
+    from av.stream import Disposition
+
+    aside = Disposition.attached_pic | Disposition.timed_thumbnails
+    streams = [each for each in container.streams.video if not each.disposition & aside]
+    best = container.streams.best("video")
+    if len(streams) > 1:
+        likely = [each for each in streams if each.frames != 1]
+        if any(not each.frames for each in likely):  # not told
+            moving = _moving(path, [each.index for each in likely], best.index)
+            likely = [each for each in likely if each.index in moving]
+        streams = likely or streams
+    return (best if best in streams else streams[0], len(streams)) if streams else None
+
+
+def _moving(path: Path, streams: list[int], best: int) -> set[int]:
+    """Which of these streams have several frames, by the first packets of the file."""
+    import av
+
+    found: set[int] = set()
+    seen: set[int] = set()
+    with av.open(str(path), options=DECODING) as container:
+        packets = container.demux([container.streams[n] for n in streams])
+        for packet in islice(packets, _PROBED):
+            if packet.size:  # without, it flushes a decoder
+                (found if packet.stream.index in seen else seen).add(packet.stream.index)
+            if best in found:
+                break
+    return found
 
 
 class Clip:
@@ -120,15 +94,16 @@ class Clip:
     def __init__(
         self, path: Path, shape: tuple[int, int], mosaic: Mosaic | None = None, mixed: bool = True
     ) -> None:
-        self._path, self._mosaic = path, mosaic
+        self._path = path
         self.notes: list[str] = []
         self._fit = Fit(path, shape, mosaic, mixed, self.notes)
+        self._coded = Coded(path.name, mosaic is not None, self._fit)
         self._strict = True  # damaged pictures are refused first, so that they can be noted
         self._iterator: Iterator[Any] | None = None
         self._next = 0
-        self._latest: tuple[int, Any] | None = None
+        self._decoded: dict[int, Any] = {}  # the latest frames by their numbers
         self._planes: dict[int, Plane] = {}
-        self._curves: dict[tuple[int, int], npt.NDArray[np.float32]] = {}
+        self._poses: dict[int, Pose] = {}
         self.ended = False
         self.rate = Fraction(0)
         self.count = 0
@@ -139,19 +114,17 @@ class Clip:
             raise self._fit.bad("no picture in it")
         if self.frame(1) is None:
             self.rate = Fraction(0)
-        elif (timeline := Timeline.opened(path, self.rate)) is not None:
+        elif (timeline := Timeline.opened(path, self.rate, self._stream.index)) is not None:
             stamps = [timeline.stamp(0), timeline.stamp(1)]
             if None not in stamps and stamps == self._first_stamps:
                 self.timeline = timeline
 
     def _undecodable(self, exc: Exception) -> InputError:
-        """The refusal of a file in which decoding failed. FFmpeg reports sizes beyond its limits,
-        which a damaged file states, as a lack of memory."""
-        if isinstance(exc, MemoryError):
-            return self._fit.bad("damaged: it states more data than a clip can have")
-        if 0 in getattr(self, "size", (1,)):  # FFmpeg does not say why it has refused the size
+        """The refusal of a file in which decoding failed."""
+        if 0 in getattr(self, "size", (1,)) and not isinstance(exc, MemoryError):
+            # FFmpeg does not say why it has refused the size
             return self._fit.bad(f"damaged, or of more than {MOST_PIXELS:,} pixels")
-        return self._fit.bad(str(getattr(exc, "strerror", None) or exc))
+        return self._fit.undecodable(exc)
 
     def _start(self) -> None:
         import av
@@ -163,20 +136,51 @@ class Clip:
             if not container.streams.video or container.format.name == "tty":  # a text file
                 container.close()
                 raise self._fit.bad("no picture in it")
-            stream = container.streams.video[0]
+            found = _shown(container, self._path)
+            if found is None:
+                container.close()
+                raise self._fit.bad("no picture in it other than a cover")
+            stream, streams = found
+            if streams > 1:
+                number = list(container.streams.video).index(stream) + 1
+                self._fit.note(
+                    f"{self._path.name}: the picture of stream {number} is filmed, of "
+                    f"{len(container.streams.video)} with pictures"
+                )
             stream.thread_type = "AUTO"
             if stream.codec_context is None:
                 raise self._fit.bad("pictures in a form without a decoder")
             strict = self._strict and _is_still(container.format.name)
-            stream.codec_context.options = DECODING | ({"err_detect": "explode"} if strict else {})
+            self._means = DECODING | ({"err_detect": "explode"} if strict else {})
+            stream.codec_context.options = self._means
             self._fit.check_size(stream.codec_context.height, stream.codec_context.width)
             self._aspect = float(stream.sample_aspect_ratio or 1)
             self.size = stream.codec_context.height, stream.codec_context.width
             self.rate = stream.average_rate or stream.guessed_rate or Fraction(25)
         except (av.FFmpegError, OSError, ValueError) as exc:
             raise self._undecodable(exc) from None
-        self._iterator, self._next, self.ended = container.decode(stream), 0, False
         self._container, self._stream = container, stream
+        self._decoded.clear()
+        self._iterator, self._next, self.ended = self._decoding(), 0, False
+
+    def _decoding(self) -> Iterator[Any]:
+        """The frames from the place of the container on."""
+        import av
+
+        name = _WITH_ALPHA.get(self._stream.codec_context.name)
+        if name is None or self._stream.metadata.get("alpha_mode") != "1":
+            return iter(self._container.decode(self._stream))
+        try:
+            decoder: Any = av.CodecContext.create(name, "r")
+        except ValueError:  # FFmpeg without it
+            self._fit.note(f"{self._path.name}: its transparency is left out")
+            return iter(self._container.decode(self._stream))
+        decoder.options = self._means
+        return (
+            frame
+            for packet in self._container.demux(self._stream)
+            for frame in decoder.decode(packet if packet.size else None)
+        )
 
     def _decode(self) -> bool:
         """Decodes the next frame; False after the last."""
@@ -205,10 +209,15 @@ class Clip:
         if self.timeline is None:
             self._check_time(frame)
             self._first_stamps = [*self._first_stamps, frame.pts][:2]
-        self._latest = (self._next, frame)
+        self._keep(frame)
+        return True
+
+    def _keep(self, frame: Any) -> None:
+        """Keeps the next frame, with those before it."""
+        self._decoded[self._next] = frame
+        self._decoded.pop(self._next - _KEPT, None)
         self._next += 1
         self.count = max(self.count, self._next)
-        return True
 
     def _check_time(self, frame: Any) -> None:
         """Notes a frame whose time differs from a uniform rate. The first two frames are decoded
@@ -224,65 +233,66 @@ class Clip:
                 f"{self._path.name}: frames are not evenly spaced; a uniform rate is used"
             )
 
-    def _plane(self) -> Plane:
-        """The latest frame as linear light; a few planes are cached."""
-        assert self._latest is not None
-        number, frame = self._latest
-        if number not in self._planes:
-            self._planes = {n: p for n, p in self._planes.items() if number - 2 <= n < number}
-            self._planes[number] = self._linear(frame)
-        return self._planes[number]
+    def _plane(self, n: int) -> Plane:
+        """Frame n, one of those decoded, as linear light; a few planes are cached."""
+        if n not in self._planes:
+            self._planes = {k: p for k, p in self._planes.items() if n - 2 <= k < n}
+            self._planes[n] = self._linear(n)
+        return self._planes[n]
 
-    def _linear(self, frame: Any) -> Plane:
+    def _linear(self, n: int) -> Plane:
+        frame = self._decoded[n]
         self._fit.check_size(frame.height, frame.width)
-        turns = round(float(getattr(frame, "rotation", 0) or 0) / 90) % 4
-        if _FLOATS.search(frame.format.name):
-            return self._fit.floats(_values(frame), self._aspect, turns)
-        return self._fit.on(self._decoded(frame), self._aspect, turns, most=1)
+        pose = self._pose(frame)
+        if is_of_floats(frame):
+            return self._fit.floats(float_values(frame), self._aspect, pose)
+        if frame.interlaced_frame:
+            frame = deinterlaced(self._decoded.get(n - 1), frame, self._decoded.get(n + 1))
+            self._fit.note(
+                f"{self._path.name} is interlaced: the first field of each frame is filmed, the "
+                "lines between are interpolated (BWDIF)"
+            )
+        if n == 0 and not frame.key_frame and frame.pict_type in _OF_OTHERS:
+            self._fit.note(f"{self._path.name} does not begin with a key frame: its first are torn")
+        light = self._coded.light(frame)
+        return self._fit.on(light, self._aspect, pose, most=self._coded.most)
 
-    def _decoded(self, frame: Any) -> npt.NDArray[np.float32]:
-        """Linear light of a picture of code values."""
-        code = int(frame.color_trc or 2)
-        if code not in _POWER and code not in _AS_SRGB:
-            self._fit.note(f"transfer characteristics {code} (H.273) are treated as sRGB")
-        parts = frame.format.components
-        deep = max(part.bits for part in parts) > 8
-        grey_or_rgb = len(parts) < 3 or frame.format.is_rgb
-        white = (_WHITE_16 if grey_or_rgb else _WHITE_16_FROM_YUV) if deep else _WHITE_8
-        if (code, white) not in self._curves:
-            self._curves[code, white] = transfer_curve(code, white)
-        curve, clear = self._curves[code, white], any(part.is_alpha for part in parts)
-        luminance: npt.NDArray[np.float32]
-        if deep or self._mosaic is not None:
-            luminance = curve[frame.to_ndarray(format="rgb48le" if deep else "rgb24")]
-            if self._mosaic is None:
-                luminance = luminance @ LUMINANCE
-            if clear:
-                alpha = frame.to_ndarray(format="rgba")[..., 3] / np.float32(255)
-                luminance *= alpha if self._mosaic is None else alpha[..., None]
-        else:
-            luminance = _luminance(frame.to_ndarray(format="rgba" if clear else "rgb24"), curve)
-        if clear:
-            self._fit.note(f"{self._path.name}: transparent parts are black")
-        return luminance
+    def _pose(self, frame: Any) -> Pose:
+        """How a frame is turned upright: as the first one of the same rotation."""
+        if frame.rotation not in self._poses:
+            self._poses[frame.rotation] = pose_of(frame)
+        return self._poses[frame.rotation]
 
     def frame(self, n: int) -> Plane | None:
         """Frame n, (H, W) float32; None if the clip ends before it."""
         if n in self._planes:
             return self._planes[n]
-        if n < self._next - 1 or n > self._next + _FAR:
+        if not self._reach(n):
+            return None
+        if self._decoded[n].interlaced_frame:
+            if n and n - 1 not in self._decoded:
+                self._begin_before(n - 1)
+                self._reach(n - 1)
+            self._reach(n + 1)
+            if not self._reach(n):
+                return None
+        return self._plane(n)
+
+    def _reach(self, n: int) -> bool:
+        """Decodes up to frame n; False if the clip ends before it."""
+        if n not in self._decoded and not self._next <= n <= self._next + _FAR:
             self._begin_before(n)
         while self._next <= n:
             if self.ended or not self._decode():
-                return None
-        return self._plane()
+                return False
+        return n in self._decoded
 
     def _begin_before(self, n: int) -> None:
         """Sets the position of the decoder to a frame close before n."""
         key = None if self.timeline is None else self.timeline.key_before(n)
         if key is not None and self._seek(key, n):
             return
-        if n < self._next - 1:
+        if n < self._next:
             self._start()
 
     def _seek(self, key: int, n: int) -> bool:
@@ -292,19 +302,19 @@ class Clip:
 
         assert self.timeline is not None
         begins = self.timeline.number_of(key)
-        if begins is None or (self._next - 1 <= n and begins <= self._next):
+        if begins is None or (self._next <= n and begins <= self._next):
             return False
         self._start()
         try:
             self._container.seek(key, stream=self._stream, backward=True)
-            self._iterator = self._container.decode(self._stream)
+            self._iterator = self._decoding()
             for frame in self._iterator:
                 number = None if frame.pts is None else self.timeline.number_of(frame.pts)
                 if number is None or number > begins:
                     break
                 if number == begins:
-                    self._latest, self._next = (begins, frame), begins + 1
-                    self.count = max(self.count, self._next)
+                    self._next = begins
+                    self._keep(frame)
                     return True
         except (av.FFmpegError, OSError, ValueError):
             pass
@@ -313,4 +323,4 @@ class Clip:
 
     def last(self) -> Plane:
         """The frame decoded last; the last one of the clip if it has ended."""
-        return self._plane()
+        return self._plane(self._next - 1)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from cosim import InputError, Plane
 from cosim.compute.memory import check_memory
 from cosim.light.mosaic import Mosaic
+from scenarios.scenes.clips.filtered import AS_STORED, Pose, upright
 
 __all__ = ["DECODING", "LUMINANCE", "MOST_PIXELS", "Fit"]
 
@@ -60,8 +61,15 @@ class Fit:
             "check the file, or leave scene.path out for the built-in scene",
         )  # fmt: skip
 
+    def undecodable(self, exc: Exception) -> InputError:
+        """The refusal of a file in which decoding failed. FFmpeg reports sizes beyond its limits,
+        which a damaged file states, as a lack of memory."""
+        if isinstance(exc, MemoryError):
+            return self.bad("damaged: it states more data than a clip can have")
+        return self.bad(str(getattr(exc, "strerror", None) or exc))
+
     def on(
-        self, light: npt.NDArray[np.float32], aspect: float = 1.0, turns: int = 0,
+        self, light: npt.NDArray[np.float32], aspect: float = 1.0, pose: Pose = AS_STORED,
         most: float | None = None,
     ) -> Plane:  # fmt: skip
         """Light turned upright, scaled to cover the grid, and cropped at the centre: (H, W), or
@@ -69,17 +77,16 @@ class Fit:
 
         Args:
             light: (h, w), or (h, w, 3) behind a mosaic; white = 1.
-            aspect: width of a picture's pixel over its height.
-            turns: quarter turns, counterclockwise.
+            aspect: width of a stored pixel over its height.
+            pose: how the picture is turned upright.
             most: upper limit of the light, None for none.
         """
         import cv2
 
         height, width = light.shape[:2]
         wide = max(1, round(width * aspect)) if 0.1 < aspect < 10 else width
-        if turns:
-            light = np.rot90(light, turns)
-        if turns % 2:
+        light = upright(light, pose)
+        if pose[1] % 2:
             height, wide = wide, height
         rows, columns = self._shape
         scale = max(rows / height, columns / wide)
@@ -106,12 +113,14 @@ class Fit:
             plane = self._mosaic.mixed(plane)
         return np.ascontiguousarray(plane, dtype=np.float32)
 
-    def floats(self, values: npt.NDArray[Any], aspect: float = 1.0, turns: int = 0) -> Plane:
+    def floats(
+        self, values: npt.NDArray[Any], aspect: float = 1.0, pose: Pose = AS_STORED
+    ) -> Plane:
         """`on` for floats that are linear light, white = 1, without upper limit.
 
         Args:
             values: (h, w), or (h, w, 3) in linear red, green and blue (BT.709).
-            aspect, turns: see `on`.
+            aspect, pose: see `on`.
 
         Raises:
             InputError: a value is no finite number.
@@ -128,7 +137,7 @@ class Fit:
             light = np.repeat(light[..., None], 3, axis=2)
         if light.max(initial=0) > 1:
             self.note(f"{self._path.name}: light above white (1) is filmed as it is")
-        return self.on(light, aspect, turns)
+        return self.on(light, aspect, pose)
 
     def check_size(self, height: int, width: int) -> None:
         """Raises InputError for a picture of too many pixels, or if memory is short."""

@@ -13,9 +13,11 @@ import numpy.typing as npt
 
 from cosim import InputError, Plane
 from cosim.light.mosaic import Mosaic
-from scenarios.scenes.clips.clip import SRGB, Clip, transfer_curve
+from scenarios.scenes.clips.clip import Clip
+from scenarios.scenes.clips.coded import GREY_OF_TIFF, SRGB, Coded, transfer_curve
 from scenarios.scenes.clips.fitted import Fit
-from scenarios.scenes.clips.tiff import tiff_size
+from scenarios.scenes.clips.heif import Still, decoded_still, still_in
+from scenarios.scenes.clips.tiff import Page, tiff_pages
 from scenarios.scenes.clips.timeline import Timeline
 
 __all__ = ["Pictures", "array_clip", "open_clip", "shown"]
@@ -24,6 +26,8 @@ _KEPT: Final = 3
 """Frames in memory."""
 _REMEMBERED: Final = 1 << 28
 """Bytes of the frames of an array that are kept as light, in place of being converted anew."""
+_ANY_RATE: Final = 1.0
+"""Rate for a file of a folder, by which one of several frames is told."""
 _NUMBER: Final = re.compile(r"(\d+)")
 
 
@@ -115,11 +119,12 @@ def _array(path: Path, fit: Fit) -> npt.NDArray[Any]:
     return values
 
 
-def shown(values: npt.NDArray[Any], fit: Fit) -> Plane:
-    """A picture of an array on the pixels: codes of sRGB, or floats of linear light."""
+def shown(values: npt.NDArray[Any], fit: Fit, code: int = SRGB) -> Plane:
+    """A picture of an array on the pixels: codes of a transfer characteristic (ITU-T H.273), or
+    floats of linear light."""
     if not np.issubdtype(values.dtype, np.integer):
         return fit.floats(np.asarray(values))
-    curve = transfer_curve(SRGB, int(np.iinfo(values.dtype).max))
+    curve = transfer_curve(code, int(np.iinfo(values.dtype).max))
     return fit.floats(curve[np.asarray(values)])
 
 
@@ -201,8 +206,8 @@ def _one(path: Path, shape: tuple[int, int], mosaic: Mosaic | None, mixed: bool)
             size = values.shape[0], values.shape[1]
             fit.check_size(*size)
             return Pictures(path, lambda n: shown(values, fit), 1, size, None, notes)
-        return _from_array(path, shape, mosaic, mixed, None)
-    return open_clip(path, shape, mosaic, mixed)
+        return _from_array(path, shape, mosaic, mixed, _ANY_RATE)
+    return open_clip(path, shape, mosaic, mixed, _ANY_RATE)
 
 
 def open_clip(
@@ -230,23 +235,75 @@ def open_clip(
         return _from_array(path, shape, mosaic, mixed, rate)
     notes: list[str] = []
     fit = Fit(path, shape, mosaic, mixed, notes)
-    values = _tiff(path, fit) if path.suffix.lower() in (".tif", ".tiff") else None
-    if values is None:
-        return Clip(path, shape, mosaic, mixed)
-    size = values.shape[0], values.shape[1]
-    return Pictures(path, lambda n: fit.floats(values), 1, size, None, notes)
+    if path.is_file():
+        if pages := tiff_pages(path):
+            return _from_tiff(path, pages, shape, mosaic, mixed, rate)
+        if (still := still_in(path, fit)) is not None:
+            return _from_still(path, still, mosaic, fit, notes)
+        with path.open("rb") as file:
+            head = file.read(21)
+        if (head[:4], head[8:16]) == (b"RIFF", b"WEBPVP8X") and head[20] & 2:
+            raise fit.bad("an animated WebP, which FFmpeg does not decode: make it a GIF")
+    return Clip(path, shape, mosaic, mixed)
 
 
-def _tiff(path: Path, fit: Fit) -> npt.NDArray[Any] | None:
-    """Floats of a TIFF, (H, W) or (H, W, 3), of which FFmpeg reads only some; None for another
-    file."""
+def _from_still(
+    path: Path, still: Still, mosaic: Mosaic | None, fit: Fit, notes: list[str]
+) -> Pictures:
+    """The picture of a HEIF file."""
+    coded = Coded(path.name, mosaic is not None, fit)
+    if still.colours.shape is not None:
+        fit.check_size(*still.colours.shape)
+    light, pose = decoded_still(path, still, coded, fit)
+    size = light.shape[0], light.shape[1]
+    return Pictures(path, lambda n: fit.on(light, 1.0, pose, coded.most), 1, size, None, notes)
+
+
+def _from_tiff(
+    path: Path, pages: list[Page], shape: tuple[int, int], mosaic: Mosaic | None, mixed: bool,
+    rate: float | None,
+) -> Clip | Pictures:  # fmt: skip
+    """The pages of a TIFF, which are frames if they have one size."""
+    notes: list[str] = []
+    fit = Fit(path, shape, mosaic, mixed, notes)
+    for page in pages:
+        fit.check_size(*page.decoded)
+    kept = [n for n, page in enumerate(pages) if page.whole]
+    alike = all(pages[n].size == pages[0].size for n in kept)
+    if not (kept and alike):
+        kept = [0]
+    # FFmpeg reads the first page only, and few of floats.
+    values = _page(path, 0) if pages[0].floats else None
+    if values is None and len(kept) == 1:
+        clip = Clip(path, shape, mosaic, mixed)
+        if not alike:
+            clip.notes.append(f"{path.name}: the first of its {len(pages)} pages is filmed")
+        return clip
+
+    def read(n: int) -> Plane:
+        values = _page(path, kept[n])
+        if values is None:
+            raise fit.bad(f"page {kept[n] + 1} cannot be decoded")
+        return shown(values, fit, GREY_OF_TIFF if values.ndim == 2 else SRGB)
+
+    return Pictures(path, read, len(kept), pages[0].size, rate, notes)
+
+
+def _page(path: Path, page: int) -> npt.NDArray[Any] | None:
+    """Values of a page of a TIFF, (H, W) or (H, W, 3), transparent parts black; None if OpenCV does
+    not read it, or not as codes of 8 or 16 bits or floats."""
     import cv2
 
-    size = tiff_size(path) if path.is_file() else None
-    if size is None:
+    logging = cv2.utils.logging
+    before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # it writes lines of its own
+    try:  # turns them upright, as `imread` does except where rows become columns
+        _, read = cv2.imreadmulti(str(path), page, 1, flags=cv2.IMREAD_UNCHANGED)
+    except cv2.error:
         return None
-    fit.check_size(*size)
-    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if values is None or not np.issubdtype(values.dtype, np.floating):
+    finally:
+        logging.setLogLevel(before)
+    if not read or not (
+        read[0].dtype in (np.uint8, np.uint16) or np.issubdtype(read[0].dtype, np.floating)
+    ):
         return None
-    return values if values.ndim == 2 else values[..., 2::-1]  # blue, green, red, and alpha
+    return read[0] if read[0].ndim == 2 else read[0][..., 2::-1]  # blue, green, red, and alpha

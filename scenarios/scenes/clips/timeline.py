@@ -19,7 +19,7 @@ from scenarios.scenes.clips.fitted import DECODING
 
 __all__ = ["Timeline"]
 
-_STAMPED = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi", "gif", "nut")
+_STAMPED = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi", "gif", "nut", "apng")
 """Containers, by their names in FFmpeg, that stamp every packet and support seeks to key frames.
 Not MPEG program streams: after a seek their frames have other stamps."""
 _HIDDEN_PACKETS = ("vp8",)
@@ -46,13 +46,14 @@ class Timeline:
         self._ended = self.uneven = False
 
     @classmethod
-    def opened(cls, path: Path, rate: Fraction) -> Timeline | None:
-        """The timeline of a clip; None if its packets have no usable stamps."""
+    def opened(cls, path: Path, rate: Fraction, index: int) -> Timeline | None:
+        """The timeline of the stream `index` of a clip; None if its packets have no usable
+        stamps."""
         import av
 
         try:
             container = av.open(str(path), options=DECODING)
-            stream = container.streams.video[0]
+            stream = container.streams[index]
             stamped = (
                 container.format.name in _STAMPED
                 and stream.codec_context.name not in _HIDDEN_PACKETS

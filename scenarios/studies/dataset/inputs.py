@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from cosim import InputError
+from cosim.config.toml import read_toml
 from cosim.errors import quote, shorten
 from scenarios.assemble.schema.loading import shipped
 from sensor.device.chips import CHIPS
@@ -125,7 +125,7 @@ def _camera(name: str) -> CameraChoice:
         return CameraChoice(_label(name), chip=name, given=name)
     path = Path(name)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path)
     except OSError as exc:
         raise InputError(
             "--camera", f"one of {', '.join(CHIPS)}, or a TOML file with a [sensor]", quote(name),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -11,6 +10,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator
 
 from cosim import InputError
 from cosim.config.quantity import Section, Temperature, Time
+from cosim.config.toml import read_toml
 from rtl_model.imagers.hardware_chain.parts import (
     AdcTable,
     Electrons,
@@ -95,7 +95,7 @@ def load_budget(path: str | None, assignments: Sequence[str] = ()) -> BudgetFile
     data: dict[str, Any] = {}
     if path is not None:
         try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            data = read_toml(Path(path))
         except (OSError, ValueError, RecursionError) as exc:  # a NUL in a name is a ValueError
             raise InputError(
                 "the budget", "a TOML file", f"{path!r} ({exc})",

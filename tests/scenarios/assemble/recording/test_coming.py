@@ -82,6 +82,9 @@ class Parts:
     def skip(self, count):
         self.parts = [self.whole[count:]]
 
+    def sample(self, count):
+        return self.whole[:count]
+
     def close(self): ...
 
 

@@ -1,10 +1,12 @@
 """Runs of streams that come: the same result as of a whole file, and what stays of them."""
 
+import gc
 import os
 import signal
 import sys
 import threading
 import time
+import tracemalloc
 from functools import partial
 from types import SimpleNamespace
 
@@ -15,6 +17,7 @@ from cosim import Clock, InputError, Interrupted, Viform
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from scenarios.assemble.machine import check_options
+from scenarios.assemble.recording.coming_machine import assemble_coming
 from scenarios.assemble.schema.messages import validate
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
@@ -108,6 +111,46 @@ class Grower(SilentProgress):
             self.grow(64)
 
     def note(self, text): ...
+
+
+class Counted(SilentProgress):
+    """Counts the bytes that Python objects and arrays hold after some of the planes.
+
+    Attributes:
+        held: bytes by the number of planes.
+    """
+
+    def __init__(self, *places):
+        self.places, self.held = list(places), {}
+
+    def advance(self, done):
+        if self.places and done >= self.places[0]:
+            gc.collect()
+            self.held[self.places.pop(0)] = tracemalloc.get_traced_memory()[0]
+
+    def note(self, text): ...
+
+
+def test_what_is_kept_does_not_grow_with_the_stream(tmp_path):
+    planes = 6400
+    data = np.random.default_rng(5).bytes(planes * 128 * 64 // 8)
+    (tmp_path / "a.dat").write_bytes(data)
+    given = scenario(
+        f"file:{tmp_path / 'a.dat'}", {"duration": "160 ms"}, source_timeout="60 s", width=128,
+        height=64,
+    )  # fmt: skip
+    counted = Counted(1280, 5120)
+    machine = assemble_coming("a", given, None, counted)
+    (tmp_path / "run").mkdir()
+    chain = machine.chain(tmp_path / "run")
+    tracemalloc.start()
+    try:
+        chain.run(counted)
+    finally:
+        tracemalloc.stop()
+        machine.close()
+    between = (5120 - 1280) * 128 * 64 // 8
+    assert counted.held[5120] - counted.held[1280] < between / 8  # blocks in work
 
 
 def grown(recorded, folder, *parts, run=run):
@@ -227,6 +270,13 @@ def test_an_interrupted_file_goes_on_and_what_came_is_readable(recorded, shown, 
     assert 64 <= kept.cycles <= there // FRAME and f"after {kept.cycles} of" in text
     whole = open_stream(shown.folder / "stream.zarr")
     np.testing.assert_array_equal(kept.read_words(0, 2), whole.read_words(0, 2))
+    path.write_bytes(recorded[1][::-1])
+    with pytest.raises(InputError) as other:
+        run(given, tmp_path / "run", resume=True)
+    assert str(other.value) == (
+        f"--resume must be given with the file that was read, not with {path}, which was written "
+        "anew since; start again with another --out"
+    )
     path.write_bytes(recorded[1])
     same(run(given, tmp_path / "run", resume=True), shown)
 

@@ -7,6 +7,7 @@ import sys
 import termios
 import threading
 
+import numpy as np
 import pytest
 
 from cosim import InputError
@@ -70,6 +71,74 @@ def test_a_file_that_shrinks_is_refused(tmp_path):
     )
     with pytest.raises(InputError, match=r"of at least 70 bytes, not .* has 50; start again"):
         file.skip(70)
+    file.close()
+
+
+def followed(path, time, change):
+    """Reads a file of 1 000 bytes, changes it after 0.5 s, and reads on; what was read."""
+    path.write_bytes(bytes(range(250)) * 4)
+    time.at = {0.5: change}
+    file, got = GrowingFile(path, 1.0, time, time.sleep), b""
+    try:
+        while not file.end:
+            got += file.fetch(100, 0.25)
+    finally:
+        file.close()
+    return got, file.end
+
+
+@pytest.mark.parametrize("appends", [0, 1, 500])
+@pytest.mark.parametrize("kept", [False, True], ids=["truncated first", "overwritten"])
+def test_a_file_that_is_written_anew_in_its_place_is_refused(tmp_path, kept, appends):
+    """It has the same inode, and is never seen shorter than what was read."""
+    path = tmp_path / "a.dat"
+
+    def anew():
+        with path.open("r+b" if kept else "wb") as file:
+            file.write(bytes(range(249, -1, -1)) * 4 + bytes(appends))
+
+    with pytest.raises(InputError) as caught:
+        followed(path, Time(), anew)
+    assert str(caught.value) == (
+        f"sensor.source must be a file that only grows, not {path}, which was written anew after "
+        "1000 bytes were read; let its writer append, and start again with another --out"
+    )
+
+
+def test_a_file_that_another_replaces_is_refused_after_its_end(tmp_path):
+    path, other = tmp_path / "a.dat", tmp_path / "b.dat"
+
+    def replaced():
+        appended(path, b"end")
+        other.write_bytes(bytes(5000))
+        other.rename(path)
+
+    with pytest.raises(InputError, match="was replaced by another file after 1003 bytes were read"):
+        followed(path, Time(), replaced)
+
+
+def test_a_file_that_is_moved_away_or_deleted_is_read_to_its_end(tmp_path):
+    path, time = tmp_path / "a.dat", Time()
+
+    def moved():
+        path.rename(tmp_path / "b.dat")
+        time.at[1.0] = lambda: appended(tmp_path / "b.dat", b"more")  # its writer goes on
+
+    got, end = followed(path, time, moved)
+    assert len(got) == 1004 and end == "it has not grown for 1 s, and it was moved away"
+    got, end = followed(path, Time(), path.unlink)
+    assert len(got) == 1000 and end == "it has not grown for 1 s, and it was deleted"
+
+
+def test_samples_of_a_long_file_are_few_and_spread(tmp_path):
+    path = tmp_path / "a.dat"
+    path.write_bytes(np.random.default_rng(1).bytes(100_000))
+    file = GrowingFile(path, 1.0)
+    while file.fetch(97, 0.0):
+        pass
+    places = [at for at, _ in file._samples]
+    assert 32 <= len(places) <= 65
+    assert max(np.diff([0, *places, 100_000])) < 10_000
     file.close()
 
 

@@ -121,7 +121,7 @@ def test_what_is_no_scenario_is_refused_with_the_names_of_those_that_are(
     "content",
     [
         b"title = ",
-        b"\xff\xfe",
+        b"\xff\xfe\0",  # half a character of UTF-16
         b"[scene",
         b"a = 1\na = 2",
         b"a = " + b"1" * 5000,

@@ -37,10 +37,11 @@ UNEVEN = [0, 1, 2, 6, 7, 9, 14, 15]
 """Places of frames, in fortieths of a second."""
 
 
-@pytest.mark.parametrize("name", ["a.mkv", "a.nut"])
+@pytest.mark.parametrize("name", ["a.mkv", "a.nut", "a.apng"])
 def test_uneven_frames_are_shown_at_their_own_times(tmp_path, make_clip, name):
     codes = [10, 250, 30, 200, 60, 120, 240, 20]
-    path = make_clip(tmp_path / name, flat(*codes), 40, pts=UNEVEN)
+    codec = "apng" if name == "a.apng" else "ffv1"
+    path = make_clip(tmp_path / name, flat(*codes), 40, codec, pts=UNEVEN)
     source = FilmSource(path, SHAPE, 1.0, CLOCK, 16_000)
     # The container's rate is a guess of FFmpeg's: 15 places of a fortieth have 8 frames.
     assert source.notes[-1].startswith(

@@ -71,26 +71,35 @@ def test_a_clip_marked_as_linear_stays_as_it_is(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("pixels", "depth", "black", "white"),
+    ("pixels", "depth", "black", "white", "full"),
     [
-        ("gray", 8, 0, 255),
-        ("gray16le", 16, 0, 65535),
-        ("bgr0", 8, 0, 255),
-        ("gbrp16le", 16, 0, 65535),
-        ("yuv420p", 8, 16, 235),  # BT.709-6, item 5.6: limited range
-        ("yuv444p", 8, 16, 235),
-        ("yuv420p10le", 10, 64, 940),
-        ("yuv422p10le", 10, 64, 940),
-        ("yuvj420p", 8, 0, 255),
+        ("gray", 8, 0, 255, None),
+        ("gray", 8, 16, 235, False),
+        ("gray10le", 10, 0, 1023, True),
+        ("gray10le", 10, 64, 940, False),
+        ("gray16le", 16, 0, 65535, None),
+        ("bgr0", 8, 0, 255, None),
+        ("gbrp10le", 10, 0, 1023, None),
+        ("gbrp16le", 16, 0, 65535, None),
+        ("yuv420p", 8, 16, 235, None),  # BT.709-6, item 5.6: limited range
+        ("yuv420p", 8, 0, 255, True),
+        ("yuv444p", 8, 16, 235, None),
+        ("yuv420p10le", 10, 64, 940, None),
+        ("yuv420p10le", 10, 0, 1023, True),
+        ("yuv444p12le", 12, 0, 4095, True),
+        ("yuv422p10le", 10, 64, 940, None),
+        ("yuvj420p", 8, 0, 255, None),
     ],
 )
 def test_black_is_0_and_white_is_1_however_a_clip_stores_them(
-    tmp_path, pixels, depth, black, white
+    tmp_path, pixels, depth, black, white, full
 ):
     codec = "mjpeg" if pixels == "yuvj420p" else "ffv1"
     with av.open(str(tmp_path / "a.mkv"), "w") as container:
         stream: Any = container.add_stream(codec, rate=25)
         stream.height, stream.width, stream.pix_fmt = 16, 32, pixels
+        if full is not None:
+            stream.codec_context.color_range = 2 if full else 1
         for level in (black, white, (black + white) // 2):
             frame = av.VideoFrame(32, 16, pixels)
             for n, plane in enumerate(frame.planes):
@@ -104,6 +113,57 @@ def test_black_is_0_and_white_is_1_however_a_clip_stores_them(
     np.testing.assert_allclose(clip.frame(1), 1, atol=1e-6)
     # FFmpeg's YUV to RGB is right to a code, whose slope here is 2.2 x 0.5^1.2 / 255.
     np.testing.assert_allclose(clip.frame(2), srgb(127.5), atol=1.5 * 2.2 * 0.5**1.2 / 255)
+
+
+def coded(path: Path, curve: int, primaries: int, *codes: tuple[int, int, int]) -> Clip:
+    """Frames of one colour each, green, blue and red of 10 bits."""
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("ffv1", rate=25)
+        stream.height, stream.width, stream.pix_fmt = 16, 32, "gbrp10le"
+        stream.codec_context.color_trc = curve
+        stream.codec_context.color_primaries = primaries
+        for code in codes:
+            frame = av.VideoFrame(32, 16, "gbrp10le")
+            for plane, value in zip(frame.planes, code, strict=True):
+                plane.update(value.to_bytes(2, "little") * (plane.buffer_size // 2))
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return Clip(path, SHAPE)
+
+
+def test_white_of_hdr_is_1_and_light_above_it_is_kept(tmp_path):
+    # PQ: BT.2408-7, table 1, has 58 % for 203 cd/m2, and BT.2100-2 10 000 cd/m2 for 100 %.
+    clip = coded(tmp_path / "pq.mkv", 16, 1, *((round(1023 * v),) * 3 for v in (0, 0.58, 1)))
+    levels = [float(clip.frame(n).mean()) for n in range(3)]
+    assert levels == pytest.approx([0, 1, 10_000 / 203], rel=0.02)
+    assert clip.notes == ["pq.mkv is PQ, white at 203 cd/m2 (ITU-R BT.2408)"]
+    # HLG: the scene of a signal of 50 % has a twelfth of the light of 100 % (BT.2100-2, table 5).
+    clip = coded(tmp_path / "hlg.mkv", 18, 1, *((round(1023 * v),) * 3 for v in (0, 0.5, 0.75, 1)))
+    levels = [float(clip.frame(n).mean()) for n in range(4)]
+    assert levels[2] == pytest.approx(1, rel=0.01)
+    assert levels[1] == pytest.approx(levels[3] / 12, rel=0.01) and levels[0] == 0
+    assert clip.notes == ["hlg.mkv is HLG, white at a signal of 75 % (ITU-R BT.2408)"]
+
+
+@pytest.mark.parametrize(
+    ("primaries", "green"), [(1, 0.7152), (9, 0.6780), (12, 0.6917)]
+)  # BT.709; BT.2020-2, table 4; Display P3
+def test_colours_of_other_primaries_have_their_own_luminance(tmp_path, primaries, green):
+    clip = coded(tmp_path / "a.mkv", 13, primaries, (1023, 0, 0), (1023, 1023, 1023))
+    np.testing.assert_allclose(clip.frame(0), green, atol=2e-4)
+    np.testing.assert_allclose(clip.frame(1), 1, atol=2e-4)
+
+
+def test_a_matrix_that_is_not_converted_is_named(tmp_path):
+    path = tmp_path / "a.mkv"
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("ffv1", rate=25)
+        stream.height, stream.width, stream.pix_fmt = 16, 32, "yuv444p"
+        stream.codec_context.colorspace = 8  # YCgCo
+        container.mux(stream.encode(av.VideoFrame(32, 16, "yuv444p")))
+        container.mux(stream.encode(None))
+    with pytest.raises(InputError, match=r"colours by matrix 8 of ITU-T H\.273, table 4, which"):
+        Clip(path, SHAPE)
 
 
 def test_a_wide_clip_loses_its_sides_and_a_tall_one_top_and_bottom(tmp_path, make_clip):
@@ -134,19 +194,25 @@ def test_pixels_that_are_not_square_are_shown_as_wide_as_they_are(tmp_path, make
     np.testing.assert_allclose(first_frame(path, SHAPE), expected, atol=1e-6)
 
 
-ROTATIONS = {
-    # QuickTime matrix a, b, c, d: x' = a x + c y, y' = b x + d y; x to the right, y down.
-    "right": ((0, 1, -1, 0), -1),
-    "left": ((0, -1, 1, 0), 1),
-    "upside down": ((-1, 0, 0, -1), 2),
+POSES = {
+    # Exif orientation: QuickTime matrix a, b, c, d, and the stored picture of one that is shown;
+    # x' = a x + c y, y' = b x + d y; x to the right, y down.
+    1: ((1, 0, 0, 1), lambda shown: shown),
+    2: ((-1, 0, 0, 1), lambda shown: shown[:, ::-1]),
+    3: ((-1, 0, 0, -1), lambda shown: shown[::-1, ::-1]),
+    4: ((1, 0, 0, -1), lambda shown: shown[::-1]),
+    5: ((0, 1, 1, 0), lambda shown: shown.T),
+    6: ((0, 1, -1, 0), lambda shown: shown.T[::-1]),
+    7: ((0, -1, -1, 0), lambda shown: shown.T[::-1, ::-1]),
+    8: ((0, -1, 1, 0), lambda shown: shown.T[:, ::-1]),
 }
 
 
-@pytest.mark.parametrize("turn", ROTATIONS)
-def test_a_clip_that_a_phone_marked_as_turned_is_shown_upright(tmp_path, make_clip, turn):
-    (a, b, c, d), turns = ROTATIONS[turn]
+@pytest.mark.parametrize("pose", POSES)
+def test_a_clip_that_is_marked_as_turned_or_mirrored_is_shown_upright(tmp_path, make_clip, pose):
+    (a, b, c, d), stored_of = POSES[pose]
     shown = np.arange(128, dtype=np.uint8).reshape(SHAPE) * 2
-    stored = np.rot90(shown, -turns).copy()
+    stored = stored_of(shown).copy()
     path = make_clip(tmp_path / "a.mov", np.stack([stored] * 2), codec="png")
     content = bytearray(path.read_bytes())
     matrix = content.index(b"tkhd") + 4 + 40  # ISO/IEC 14496-12, track header of version 0

@@ -13,7 +13,7 @@ import pytest
 from cosim import InputError
 from scenarios.scenes.clips.fitted import Fit, _part
 from scenarios.scenes.clips.pictures import open_clip
-from scenarios.scenes.clips.tiff import tiff_size
+from scenarios.scenes.clips.tiff import tiff_pages
 from tests.measured import reading
 
 MIB = 1 << 20
@@ -104,18 +104,20 @@ def test_the_size_of_a_tiff_is_known_before_it_is_decoded(
 ) -> None:
     data = tiff(order, version, 50_000, 40_000)
     (tmp_path / "a.tif").write_bytes(data)
-    assert tiff_size(tmp_path / "a.tif") == (40_000, 50_000)
+    assert [page.size for page in tiff_pages(tmp_path / "a.tif")] == [(40_000, 50_000)]
     with pytest.raises(InputError, match="50000 x 40000 pixels: 67,108,864 at most are accepted"):
         open_clip(tmp_path / "a.tif", (25, 40))
     for length in range(len(data)):
         (tmp_path / "a.tif").write_bytes(data[:length])
-        assert tiff_size(tmp_path / "a.tif") in (None, (40_000, 50_000))
+        sizes = [page.size for page in tiff_pages(tmp_path / "a.tif")]
+        assert sizes in ([], [(40_000, 50_000)])
 
 
 def test_sizes_of_real_tiffs(tmp_path: Path) -> None:
     for dtype in (np.uint8, np.float32):
         cv2.imwrite(str(tmp_path / "a.tif"), np.zeros((30, 20, 3), dtype))
-        assert tiff_size(tmp_path / "a.tif") == (30, 20)
+        (page,) = tiff_pages(tmp_path / "a.tif")
+        assert page.size == (30, 20) and page.floats == (dtype == np.float32)
 
 
 def test_an_array_of_too_many_pixels_is_refused(tmp_path: Path) -> None:
