@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.compiling import compiles
 from cosim.compute.forks import lose_in_forks, use
 from cosim.compute.kernels import SharedKernel
 from cosim.compute.pocl_files import pocl_files
@@ -290,7 +291,7 @@ class Device:
         if key not in self._programs:
             _check_cache(Path(os.environ["POCL_CACHE_DIR"]))  # it may have filled since the start
             shown = os.environ.get("PYOPENCL_COMPILER_OUTPUT")
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), compiles():
                 if not shown:
                     warnings.simplefilter("ignore", cl.CompilerWarning)
                 with self._checked_files(key):

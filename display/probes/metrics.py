@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, as_completed
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from cosim.run.result import Metric
 from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
 from display.probes.blur import Blur, frame_blur, spike_blur
@@ -68,9 +69,13 @@ def probe_display(
     edges: Sequence[tuple[float, float]] = EDGES,
     per_degree: float = 60.0,
     pst_lm: bool = False,
+    told: Callable[[int, int], None] = lambda done, total: None,
 ) -> Probes:
     """Records steps, edges and steady light, and shows them with every drive of the panel.
     Reference panels show the true light.
+
+    A second of light at 40 kHz takes half a second for each light, and 5 s if its rows are sampled
+    at noisy instants; `light.MOST` and PST_CLOCK bound the rest.
 
     Args:
         camera: camera for the test light.
@@ -81,9 +86,10 @@ def probe_display(
         per_degree: pixels per degree of visual angle.
         pst_lm: whether PstLM is measured, which takes as long as all other probes; it is not
             measured for clocks above PST_CLOCK.
+        told: called with the number of probes that are done, and of all.
     """
     white, luminance = panel.white_rate, panel.luminance
-    with ThreadPoolExecutor(cores()) as pool:  # most of the work is compiled
+    with threads(cores()) as pool:  # most of the work is compiled
         submit, pst = pool.submit, None
         if pst_lm and panel.clock.hz <= PST_CLOCK:
             pst = submit(spike_pst_lm, camera, panel, GREY, panel.drive, seed)
@@ -94,6 +100,10 @@ def probe_display(
             latency.append(submit(frame_latency, other, white, rates))
             blur.append(submit(frame_blur, other, white, edges))
             flicker.append(submit(frame_flicker, other, white, luminance, rates, per_degree))
+        every: list[Future[Any]] = [*flicker, *blur, *latency, *([] if pst is None else [pst])]
+        told(0, len(every))
+        for done, _ in enumerate(as_completed(every)):
+            told(done + 1, len(every))
         return Probes(
             panel.drive, _rows(latency), _rows(blur), _rows(flicker), pst.result() if pst else None
         )

@@ -7,7 +7,6 @@ sums over a patch are then fast.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Final
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim import Viform
+from cosim.compute.stopping import threads
 from display.drives import DRIVES
 from display.drives.compiled import compiled, level, remember
 from display.panels.emitter import Emitter, gone_in, relax
@@ -184,7 +184,7 @@ def panel_light(
         light = part(slice(None))
     else:
         half = groups.size // 2
-        with ThreadPoolExecutor() as pool:
+        with threads() as pool:
             light, more = pool.map(part, (slice(half), slice(half, None)))
         light += more
     light /= span * np.bincount(groups)
@@ -195,6 +195,6 @@ def every_drive(
     stream: Viform, panel: SpikePanel, span: int = 1, group: npt.NDArray[np.int64] | None = None
 ) -> dict[str, Values]:
     """`panel_light` for each drive by its name, in parallel."""
-    with ThreadPoolExecutor() as pool:
+    with threads() as pool:
         lights = pool.map(lambda drive: panel_light(stream, panel, drive, span, group), DRIVES)
         return dict(zip(DRIVES, lights, strict=True))

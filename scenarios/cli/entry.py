@@ -30,13 +30,17 @@ def main() -> None:
     # SIGINT's current handler is not used: a shell script ignores SIGINT for `viform ... &`.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     read_launcher()
+    from cosim.compute.stopping import end_on_signals, said
+
     try:
+        end_on_signals()
         code = _main(sys.argv[1:] or ["--help"])
         sys.stdout.flush()  # this may raise BrokenPipeError
     except BrokenPipeError:
         code = _PIPE
         _drop_output()
     except KeyboardInterrupt:  # before the start of a command
+        said()
         print("viform: interrupted", file=sys.stderr)
         code = 130
     except Exception as exc:
@@ -95,6 +99,7 @@ def _main(arguments: list[str]) -> int:
 
     from cosim import Interrupted
     from cosim.compute.opencl import prepare_caches
+    from cosim.compute.stopping import said
     from cosim.errors import MissingPackages, ViformError
     from cosim.run.called import as_called
     from scenarios.cli.app import app
@@ -112,6 +117,7 @@ def _main(arguments: list[str]) -> int:
         print(as_called(f"viform: {text}; see `{where} --help`"), file=sys.stderr)
         return 2
     except Interrupted as exc:
+        said()
         print(as_called(f"viform: {exc}"), file=sys.stderr)
         return 130
     except ViformError as exc:
@@ -122,6 +128,7 @@ def _main(arguments: list[str]) -> int:
     except (Abort, KeyboardInterrupt) as exc:
         if isinstance(exc.__cause__, EOFError):  # typer takes it for an end of the user's input
             raise exc.__cause__ from None
+        said()
         print("viform: interrupted", file=sys.stderr)
         return 130
     except SystemExit as exc:  # typer raises this after a BrokenPipeError
@@ -129,5 +136,6 @@ def _main(arguments: list[str]) -> int:
             return _PIPE
         raise
     if code == 130:  # typer returns this after Ctrl-C, without a message
+        said()
         print("viform: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0

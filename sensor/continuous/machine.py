@@ -118,9 +118,7 @@ class ContinuousMachine:
             notes.append(f"left out of the preset silicon, since no pixel spikes: {spiking}")
         if not spec.setting.noise:
             notes.append("shot noise is off")
-        notes.append(
-            "these pixels have one tier, with every effect, so no error is measured"
-        )
+        notes.append("these pixels have one tier, with every effect, so no error is measured")
         return [*notes, *notes_of(spec.setting, spec.white), *spec.source.notes]
 
     @property

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Plane
+from cosim.compute.stopping import threads
 from cosim.light.ssim import Likeness, inside_mean
 from cosim.run.result import Metric
 
@@ -61,7 +61,7 @@ def ssim(image: Estimate, truth: Plane) -> float:
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:
     """PSNR and SSIM of each method, mean over the instants; NaN without any."""
     means = {}
-    with ThreadPoolExecutor(2) as pool:  # each holds a dozen planes
+    with threads(2) as pool:  # each holds a dozen planes
         for method in methods:
             estimates = [getattr(shot, method) for shot in shots]
             truths = [shot.truth for shot in shots]

@@ -167,7 +167,7 @@ class ComingMachine:
         own = inner.judge(source, progress)
         given = recording.folder / STREAM
         played = Played(recording.chain.stages, recording.seconds, given, done.playing.shown(given))
-        return done.judge_played(source, own, done.feed.planes(source, own), played)
+        return done.judge_played(source, own, done.feed.planes(source, own), played, progress)
 
     def _play_after(
         self, inner: RecordingMachine, source: Recording, progress: Progress

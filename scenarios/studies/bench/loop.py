@@ -54,9 +54,7 @@ def loop_rows(
     return rows
 
 
-def _row(
-    name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None
-) -> Row:
+def _row(name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None) -> Row:
     value = cycles / max(seconds, 1e-9)
     return Row(name, tier, value, "planes/s", value / hz, None, plain)
 

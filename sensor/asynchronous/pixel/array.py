@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 from cosim.compute.memory import check_memory
+from cosim.compute.stopping import threads
 from cosim.errors import InputError
 from cosim.light.light import Light, Piece
 from sensor.asynchronous.model import EventModel, Firings
@@ -135,7 +135,7 @@ class AsynchronousPixels:
         spans = [(n, min(n + self._tile, first.size)) for n in range(0, first.size, self._tile)]
         if len(spans) == 1:
             return self._run(spans[0], first, last, piece, stop)
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
+        with threads(os.cpu_count()) as pool:
             tiles = [pool.submit(self._run, span, first, last, piece, stop) for span in spans]
             try:
                 return [part for tile in tiles for part in tile.result()]
