@@ -142,7 +142,7 @@ def _without_speeds(outcome: Outcome) -> Outcome:
     """The outcome of a resumed run: its stages have run for a part of the time only."""
     metrics = dict(outcome.metrics)
     if "camera" in metrics:
-        metrics["camera"] = Metric(None, "s")
+        metrics["camera"] = Metric(None, "s", "the run was resumed: only a part of it was timed")
     return replace(outcome, throughput=[], metrics=metrics)
 
 

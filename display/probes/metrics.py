@@ -113,8 +113,17 @@ def _rows(parts: Sequence[Future[list[_Row]]]) -> tuple[_Row, ...]:
     return tuple(row for part in parts for row in part.result())
 
 
-def _known(value: float, unit: str) -> Metric:
-    return Metric(value if math.isfinite(value) else None, unit)
+_NO_DELAY: Final = "the light does not cross half of the step within the recording of the probe"
+_NO_BLUR: Final = (
+    "the light does not settle within the recording of the probe, such as held light "
+    "that never becomes dark"
+)
+_NO_FLICKER: Final = "the patch is dark, or a second at this clock has too many cycles"
+"""Why a figure is unknown."""
+
+
+def _known(value: float, unit: str, reason: str) -> Metric:
+    return Metric(value if math.isfinite(value) else None, unit, reason)
 
 
 def display_metrics(probes: Probes) -> dict[str, Metric]:
@@ -132,20 +141,24 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
         name = f"latency_{NAMES[delay.rate]}{'_fall' if delay.way == 'fall' else ''}_us"
         if delay.display != "spike":
             if delay.rate == GREY:
-                figures[f"{name}_{metric_key(delay.display)}"] = _known(delay.total.median, "us")
+                figures[f"{name}_{metric_key(delay.display)}"] = _known(
+                    delay.total.median, "us", _NO_DELAY
+                )
             continue
         name += "" if delay.drive == "impulse" else f"_{delay.drive}"
-        figures[name] = _known(delay.total.median, "us")
+        figures[name] = _known(delay.total.median, "us", _NO_DELAY)
     for edge in probes.blur:
         if (edge.ahead, edge.behind) == (0.0, GREY):
             if edge.display != "spike":
-                figures[f"ebet_ms_{metric_key(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
+                figures[f"ebet_ms_{metric_key(edge.display)}"] = _known(
+                    edge.ebet * 1e3, "ms", _NO_BLUR
+                )
                 continue
-            figures[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms")
+            figures[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms", _NO_BLUR)
             if edge.drive == probes.drive:
-                figures["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms")
+                figures["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms", _NO_BLUR)
         elif (edge.ahead, edge.behind) == (0.0, SPARSE) and edge.display == "spike":
-            figures[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms")
+            figures[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms", _NO_BLUR)
     for kind in dict.fromkeys((edge.display, edge.drive) for edge in probes.blur):
         display, drive = kind
         times = [
@@ -153,25 +166,27 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
             if (edge.display, edge.drive) == kind and (edge.ahead, edge.behind) in GREYS
         ]  # fmt: skip
         if times:
-            figures[f"mprt_ms_{drive or metric_key(display)}"] = _known(mprt(times) * 1e3, "ms")
+            figures[f"mprt_ms_{drive or metric_key(display)}"] = _known(
+                mprt(times) * 1e3, "ms", _NO_BLUR
+            )
     for steady in probes.flicker:
         if steady.display != "spike":
             continue
         if steady.area == "pixel":
             if steady.rate == SPARSE:
                 name = f"flicker_svm_{steady.drive}_sparse_pixel"
-                figures[name] = _known(steady.figures.svm, "1")
+                figures[name] = _known(steady.figures.svm, "1", _NO_FLICKER)
             continue
         for name, value, unit in (
             ("percent", steady.figures.percent, "%"), ("index", steady.figures.index, "1"),
             ("svm", steady.figures.svm, "1"), ("visibility", steady.figures.visibility, "1"),
         ):  # fmt: skip
             if steady.rate == GREY and steady.drive == probes.drive:
-                figures[f"flicker_{name}_spike"] = _known(value, unit)
+                figures[f"flicker_{name}_spike"] = _known(value, unit, _NO_FLICKER)
             if steady.rate == SPARSE:
-                figures[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit)
+                figures[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit, _NO_FLICKER)
     if probes.pst_lm is not None:
-        figures["pst_lm_spike"] = _known(probes.pst_lm, "1")
+        figures["pst_lm_spike"] = _known(probes.pst_lm, "1", _NO_FLICKER)
     frames = figures.get("ebet_ms_120hz")
     spike = figures.get("ebet_ms_spike")
     if frames and spike and frames.value and spike.value:

@@ -17,7 +17,7 @@ from cosim.light.steps import light_steps
 from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
-from cosim.run.result import Metric, Throughput, latency_rows, viform_version
+from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
 from cosim.run.steps import StepChain
 from cosim.stage import State
 from sensor.continuous.camera import ContinuousCamera
@@ -182,6 +182,7 @@ class ContinuousMachine:
         return Outcome(
             outcome="degraded" if spec.source.degraded else "ok",
             simulated_s=spec.cycles / clock.hz,
+            error=Error(None, "a continuous readout leaves nothing out", None),
             kept=effect_names(spec.setting, spec.camera),
             metrics={
                 **metrics,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +58,9 @@ def ssim(image: Estimate, truth: Plane) -> float:
     return inside_mean(Likeness(truth).map(image))
 
 
+_NO_FIDELITY: Final = "no image has its whole window in the run, or images are below 11 x 11 pixels"
+
+
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:
     """PSNR and SSIM of each method, mean over the instants; NaN without any."""
     means = {}
@@ -67,5 +70,5 @@ def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:
             truths = [shot.truth for shot in shots]
             for name, figure, unit in (("psnr", psnr, "dB"), ("ssim", ssim, "1")):
                 values = list(pool.map(figure, estimates, truths)) or [math.nan]
-                means[f"{method}_{name}"] = Metric(float(np.mean(values)), unit)
+                means[f"{method}_{name}"] = Metric(float(np.mean(values)), unit, _NO_FIDELITY)
     return means

@@ -240,8 +240,16 @@ class LatchedMachine:
                 **images.metrics,
                 "white_rate": Metric(setup.white_rate, "spikes/cycle"),
                 "f_number": Metric(setup.lens.f_number, "1"),
-                "camera": Metric(seconds["sensor"] if throughput else None, "s"),
-                "full_physics": Metric(full, "s"),
+                "camera": Metric(
+                    seconds["sensor"] if throughput else None,
+                    "s",
+                    "the run was resumed: only a part of it was timed",
+                ),
+                "full_physics": Metric(
+                    full,
+                    "s",
+                    "full physics was not timed: a board makes the spikes, or every tile has it",
+                ),
                 **({} if images.sizes is None else size_metrics(images.sizes)),
                 **self.boards.metrics(self.camera),
                 **getattr(self.source, "metrics", {}),

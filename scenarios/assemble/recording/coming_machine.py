@@ -188,9 +188,13 @@ class ComingMachine:
         late, worst = planes.lateness.late, planes.lateness.worst
         return {
             "planes_received": Metric(float(planes.came), "planes"),
-            "planes_rate": Metric(None if resumed else planes.rate, "planes/s"),
+            "planes_rate": Metric(
+                None if resumed else planes.rate,
+                "planes/s",
+                "the run was resumed: only a part of it was timed",
+            ),
             "planes_late": Metric(float(late), "planes"),
-            "planes_delay_s": Metric(None if worst is None else worst / PS, "s"),
+            "planes_delay_s": Metric(None if worst is None else worst / PS, "s", "no plane came"),
             "bytes_incomplete": Metric(float(planes.incomplete), "bytes"),
         }
 
