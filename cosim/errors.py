@@ -12,14 +12,16 @@ of a board, is printed by it or by `one_line`.
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from copy import copy
 from typing import Final
 
 __all__ = [
     "InputError", "Interrupted", "MissingPackages", "ViformError", "one_line", "quote", "say",
-    "shorten",
+    "section_at", "shorten",
 ]  # fmt: skip
 
 LONGEST: Final = 80
@@ -93,6 +95,32 @@ class InputError(ViformError):
         )
         line = f"{what} must be {self.must}, not {actual}; {self.remedy}"
         return one_line(" ".join(line.split()))
+
+    def moved(self, home: str, path: str) -> InputError:
+        """The same refusal, of a section that stands at `path` and not at `home`."""
+        names = re.compile(rf"(?<![\w.]){re.escape(home)}(?=\.[a-z]|\])")
+        texts = [
+            names.sub(lambda _: path, text)
+            for text in (self.what, self.must, self.actual, self.remedy)
+        ]
+        made = copy(self)
+        made.what, made.must, made.actual, made.remedy = texts
+        made.args = (*texts, *self.args[4:])
+        return made
+
+
+@contextmanager
+def section_at(path: str, home: str = "sensor") -> Iterator[None]:
+    """Refusals within this context name the keys of a section as the user wrote them.
+
+    Args:
+        path: the section's, such as "link.sensor".
+        home: the path that its refusals name.
+    """
+    try:
+        yield
+    except InputError as exc:
+        raise exc.moved(home, path) from exc.__cause__
 
 
 class MissingPackages(InputError):

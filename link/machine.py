@@ -12,6 +12,7 @@ from threading import Event
 from typing import Protocol
 
 from cosim import Clock
+from cosim.compute.stopping import threads
 from cosim.config.toml import to_toml
 from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
@@ -180,7 +181,7 @@ class LinkMachine:
         setup, plan, seconds = self._setup, self._link.plan, recording.seconds
         stream = recording.chain.stages["recorder"].recorded()
         begin = time.perf_counter()
-        with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
+        with threads(1) as beside:  # neither of the two loads two cores
             closed = beside.submit(closed_form, setup, self._link)
             received = receive_stream(stream, setup.scenario.link.modem, setup.device, progress)
             seconds["receiver"] = time.perf_counter() - begin

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from cosim import InputError
-from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share, Time
+from cosim.config.quantity import Duration, Quantity, Reflectance, Section, Share, Time, placed
 from link.detect.catalogue import DETECTORS
 from link.mode import CELLS, CODES, LINE_CODES, PARITIES, RATES, TICKS
 from sensor.sections.readout import ReadoutSection
@@ -212,7 +212,7 @@ class LinkSection(Section):
     distance: Metres = Field(
         default=2e6, examples=["2 m"], description="from the panel to the lens"
     )
-    sensor: SensorSection | None = Field(
+    sensor: Annotated[SensorSection | None, placed("link.sensor")] = Field(
         default=None,
         description="camera of a link that carries a stream; when absent, the chip of [sensor] "
         "with a hard reset, or a spiketwo for a source without a chip",

@@ -16,6 +16,7 @@ from shutil import rmtree
 from pydantic import TypeAdapter
 
 from cosim import InputError, Interrupted
+from cosim.compute.stopping import undone
 from cosim.files import NOT_KEPT, storing
 from cosim.files.durable import sync_tree
 from cosim.files.whole import whole
@@ -90,6 +91,7 @@ def run_scenario(
         check_room(place, machine.bits)
         folder = stack.enter_context(claim_folder(name, out, options.resume))
         stack.enter_context(storing(options.store))
+        stack.enter_context(undone(f"interrupted within a step; {how_to_resume(folder)}"))
         if report is None:
             load_matplotlib()
         machine, recording, reinstated = _record(machine, folder, options, progress)
@@ -140,7 +142,7 @@ def _without_speeds(outcome: Outcome) -> Outcome:
     """The outcome of a resumed run: its stages have run for a part of the time only."""
     metrics = dict(outcome.metrics)
     if "camera" in metrics:
-        metrics["camera"] = Metric(None, "s")
+        metrics["camera"] = Metric(None, "s", "the run was resumed: only a part of it was timed")
     return replace(outcome, throughput=[], metrics=metrics)
 
 

@@ -387,6 +387,19 @@ def test_commands_print_numbers_in_the_style_of_the_house():
     assert not loose, "take cosim.config.amounts"
 
 
+def test_every_compiled_function_releases_the_interpreter():
+    """The thread that ends a command after a signal runs Python: `cosim/compute/stopping.py`."""
+    deaf = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in modules(ROOT).values()
+        if "njit" in (text := path.read_text(encoding="utf-8"))
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "njit"
+        and not any(given.arg == "nogil" for given in node.keywords)
+    ]  # fmt: skip
+    assert not deaf, "write nogil=True"
+
+
 def test_no_file_stands_loose():
     for package, allowed in LOOSE.items():
         assert {path.name for path in (ROOT / package).glob("*.py")} == allowed

@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.opencl import cache_folder
+from cosim.compute.cache_folder import cache_folder
 
 __all__ = ["kept"]
 

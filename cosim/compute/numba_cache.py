@@ -19,18 +19,29 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from cosim.compute.compiling import begin_compiling, end_compiling
+
 __all__ = ["tolerate"]
 
 
 def tolerate() -> None:
     """From now on, a compiled function that the disk does not take is not kept, and one that cannot
-    be read from the disk is compiled again."""
+    be read from the disk is compiled again; and what is being compiled is counted."""
     # It would warn of a /dev/shm that cannot be written. The lock is for processes that are forked
     # while they compile (`forks`).
     warnings.filterwarnings("ignore", "Could not obtain multiprocessing lock")
 
+    from numba.core import event
     from numba.core.caching import FunctionCache, IndexDataCacheFile
 
+    class _Compiling(event.Listener):
+        def on_start(self, event: Any) -> None:
+            begin_compiling()
+
+        def on_end(self, event: Any) -> None:
+            end_compiling()
+
+    event.register("numba:compile", _Compiling())
     keep, find = FunctionCache.save_overload, FunctionCache.load_overload
     write, read_index = IndexDataCacheFile._open_for_write, IndexDataCacheFile._load_index
 

@@ -11,7 +11,7 @@ _LOW = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def random_words(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
     """The four words of counter (pixel, index high, index low, draw) and key (seed, stream). All
     arguments are uint64; all but `index` are below 2^32."""
@@ -37,14 +37,14 @@ def fill_words(counters, k0, k1, out):  # type: ignore[no-untyped-def]
         out[0, n], out[1, n], out[2, n], out[3, n] = words
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def pick(index, w0, w1, w2, w3):  # type: ignore[no-untyped-def]
     """Word index mod 4 of four."""
     slot = index & 3
     return w0 if slot == 0 else w1 if slot == 1 else w2 if slot == 2 else w3
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def word_at(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
     """Word index mod 4 of counter (pixel, index div 4, draw); see `random_words`. Four indices
     share a counter."""

@@ -6,7 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from cosim.config.units import (
@@ -16,6 +22,7 @@ from cosim.config.units import (
     parse_quantity,
     readable_quantity,
 )
+from cosim.errors import section_at
 
 __all__ = [
     "Capacitance",
@@ -33,6 +40,7 @@ __all__ = [
     "Temperature",
     "Time",
     "Wavelength",
+    "placed",
 ]
 
 
@@ -121,6 +129,16 @@ Temperature = Annotated[float, Quantity("temperature", least=-150, most=150)]
 Reflectance = Annotated[float, Field(ge=0, le=1)]
 Spread = Annotated[float, Field(ge=0, le=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
+
+
+def placed(path: str, home: str = "sensor") -> WrapValidator:
+    """Annotation of a field with a section whose refusals name it at `home`: they name `path`."""
+
+    def read(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        with section_at(path, home):
+            return handler(value)
+
+    return WrapValidator(read)
 
 
 class Section(BaseModel):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.stopping import threads
 from cosim.report.explorer import explorer
 from cosim.report.parts import data_url
 from cosim.report.png import encode, reduced
@@ -43,7 +43,7 @@ def beside(
             those of a view have one size.
         instants: texts of the instants.
     """
-    with ThreadPoolExecutor(2) as pool:  # OpenCV releases the interpreter
+    with threads(2) as pool:  # OpenCV releases the interpreter
         pictures = [
             [list(pool.map(_source, pictures)) for pictures in view] for view in views.values()
         ]

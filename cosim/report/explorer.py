@@ -13,13 +13,13 @@ import math
 import re
 import zlib
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.stopping import threads
 from cosim.light.light import Box, Plane
 from cosim.report.pictures import busiest_box
 from cosim.report.png import to_linear_bytes
@@ -116,7 +116,7 @@ def explorer_part(
             into[k] = word[y0:y1:n, x0:x1:n]
     every = "whole chip" if step == 1 else f"whole chip, one pixel of {step} x {step}"
     names = [every, f"{side} x {side} pixels, all"]
-    with ThreadPoolExecutor(2) as pool:  # zlib releases the interpreter
+    with threads(2) as pool:  # zlib releases the interpreter
         made = [
             pool.submit(_part, names[n], boxes[n], steps[n], words[n], truths)
             for n in range(len(boxes))

@@ -136,9 +136,7 @@ def run_time(result: Result, seconds: dict[str, float], total: float) -> str:
 
     rows = [[stage, elapsed(spent)] for stage, spent in seconds.items()]
     rest = total - sum(seconds.values())
-    beside = (
-        "" if rest >= 0 else " Stages run side by side, so they add up to more than the total."
-    )
+    beside = "" if rest >= 0 else " Stages run side by side, so they add up to more than the total."
     if rest > 0:
         rows.append(["start, plan, images and all else", elapsed(rest)])
     rows.append(["total", elapsed(total)])

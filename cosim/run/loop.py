@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from cosim.archive import load_arrays
+from cosim.compute.stopping import finishing
 from cosim.errors import InputError, Interrupted, shorten
 from cosim.files.whole import whole
 from cosim.run.pipeline import Pipeline
@@ -78,6 +79,7 @@ class Checkpoint:
     path: Path
     identity: str
 
+    @finishing()
     def save(self, cycle: int, stages: Mapping[str, Stage]) -> None:
         """Writes the state of all stages that have one, after cycle `cycle - 1`."""
         arrays: State = {"cycle": np.array(cycle), "identity": np.array(self.identity)}

@@ -26,7 +26,7 @@ from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from cosim.compute.opencl import prepare_caches
+from cosim.compute.cache_folder import prepare_caches
 from cosim.errors import InputError, ViformError
 
 __all__ = ["RETRIES", "Processes"]

@@ -17,8 +17,8 @@ from cosim.errors import InputError
 from cosim.files.whole import whole
 
 __all__ = [
-    "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "latency_rows", "read_result",
-    "viform_version", "write_result",
+    "NO_REASON", "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "latency_rows",
+    "read_result", "viform_version", "write_result",
 ]  # fmt: skip
 
 
@@ -48,12 +48,30 @@ def dumps(document: Any) -> str:
     return _ESCAPED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
+NO_REASON: Final = "this run gives no finite value of it"
+"""The reason of a figure that states none."""
+
+
 @dataclass(frozen=True)
 class Metric:
-    """A figure with its unit ("1" for a plain number)."""
+    """A figure with its unit ("1" for a plain number).
+
+    Attributes:
+        value: the figure, None if there is none.
+        unit: its unit.
+        reason: why there is none; it says nothing about a figure that is there.
+    """
 
     value: float | None
     unit: str
+    reason: str | None = field(default=None, compare=False)
+
+    def document(self) -> dict[str, Any]:
+        """The fields of the JSON document: a figure has no reason, and none has one."""
+        given = {"value": _clean(self.value), "unit": self.unit}
+        if given["value"] is None:
+            given["reason"] = self.reason or NO_REASON
+        return given
 
 
 @dataclass(frozen=True)
@@ -145,7 +163,7 @@ class Result:
             "run_time_s": self.run_time_s,
             "error": self._error(),
             "plan": {"kept": self.kept, "left_out": self.left_out},
-            "metrics": {name: asdict(metric) for name, metric in self.metrics.items()},
+            "metrics": {name: metric.document() for name, metric in self.metrics.items()},
             "latency": [asdict(row) for row in self.latency],
             "throughput": [asdict(row) for row in self.throughput],
             "files": self.files,

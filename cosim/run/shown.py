@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from cosim.compute.compiling import compiled_within
 from cosim.errors import one_line, say
 from cosim.run.progress import Pace, QuietProgress, duration_text
 
@@ -87,17 +88,19 @@ class LineProgress(SilentProgress):
         if now - self._last_line_at < EVERY_S:
             return
         if not self._what:
-            self.note(f"preparing for {now - self._began:.0f} s; a first run compiles")
+            self.note(f"preparing for {now - self._began:.0f} s{_compiling()}")
             return
         waited = f"{now - self._stepped_at:.0f} s"
         if self._total and self._done >= self._total:
             self.note(f"{self._what}: done, what follows takes {waited} so far")
             return
-        told = f"this step for {waited}"
-        if not self._done:  # the first step compiles
-            told += "; a first run compiles"
+        told = f"this step for {waited}{_compiling()}"
         share = f"{100 * self._done // self._total} %, " if self._total else ""
         self.note(f"{self._what}: {share}{told}")
+
+
+def _compiling() -> str:
+    return "; a first run compiles" if compiled_within(EVERY_S) else ""
 
 
 def _watch(progress: weakref.ref[LineProgress], closed: threading.Event) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
+from cosim.run.progress import Progress
 from display.chain.panel_stage import PanelStage
 from display.chain.pursuit import Pursuit
 from display.chain.tap import LightTap
@@ -109,12 +110,18 @@ class DisplayChain:
         scenario."""
         return f"{self.panel_stage.renderer.name} {self.setting}"
 
-    def probes(self, camera: ProbeCamera, pst_lm: bool = True) -> Probes:
+    def probes(self, camera: ProbeCamera, progress: Progress, pst_lm: bool = True) -> Probes:
         """Latency, blur and flicker of all displays, with this camera in front of the panel; PstLM,
         which needs a minute of light, if wanted."""
+
+        def told(done: int, total: int) -> None:
+            progress.tell(
+                f"images and report: probes of blur, flicker and delay, {done} of {total}"
+            )
+
         return probe_display(
             camera, self.panel, self.section.reference_panels(), camera.seed,
-            per_degree=self.section.distance, pst_lm=pst_lm,
+            per_degree=self.section.distance, pst_lm=pst_lm, told=told,
         )  # fmt: skip
 
     def close(self) -> None:

@@ -81,7 +81,11 @@ class DisplayOutcome:
         out |= {f"jod_{metric_key(name)}": Metric(jod, "JOD") for name, jod in self.jod.items()}
         total = Metric(self.total_light, "emitted/expected")
         if not self.fidelity:
-            out |= {f"psnr_{SPIKE}": Metric(None, "dB"), f"ssim_{SPIKE}": Metric(None, "1")}
+            none = "without a scene there is no true light"
+            out |= {
+                f"psnr_{SPIKE}": Metric(None, "dB", none),
+                f"ssim_{SPIKE}": Metric(None, "1", none),
+            }
         probed = {} if self.probes is None else display_metrics(self.probes)
         return probed | out | {"total_light": total}
 

@@ -21,7 +21,7 @@ from numba import njit
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
-from display.probes.light import edge_light, settling_cycles
+from display.probes.light import MOST, edge_light, settling_cycles
 from display.probes.waveform import every_drive
 from display.quality.blur import bet, blur_edge_width, cmr_like, ebet
 from display.references.projector import spread_errors
@@ -54,8 +54,6 @@ SAMPLES: Final = 20
 """Minimum number of samples of the light of a frame, and of its flash."""
 SETTLED: Final = 20.0
 """Number of time constants after which a pixel has settled."""
-MOST: Final = 5 * 10**7
-"""Maximum number of samples of light in memory; slower panels have no figure."""
 PROJECTED: Final = 32
 """Number of rows of the projector, which have different initial errors."""
 
@@ -155,7 +153,7 @@ def spike_blur(
     camera: ProbeCamera, panel: SpikePanel, edge: tuple[float, float], seed: int
 ) -> list[Blur]:
     """The blur of an edge for every drive of a panel; NaN if it needs more than WIDEST columns (dim
-    light at a slow clock).
+    light at a slow clock), or its light has more than MOST samples.
 
     Args:
         camera, panel: camera and panel.
@@ -168,9 +166,9 @@ def spike_blur(
     # The exposure starts with the edge at column `begin`, so that all positions are on the chip.
     begin = math.ceil(-x[0]) + 1
     width = begin + math.ceil(SPEED * (EXPOSURE + 1 / hz) + x[-1]) + 2
-    if width > WIDEST:
-        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
+    if width > WIDEST or cycles * width > MOST:
+        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
     rows = min(max(wanted, ROWS[0]), ROWS[1], camera.height)
     ahead, behind = (camera.lux(rate) for rate in edge)

@@ -20,7 +20,7 @@ from cosim import Viform
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
-from display.probes.light import settling_cycles, steady_light
+from display.probes.light import MOST, settling_cycles, steady_light
 from display.probes.waveform import every_drive, panel_light
 from display.quality.figures import FlickerFigures, flicker_figures
 from display.quality.flicker import risk_of
@@ -32,6 +32,9 @@ __all__ = ["PATCH", "Flicker", "frame_flicker", "spike_flicker", "spike_pst_lm"]
 
 Values = npt.NDArray[np.float64]
 Area = Literal["patch", "pixel"]
+AREAS: Final[tuple[Area, Area]] = ("patch", "pixel")
+_NONE: Final = FlickerFigures(math.nan, math.nan, math.nan, math.nan, math.nan, risk_of(0.0, 0.0))
+"""The figures of a waveform that is not measured."""
 PATCH: Final = 16
 """Side of the patch, pixels."""
 SECONDS: Final = 1.0
@@ -109,13 +112,17 @@ def _row(
     return Flicker(display, drive, rate, area, figures)
 
 
+def _settling(panel: SpikePanel, rate: float) -> int:
+    """Number of planes for settling."""
+    settling = SETTLING / min(rate, 1.0) + settling_cycles(panel)
+    return math.ceil(settling / SUMMED) * SUMMED
+
+
 def _film(
     camera: ProbeCamera, panel: SpikePanel, rate: float, seconds: float, seed: int
 ) -> tuple[Viform, int]:
     """The stream of a patch under steady light, and the number of planes for settling."""
-    clock = camera.clock
-    settling = SETTLING / min(rate, 1.0) + settling_cycles(panel)
-    before = math.ceil(settling / SUMMED) * SUMMED
+    clock, before = camera.clock, _settling(panel, rate)
     cycles = before + math.ceil(seconds * clock.hz)
     light = steady_light((PATCH, PATCH), camera.lux(rate), clock.edge(cycles + 2))
     shape = max(camera.height, PATCH), PATCH
@@ -125,7 +132,8 @@ def _film(
 def spike_flicker(
     camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], per_degree: float, seed: int
 ) -> list[Flicker]:
-    """The flicker for every drive of a panel, of patch and pixels.
+    """The flicker for every drive of a panel, of patch and pixels; NaN if its light has more than
+    MOST samples.
 
     Args:
         camera, panel: camera and panel.
@@ -137,6 +145,13 @@ def spike_flicker(
     eye = Eye(panel.luminance, panel.white_rate, per_degree)
     rows = []
     for rate in rates:
+        planes = _settling(panel, rate) + math.ceil(SECONDS * hz)
+        if planes * (PATCH + 1) * len(DRIVES) > MOST:
+            rows += [
+                Flicker("spike", drive, rate, area, _NONE)
+                for drive in DRIVES for area in AREAS
+            ]  # fmt: skip
+            continue
         stream, before = _film(camera, panel, rate, SECONDS, seed)
         few = Viform(
             np.ascontiguousarray(stream.words[:, np.arange(PATCH), np.arange(PATCH)][:, None]),
@@ -145,9 +160,9 @@ def spike_flicker(
         patch = every_drive(stream, panel, group=np.zeros(stream.shape, np.int64))
         single = every_drive(few, panel)
         for drive in DRIVES:
-            for area, light in (("patch", patch), ("pixel", single)):
+            for area, light in zip(AREAS, (patch, single), strict=True):
                 waves = light[drive][before:]
-                rows.append(_row("spike", drive, rate, area, waves, hz, eye))  # type: ignore[arg-type]
+                rows.append(_row("spike", drive, rate, area, waves, hz, eye))
     return rows
 
 

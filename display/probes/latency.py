@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, Literal
@@ -34,11 +33,12 @@ import numpy.typing as npt
 
 from cosim import PS, Clock, Viform
 from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from cosim.spikes.viform import unpack_planes
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
-from display.probes.light import phased_light, settling_cycles
+from display.probes.light import MOST, phased_light, settling_cycles
 from display.probes.waveform import panel_light
 from display.quality.latency import fallen, half_way, risen
 
@@ -155,17 +155,27 @@ class _Edges:
         return np.where(after[first, np.arange(len(first))], ends[first], np.nan)
 
 
-def _film(camera: ProbeCamera, rate: float, way: Way, seed: int, settling: int) -> _Edges:
-    """Records a step; `settling` is the settling time of the emitter, cycles."""
-    phases = SIDE if rate >= SPARSE else FEW
-    clock, lux, shape = camera.clock, camera.lux(rate), (SIDE, phases)
+def _phases(rate: float) -> int:
+    """Number of columns."""
+    return SIDE if rate >= SPARSE else FEW
+
+
+def _cycles(rate: float, way: Way, settling: int) -> tuple[int, int]:
+    """The cycle of the step, and the length of the recording, cycles."""
     spare = SPARE + settling
     lit = math.ceil(SETTLING / min(rate, 1.0)) + spare
     cycle = DARK if way == "rise" else lit
     after = lit if way == "rise" else math.ceil(FADING / min(rate, 1.0)) + spare
+    return cycle, cycle + 1 + after
+
+
+def _film(camera: ProbeCamera, rate: float, way: Way, seed: int, settling: int) -> _Edges:
+    """Records a step; `settling` is the settling time of the emitter, cycles."""
+    phases = _phases(rate)
+    clock, lux, shape = camera.clock, camera.lux(rate), (SIDE, phases)
+    cycle, cycles = _cycles(rate, way, settling)
     first, stop = clock.edge(cycle), clock.edge(cycle + 1)
     at = first + (2 * np.arange(phases) + 1) * (stop - first) // (2 * phases)
-    cycles = cycle + 1 + after
     levels = (0.0, lux) if way == "rise" else (lux, 0.0)
     light = phased_light(shape, *levels, at, clock.edge(cycles + 2))
     latch = np.repeat(camera.row_delays(SIDE), phases).astype(np.float64)
@@ -204,7 +214,8 @@ def _one(edges: _Edges, end: Values, panel: SpikePanel, drive: str) -> Latency:
 def spike_latency(
     camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], seed: int
 ) -> list[Latency]:
-    """The latency for every drive of a panel, rising and falling.
+    """The latency for every drive of a panel, rising and falling; NaN if its light has more than
+    MOST samples.
 
     Args:
         camera, panel: camera and panel.
@@ -214,9 +225,13 @@ def spike_latency(
     rows: list[Latency] = []
     for rate in rates:
         for way in WAYS:
+            if _cycles(rate, way, settling_cycles(panel))[1] * SIDE * _phases(rate) > MOST:
+                nothing = [math.nan] * len(PARTS)
+                rows += [_row("spike", drive, rate, way, nothing) for drive in DRIVES]
+                continue
             edges = _film(camera, rate, way, seed, settling_cycles(panel))
             end = edges.response()
-            with ThreadPoolExecutor(cores()) as pool:
+            with threads(cores()) as pool:
                 rows += pool.map(partial(_one, edges, end, panel), DRIVES)
     return rows
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,11 @@ import numpy.typing as npt
 from cosim import Clock, Light, Piece
 from display.panels.panel import SpikePanel
 
-__all__ = ["edge_light", "phased_light", "settling_cycles", "steady_light"]
+__all__ = ["MOST", "edge_light", "phased_light", "settling_cycles", "steady_light"]
+
+MOST: Final = 5 * 10**7
+"""Maximum number of samples of light that a probe keeps in memory. One that needs more, of a clock
+above some 1 MHz or of a slow panel, has no figure."""
 
 Places = npt.NDArray[np.int64]
 

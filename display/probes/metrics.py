@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, as_completed
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from cosim.run.result import Metric
 from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
 from display.probes.blur import Blur, frame_blur, spike_blur
@@ -68,9 +69,13 @@ def probe_display(
     edges: Sequence[tuple[float, float]] = EDGES,
     per_degree: float = 60.0,
     pst_lm: bool = False,
+    told: Callable[[int, int], None] = lambda done, total: None,
 ) -> Probes:
     """Records steps, edges and steady light, and shows them with every drive of the panel.
     Reference panels show the true light.
+
+    A second of light at 40 kHz takes half a second for each light, and 5 s if its rows are sampled
+    at noisy instants; `light.MOST` and PST_CLOCK bound the rest.
 
     Args:
         camera: camera for the test light.
@@ -81,9 +86,10 @@ def probe_display(
         per_degree: pixels per degree of visual angle.
         pst_lm: whether PstLM is measured, which takes as long as all other probes; it is not
             measured for clocks above PST_CLOCK.
+        told: called with the number of probes that are done, and of all.
     """
     white, luminance = panel.white_rate, panel.luminance
-    with ThreadPoolExecutor(cores()) as pool:  # most of the work is compiled
+    with threads(cores()) as pool:  # most of the work is compiled
         submit, pst = pool.submit, None
         if pst_lm and panel.clock.hz <= PST_CLOCK:
             pst = submit(spike_pst_lm, camera, panel, GREY, panel.drive, seed)
@@ -94,6 +100,10 @@ def probe_display(
             latency.append(submit(frame_latency, other, white, rates))
             blur.append(submit(frame_blur, other, white, edges))
             flicker.append(submit(frame_flicker, other, white, luminance, rates, per_degree))
+        every: list[Future[Any]] = [*flicker, *blur, *latency, *([] if pst is None else [pst])]
+        told(0, len(every))
+        for done, _ in enumerate(as_completed(every)):
+            told(done + 1, len(every))
         return Probes(
             panel.drive, _rows(latency), _rows(blur), _rows(flicker), pst.result() if pst else None
         )
@@ -103,8 +113,17 @@ def _rows(parts: Sequence[Future[list[_Row]]]) -> tuple[_Row, ...]:
     return tuple(row for part in parts for row in part.result())
 
 
-def _known(value: float, unit: str) -> Metric:
-    return Metric(value if math.isfinite(value) else None, unit)
+_NO_DELAY: Final = "the light does not cross half of the step within the recording of the probe"
+_NO_BLUR: Final = (
+    "the light does not settle within the recording of the probe, such as held light "
+    "that never becomes dark"
+)
+_NO_FLICKER: Final = "the patch is dark, or a second at this clock has too many cycles"
+"""Why a figure is unknown."""
+
+
+def _known(value: float, unit: str, reason: str) -> Metric:
+    return Metric(value if math.isfinite(value) else None, unit, reason)
 
 
 def display_metrics(probes: Probes) -> dict[str, Metric]:
@@ -122,20 +141,24 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
         name = f"latency_{NAMES[delay.rate]}{'_fall' if delay.way == 'fall' else ''}_us"
         if delay.display != "spike":
             if delay.rate == GREY:
-                figures[f"{name}_{metric_key(delay.display)}"] = _known(delay.total.median, "us")
+                figures[f"{name}_{metric_key(delay.display)}"] = _known(
+                    delay.total.median, "us", _NO_DELAY
+                )
             continue
         name += "" if delay.drive == "impulse" else f"_{delay.drive}"
-        figures[name] = _known(delay.total.median, "us")
+        figures[name] = _known(delay.total.median, "us", _NO_DELAY)
     for edge in probes.blur:
         if (edge.ahead, edge.behind) == (0.0, GREY):
             if edge.display != "spike":
-                figures[f"ebet_ms_{metric_key(edge.display)}"] = _known(edge.ebet * 1e3, "ms")
+                figures[f"ebet_ms_{metric_key(edge.display)}"] = _known(
+                    edge.ebet * 1e3, "ms", _NO_BLUR
+                )
                 continue
-            figures[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms")
+            figures[f"ebet_ms_{edge.drive}"] = _known(edge.ebet * 1e3, "ms", _NO_BLUR)
             if edge.drive == probes.drive:
-                figures["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms")
+                figures["ebet_ms_spike"] = _known(edge.ebet * 1e3, "ms", _NO_BLUR)
         elif (edge.ahead, edge.behind) == (0.0, SPARSE) and edge.display == "spike":
-            figures[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms")
+            figures[f"ebet_ms_{edge.drive}_sparse"] = _known(edge.ebet * 1e3, "ms", _NO_BLUR)
     for kind in dict.fromkeys((edge.display, edge.drive) for edge in probes.blur):
         display, drive = kind
         times = [
@@ -143,25 +166,27 @@ def display_metrics(probes: Probes) -> dict[str, Metric]:
             if (edge.display, edge.drive) == kind and (edge.ahead, edge.behind) in GREYS
         ]  # fmt: skip
         if times:
-            figures[f"mprt_ms_{drive or metric_key(display)}"] = _known(mprt(times) * 1e3, "ms")
+            figures[f"mprt_ms_{drive or metric_key(display)}"] = _known(
+                mprt(times) * 1e3, "ms", _NO_BLUR
+            )
     for steady in probes.flicker:
         if steady.display != "spike":
             continue
         if steady.area == "pixel":
             if steady.rate == SPARSE:
                 name = f"flicker_svm_{steady.drive}_sparse_pixel"
-                figures[name] = _known(steady.figures.svm, "1")
+                figures[name] = _known(steady.figures.svm, "1", _NO_FLICKER)
             continue
         for name, value, unit in (
             ("percent", steady.figures.percent, "%"), ("index", steady.figures.index, "1"),
             ("svm", steady.figures.svm, "1"), ("visibility", steady.figures.visibility, "1"),
         ):  # fmt: skip
             if steady.rate == GREY and steady.drive == probes.drive:
-                figures[f"flicker_{name}_spike"] = _known(value, unit)
+                figures[f"flicker_{name}_spike"] = _known(value, unit, _NO_FLICKER)
             if steady.rate == SPARSE:
-                figures[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit)
+                figures[f"flicker_{name}_{steady.drive}_sparse"] = _known(value, unit, _NO_FLICKER)
     if probes.pst_lm is not None:
-        figures["pst_lm_spike"] = _known(probes.pst_lm, "1")
+        figures["pst_lm_spike"] = _known(probes.pst_lm, "1", _NO_FLICKER)
     frames = figures.get("ebet_ms_120hz")
     spike = figures.get("ebet_ms_spike")
     if frames and spike and frames.value and spike.value:

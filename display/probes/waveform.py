@@ -7,7 +7,6 @@ sums over a patch are then fast.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Final
 
@@ -17,6 +16,7 @@ from numba import njit
 
 from cosim import Viform
 from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from display.drives import DRIVES
 from display.drives.compiled import compiled, level, remember
 from display.panels.emitter import Emitter, gone_in, relax
@@ -185,7 +185,7 @@ def panel_light(
         light = part(slice(None))
     else:
         half = groups.size // 2
-        with ThreadPoolExecutor(cores()) as pool:
+        with threads(cores()) as pool:
             light, more = pool.map(part, (slice(half), slice(half, None)))
         light += more
     light /= span * np.bincount(groups)
@@ -196,6 +196,6 @@ def every_drive(
     stream: Viform, panel: SpikePanel, span: int = 1, group: npt.NDArray[np.int64] | None = None
 ) -> dict[str, Values]:
     """`panel_light` for each drive by its name, in parallel."""
-    with ThreadPoolExecutor(cores()) as pool:
+    with threads(cores()) as pool:
         lights = pool.map(lambda drive: panel_light(stream, panel, drive, span, group), DRIVES)
         return dict(zip(DRIVES, lights, strict=True))

@@ -117,7 +117,7 @@ class PanelPixels:
         self._state = PixelState(**{name: values.copy() for name, values in state.items()})
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _integrate_periodic(light, view, row, rows, image):  # type: ignore[no-untyped-def]
     """Adds the image of a moving eye to `image`, for all patches.
 

@@ -36,7 +36,7 @@ _LEAST: Final = np.float32(1e-5)
 """Probability of a state below which it is dropped, over the whole."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def tick(charge, low, high, light, spike, kernel, first, fires, hard, after):  # type: ignore[no-untyped-def]
     """Carries a distribution of charge through a tick; returns the range of what it becomes.
 
@@ -75,7 +75,7 @@ def tick(charge, low, high, light, spike, kernel, first, fires, hard, after):  #
     return max(begin - LEVELS, 0), max(stop - LEVELS, 1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def tick_back(later, light, spike, kernel, first, fires, hard, before):  # type: ignore[no-untyped-def]
     """Carries the probability of all later spikes, given the charge, back through a tick.
 
@@ -99,7 +99,7 @@ def tick_back(later, light, spike, kernel, first, fires, hard, before):  # type:
         before[g] = total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def shared(light, number, ticks, late, last, next_):  # type: ignore[no-untyped-def]
     """Returns the light of a tick of a symbol, thresholds.
 
@@ -117,7 +117,7 @@ def shared(light, number, ticks, late, last, next_):  # type: ignore[no-untyped-
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def explain(  # type: ignore[no-untyped-def]
     spikes, charge, later, late, last, next_, low, high, kernel, first, fires, hard, out
 ):
@@ -157,7 +157,7 @@ def explain(  # type: ignore[no-untyped-def]
             out[p, m] = max(out[p, m] * scale, np.float32(1e-4))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _range(charge):  # type: ignore[no-untyped-def]
     """Returns the range of states with a probability."""
     low, high = 0, charge.size
@@ -168,7 +168,7 @@ def _range(charge):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _at(law, light):  # type: ignore[no-untyped-def]
     """Returns the law of a pixel at a light, thresholds, linearly between its steps."""
     place = light * np.float32(LIGHTS)
@@ -176,14 +176,14 @@ def _at(law, light):  # type: ignore[no-untyped-def]
     return law[m] + (place - np.float32(m)) * (law[m + 1] - law[m])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _chance(value):  # type: ignore[no-untyped-def]
     """Returns the probability of a log likelihood ratio."""
     return np.float32(1.0 / (1.0 + exp(-value)))
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-untyped-def]
     """Computes the messages of all pixels to the cells that they see, in place.
 
@@ -230,7 +230,7 @@ def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def decide(known, begin, of_pixel, of_seen, back, damping, limit, total):  # type: ignore[no-untyped-def]
     """Sums the messages to each cell into `total`, (cells,) float32.
 
@@ -250,7 +250,7 @@ def decide(known, begin, of_pixel, of_seen, back, damping, limit, total):  # typ
         total[cell] = min(max(value, -limit), limit)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _lights(cell, share, many, on, base, total, back, light, joint, weight):  # type: ignore[no-untyped-def]
     """Fills `weight`, (lights,), with the distribution of a pixel's light by its cells; returns its
     mean, thresholds."""
@@ -277,7 +277,7 @@ def _lights(cell, share, many, on, base, total, back, light, joint, weight):  # 
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def advance(  # type: ignore[no-untyped-def]
     spikes, charge, late, last, next_, cell, share, many, on, base, total, back, lights, kernel,
     first, fires, hard, after, mean,
@@ -323,7 +323,7 @@ def advance(  # type: ignore[no-untyped-def]
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def recede(  # type: ignore[no-untyped-def]
     spikes, later, late, last, next_, cell, share, many, on, base, total, back, lights, kernel,
     first, fires, hard, before,

@@ -60,7 +60,7 @@ class PixelModel:
         return min(self.off + self.on * 1.02, _BRIGHTEST)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _likelihood(spikes, light, late, kernel, first, fires, hard):  # type: ignore[no-untyped-def]
     """Returns ln P(spikes) of pixels.
 

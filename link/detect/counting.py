@@ -40,7 +40,7 @@ STEEP, WIDE = np.float32(0.24904), np.float32(2.5068)
 """Linear approximation of ln(1 + e^-x): Cheng and Ottosson, IEEE VTC 2000."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _begin(time, symbol, row):  # type: ignore[no-untyped-def]
     """Returns the tick in which a symbol begins in a row, and the class of its phase."""
     start = time[0] + symbol * time[1] + time[2] * row / time[3]
@@ -48,7 +48,7 @@ def _begin(time, symbol, row):  # type: ignore[no-untyped-def]
     return tick, min(int((start - tick) * PHASES), PHASES - 1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def place_of(u, v):  # type: ignore[no-untyped-def]
     """Returns the pixel of a cell's centre, and the position within it: x, y, in x, in y."""
     x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
@@ -57,7 +57,7 @@ def place_of(u, v):  # type: ignore[no-untyped-def]
     return x, y, in_x, in_y
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def pattern_of(words, y, x, bit):  # type: ignore[no-untyped-def]
     """Returns _WIDTH spikes of a pixel from tick `bit` on, the first one lowest; 0 outside the
     words."""
@@ -73,7 +73,7 @@ def pattern_of(words, y, x, bit):  # type: ignore[no-untyped-def]
     return (both >> (bit & 31)) & _MASK
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _pattern_at(flat, size, count, at, bit):  # type: ignore[no-untyped-def]
     """`_pattern` for bit >= 0 in flat words: place `at` of `size`, `count` words."""
     w = bit >> 5
@@ -86,7 +86,7 @@ def _pattern_at(flat, size, count, at, bit):  # type: ignore[no-untyped-def]
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def count_patterns(  # type: ignore[no-untyped-def]
     words, start, known, first_symbol, shift, time, ticks, order, ends, x0, y0, count, dx, dy,
     share, counts,
@@ -128,14 +128,14 @@ def count_patterns(  # type: ignore[no-untyped-def]
                         counts[region, phase, part, s, pair, spikes] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _either(a, b):  # type: ignore[no-untyped-def]
     """Returns ln(e^a + e^b), linearly approximated."""
     apart = abs(a - b)
     return max(a, b) + (STEEP * (WIDE - apart) if apart < WIDE else np.float32(0.0))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _chain(gains, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-def]
     """Computes the soft values of a chain of bits by a forward and a backward pass.
 
@@ -170,7 +170,7 @@ def _chain(gains, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def add_evidence(  # type: ignore[no-untyped-def]
     words, start, stop, first_symbol, symbols, skipped, shift, time, ticks, region_of, x0, y0,
     count, dx, dy, share, whole, single, limit, out,

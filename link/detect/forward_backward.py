@@ -38,7 +38,7 @@ _LEARNED: Final = 96
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def _all_cells(  # type: ignore[no-untyped-def]
     words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,
     share, pairs, chance, low, high, merged, levels, hard, limit, out,

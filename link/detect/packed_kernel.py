@@ -36,7 +36,7 @@ _END: Final = np.uint64(2**64 - 1)
 _ZERO: Final = np.float32(0.0)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"contract"}, nogil=True)
 def _either(a, b, most):  # type: ignore[no-untyped-def]
     """Returns ln(e^a + e^b) in steps, linearly approximated; `most` is its largest excess.
 
@@ -96,7 +96,7 @@ def _adder(lanes: int) -> Callable[..., Any]:
 _add_two, _add_four = _adder(2), _adder(4)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _add_up(  # type: ignore[no-untyped-def]
     flat, size, bit, groups, group, advance, at, late, law, window, table, mask, zero, sums
 ):
@@ -146,7 +146,7 @@ def _add_up(  # type: ignore[no-untyped-def]
         bit += advance
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"contract"}, nogil=True)
 def _chain(sums, zero, step, evidence, ahead, skipped, limit, out):  # type: ignore[no-untyped-def]
     """Computes the soft values of the chains of bits of a tile by a forward and a backward pass.
 
@@ -184,7 +184,7 @@ def _chain(sums, zero, step, evidence, ahead, skipped, limit, out):  # type: ign
             ratio[c] = _either(fell, m + stayed, most) - _either(_ZERO, m + rose, most)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _in_part(  # type: ignore[no-untyped-def]
     words, stop, bit, ticks, x, y, dx, dy, share, single, zero, step
 ):

@@ -23,7 +23,7 @@ _ALIGNED: Final = 1e-6
 """Distance from a tick edge within which a symbol counts as beginning with the tick, ticks."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-untyped-def]
     """Returns the probability of a bit after a tick, given that before it.
 
@@ -43,7 +43,7 @@ def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-unty
     return 0.5
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _forward(  # type: ignore[no-untyped-def]
     now, then, spike, s, f, begins, known, pairs, symbol, chance, low, high, merged, levels, hard
 ):
@@ -88,7 +88,7 @@ def _forward(  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _backward(  # type: ignore[no-untyped-def]
     later, now, spike, s, f, begins, known, pairs, symbol, chance, low, high, levels, hard
 ):
@@ -125,7 +125,7 @@ def _backward(  # type: ignore[no-untyped-def]
         now[:] = 0.5 / levels
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def likelihood(  # type: ignore[no-untyped-def]
     train, fraction, symbol, known, s, chance, low, high, merged, levels, hard
 ):
@@ -156,7 +156,7 @@ def likelihood(  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def posterior(  # type: ignore[no-untyped-def]
     train, fraction, symbol, pairs, s, chance, low, high, merged, levels, hard, states, out
 ):
@@ -194,7 +194,7 @@ def posterior(  # type: ignore[no-untyped-def]
         later, now = now, later
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def window(first, period, slope, rows, row, symbol, symbols, start, fraction, under_way):  # type: ignore[no-untyped-def]
     """Fills `fraction` and `under_way`, (ticks,), as `likelihood` reads them.
 

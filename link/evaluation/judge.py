@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, SpikeStream
+from cosim.compute.stopping import threads
 from cosim.spikes.viform import count_spikes
 from link.air import image_of
 from link.air.geometry import panel_corners
@@ -129,7 +129,7 @@ def evaluate_link(
     closed: Predicted,
 ) -> LinkEvaluation:  # fmt: skip
     """Compares a reception with what was sent. closed: gives the result of `closed_form`."""
-    with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
+    with threads(1) as beside:  # neither of the two loads two cores
         eye = beside.submit(_eye, setup, stream, received)
         return _evaluated(setup, link, stream, received, closed, eye.result)
 

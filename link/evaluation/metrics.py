@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from cosim.run.result import Metric
@@ -14,6 +16,17 @@ from link.setup.setup import FileLinkSetup
 from link.trial.check import LinkCheck
 
 __all__ = ["link_metrics", "lock_metrics"]
+
+_NOT_READ: Final = "the receiver found no symbols, or its detector gives no soft values"
+_NO_BITS: Final = "no codeword was verified, so no bit could be compared"
+_NO_LAW: Final = (
+    "no closed form covers the cause of the failure, or the limits of this mode, or it underflows"
+)
+_NO_EYE: Final = "no symbol was read"
+_NO_SHARE: Final = "no words of an ldpc code of a fixed rate were read in the mode that was sent"
+_NO_CHECK: Final = "the plan leaves out nothing, or nothing was read: no check on patches"
+_FREE: Final = "no clock was locked: link.sensor.clock_steering, or its reset, has none"
+"""Why a metric is unknown."""
 
 
 def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
@@ -29,43 +42,57 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
     full_s = None if full_ns is None else full_ns * 1e-9 * setup.pixel_cycles
     return {
         "raw_bps": Metric(rates.raw, "bit/s"),
-        "information_bps": Metric(information, "bit/s"),
-        "information_low": Metric(least, "bit/s"),
-        "information_high": Metric(most, "bit/s"),
+        "information_bps": Metric(information, "bit/s", _NOT_READ),
+        "information_low": Metric(least, "bit/s", _NOT_READ),
+        "information_high": Metric(most, "bit/s", _NOT_READ),
         "coded_bps": Metric(rates.coded, "bit/s"),
-        "goodput_bps": Metric(rates.goodput, "bit/s"),
-        "capacity_bps": Metric(link.capacity, "bit/s"),
-        "ber": Metric(link.errors.rate, "1"),
-        "ber_low": Metric(low, "1"),
-        "ber_high": Metric(high, "1"),
-        "ber_theory": Metric(theory.closed, "1"),
-        "ber_theory_low": Metric(theory.closed_interval and theory.closed_interval[0], "1"),
-        "ber_theory_high": Metric(theory.closed_interval and theory.closed_interval[1], "1"),
-        "ber_soft": Metric(theory.soft, "1"),
+        "goodput_bps": Metric(rates.goodput, "bit/s", "the file did not arrive"),
+        "capacity_bps": Metric(link.capacity, "bit/s", "the panel is not wholly in view"),
+        "ber": Metric(link.errors.rate, "1", _NO_BITS),
+        "ber_low": Metric(low, "1", _NO_BITS),
+        "ber_high": Metric(high, "1", _NO_BITS),
+        "ber_theory": Metric(theory.closed, "1", _NO_LAW),
+        "ber_theory_low": Metric(
+            theory.closed_interval and theory.closed_interval[0], "1", _NO_LAW
+        ),
+        "ber_theory_high": Metric(
+            theory.closed_interval and theory.closed_interval[1], "1", _NO_LAW
+        ),
+        "ber_soft": Metric(theory.soft, "1", "the detector has given no soft values"),
         "bits_compared": Metric(link.errors.bits, "bits"),
-        "fer": Metric(lost / sent if sent else None, "1"),
+        "fer": Metric(lost / sent if sent else None, "1", "no frame was sent meanwhile"),
         **_limits("fer_theory", frames_lost),
         "frames_sent": Metric(setup.sent.outbox.frames_by(setup.sent.groups), "frames"),
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(lost, "frames"),
-        "frames_needed": Metric(received.frames_needed, "frames"),
+        "frames_needed": Metric(received.frames_needed, "frames", "the file did not arrive"),
         "frames_repair": Metric(repair, "frames"),
         "frames_fill": Metric(fill, "frames"),
-        "eye_height": Metric(None if eye is None else eye.height, "1"),
-        "eye_width": Metric(None if eye is None else eye.width, "ticks"),
-        "latency_us": Metric(float(np.median(delays)) / 1e6 if delays.size else None, "us"),
+        "eye_height": Metric(None if eye is None else eye.height, "1", _NO_EYE),
+        "eye_width": Metric(None if eye is None else eye.width, "ticks", _NO_EYE),
+        "latency_us": Metric(
+            float(np.median(delays)) / 1e6 if delays.size else None, "us", "no frame arrived"
+        ),
         "file_bytes": Metric(len(setup.payload.data), "bytes"),
         "cell": Metric(setup.mode.cell, "panel pixels"),
         "ticks": Metric(setup.mode.ticks, "panel planes"),
-        "parity": Metric(setup.mode.parity, "bytes"),
+        "parity": Metric(
+            setup.mode.parity, "bytes", "the words have an ldpc code, and no Reed-Solomon parity"
+        ),
         "code_rate": Metric(setup.sent.outbox.word_rate, "1"),
         "words": Metric(received.codewords, "words"),
         "words_lost": Metric(received.codewords_wrong, "words"),
         **_limits("words_theory", words_lost),
-        "decoder_rounds": Metric(_rounds(received), "rounds/word"),
+        "decoder_rounds": Metric(
+            _rounds(received), "rounds/word", "no word was read, or its code has no rounds"
+        ),
         "f_number": Metric(setup.setting.optics.f_number, "1"),
-        "goodput_error": Metric(link.check.goodput if link.delivered else None, "1"),
-        "full_physics": Metric(full_s, "s"),
+        "goodput_error": Metric(
+            link.check.goodput if link.delivered else None,
+            "1",
+            "the file did not arrive, or nothing is left out",
+        ),
+        "full_physics": Metric(full_s, "s", "nothing is left out, so full physics was not timed"),
         **_check_metrics(link.check),
         "camera": Metric(camera_s, "s"),
     }
@@ -75,9 +102,9 @@ def lock_metrics(lock: ClockLock | None) -> dict[str, Metric]:
     """Returns the metrics of a locked clock, unknown without one: rms and largest true phase of the
     planes over the run, and the ticks that the loop took to lock before it."""
     return {
-        "phase_error": Metric(None if lock is None else lock.rms, "ticks"),
-        "phase_error_most": Metric(None if lock is None else lock.most, "ticks"),
-        "lock_ticks": Metric(None if lock is None else lock.acquired, "ticks"),
+        "phase_error": Metric(None if lock is None else lock.rms, "ticks", _FREE),
+        "phase_error_most": Metric(None if lock is None else lock.most, "ticks", _FREE),
+        "lock_ticks": Metric(None if lock is None else lock.acquired, "ticks", _FREE),
     }
 
 
@@ -96,9 +123,9 @@ def _expected(link: LinkEvaluation, frames: int) -> tuple[LostShare, LostShare]:
 def _limits(name: str, share: LostShare) -> dict[str, Metric]:
     """Returns the metrics of an expected share."""
     return {
-        name: Metric(share.value, "1"),
-        f"{name}_low": Metric(share.low, "1"),
-        f"{name}_high": Metric(share.high, "1"),
+        name: Metric(share.value, "1", _NO_SHARE),
+        f"{name}_low": Metric(share.low, "1", _NO_SHARE),
+        f"{name}_high": Metric(share.high, "1", _NO_SHARE),
     }
 
 
@@ -124,13 +151,14 @@ def _check_metrics(check: LinkCheck) -> dict[str, Metric]:
     """Returns the number of bits of the error's measurement, and of those decided differently."""
     paired = check.paired
     near = None if paired is None else paired.near
-    return {
-        "check_bits": Metric(None if paired is None else paired.bits, "bits"),
-        "check_otherwise": Metric(
-            None if paired is None else paired.more + paired.fewer, "bits"
-        ),
-        "check_otherwise_high": Metric(None if paired is None else paired.differing_limit, "1"),
-        "check_counted_high": Metric(None if paired is None else paired.counted[2], "half-widths"),
-        "check_near": Metric(None if near is None else near.count, "bits"),
-        "check_near_otherwise": Metric(None if near is None else near.more + near.fewer, "bits"),
-    }  # fmt: skip
+    bits = "bits"
+    paired_figures = {
+        "check_bits": (None if paired is None else paired.bits, bits),
+        "check_otherwise": (None if paired is None else paired.more + paired.fewer, bits),
+        "check_otherwise_high": (None if paired is None else paired.differing_limit, "1"),
+        "check_counted_high": (None if paired is None else paired.counted[2], "half-widths"),
+        "check_near": (None if near is None else near.count, bits),
+        "check_near_otherwise": (None if near is None else near.more + near.fewer, bits),
+    }
+    reason = _NO_CHECK if paired is None else "wrong bits alone are counted"
+    return {name: Metric(*figure, reason) for name, figure in paired_figures.items()}

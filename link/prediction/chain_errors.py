@@ -103,13 +103,13 @@ def _draw(
     return _Drawn(charge, mine, seen.share, phase)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _either(a, b):  # type: ignore[no-untyped-def]
     """Returns ln(e^a + e^b) as the detector has it."""
     return max(a, b) + max(STEEP * (WIDE - abs(a - b)), np.float32(0))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _spikes(charge, normal, shape, spikes):  # type: ignore[no-untyped-def]
     """Fills spikes, (pixels, ticks) bool, of pixels with hard reset under mean charges. normal:
     (pixels, ticks) standard normal variables, for the threshold from a tick on."""
@@ -125,7 +125,7 @@ def _spikes(charge, normal, shape, spikes):  # type: ignore[no-untyped-def]
                 held = threshold = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _context(spikes, k, t):  # type: ignore[no-untyped-def]
     """The CONTEXT spikes before tick t, the first one lowest."""
     out = 0
@@ -135,7 +135,7 @@ def _context(spikes, k, t):  # type: ignore[no-untyped-def]
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def _count(charge, normal, bits, share, shape, counts):  # type: ignore[no-untyped-def]
     """Counts spikes of drawn cells by class: (cells, PHASES, SHARES, PAIRS, contexts, 2), of which
     the first axis is summed by the caller."""
@@ -150,7 +150,7 @@ def _count(charge, normal, bits, share, shape, counts):  # type: ignore[no-untyp
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def _decide(charge, normal, bits, share, phase, tables, shape, wrong, doubt):  # type: ignore[no-untyped-def]
     """Adds up wrong decisions and 1 / (1 + e^|L|) of each cell.
 

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from cosim.compute.stopping import threads
 from link.detect.detector import Detector, Soft
 from link.detect.packed import Packed
 from link.receiving.recording import Recording
@@ -37,7 +38,7 @@ class Ahead:
     @contextmanager
     def running(self) -> Iterator[None]:
         """Has a thread, which is needed for `start`; with the words of one recording at a time."""
-        with ThreadPoolExecutor(1, "detector") as self._thread:
+        with threads(1, "detector") as self._thread:
             try:
                 yield
             finally:

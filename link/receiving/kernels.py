@@ -30,7 +30,7 @@ _NORMAL, _SHARE = _DENSITY * np.exp(-_Z * _Z / 2), ndtr(_Z)
 _RAMP = _Z * _SHARE + _NORMAL
 
 
-@njit(inline="always")
+@njit(inline="always", nogil=True)
 def _part(tick, start, period):  # type: ignore[no-untyped-def]
     """Returns the symbol in which a tick begins, and the part of the tick after that symbol's
     end."""
@@ -39,7 +39,7 @@ def _part(tick, start, period):  # type: ignore[no-untyped-def]
     return int(whole), (at - whole) * period + 1 - period
 
 
-@njit(inline="always")
+@njit(inline="always", nogil=True)
 def _log_likelihood(z, floor, sure, never):  # type: ignore[no-untyped-def]
     """Returns ln of the probability at z standard deviations on the observed side."""
     if z > _FAR:
@@ -49,7 +49,7 @@ def _log_likelihood(z, floor, sure, never):  # type: ignore[no-untyped-def]
     return math.log(floor + (1 - 2 * floor) * 0.5 * math.erfc(-z * _ROOT))
 
 
-@njit(inline="always")
+@njit(inline="always", nogil=True)
 def _left(charge, rule):  # type: ignore[no-untyped-def]
     """Returns the charge after a spike."""
     if rule == 1:
@@ -163,7 +163,7 @@ def slopes(  # type: ignore[no-untyped-def]
     return out, first, second
 
 
-@njit(inline="always")
+@njit(inline="always", nogil=True)
 def _ramp(z):  # type: ignore[no-untyped-def]
     """Returns the integral of the normal distribution function up to z, from the nearest node."""
     if abs(z) >= _CERTAIN:

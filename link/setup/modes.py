@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
 
 from cosim import InputError
 from cosim.compute.opencl import Device
-from cosim.run.progress import Progress
+from cosim.run.progress import Progress, duration_text
 from link.mode import CELLS, LINE_CODES, RATES, Mode, codes_of, ticks_chosen
 from link.prediction.error_bound import LEAST_CELL
 from link.prediction.light import cell_scene
@@ -33,6 +34,8 @@ rate each and symbols have one tick, whose information depends most on the phase
 _RESOLVED = 0.5
 """Side of a cell, camera pixels, below which no light of it can be told from its neighbours': the
 receiver does not look for smaller ones."""
+_LONG = 60.0
+"""Time of the pilots from which on it is told beforehand, s."""
 _NEVER = 0.8
 """Share of the required size of a tag's module below which tags were never detected, in a sharp
 image."""
@@ -136,6 +139,32 @@ def _delays(setting: LinkSetting, mode: Mode, size: int, step: float = _STEP) ->
     return [round(drift * n / steps * period) for n in range(steps + 1)]
 
 
+class _Forecast:
+    """Says once how long the pilots take, if that is long: by the time of the second one, as the
+    first one compiles.
+
+    Args:
+        progress: receives the note.
+        detector: name of the detector.
+    """
+
+    def __init__(self, progress: Progress, detector: str) -> None:
+        self._progress, self._detector = progress, detector
+        self._last, self._filmed = time.monotonic(), 0
+
+    def film(self, left: int) -> None:
+        """A pilot was filmed and read; at most so many are left."""
+        now = time.monotonic()
+        seconds, self._last = (now - self._last) * left, now
+        self._filmed += 1
+        if self._filmed == 2 and seconds > _LONG:
+            self._progress.note(
+                f"the pilots take up to {duration_text(seconds)} with the detector "
+                f"{self._detector}; give link.modem.cell, ticks, line and parity or rate to go "
+                "without, or leave link.modem.detector out"
+            )
+
+
 def choose_mode(
     scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
     progress: Progress, adaptive: bool = False,
@@ -172,7 +201,8 @@ def choose_mode(
         return modes[0], None
     strip = strip_of(setting)
     progress.start("pilots", _TRIED)
-    tried = 0
+    tried, most = 0, min(_TRIED, len(modes))
+    forecast = _Forecast(progress, modem.detector)
 
     def trial(mode: Mode) -> Trial:
         nonlocal tried
@@ -181,11 +211,16 @@ def choose_mode(
             narrow = replace(narrow, rate=RATES[0], adaptive=False)
         step = _FINE if adapts and mode.ticks == 1 else _STEP
         delays = _delays(setting, mode, max(size, 1), step)
-        found = []
+        found: list[Trial] = []
         for late in delays:
+            progress.tell(
+                f"pilots: mode {tried + 1} of up to {most}, {modem.detector}, phase "
+                f"{len(found) + 1} of {len(delays)}"
+            )
             at = replace(strip, first_light=strip.first_light + late)
             pilot = film_pilot(at, narrow, modem.detector, scenario.seed, device)
             found.append(Trial.of(narrow, pilot.sent, pilot.soft))
+            forecast.film(len(delays) - len(found) + (most - tried - 1) * len(delays))
         tried += 1
         progress.advance(tried)
         worst = max(found, key=lambda one: one.values_wrong)

@@ -60,7 +60,7 @@ def _law(mean: float) -> tuple[int, Array]:
     return first, np.asarray(law / law.sum(), np.float64)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _spread(belief, weight, first, law, q, rule, bit, out):  # type: ignore[no-untyped-def]
     """Adds to `out` the distribution of the charge after a tick in which `bit` was latched."""
     states = belief.size
@@ -87,7 +87,7 @@ def _spread(belief, weight, first, law, q, rule, bit, out):  # type: ignore[no-u
                 out[min(v + first + n - q, states - 1)] += mass * law[n]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _fires(belief, first, tail, q):  # type: ignore[no-untyped-def]
     """Returns P(spike) in the next tick. tail[n]: P(count >= first + n)."""
     total = 0.0
@@ -97,7 +97,7 @@ def _fires(belief, first, tail, q):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _entropy(p):  # type: ignore[no-untyped-def]
     """Returns the binary entropy, bits."""
     if p <= 0.0 or p >= 1.0:
@@ -105,7 +105,7 @@ def _entropy(p):  # type: ignore[no-untyped-def]
     return -(p * math.log2(p) + (1 - p) * math.log2(1 - p))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _recursion(sent, counts, q, states, rule, p_on, f0, law0, t0, f1, law1, t1, gains):  # type: ignore[no-untyped-def]
     """Writes the information of each tick, bits, (ticks,), to `gains`.
 

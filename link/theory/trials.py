@@ -84,7 +84,7 @@ def gamma_gamma_trials(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _last_wrong(sent, draws, start, laws, first, q, rule):  # type: ignore[no-untyped-def]
     """Returns the number of pixels whose last tick is read wrongly.
 

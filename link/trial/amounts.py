@@ -59,7 +59,10 @@ def carried(setup: FileLinkSetup) -> Rates:
     arrive: a panel out of view, tags too small, no mode that holds, or too few frames.
     """
     return link_rates(
-        setup.sent.layout, setup.setting.panel.clock, len(setup.payload.data), _seconds(setup),
+        setup.sent.layout,
+        setup.setting.panel.clock,
+        len(setup.payload.data),
+        _seconds(setup),
         setup.sent.outbox.word_rate,
     )
 

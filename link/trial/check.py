@@ -197,7 +197,7 @@ class LinkCheck:
         holds for all cells, while the patches are a part of them. promised: `LinkPlan.promised`."""
         paired = self.paired
         if paired is None:
-            return Error(None, None, None)
+            return Error(None, "nothing is left out, or no bit of the patches was read", None)
         high = max(paired.high, promised / paired.unit)
         return Error(paired.value, paired.kind, (paired.low, high))
 

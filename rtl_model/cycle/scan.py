@@ -58,7 +58,7 @@ REQUEST, PASSES, PASS, FRESH, RAMP, STEP = range(17, 23)
 STATE = 23
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _begin(registers, state, charge, clock, tick_minimum, q):  # type: ignore[no-untyped-def]
     state[ACTIVE] = 1
     state[START] = clock
@@ -87,7 +87,7 @@ def _begin(registers, state, charge, clock, tick_minimum, q):  # type: ignore[no
     state[FRAMES] = (state[FRAMES] + 1) & 0xFFFFFFFF
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _electrons(registers, frame, row, first, out):  # type: ignore[no-untyped-def]
     """Fills `out` (uint8) with the electrons in a tick of pixels first, first + 1, ... of a row.
 
@@ -106,7 +106,7 @@ def _electrons(registers, frame, row, first, out):  # type: ignore[no-untyped-de
             out[j] = level if (odd ^ j) & 1 else 0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _tick(charge, base, electrons, offset, shift, q, rule):  # type: ignore[no-untyped-def]
     """One tick of 32 pixels; returns the spikes as bits.
 
@@ -131,7 +131,7 @@ def _tick(charge, base, electrons, offset, shift, q, rule):  # type: ignore[no-u
     return bits
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _above(state, charge, row, first, lanes):  # type: ignore[no-untyped-def]
     """The pixels of a tile whose charge is above the ramp, as bits."""
     bits, height = np.uint64(0), 4095 if state[FRESH] else state[RAMP] >> 7
@@ -140,7 +140,7 @@ def _above(state, charge, row, first, lanes):  # type: ignore[no-untyped-def]
     return bits
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _ones(bits):  # type: ignore[no-untyped-def]
     """Counts the ones of 64 bits, in pairs, nibbles and bytes."""
     bits -= (bits >> np.uint64(1)) & np.uint64(0x5555555555555555)
@@ -150,7 +150,7 @@ def _ones(bits):  # type: ignore[no-untyped-def]
     return np.int64((bits * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def scan(  # type: ignore[no-untyped-def]
     registers, state, charge, memory, lanes, columns, row_clocks, tick_minimum, clock, stop, out
 ):

@@ -116,7 +116,7 @@ class ImagerMachine:
         notes += [*faults, *planned.model.notes(frames)]
         metrics = {
             "frames": Metric(len(frames), "1"),
-            "frame_rate": Metric(_frame_rate(frames), "Hz"),
+            "frame_rate": Metric(_frame_rate(frames), "Hz", "one frame has no rate"),
             **(planned.model.metrics(frames, view, chain.imager) if frames else {}),
             **view.metrics,
         }

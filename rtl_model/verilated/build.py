@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from cosim import InputError, ViformError
-from cosim.compute.opencl import cache_folder
+from cosim.compute.cache_folder import cache_folder
 from cosim.errors import MissingPackages
 from cosim.files.whole import whole
 from rtl_model.geometry import Geometry

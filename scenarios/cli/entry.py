@@ -35,13 +35,17 @@ def main() -> None:
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # the help is in docstrings
     os.umask(os.umask(0o077) & 0o077)  # the user may enter the folders that the command makes
     protect()
+    from cosim.compute.stopping import end_on_signals, said
+
     try:
+        end_on_signals()
         code = _main(sys.argv[1:] or ["--help"])
         sys.stdout.flush()  # this may raise BrokenPipeError
     except BrokenPipeError:
         code = _PIPE
         _drop_output()
     except KeyboardInterrupt:  # before the start of a command
+        said()
         print("viform: interrupted", file=sys.stderr)
         code = 130
     except Exception as exc:
@@ -114,7 +118,8 @@ def _main(arguments: list[str]) -> int:
     from typer.main import get_command
 
     from cosim import Interrupted
-    from cosim.compute.opencl import prepare_caches
+    from cosim.compute.cache_folder import prepare_caches
+    from cosim.compute.stopping import said
     from cosim.errors import InputError, MissingPackages, ViformError, say
     from cosim.run.called import as_called
     from scenarios.cli.app import app
@@ -141,6 +146,7 @@ def _main(arguments: list[str]) -> int:
         say(as_called(f"{text}; see `{where} --help`"))
         return 2
     except Interrupted as exc:
+        said()
         say(as_called(str(exc)))
         return 130
     except ViformError as exc:
@@ -151,6 +157,7 @@ def _main(arguments: list[str]) -> int:
     except (Abort, KeyboardInterrupt) as exc:
         if isinstance(exc.__cause__, EOFError):  # typer takes it for an end of the user's input
             raise exc.__cause__ from None
+        said()
         print("viform: interrupted", file=sys.stderr)
         return 130
     except SystemExit as exc:  # typer raises this after a BrokenPipeError
@@ -158,5 +165,6 @@ def _main(arguments: list[str]) -> int:
             return _PIPE
         raise
     if code == 130:  # typer returns this after Ctrl-C, without a message
+        said()
         print("viform: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0

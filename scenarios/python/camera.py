@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from itertools import islice
@@ -18,6 +17,7 @@ import numpy.typing as npt
 from cosim import Clock, InputError, seconds_to_ps
 from cosim.compute.cores import cores
 from cosim.compute.opencl import Device, choose_device
+from cosim.compute.stopping import threads
 from cosim.errors import quote
 from cosim.light.lens import Lens
 from cosim.light.source import Source
@@ -326,7 +326,7 @@ class LiveStream:
 def _in_order(film: Any, clips: Iterable[Any], begin: int) -> Iterator[Any]:
     """The results of `film(number, clip)` in the order of the clips, a few of them ahead."""
     count = cores()
-    with ThreadPoolExecutor(count) as pool:
+    with threads(count) as pool:
         rest = enumerate(clips, begin)
         ahead = islice(rest, _AHEAD * count)
         waiting = [pool.submit(film, number, clip) for number, clip in ahead]

@@ -163,7 +163,7 @@ class AsynchronousMachine:
                 **getattr(spec.source, "metrics", {}),
                 "loop_turns": Metric(float(output.turns), "1"),
                 "camera": Metric(seconds["sensor"], "s"),
-                "full_physics": Metric(checked.full_physics, "s"),
+                "full_physics": Metric(checked.full_physics, "s", "full physics was not timed"),
                 "f_number": Metric(spec.lens.f_number, "1"),
             },
             latency=[*latency_rows("first event", first_instants(views.sent)), *delays],

@@ -116,7 +116,7 @@ class Trains:
         ])  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _ends(words, cycles, spikes, first, last):  # type: ignore[no-untyped-def]
     """Number, first and last of the spikes of each pixel, written."""
     for pixel in range(words.shape[0]):
@@ -128,7 +128,7 @@ def _ends(words, cycles, spikes, first, last):  # type: ignore[no-untyped-def]
                 spikes[pixel] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _sums(words, cycles, k, blocks, used, variance, third):  # type: ignore[no-untyped-def]
     """See `Sums`; variance and third are written."""
     sums = np.empty(blocks)
@@ -152,7 +152,7 @@ def _sums(words, cycles, k, blocks, used, variance, third):  # type: ignore[no-u
             third[pixel] = (off * off * off).sum() * blocks / ((blocks - 1) * (blocks - 2))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, inline="always", nogil=True)
 def _spikes(words, cycles, at):  # type: ignore[no-untyped-def]
     """Writes the cycles in which a pixel has spikes to `at`; returns their number."""
     n = 0
@@ -163,7 +163,7 @@ def _spikes(words, cycles, at):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _successive(words, cycles, used, squares, products):  # type: ignore[no-untyped-def]
     """See `Trains.successive`; squares and products are written."""
     at = np.empty(cycles, np.int64)
@@ -180,7 +180,7 @@ def _successive(words, cycles, used, squares, products):  # type: ignore[no-unty
             last = off
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _differences(words, cycles, used, products, number):  # type: ignore[no-untyped-def]
     """See `Trains.differences`; products and number are written."""
     at = np.empty(cycles, np.int64)
@@ -195,7 +195,7 @@ def _differences(words, cycles, used, products, number):  # type: ignore[no-unty
             number[pixel] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _histogram(words, cycles, longest, out):  # type: ignore[no-untyped-def]
     """See `Trains.histogram`; out is written."""
     for pixel in range(words.shape[0]):

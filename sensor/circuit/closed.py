@@ -19,7 +19,7 @@ _NEAR: Final = 1e-12
 """Relative length of a step of Newton's rule that is taken as the last: it doubles the digits."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def phi(k, z):  # type: ignore[no-untyped-def]
     """phi_k(z), k from 0 to 3: phi_0 = exp(-z), phi_(k+1) = (1/k! - phi_k) / z; z >= 0."""
     if k == 0:
@@ -39,14 +39,14 @@ def phi(k, z):  # type: ignore[no-untyped-def]
     return two if k == 2 else (0.5 - two) / z
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def relaxed(rate, slope, tau, charge, t):  # type: ignore[no-untyped-def]
     """Charge after t of n' = rate + slope t - n / tau; tau may be infinite."""
     z = t / tau
     return charge * math.exp(-z) + t * (rate * phi(1, z) + slope * t * phi(2, z))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def crossing_time(rate, slope, tau, charge, goal, left):  # type: ignore[no-untyped-def]
     """First t <= left at which n' = rate + slope t - n / tau has brought charge to goal >= charge;
     infinite where it has not by then.
@@ -95,7 +95,7 @@ def crossing_time(rate, slope, tau, charge, goal, left):  # type: ignore[no-unty
     return t
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def comparator_delay(c):  # type: ignore[no-untyped-def]
     """x > 0 of x - 1 + exp(-x) = c >= 0: x = 1 + c + W0(-exp(-(1 + c))), by Newton's rule.
 
@@ -117,7 +117,7 @@ def comparator_delay(c):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _two(k, a, b, t):  # type: ignore[no-untyped-def]
     """The integral over two poles, t^k times the divided difference of exp at -at, -bt and k - 1
     zeros; k from 1 to 3, 0 <= b <= a / 4."""
@@ -139,7 +139,7 @@ def _two(k, a, b, t):  # type: ignore[no-untyped-def]
     return t**k * total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def output(drive, slope, leak, over, gain, pole, y, t):  # type: ignore[no-untyped-def]
     """(output, its rate of change, overdrive) of the comparator after t.
 
@@ -155,7 +155,7 @@ def output(drive, slope, leak, over, gain, pole, y, t):  # type: ignore[no-untyp
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def wait_for(drive, slope, leak, over, gain, pole, y, trip, left):  # type: ignore[no-untyped-def]
     """First t <= left at which the comparator's output has risen to trip, or infinite.
 

@@ -21,7 +21,7 @@ __all__ = ["DELAY", "INTEGRATE", "RESET", "steady_interval", "within"]
 INTEGRATE, DELAY, RESET = 0, 1, 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _moved(rate, slope, tau, a, electrons, charge, goal, left):  # type: ignore[no-untyped-def]
     """(t, charge) at the crossing, (inf, charge at the end) where there is none."""
     if a == 0.0 or tau == math.inf:
@@ -36,7 +36,7 @@ def _moved(rate, slope, tau, a, electrons, charge, goal, left):  # type: ignore[
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def within(phase, charge, volts, wait, goal, rate, slope, left, circuit):  # type: ignore[no-untyped-def]
     """(t, charge, volts): the time t <= left at which the phase ends, and the charge and the
     comparator's output there; t infinite, and the state after `left`, where it does not.
@@ -73,7 +73,7 @@ def within(phase, charge, volts, wait, goal, rate, slope, left, circuit):  # typ
     return (wait if wait <= left else math.inf), after, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def steady_interval(charge, goal, rate, circuit):  # type: ignore[no-untyped-def]
     """Time from `charge` to the end of the next reset under steady light; infinite where the leak
     holds the charge below goal."""

@@ -21,20 +21,20 @@ _NEAR: Final = 1e-12
 """Relative length of a step of Newton's rule that is taken as the last: it doubles the digits."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def swing_of(charge, a, electrons):  # type: ignore[no-untyped-def]
     """Volts of a charge: the root of electrons (V + a V^2 / 2) = charge."""
     linear = charge / electrons
     return 2.0 * linear / (1.0 + math.sqrt(max(1.0 + 2.0 * a * linear, 0.0)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def charge_of(swing, a, electrons):  # type: ignore[no-untyped-def]
     """Electrons of a swing."""
     return electrons * swing * (1.0 + 0.5 * a * swing)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _value(series, t):  # type: ignore[no-untyped-def]
     total = 0.0
     for k in range(_ORDER, -1, -1):
@@ -42,7 +42,7 @@ def _value(series, t):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _speed(series, t):  # type: ignore[no-untyped-def]
     total = 0.0
     for k in range(_ORDER, 0, -1):
@@ -50,7 +50,7 @@ def _speed(series, t):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _series(series, v, a, s, ramp, tau):  # type: ignore[no-untyped-def]
     """Fills the Taylor coefficients of V at V = v and gives the length of a step."""
     series[0] = v
@@ -67,7 +67,7 @@ def _series(series, v, a, s, ramp, tau):  # type: ignore[no-untyped-def]
     return step
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def relax(rate, slope, tau, a, electrons, charge, goal, left):  # type: ignore[no-untyped-def]
     """(t, charge then): the first t <= left at which charge reaches goal, or (left, charge) where
     it does not; goal infinite to look for none."""

@@ -17,7 +17,7 @@ Values = npt.NDArray[np.float64]
 _SCALE = 1e12
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _train(knots, first, last, goals, charge, circuit, out):  # type: ignore[no-untyped-def]
     # A constant would have `within` compiled for it as well.
     phase: Any = np.int64(INTEGRATE)

@@ -7,7 +7,6 @@ bounded memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from cosim import SpikeStream
 from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from cosim.spikes.viform import WORD, words_for
 from sensor.codec.columns import Column, Damaged, pack_column, unpack_column, values_in
 from sensor.codec.follow import (
@@ -170,7 +170,7 @@ def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[F
     bands = _bands(stream.shape[0] * stream.shape[1])
     coders = [_Band(code, high - low, stream.cycles) for low, high in bands]
     total = words_for(stream.cycles)
-    with ThreadPoolExecutor(workers()) as pool:
+    with threads(workers()) as pool:
         for first in range(0, total, CHUNK):
             words = stream.read_words(first, min(first + CHUNK, total))
             flat = words.reshape(len(words), -1)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from cosim import Clock, SpikeStream, Viform
 from cosim.compute.memory import check_memory
+from cosim.compute.stopping import threads
 from cosim.spikes.viform import Words, words_for
 from sensor.codec.coding import BAND, Code, band_memory, decode_band, encode, frame_count, workers
 
@@ -34,7 +34,7 @@ def decode(
         low, high = ends[band]
         words[:, low:high] = decode_band(code, frames[band::bands], high - low, cycles)
 
-    with ThreadPoolExecutor(workers()) as pool:
+    with threads(workers()) as pool:
         list(pool.map(draw, range(bands)))
     return Viform(words.reshape(-1, *shape), cycles, clock, start)
 

@@ -112,16 +112,16 @@ class VflStream:
         if magic != _MAGIC:
             raise Damaged("another kind of file, or another version of it")
         (crc,) = _NUMBER.unpack(file.read(_NUMBER.size))
-        if crc != fastcrc.crc32.iscsi(head) or kind >= len(KINDS) or not all(
-            map(math.isfinite, rest)
+        if (
+            crc != fastcrc.crc32.iscsi(head)
+            or kind >= len(KINDS)
+            or not all(map(math.isfinite, rest))
         ):
             raise Damaged("a head that was changed")
         if not (height and width and cycles):
             raise Damaged(f"a stream of {cycles} cycles of {width}x{height}")
         k, threshold, noise = rest
-        self.code = StreamCode(
-            list(KINDS)[kind], group, tile, layers, k, refine, threshold, noise
-        )
+        self.code = StreamCode(list(KINDS)[kind], group, tile, layers, k, refine, threshold, noise)
         self.shape: tuple[int, int] = (height, width)
         self.cycles, self.start, self.clock = int(cycles), int(start), Clock(num, den)
         self._tiles = len(Tiles(self.shape, tile))

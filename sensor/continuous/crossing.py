@@ -25,25 +25,25 @@ __all__ = ["edge", "jump"]
 _PS = 1e12
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def edge(tick, grid):  # type: ignore[no-untyped-def]
     """Start of a tick in ps. grid: (a tick, its edge, remainder there, numerator, denominator) of
     ps = floor(tick x numerator / denominator)."""
     return grid[1] + (grid[2] + (tick - grid[0]) * grid[3]) // grid[4]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def tick_of(ps, grid):  # type: ignore[no-untyped-def]
     """The tick that holds an instant: the last whose edge is not after it."""
     return grid[0] + ((ps - grid[1] + 1) * grid[4] - 1 - grid[2]) // grid[3]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _course(t, i0, k, c, tau):  # type: ignore[no-untyped-def]
     return i0 + k * (t - tau) + c * math.exp(-t / tau)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _solve(level, lo, hi, i0, k, c, tau):  # type: ignore[no-untyped-def]
     """Where the course, monotone from lo to hi, has `level`, which lies between its ends."""
     rising = _course(hi, i0, k, c, tau) > _course(lo, i0, k, c, tau)
@@ -67,7 +67,7 @@ def _solve(level, lo, hi, i0, k, c, tau):  # type: ignore[no-untyped-def]
     return t
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _first(s, stop, i0, k, c, tau, reference, threshold):  # type: ignore[no-untyped-def]
     """(instant, level) of the first crossing in s .. stop, seconds from the anchor; instant is
     infinite where there is none. A change that is already there counts at s."""
@@ -97,7 +97,7 @@ def _first(s, stop, i0, k, c, tau, reference, threshold):  # type: ignore[no-unt
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def jump(  # type: ignore[no-untyped-def]
     current, reference, when, measuring, charge, first, slope, gain, dark, anchor, stop, until,
     grid, tau, contrast, floor, measure, dead, counts, pixels, ticks, values,

@@ -17,7 +17,7 @@ from cosim.light.steps import light_steps
 from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
-from cosim.run.result import Metric, Throughput, latency_rows, viform_version
+from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
 from cosim.run.steps import StepChain
 from cosim.stage import State
 from sensor.continuous.camera import ContinuousCamera
@@ -118,9 +118,7 @@ class ContinuousMachine:
             notes.append(f"left out of the preset silicon, since no pixel spikes: {spiking}")
         if not spec.setting.noise:
             notes.append("shot noise is off")
-        notes.append(
-            "these pixels have one tier, with every effect, so no error is measured"
-        )
+        notes.append("these pixels have one tier, with every effect, so no error is measured")
         return [*notes, *notes_of(spec.setting, spec.white), *spec.source.notes]
 
     @property
@@ -184,6 +182,7 @@ class ContinuousMachine:
         return Outcome(
             outcome="degraded" if spec.source.degraded else "ok",
             simulated_s=spec.cycles / clock.hz,
+            error=Error(None, "a continuous readout leaves nothing out", None),
             kept=effect_names(spec.setting, spec.camera),
             metrics={
                 **metrics,

@@ -33,7 +33,7 @@ def quantile_table() -> npt.NDArray[np.float64]:
 
 
 # fmt: off
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def quantile(word):  # type: ignore[no-untyped-def]
     """The standard normal quantile at (word + 1/2) / 2^32."""
     u = (np.float64(word) + 0.5) * 2.0**-32
@@ -62,7 +62,7 @@ def quantile(word):  # type: ignore[no-untyped-def]
 # fmt: on
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def normal(word, table):  # type: ignore[no-untyped-def]
     """The same, from the table where it is good enough."""
     cell = np.int64(word >> _SHIFT)

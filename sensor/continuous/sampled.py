@@ -36,7 +36,7 @@ _STREAM = np.uint64(Stream.CONTINUOUS)
 _FILTER, _MEASURED, _INITIAL = np.uint64(FILTER), np.uint64(MEASURED), np.uint64(INITIAL)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def stationary(mean, number, tau, seed, table):  # type: ignore[no-untyped-def]
     """Current of each pixel in the steady state under `mean` (n,), electrons/s."""
     current = np.empty_like(mean)
@@ -48,7 +48,7 @@ def stationary(mean, number, tau, seed, table):  # type: ignore[no-untyped-def]
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def walk(  # type: ignore[no-untyped-def]
     current, reference, when, measuring, charge, response, variance, mean, number, first, slope,
     gain, dark, begin, h, tick0, finish, tau, period, contrast, floor, measure, dead, seed, table,

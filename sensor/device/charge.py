@@ -10,7 +10,7 @@ from numba import njit
 __all__ = ["crossing", "exposure", "later"]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def crossing(rate, slope, need):  # type: ignore[no-untyped-def]
     """Picoseconds x in which rate x + slope x^2 / 2 = need, infinite where it never does.
 
@@ -28,13 +28,13 @@ def crossing(rate, slope, need):  # type: ignore[no-untyped-def]
     return 2.0 * need / below if below > 0.0 else math.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def exposure(rate, slope, x):  # type: ignore[no-untyped-def]
     """Charge of x picoseconds; light is never below zero, so neither is this."""
     return max((rate + 0.5 * slope * x) * x, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def later(instant, part, span):  # type: ignore[no-untyped-def]
     """instant + part + span as whole picoseconds and a fraction in [0, 1)."""
     total = part + span

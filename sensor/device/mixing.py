@@ -10,14 +10,14 @@ from cosim.compute.cores import all_cores
 __all__ = ["mix"]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _walk(share, before, here, after):  # type: ignore[no-untyped-def]
     """What a pixel has after a step of the walk along one axis."""
     return here + share * ((before - here) + (after - here))
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def mix(plane, share, y0, x0, out):  # type: ignore[no-untyped-def]
     """Fills `out` with rows from y0 and columns from x0 of the plane's image: a step of the walk
     along columns, then one along rows. Sums of differences: uniform light stays the same to the

@@ -7,7 +7,6 @@ begins. Gains are rounded to 2^-24, so that no library's last bit can show.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -17,6 +16,7 @@ import numpy.typing as npt
 
 from cosim.compute.cores import cores
 from cosim.compute.philox import philox4x32
+from cosim.compute.stopping import threads
 from cosim.compute.streams import Stream
 
 __all__ = ["DOUBLING", "DevicePattern", "FixedPattern", "dark_current"]
@@ -89,7 +89,7 @@ class DevicePattern:
         if pixels.size <= _PART:
             return self._at(pixels)
         parts = [pixels[n : n + _PART] for n in range(0, pixels.size, _PART)]
-        with ThreadPoolExecutor(min(cores(), len(parts))) as pool:
+        with threads(min(cores(), len(parts))) as pool:
             patterns = list(pool.map(self._at, parts))
         return FixedPattern(
             np.concatenate([part.gain for part in patterns]),

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from numba import njit
 
 from cosim.compute.cores import cores
 from cosim.compute.philox_compiled import random_words
+from cosim.compute.stopping import threads
 from cosim.compute.streams import Stream
 
 __all__ = ["binomial", "gamma", "negative_binomial", "normal", "poisson"]
@@ -36,7 +36,7 @@ _TWO_PI = 2 * math.pi
 _SMALL = 12.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _pair(pixel, frame, draw, seed, stream):  # type: ignore[no-untyped-def]
     """Two uniform numbers within (0, 1), of 53 bits."""
     a, b, c, d = random_words(
@@ -47,13 +47,13 @@ def _pair(pixel, frame, draw, seed, stream):  # type: ignore[no-untyped-def]
     return u, v
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _normal_one(pixel, frame, draw, seed, stream):  # type: ignore[no-untyped-def]
     u, v = _pair(pixel, frame, draw, seed, stream)
     return math.sqrt(-2.0 * math.log(u)) * math.cos(_TWO_PI * v)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _poisson_one(mean, pixel, frame, draw, seed, stream):  # type: ignore[no-untyped-def]
     """draw: first attempt; a later one takes the next number."""
     if mean <= 0.0:
@@ -87,7 +87,7 @@ def _poisson_one(mean, pixel, frame, draw, seed, stream):  # type: ignore[no-unt
             return int(k)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _gamma_one(shape, pixel, frame, draw, seed, stream):  # type: ignore[no-untyped-def]
     """Of unit scale. Two counters an attempt: a normal and a uniform number."""
     if shape <= 0.0:
@@ -192,7 +192,7 @@ def _draw(law: Callable[..., None], given: tuple[Any, ...], numbers: Numbers, fr
         at = slice(ends[n], ends[n + 1])
         law(*(each[at] for each in given), flat[at], frame, seed, int(stream), out[at])
 
-    with ThreadPoolExecutor(parts) as pool:
+    with threads(parts) as pool:
         list(pool.map(part, range(parts)))
 
 

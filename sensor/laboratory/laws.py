@@ -126,7 +126,7 @@ class Laws:
         }  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _intervals(words, cycles, longest, counts, sums, products, histogram):  # type: ignore[no-untyped-def]
     """Statistics of the intervals of each pixel.
 

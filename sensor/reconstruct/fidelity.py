@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Plane
+from cosim.compute.stopping import threads
 from cosim.light.ssim import Likeness, inside_mean
 from cosim.run.result import Metric
 
@@ -58,14 +58,17 @@ def ssim(image: Estimate, truth: Plane) -> float:
     return inside_mean(Likeness(truth).map(image))
 
 
+_NO_FIDELITY: Final = "no image has its whole window in the run, or images are below 11 x 11 pixels"
+
+
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:
     """PSNR and SSIM of each method, mean over the instants; NaN without any."""
     means = {}
-    with ThreadPoolExecutor(2) as pool:  # each holds a dozen planes
+    with threads(2) as pool:  # each holds a dozen planes
         for method in methods:
             estimates = [getattr(shot, method) for shot in shots]
             truths = [shot.truth for shot in shots]
             for name, figure, unit in (("psnr", psnr, "dB"), ("ssim", ssim, "1")):
                 values = list(pool.map(figure, estimates, truths)) or [math.nan]
-                means[f"{method}_{name}"] = Metric(float(np.mean(values)), unit)
+                means[f"{method}_{name}"] = Metric(float(np.mean(values)), unit, _NO_FIDELITY)
     return means

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Protocol
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from cosim import Clock, Plane, SpikeStream
 from cosim.archive import save_array
+from cosim.compute.stopping import threads
 from cosim.files.whole import whole
 from cosim.light.demosaic import delta_e, in_colour
 from cosim.light.mosaic import Mosaic
@@ -138,7 +138,7 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
         for shot in shots
         for method in ("truth", *methods)
     }
-    with ThreadPoolExecutor(_THREADS) as pool:
+    with threads(_THREADS) as pool:
         list(pool.map(write_linear_png, (folder / name for name in pictures), pictures.values()))
     floats = {f"images/truth-{shot.cycle:05d}.npy": shot.truth for shot in shots}
     for name, truth in floats.items():

@@ -62,7 +62,7 @@ def flushing() -> Iterator[None]:
 
 
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def _halves(values):  # type: ignore[no-untyped-def]
     """Half of each value, on the threads that the compiled pixel runs on."""
     out = np.empty_like(values)

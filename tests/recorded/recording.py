@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import zarr
 
+from cosim.run.result import NO_REASON
 from scenarios.cli.entry import _main
 
 __all__ = ["RECORDED", "differences", "left_behind", "plain", "record"]
@@ -29,8 +30,8 @@ TIMED = frozenset({
     "version", "device", "renderer", "run_time_s", "throughput", "camera", "full_physics",
     "predicted", "ns_per_pixel_cycle", "cost_ns", "seconds", "round_trips_per_s",
     "capture_bytes_per_s", "ns_per_interval",
-    # Prose: the schema's texts may be improved.
-    "description",
+    # Prose: texts may be improved.
+    "description", "reason",
 })  # fmt: skip
 """Keys whose values depend on the machine or its load, and prose."""
 
@@ -105,6 +106,7 @@ def record(words: tuple[str, ...], folder: Path) -> dict[str, Any]:
         code = _main(arguments)
     if not out.getvalue():
         return {"code": code, "says": err.getvalue()}
+    assert NO_REASON not in out.getvalue(), "a metric without a figure says why"
     document = plain(json.loads(out.getvalue()))
     if words[0] != "run":
         return {"code": code, "document": document}

@@ -208,7 +208,7 @@ def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):
         "size_statistical",
     ]  # fmt: skip
     for metric in document["metrics"].values():
-        assert list(metric) == ["value", "unit"]
+        assert list(metric) == ["value", "unit"]  # with a figure there is no reason
     assert [row["stage"] for row in document["throughput"]] == ["sensor", "recorder"]
     for row in document["throughput"]:
         assert list(row) == ["stage", "value", "unit"]

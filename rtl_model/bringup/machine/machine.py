@@ -12,7 +12,7 @@ from cosim.config.amounts import count
 from cosim.run.chain import STREAM
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
-from cosim.run.result import Metric, Throughput
+from cosim.run.result import Error, Metric, Throughput
 from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map, open_endpoint
 from rtl_model.bringup.machine.chain import LOG, BoardChain
 from rtl_model.bringup.machine.section import BoardSection
@@ -109,6 +109,7 @@ class BoardMachine:
             notes.append(f"stage {report.failed_stage}: {report.cause}")
         return Outcome(
             outcome="ok" if passed else "failed",
+            error=Error(None, "a board is brought up, nothing is simulated", None),
             simulated_s=simulated_s,
             metrics={
                 "frames_compared": Metric(frames, "1"),
@@ -118,8 +119,9 @@ class BoardMachine:
                     report.figure("counters", "round_trips_per_s")
                     or report.figure("link", "round_trips_per_s"),
                     "1/s",
+                    "the stage that counts them did not pass",
                 ),
-                "capture_bytes_per_s": Metric(rate, "B/s"),
+                "capture_bytes_per_s": Metric(rate, "B/s", "no image was captured"),
                 "stages_passed": Metric(sum(s.outcome == "ok" for s in report.stages), "1"),
             },
             throughput=throughput,

@@ -44,7 +44,10 @@ def coupled_metrics(imager: AdaptiveExposure) -> dict[str, Metric]:
         return {}
     names = ("coupling_mean", "coupling_noise", "coupling_rows")
     figures = _figures(_kicks(imager, imager.coupling))
-    return {name: Metric(value, "e") for name, value in zip(names, figures, strict=True)}
+    return {
+        name: Metric(value, "e", "no reset was disturbed")
+        for name, value in zip(names, figures, strict=True)
+    }
 
 
 def coupling_section(imager: AdaptiveExposure, path: Path) -> str:

@@ -153,10 +153,14 @@ class AdaptiveModel(ImagerModel):
             "exposure": Metric(last.seconds * 1e6, "us"),
             "exposure_shortest": Metric(min(t.seconds for t in frames) * 1e6, "us"),
             "exposure_longest": Metric(max(t.seconds for t in frames) * 1e6, "us"),
-            "frames_to_settle": Metric(settled, "frames"),
+            "frames_to_settle": Metric(
+                settled, "frames", "the exposure has not settled in the run"
+            ),
             **saturation(frames),
             "saturated_pixels": Metric(last.state["saturated"], "pixels"),
-            "largest": Metric(largest if largest <= FULL else None, "DN"),
+            "largest": Metric(
+                largest if largest <= FULL else None, "DN", "every pixel is saturated or masked"
+            ),
             "dynamic_range": Metric(20 * np.log10(covered), "dB"),
             "brightest": Metric(256 * step / min(seconds), "lux"),
             "dimmest": Metric(step / max(seconds), "lux"),

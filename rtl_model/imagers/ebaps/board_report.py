@@ -36,9 +36,12 @@ def board_metrics(board: Board) -> dict[str, Metric]:
         "fifo_most": Metric(max(t.most for t in f.transfers), "words"),
         "fifo_overflows": Metric(sum(t.overflows for t in f.transfers), "words"),
         "memory_use": Metric(
-            beats / sum(t.clocks for t in reading) if reading else None, "1"
+            beats / sum(t.clocks for t in reading) if reading else None, "1",
+            "no frame was read",
         ),
-        "link_use": Metric(f.link_pixels / f.link_clocks if f.link_clocks else None, "1"),
+        "link_use": Metric(
+            f.link_pixels / f.link_clocks if f.link_clocks else None, "1", "no frame was delivered"
+        ),
         "pixel_blanking": Metric(board.timing.blanking, "1"),
     }  # fmt: skip
 

@@ -118,9 +118,13 @@ class EbapsModel(ImagerModel):
             "exposure": Metric(last.state["exposure_ns"] * 1e-6, "ms"),
             "mean_brightness": Metric(last.state["mean"], "DN"),
             "settled": Metric(last.state["settled"], "1"),
-            "frames_to_settle": Metric(None if at is None else at, "frames"),
+            "frames_to_settle": Metric(
+                None if at is None else at, "frames", "the brightness has not settled in the run"
+            ),
             "settled_share": Metric(
-                float(np.mean([t.state["settled"] for t in shown])) if shown else None, "1"
+                float(np.mean([t.state["settled"] for t in shown])) if shown else None,
+                "1",
+                "every frame is a dark one",
             ),
             "high_voltage": Metric(0 - last.state["high_voltage"], "V"),
             "gain": Metric(

@@ -52,7 +52,9 @@ def drive_metrics(drive: SineDrive, peak: float, potentiometer: Potentiometer) -
         "gain_ripple": Metric(math.expm1(slope * ripple), "1"),
         "gain_of_a_code": Metric(code, "1"),
         "loop_gain": Metric(drive.loop_gain(step), "1"),
-        "high_voltage_settling": Metric(None if settled is None else settled * 1e6, "us"),
+        "high_voltage_settling": Metric(
+            None if settled is None else settled * 1e6, "us", "the voltage does not settle"
+        ),
         "potentiometer_code": Metric(step, "1"),
         "potentiometer_words": Metric(potentiometer.words, "1"),
         "potentiometer_word": Metric(word_clocks() / drive.hertz * 1e6, "us"),
@@ -69,7 +71,13 @@ def supply_metrics(course: Course, begin: int, switched: float | None) -> dict[s
         switched: instant of the switch-on in the run, s; None before the run.
     """
     good = course.good
-    made = {"power_up": Metric(None if good is None else good * 1e3, "ms")}
+    made = {
+        "power_up": Metric(
+            None if good is None else good * 1e3,
+            "ms",
+            "the supplies are not good within the power-up",
+        )
+    }
     if switched is not None:
         made["power_up_to_exposure"] = Metric((begin / PS - switched) * 1e3, "ms")
     return made

@@ -162,15 +162,21 @@ class HardwareChainModel(ImagerModel):
         noise, full = self.measured(frames)
         ends = None if full is None or not noise else decibels(full / noise)
         made = {
-            "dark_noise": Metric(noise, "e"),
+            "dark_noise": Metric(
+                noise, "e", "no dark frame, or none that saturates, to measure it"
+            ),
             "dark_noise_formula": Metric(chain.floor, "e"),
-            "saturation": Metric(full, "e"),
+            "saturation": Metric(full, "e", "no dark frame, or none that saturates, to measure it"),
             "saturation_formula": Metric(chain.saturation, "e"),
-            "dynamic_range": Metric(ends, "dB"),
+            "dynamic_range": Metric(
+                ends, "dB", "no dark frame, or none that saturates, to measure it"
+            ),
             "dynamic_range_formula": Metric(chain.over_noise, "dB"),
             "dynamic_range_document": Metric(chain.document, "dB"),
             "dynamic_range_mapped": Metric(
-                None if ends is None else self.mapping.survives(ends), "dB"
+                None if ends is None else self.mapping.survives(ends),
+                "dB",
+                "the range is not measured",
             ),
             **saturation(frames),
         }
@@ -178,11 +184,11 @@ class HardwareChainModel(ImagerModel):
             row, column = self.pixels.ripple.stripes()
             seen = (None,) * 3 if imager.dark is None else strongest_stripes(imager.dark)
             made |= {
-                "stripes_row": Metric(seen[0], "cycles/row"),
+                "stripes_row": Metric(seen[0], "cycles/row", "no dark frame"),
                 "stripes_row_formula": Metric(row, "cycles/row"),
-                "stripes_column": Metric(seen[1], "cycles/column"),
+                "stripes_column": Metric(seen[1], "cycles/column", "no dark frame"),
                 "stripes_column_formula": Metric(column, "cycles/column"),
-                "stripes_amplitude": Metric(seen[2], "DN"),
+                "stripes_amplitude": Metric(seen[2], "DN", "no dark frame"),
                 "stripes_amplitude_formula": Metric(self.pixels.volts(self.section.ripple), "DN"),
             }
         return made

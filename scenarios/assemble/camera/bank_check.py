@@ -49,9 +49,7 @@ class BankChange:
         return max(rate, noise, 0.0)
 
 
-def bank_change(
-    bank: Values, own: Values, noiseless: Values, floor: float
-) -> BankChange | None:
+def bank_change(bank: Values, own: Values, noiseless: Values, floor: float) -> BankChange | None:
     """The change of rates by the bank, None with fewer than two patches.
 
     Windows may overlap, so the windows of a patch are one sample. Patches are independent.

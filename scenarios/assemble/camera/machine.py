@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from cosim.compute.stopping import threads
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
 from cosim.run.chain import STREAM, BlockChain
@@ -222,7 +222,8 @@ class LatchedMachine:
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         setup, seconds, verifier = self.setup, recording.seconds, self.verifier
-        images = self._views(recording) if self.display is not None else self._images(recording)
+        shown = self.display is not None
+        images = self._views(recording, progress) if shown else self._images(recording)
         throughput = self.throughput(recording)
         beyond = [] if verifier is None else verifier.beyond()
         faults = self.boards.faults(self.camera)
@@ -239,8 +240,16 @@ class LatchedMachine:
                 **images.metrics,
                 "white_rate": Metric(setup.white_rate, "spikes/cycle"),
                 "f_number": Metric(setup.lens.f_number, "1"),
-                "camera": Metric(seconds["sensor"] if throughput else None, "s"),
-                "full_physics": Metric(full, "s"),
+                "camera": Metric(
+                    seconds["sensor"] if throughput else None,
+                    "s",
+                    "the run was resumed: only a part of it was timed",
+                ),
+                "full_physics": Metric(
+                    full,
+                    "s",
+                    "full physics was not timed: a board makes the spikes, or every tile has it",
+                ),
                 **({} if images.sizes is None else size_metrics(images.sizes)),
                 **self.boards.metrics(self.camera),
                 **getattr(self.source, "metrics", {}),
@@ -279,7 +288,7 @@ class LatchedMachine:
         stream, spikes = recorder.recorded(), recorder.spikes
         image = self.scenario.image
         threshold, noise = setup.setting.threshold, setup.setting.threshold_noise
-        with ThreadPoolExecutor(1) as beside:  # neither of the two loads two cores
+        with threads(1) as beside:  # neither of the two loads two cores
             part = Viform(recorder.watched, stream.cycles, stream.clock)
             measured = beside.submit(measure_sizes, part, self.pixels, threshold, noise)
             dim, names = dim_light(setup, self.camera, recording.folder)
@@ -299,13 +308,13 @@ class LatchedMachine:
         latency = interval_latency(stream.clock, shots)
         return _Images(stream, shots, sizes, None, metrics, latency, files)
 
-    def _views(self, recording: Recording) -> _Images:
+    def _views(self, recording: Recording, progress: Progress) -> _Images:
         """Images of the display's observers and measurements of its probes."""
         display, seconds = self.display, recording.seconds
         assert display is not None
         begin = time.perf_counter()
-        with ThreadPoolExecutor(1) as pool:  # neither of the two loads two cores
-            probing = pool.submit(display.probes, self.probe_camera())
+        with threads(1) as pool:  # neither of the two loads two cores
+            probing = pool.submit(display.probes, self.probe_camera(), progress)
             fidelity = chain_fidelity(display)
             seconds["images"] = time.perf_counter() - begin
             outcome = DisplayOutcome.of(display, fidelity, probing.result())

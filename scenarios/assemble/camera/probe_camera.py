@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Clock, Light, Viform
 from cosim.compute.opencl import Device
+from cosim.compute.stopping import heed
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.sampling import row_offsets
 
 __all__ = ["SpikeProbeCamera"]
+
+NOISY: Final = 1 << 17
+"""Cycles of a recording up to which the sampling instants of its rows are noisy: each cycle then
+takes 0.1 ms. The noise moves single spikes by less than a cycle and does not accumulate, so a
+recording of a minute, for what is slower than 100 Hz, goes without."""
+PART: Final = 4096
+"""Cycles that are simulated at once, whole words: a noisy camera looks through all pieces of its
+light in each cycle."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +66,14 @@ class SpikeProbeCamera:
         seed: int,
         rows: tuple[int, int] | None = None,
     ) -> Viform:
-        chip = replace(self.setting.chip, height=shape[0], width=shape[1])
-        camera = SpikeCamera(replace(self.setting, chip=chip, seed=seed), self.device, rows)
-        return camera.step(light, Block(0, cycles))
+        setting = self.setting
+        if cycles > NOISY:
+            setting = replace(setting, parameters={**setting.parameters, "row_timing": None})
+        chip = replace(setting.chip, height=shape[0], width=shape[1])
+        camera = SpikeCamera(replace(setting, chip=chip, seed=seed), self.device, rows)
+        words = []
+        for first in range(0, cycles, PART):
+            heed()
+            block = Block(first, min(PART, cycles - first))
+            words.append(np.array(camera.step(light, block).words))
+        return Viform(np.concatenate(words), cycles, self.clock)

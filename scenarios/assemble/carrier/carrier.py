@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from cosim import InputError
 from cosim.config.amounts import number
+from cosim.errors import section_at
 from cosim.files import Recorder
 from cosim.run.machine import Finding
 from cosim.run.progress import Progress
@@ -216,10 +217,11 @@ def make_carrier(stream: CarriedStream, device: str | None, progress: Progress) 
         progress: of the pilots.
     """
     link = stream.scenario()
-    setup = set_up_stream(
-        link, _receiver(link, stream), device, progress, stream.cycles,
-        2 * stream.code.cycles + stream.wait,
-    )  # fmt: skip
+    with section_at("link.sensor"):
+        setup = set_up_stream(
+            link, _receiver(link, stream), device, progress, stream.cycles,
+            2 * stream.code.cycles + stream.wait,
+        )  # fmt: skip
     planned, promised = plan_link(setup), 0.0
     for tolerance in _TOLERANCES:
         planned = plan_link(

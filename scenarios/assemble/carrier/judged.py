@@ -217,7 +217,9 @@ def judge_carrier(
     hold_us = carrier.hold * 1e6 / clock.hz
     watched = _watched(carrier, watch)
     photon = {
-        f"latency_photon_{NAMES[row.rate]}_us": Metric(row.total.median + hold_us, "us")
+        f"latency_photon_{NAMES[row.rate]}_us": Metric(
+            row.total.median + hold_us, "us", "no pixel responds within the probe"
+        )
         for row in watched
     }
     rows = [
@@ -230,8 +232,12 @@ def judge_carrier(
     metrics = {
         **outcome.metrics,
         "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
-        "psnr_direct": _psnr(direct) if lit else Metric(None, "dB"),
-        "psnr_through_link": _psnr(through) if lit else Metric(None, "dB"),
+        "psnr_direct": _psnr(direct)
+        if lit
+        else Metric(None, "dB", "no image has light within the run"),
+        "psnr_through_link": _psnr(through)
+        if lit
+        else Metric(None, "dB", "no image has light within the run"),
         "stream_bps": Metric(8 * count.coded_bytes / stream.seconds, "bit/s"),
         "goodput_bps": Metric(8 * on_time / stream.seconds, "bit/s"),
         "link_bps": Metric(carrier.setup.rate * clock.hz, "bit/s"),
@@ -243,10 +249,15 @@ def judge_carrier(
         "packets_late": Metric(far.late, "packets"),
         "tiles_missing": Metric(far.missing, "tiles"),
         "tiles_held": Metric(sum(held for _, _, held in far.gaps), "tiles"),
-        "recovery_us": Metric(_recovery(carrier, far), "us"),
+        "recovery_us": Metric(
+            _recovery(carrier, far), "us", "no packet was missed, or the picture did not come back"
+        ),
         "buffer_peak_bytes": Metric(count.peak_bytes, "bytes"),
         "latency_us": Metric(hold_us, "us"),
-        "latency_photon_us": photon.get(f"latency_photon_{NAMES[GREY]}_us", Metric(None, "us")),
+        "latency_photon_us": photon.get(
+            f"latency_photon_{NAMES[GREY]}_us",
+            Metric(None, "us", "the delay of light is not probed with this source"),
+        ),
         **photon,
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),

@@ -168,7 +168,7 @@ class ComingMachine:
         own = inner.judge(source, progress)
         given = recording.folder / STREAM
         played = Played(recording.chain.stages, recording.seconds, given, done.playing.shown(given))
-        return done.judge_played(source, own, done.feed.planes(source, own), played)
+        return done.judge_played(source, own, done.feed.planes(source, own), played, progress)
 
     def _play_after(
         self, inner: RecordingMachine, source: Recording, progress: Progress
@@ -189,9 +189,13 @@ class ComingMachine:
         late, worst = planes.lateness.late, planes.lateness.worst
         return {
             "planes_received": Metric(float(planes.came), "planes"),
-            "planes_rate": Metric(None if resumed else planes.rate, "planes/s"),
+            "planes_rate": Metric(
+                None if resumed else planes.rate,
+                "planes/s",
+                "the run was resumed: only a part of it was timed",
+            ),
             "planes_late": Metric(float(late), "planes"),
-            "planes_delay_s": Metric(None if worst is None else worst / PS, "s"),
+            "planes_delay_s": Metric(None if worst is None else worst / PS, "s", "no plane came"),
             "bytes_incomplete": Metric(float(planes.incomplete), "bytes"),
         }
 

@@ -130,7 +130,10 @@ class RecordingMachine:
             simulated_s=found.cycles / found.clock.hz,
             error=Error(None, NO_ERROR, None),
             metrics={
-                **{f"{kind}_psnr": Metric(None, "dB") for kind in ("tfp", "tfi")},
+                **{
+                    f"{kind}_psnr": Metric(None, "dB", "a recording has no true light")
+                    for kind in ("tfp", "tfi")
+                },
                 "spike_rate": Metric(spike_rate(stream), "spikes/cycle"),
                 "white_rate": Metric(found.white_rate, "spikes/cycle"),
                 **lost,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cosim.config.quantity import Section
+from cosim.config.quantity import Section, placed
 from display.camera.section import FramesSection
 from sensor.sections.sensor import SensorSection
 
@@ -18,7 +18,9 @@ class SpikesSection(Section):
     of the panel, whatever the size of the chip."""
 
     kind: Literal["spikes"]
-    sensor: SensorSection = Field(description="the chip; its lens is before the panel")
+    sensor: Annotated[SensorSection, placed("camera.sensor")] = Field(
+        description="the chip; its lens is before the panel"
+    )
 
 
 CameraSection = Annotated[FramesSection | SpikesSection, Field(discriminator="kind")]

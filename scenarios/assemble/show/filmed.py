@@ -63,9 +63,11 @@ class FramesFilmer:
         mean = float(np.mean(contrasts)) if contrasts else None
         return {
             "camera_frames": Metric(float(len(self.camera.frames)), "1"),
-            "camera_banding": Metric(mean, "1"),
-            "camera_banding_in_step": Metric(self._in_step(), "1"),
-            "camera_flicker": Metric(self.camera.flicker(), "%"),
+            "camera_banding": Metric(mean, "1", "no frame has bands"),
+            "camera_banding_in_step": Metric(
+                self._in_step(), "1", "the display is not one whose pixels fire in step"
+            ),
+            "camera_flicker": Metric(self.camera.flicker(), "%", "one frame has no flicker"),
         }
 
     def _in_step(self) -> float | None:

@@ -101,11 +101,12 @@ class PlayedMachine:
         inner = self.inner.judge(recording, progress)
         planes = self.feed.planes(recording, inner)
         played = self.playing.play(planes, recording.folder, recording.seconds, progress)
-        return self.judge_played(recording, inner, planes, played)
+        return self.judge_played(recording, inner, planes, played, progress)
 
     def judge_played(
-        self, recording: Recording, inner: Outcome, planes: Planes, played: Played
-    ) -> Outcome:
+        self, recording: Recording, inner: Outcome, planes: Planes, played: Played,
+        progress: Progress,
+    ) -> Outcome:  # fmt: skip
         """Evaluates a stream that has been played.
 
         Args:
@@ -113,6 +114,7 @@ class PlayedMachine:
             inner: the source's own outcome.
             planes: the planes, after their last block.
             played: the link and the display, after their last block.
+            progress: told of what takes long.
         """
         folder, seconds, playing = recording.folder, recording.seconds, self.playing
         outcome = replace(
@@ -123,7 +125,7 @@ class PlayedMachine:
         )
         screen, carrier, seen = playing.screen, playing.carrier, None
         if screen is not None:
-            outcome = screen.judge(outcome, ZarrStream(played.shown), folder, seconds)
+            outcome = screen.judge(outcome, ZarrStream(played.shown), folder, seconds, progress)
             seen = outcome.views
         if playing.board is not None:
             outcome = _displayed(outcome, playing.board)

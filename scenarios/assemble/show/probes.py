@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Light, Viform
+from cosim.compute.stopping import heed
 from cosim.spikes.clocked import latching_cycles
 from cosim.spikes.events import mark_planes
 from cosim.spikes.held import held_events, held_reports
@@ -92,6 +93,7 @@ class EventProbeCamera:
         (height, width), tick = pixels.shape, pixels.model.tick
         words: Words = np.zeros((words_for(cycles), height, width), np.uint32)
         for first in range(0, cycles, PART):
+            heed()
             stop = min(first + PART, cycles)
             sent = pixels.unordered(light, self.clock.edge(first), self.clock.edge(stop))
             sent = sent.take(sent.level == pixels.model.levels)

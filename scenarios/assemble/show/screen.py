@@ -13,6 +13,7 @@ from cosim.compute.opencl import Device
 from cosim.config.amounts import number
 from cosim.light.source import Source
 from cosim.run.machine import Outcome, Page, Run
+from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
@@ -83,8 +84,9 @@ class Screen:
         return self.chain.stages(stages) | filming
 
     def judge(
-        self, outcome: Outcome, stream: SpikeStream, folder: Path, seconds: dict[str, float]
-    ) -> Outcome:
+        self, outcome: Outcome, stream: SpikeStream, folder: Path, seconds: dict[str, float],
+        progress: Progress,
+    ) -> Outcome:  # fmt: skip
         """The outcome of a source with that of its display; its views are `ScreenViews`. Writes the
         observers' images.
 
@@ -93,10 +95,13 @@ class Screen:
             stream: the planes shown.
             folder: folder of the run.
             seconds: wall time of each stage, s; that of probes and images is added.
+            progress: told of the probes.
         """
         begin = time.perf_counter()
         # A minute of light, for PstLM, takes these pixels minutes.
-        probes = None if self.probe is None else self.chain.probes(self.probe, pst_lm=False)
+        probes = None
+        if self.probe is not None:
+            probes = self.chain.probes(self.probe, progress, pst_lm=False)
         seconds["probes"] = time.perf_counter() - begin
         begin = time.perf_counter()
         seen = DisplayOutcome.of(self.chain, chain_fidelity(self.chain), probes)

@@ -7,13 +7,13 @@ with no delay and no blur; their sections are then absent.
 from __future__ import annotations
 
 import html
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import Box
+from cosim.compute.stopping import threads
 from cosim.config.amounts import UNKNOWN, amount, count, decibel, number
 from cosim.report.beside import beside
 from cosim.report.figures import sheet_figure
@@ -305,7 +305,7 @@ def display_sections(shown: Shown) -> tuple[list[str], list[str]]:
     """The sections of a display, HTML, and the names of the files that they are made of: figures
     and glass.mp4."""
     outcome, body, files = shown.outcome, [], [f"figures/{shown.overview}"]
-    with ThreadPoolExecutor(1) as pool:  # the clip is encoded while figures are drawn
+    with threads(1) as pool:  # the clip is encoded while figures are drawn
         coding = pool.submit(_write_clip, shown)
         _overview(shown)
         if shown.camera is not None:

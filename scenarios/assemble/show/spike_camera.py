@@ -13,6 +13,7 @@ import numpy.typing as npt
 from cosim import Block, InputError, Light, Piece
 from cosim.compute.opencl import Device
 from cosim.config.amounts import count, number
+from cosim.errors import section_at
 from cosim.files import Recorder, ZarrStream
 from cosim.report.parts import Card, figure
 from cosim.report.png import for_display, write_linear_png
@@ -244,8 +245,9 @@ def make_spikes_filmer(
             )  # fmt: skip
     lux = float(np.pi) * panel.luminance
     scenario: Any = _Before(given.sensor, _Exitance(lux), seed)
-    setting = camera_setting(scenario, *panel.shape)
-    choice = choose_lens(scenario, setting)
+    with section_at("camera.sensor"):
+        setting = camera_setting(scenario, *panel.shape)
+        choice = choose_lens(scenario, setting)
     filmer = SpikesFilmer(panel, planes, setting, choice, lux, device, mapping)
     if not filmer.cycles:
         raise InputError(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.compute.stopping import said
 from cosim.config.amounts import number
 from rtl_model.bringup.bench.endpoint import checked_level, virtual_board
 from scenarios.cli.options import expand_options
@@ -143,6 +144,7 @@ def board_virtual(
             tell(*_text(board, geometry, csr))
         sys.stdout.flush()
         board.wait(end_requests())
+        said()
 
 
 def _document(

@@ -10,16 +10,17 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
+from cosim.compute.cache_folder import cache_folder
 from cosim.compute.child import python_child
 from cosim.compute.cores import cores
-from cosim.compute.opencl import INSTALL, cache_folder, probe
+from cosim.compute.opencl import INSTALL, probe
 from cosim.compute.pocl_files import drop_damaged
+from cosim.compute.stopping import threads
 from display import GL_INSTALL, probe_gl
 
 __all__ = ["CHECKS", "Check", "run_checks"]
@@ -179,5 +180,5 @@ def run_checks() -> list[Check]:
     """Runs all checks in parallel, after that of the cache, which the others use; most of them
     wait for a child process."""
     cache = _cache()
-    with ThreadPoolExecutor() as pool:
+    with threads() as pool:
         return list(pool.map(lambda check: cache if check is _cache else check(), CHECKS))

@@ -169,7 +169,7 @@ def _checked(result: Result) -> list[tuple[str, str]]:
 
     error, lines = result.error, []
     if error.value is None:
-        lines.append(("error", "unknown"))
+        lines.append(("error", "unknown" if error.kind is None else f"unknown: {error.kind}"))
     else:
         high = "" if error.ci is None else f", at most {number(error.ci[1], 2)} (99.9 %)"
         lines.append(

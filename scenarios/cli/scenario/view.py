@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.compute.stopping import said
 from cosim.errors import say
 from scenarios.cli.output import Json, print_document, size_option, tell
 
@@ -56,6 +57,7 @@ def view(
         ended.wait()
         if failed:
             raise failed[0]
+        said()
         say("ended")
 
 

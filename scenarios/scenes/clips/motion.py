@@ -16,7 +16,6 @@ dB.
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, Final
 
@@ -25,6 +24,7 @@ import numpy.typing as npt
 
 from cosim import Box, Plane
 from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from scenarios.scenes.drawing.analytic import MOTION_STEP
 
 __all__ = ["Between"]
@@ -174,7 +174,7 @@ class Between:
         _, height, _, width = self._whole
         if box is None:
             bands = [(y, min(y + _BAND, height), 0, width) for y in range(0, height, _BAND)]
-            with ThreadPoolExecutor(cores()) as pool:
+            with threads(cores()) as pool:
                 return np.concatenate(list(pool.map(lambda band: self.at(k, band), bands)))
         y0, y1, x0, x1 = box
         top, left = max(y0 - _MARGIN, 0), max(x0 - _MARGIN, 0)

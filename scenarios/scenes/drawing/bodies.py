@@ -67,7 +67,7 @@ def _radii(n: int, first: float, middle: float, last: float) -> tuple[float, ...
     return tuple(np.interp(np.linspace(0, 2, n), (0, 1, 2), (first, middle, last)).tolist())
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _distance(x, y, cone):  # type: ignore[no-untyped-def]  # compiled for float64
     """Signed distance to a round cone, exact (after I. Quilez, "2D distance functions"). One root
     for the two round ends, so that a loop over pixels becomes vector instructions."""
@@ -85,13 +85,13 @@ def _distance(x, y, cone):  # type: ignore[no-untyped-def]  # compiled for float
 # compiler makes vector instructions of them.
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _distances(xs, ys, cone, out):  # type: ignore[no-untyped-def]
     for p in range(_PIXELS):
         out[p] = _distance(xs[p], ys[p], cone)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _meets(other, d, blend):  # type: ignore[no-untyped-def]
     """Whether a cone at the distances `other` changes the union in any pixel."""
     met = False
@@ -100,7 +100,7 @@ def _meets(other, d, blend):  # type: ignore[no-untyped-def]
     return met
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _joined(d, value, other, second, blend):  # type: ignore[no-untyped-def]
     """A value of the union at the distance d, with that of a second solid at the distance
     `other`."""
@@ -110,7 +110,7 @@ def _joined(d, value, other, second, blend):  # type: ignore[no-untyped-def]
     return value if other >= d + blend else joined
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _tilts(xs, ys, cone, blend, other, d, tx, ty):  # type: ignore[no-untyped-def]
     """Joins the tilts of the normals of a round cone's solid, at the distances `other`, to those of
     the union, at the distances d."""
@@ -131,7 +131,7 @@ def _tilts(xs, ys, cone, blend, other, d, tx, ty):  # type: ignore[no-untyped-de
         ty[p] = _joined(d[p], ty[p], other[p], y, blend)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _join(xs, ys, cone, blend, other, d, r):  # type: ignore[no-untyped-def]
     """Joins a round cone's solid, at the distances `other`, to the union: distances and radii."""
     ax, ay, ux, uy, length, ra, rb, sine, cosine = cone

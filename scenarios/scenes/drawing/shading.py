@@ -92,7 +92,7 @@ def lattice(i: Any, j: Any, seed: int) -> Array:
     return VALUES[(i * ROW + j * COLUMN + seed * SEED) & 0xFFF]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _noise(x, y, seed):  # type: ignore[no-untyped-def]  # compiled for float64
     i, j = math.floor(x), math.floor(y)
     u, v = x - i, y - j
@@ -105,7 +105,7 @@ def _noise(x, y, seed):  # type: ignore[no-untyped-def]  # compiled for float64
     return top + v * (c + u * (d - c) - top)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _slope(x, y, seed, axis):  # type: ignore[no-untyped-def]
     """Derivative of `_noise` along x (axis 0) or y (axis 1)."""
     i, j = math.floor(x), math.floor(y)
@@ -119,14 +119,14 @@ def _slope(x, y, seed, axis):  # type: ignore[no-untyped-def]
     return steep * (b - a + v * v * v * (v * (v * 6 - 15) + 10) * (a - b - c + d))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _square_mean(phase, width):  # type: ignore[no-untyped-def]
     a, b = phase - 0.5 * width, phase + 0.5 * width
     fa, fb = math.floor(a), math.floor(b)
     return (0.5 * (fb - fa) + min(b - fb, 0.5) - min(a - fa, 0.5)) / width
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _diffuse(tx, ty):  # type: ignore[no-untyped-def]
     """Brightness of a matt surface with the tilt (tx, ty) of its normal: Lambert, with the key
     light of a large source, which extends beyond the edge of the shadow."""
@@ -139,7 +139,7 @@ def _diffuse(tx, ty):  # type: ignore[no-untyped-def]
     return total / (AMBIENT + KEY_PART + FILL_PART)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _highlight(tx, ty, shine, gloss):  # type: ignore[no-untyped-def]
     """Brightness of the highlight of a surface with the tilt (tx, ty) (Blinn-Phong, Blinn 1977)."""
     if shine <= 0.0:
@@ -153,7 +153,7 @@ def _highlight(tx, ty, shine, gloss):  # type: ignore[no-untyped-def]
 # them.
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _part(d, r, pixel, out):  # type: ignore[no-untyped-def]
     """Coverage of pixels; see `cover_solid`. Distance and radius are in m."""
     for n in range(out.size):
@@ -162,7 +162,7 @@ def _part(d, r, pixel, out):  # type: ignore[no-untyped-def]
         out[n] = min(max(far + 2 * wide + 0.5, 0.0), 1.0) - min(max(far + 0.5, 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _axes(x, y, s, cos, sin, u, v):  # type: ignore[no-untyped-def]
     """Places in the axes of the pattern, m."""
     for n in range(u.size):
@@ -170,7 +170,7 @@ def _axes(x, y, s, cos, sin, u, v):  # type: ignore[no-untyped-def]
         v[n] = cos * (y[n] - s.y) - sin * (x[n] - s.x)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _emboss(tx, ty, x, y, bumps):  # type: ignore[no-untyped-def]
     """Tilts the normals by a relief; see `paint_body`."""
     for m in range(bumps.shape[0]):
@@ -182,7 +182,7 @@ def _emboss(tx, ty, x, y, bumps):  # type: ignore[no-untyped-def]
             ty[n] += g * ey / sy
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _wrinkle(tx, ty, u, v, s, cos, sin):  # type: ignore[no-untyped-def]
     """Tilts the normals as wrinkled cloth does: by the gradient of noise whose cells are 2.2 times
     longer along v. Wrinkles shift the pattern of the cloth."""
@@ -195,7 +195,7 @@ def _wrinkle(tx, ty, u, v, s, cos, sin):  # type: ignore[no-untyped-def]
         ty[n] += sin * du + cos * dv
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _print(tone, u, v, s, pixel, clear):  # type: ignore[no-untyped-def]
     """Multiplies the tone by the pattern at (u, v), m, in its axes. clear: `visible` of it."""
     p, w = s.period, pixel / s.period
@@ -216,7 +216,7 @@ def _print(tone, u, v, s, pixel, clear):  # type: ignore[no-untyped-def]
             tone[n] *= 1.0 + s.contrast * a
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _cover(flat, place, part, tone):  # type: ignore[no-untyped-def]
     """Covers parts of pixels with the tone, clipped to [0, 1]."""
     for n in range(place.size):

@@ -39,7 +39,7 @@ STREAKS = 0.03
 """Non-uniformity of lamp and window glass, peak to peak (assumed)."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _slope(path, dark, across, along, out):  # type: ignore[no-untyped-def]
     """Fills `out` with the weighted sum of the derivatives along the row (weight `across`) and
     along the column (weight `along`), by the Sobel kernel, which blurs by about a pixel. Pixels of

@@ -29,7 +29,7 @@ SWELLS = tuple(1.0 + 0.02 * m + 0.0114 * m * m for m in range(14))
 
 # A compiled kernel has separate arguments: unpacking a record of arrays would cost time in each
 # call.
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def mix(out, steady, swirl, grain, x, y, ripple, pixel, xs, xc, xp, gas, ring):  # type: ignore[no-untyped-def]
     """Fills `out` with the density along sight lines, kg/m2: the steady flow up to the starting
     shock at xs, cold gas up to the contact at xc, hot gas up to the primary shock at xp, gas at

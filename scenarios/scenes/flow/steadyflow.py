@@ -204,7 +204,7 @@ class Wedge:
 
 # A compiled kernel has separate arguments: unpacking a record of arrays would cost time in each
 # call.
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _layer_density(  # type: ignore[no-untyped-def]
     x, r, radius, off, curve, slope, gamma, mach, stag, pitot, corner, wake, rays, ratios
 ):
@@ -241,7 +241,7 @@ def _layer_density(  # type: ignore[no-untyped-def]
     return rho
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _path(x, y, out, steps, radius, off, curve, slope, *rest):  # type: ignore[no-untyped-def]
     """Fills `out` with twice the integral of (density - 1) along z from 0 to the shock, m, by the
     midpoint rule."""

@@ -8,7 +8,6 @@ sensor/latched/pixel/interval.py). A run begins with every pixel empty, at its f
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy.typing as npt
 from cosim.clock import PS
 from cosim.compute.cores import cores
 from cosim.compute.memory import check_memory
+from cosim.compute.stopping import threads
 from cosim.errors import InputError
 from cosim.light.light import Light, Piece
 from sensor.asynchronous.model import EventModel, Firings
@@ -135,7 +135,7 @@ class AsynchronousPixels:
         spans = [(n, min(n + self._tile, first.size)) for n in range(0, first.size, self._tile)]
         if len(spans) == 1:
             return self._run(spans[0], first, last, piece, stop)
-        with ThreadPoolExecutor(cores()) as pool:
+        with threads(cores()) as pool:
             tiles = [pool.submit(self._run, span, first, last, piece, stop) for span in spans]
             try:
                 return [part for tile in tiles for part in tile.result()]

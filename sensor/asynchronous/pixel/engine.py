@@ -29,14 +29,14 @@ from sensor.device.charge import crossing, exposure, later
 __all__ = ["advance"]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _tick(instant, part, tick):  # type: ignore[no-untyped-def]
     """Ticks that have ended when an instant is latched."""
     whole = instant + (1 if part > 0.0 else 0)
     return -(-whole // tick)
 
 
-_electrons = njit(cache=True, error_model="numpy")(least_electrons)
+_electrons = njit(cache=True, error_model="numpy", nogil=True)(least_electrons)
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.

@@ -24,7 +24,7 @@ _TINY = 1e-300
 _EPS = 1e-15
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def xdensity(q, x):  # type: ignore[no-untyped-def]
     """x f(x), f the density of Gamma(q, 1)."""
     if x <= 0.0 or x == math.inf:
@@ -32,7 +32,7 @@ def xdensity(q, x):  # type: ignore[no-untyped-def]
     return math.exp(q * math.log(x) - x - math.lgamma(q))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def tails(q, x):  # type: ignore[no-untyped-def]
     """(P, Q): the regularised lower and upper incomplete gamma functions, each to its own digits.
 
@@ -73,7 +73,7 @@ def tails(q, x):  # type: ignore[no-untyped-def]
     return 1.0 - upper, upper
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def inverse_upper(q, start, goal):  # type: ignore[no-untyped-def]
     """x >= start with Q(q, x) = exp(goal), where Q(q, start) is no less.
 
@@ -92,7 +92,7 @@ def inverse_upper(q, start, goal):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def inverse_lower(q, start, goal):  # type: ignore[no-untyped-def]
     """x <= start with P(q, x) = exp(goal), where P(q, start) is no less."""
     x = start
@@ -109,14 +109,14 @@ def inverse_lower(q, start, goal):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _pmf(k, mean):  # type: ignore[no-untyped-def]
     if mean <= 0.0:
         return 1.0 if k == 0 else 0.0
     return math.exp(k * math.log(mean) - mean - math.lgamma(k + 1.0))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def poisson_below(mean, q, u):  # type: ignore[no-untyped-def]
     """Quantile u of Poisson(mean), given that it is below q (whole): the electrons of a pixel that
     has not fired. Searched from the middle outwards."""
@@ -138,7 +138,7 @@ def poisson_below(mean, q, u):  # type: ignore[no-untyped-def]
     return k
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def poisson_outside(mean, low, high, q, u):  # type: ignore[no-untyped-def]
     """Quantile u of Poisson(mean) given that it is below `low` or above `high`; q or more counts
     as q."""

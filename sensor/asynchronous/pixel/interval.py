@@ -26,14 +26,14 @@ _NEVER: Final = 1e300
 _SCALE: Final = 2.0**-32
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def unit(pixel, index, draw, seed, stream):  # type: ignore[no-untyped-def]
     """A number in (0, 1) of 64 random bits."""
     w0, w1, _, _ = random_words(pixel, index, draw, seed, stream)
     return min((float(w0) + (float(w1) + 0.5) * _SCALE) * _SCALE, 1.0 - 2.0**-53)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def goal(table, shot, q, pixel, k, seed, low, high):  # type: ignore[no-untyped-def]
     """Threshold of interval k in electrons, drawn again until it lies within low .. high."""
     if not shot:
@@ -47,7 +47,7 @@ def goal(table, shot, q, pixel, k, seed, low, high):  # type: ignore[no-untyped-
     return drawn
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def width_law(q, shot, rate, delay, shortest, longest, least, most):  # type: ignore[no-untyped-def]
     """How an interval under a steady rate goes that is unreported while its width lies within
     least .. most: (p of a report, bounds a and b of its threshold, mean, variance and third moment
@@ -67,7 +67,7 @@ def width_law(q, shot, rate, delay, shortest, longest, least, most):  # type: ig
     return p, a, b, mean, variance, third
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def level_law(q, shot, mean, low, high):  # type: ignore[no-untyped-def]
     """Probability that the electrons of a longest width are below `low` or above `high`."""
     if not shot:
@@ -76,7 +76,7 @@ def level_law(q, shot, mean, low, high):  # type: ignore[no-untyped-def]
     return left + tails(high + 1.0, mean)[0]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def rare_goal(q, a, b, p, pixel, k, seed):  # type: ignore[no-untyped-def]
     """A threshold outside a .. b: the interval that is reported at last."""
     lower, upper = tails(q, a)[0], tails(q, b)[1]
@@ -86,7 +86,7 @@ def rare_goal(q, a, b, p, pixel, k, seed):  # type: ignore[no-untyped-def]
     return inverse_upper(q, b, math.log(max(u - lower, 1e-300)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def rare_reading(q, mean, low, high, pixel, k, seed):  # type: ignore[no-untyped-def]
     """Electrons outside low .. high at the end of a longest width, and the threshold: (below q,
     one never reached) for a reading, (q, threshold) for a spike."""

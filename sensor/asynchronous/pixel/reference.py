@@ -91,7 +91,7 @@ def _shares(model: EventModel, numbers: Numbers, intervals: int) -> Reals:
     return np.minimum(u, 1 - 2.0**-53)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _full(rate, slope, left, need):  # type: ignore[no-untyped-def]
     """Where within `left` the charge rate x + slope x^2 / 2 reaches `need`, -1 where nowhere."""
     if need <= 0.0:
@@ -116,7 +116,7 @@ def _full(rate, slope, left, need):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _reading(mean, q, u):  # type: ignore[no-untyped-def]
     """Quantile u of Poisson(mean) given that it is below q: its law added up from nothing on."""
     if mean <= 0.0:
@@ -134,7 +134,7 @@ def _reading(mean, q, u):  # type: ignore[no-untyped-def]
     return q - 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _ticks(instant, part, tick):  # type: ignore[no-untyped-def]
     whole = instant + (1 if part > 0.0 else 0)
     return -(-whole // tick)

@@ -39,7 +39,7 @@ _FAR: Final = 8.0
 _SCALE: Final = 2.0**-32
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _below(q, x):  # type: ignore[no-untyped-def]
     """Integrals of (g - q)^j f(g) from 0 to x for j = 0..3, f the density of Gamma(q): closed forms
     by parts, from d(g f) = (q - g) f dg."""
@@ -50,7 +50,7 @@ def _below(q, x):  # type: ignore[no-untyped-def]
     return i0, i1, i2, -d * d * front + 2.0 * (i2 + q * i1)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _above(q, x):  # type: ignore[no-untyped-def]
     """The same from x to infinity."""
     if x == math.inf:
@@ -62,7 +62,7 @@ def _above(q, x):  # type: ignore[no-untyped-def]
     return i0, i1, i2, d * d * front + 2.0 * (i2 + q * i1)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def interval_moments(q, a, b, c):  # type: ignore[no-untyped-def]
     """Mean, variance and third central moment of max(G, c), G ~ Gamma(q) given a <= G <= b."""
     if c >= b:
@@ -80,7 +80,7 @@ def interval_moments(q, a, b, c):  # type: ignore[no-untyped-def]
     return q + m1, max(m2 - m1 * m1, 0.0), m3 - 3.0 * m1 * m2 + 2.0 * m1 * m1 * m1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def geometric(p, pixel, index, seed):  # type: ignore[no-untyped-def]
     """Unreported intervals before the next reported one."""
     if p < 1e-30:
@@ -91,7 +91,7 @@ def geometric(p, pixel, index, seed):  # type: ignore[no-untyped-def]
     return _NEVER if n >= _NEVER else int(n)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def fitting(left, mean, deviation):  # type: ignore[no-untyped-def]
     """The most intervals that end within `left` for certain: m mean + 8 deviation sqrt(m) <= left,
     solved for sqrt(m) without cancellation."""
@@ -101,7 +101,7 @@ def fitting(left, mean, deviation):  # type: ignore[no-untyped-def]
     return _NEVER if m >= _NEVER else int(m)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _deviate(shape, pixel, index, seed):  # type: ignore[no-untyped-def]
     """(G - shape) / sqrt(shape) for G ~ Gamma(shape), shape >= 1: Marsaglia and Tsang, ACM Trans.
     Math. Softw. 26:363, 2000, with the difference formed before it can cancel."""
@@ -122,7 +122,7 @@ def _deviate(shape, pixel, index, seed):  # type: ignore[no-untyped-def]
             return (d * cube - 1.0 / 3.0) / math.sqrt(shape)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def stretch(m, mean, variance, third, held, pixel, index, seed):  # type: ignore[no-untyped-def]
     """Charge of m intervals together, none of which is less than `held`."""
     whole = m * mean

@@ -46,7 +46,7 @@ class WeakError:
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _stretches(  # type: ignore[no-untyped-def]
     numbers, rates, sent, q, delay, shortest, relative, many, seed, laws, sums
 ):

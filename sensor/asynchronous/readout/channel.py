@@ -74,7 +74,7 @@ class Sent:
         return self.leaves - self.firings.instant
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _choose(waiting, row_count, rule, last_row):  # type: ignore[no-untyped-def]
     """The event that a fixed priority or the token of the rows grants."""
     rows = row_count.size

@@ -158,16 +158,26 @@ def dynamic_range(recovered: list[Recovered], model: EventModel, stop: int) -> d
         truth = decibels(top.lux / low.lux)
         seen = decibels(top.estimate / low.estimate)
     return {
-        "dynamic_range": Metric(truth, "dB"),
-        "dynamic_range_recovered": Metric(seen, "dB"),
+        "dynamic_range": Metric(truth, "dB", "not even the brightest patch is recovered"),
+        "dynamic_range_recovered": Metric(seen, "dB", "not even the brightest patch is recovered"),
         "dynamic_range_pixel": Metric(
-            decibels(single[0].lux / single[-1].lux) if single else None, "dB"
+            decibels(single[0].lux / single[-1].lux) if single else None,
+            "dB",
+            "single pixels do not recover even the brightest patch",
         ),
         "dynamic_range_formula": Metric(formula(model, stop), "dB"),
-        "brightest": Metric(top.lux if top else None, "lux"),
-        "brightest_error": Metric(top.error if top else None, "1"),
-        "dimmest": Metric(low.lux if low else None, "lux"),
-        "dimmest_error": Metric(low.error if low else None, "1"),
+        "brightest": Metric(
+            top.lux if top else None, "lux", "not even the brightest patch is recovered"
+        ),
+        "brightest_error": Metric(
+            top.error if top else None, "1", "not even the brightest patch is recovered"
+        ),
+        "dimmest": Metric(
+            low.lux if low else None, "lux", "not even the brightest patch is recovered"
+        ),
+        "dimmest_error": Metric(
+            low.error if low else None, "1", "not even the brightest patch is recovered"
+        ),
         "patches_recovered": Metric(float(len(good)), "1"),
         "events_of_patches_unheard": Metric(float(sum(p.lost for p in recovered)), "1"),
     }

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.stopping import threads
 from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import State
 from sensor.codec.coding import workers
@@ -151,7 +151,7 @@ class StreamDecoder:
             place[:] = steady(self._rate[rows, columns], int(self._over[tile]), cycles)
             return True, False, damaged
 
-        with ThreadPoolExecutor(workers()) as pool:
+        with threads(workers()) as pool:
             drawn = list(pool.map(draw, range(len(self._tiles))))
         self._held = np.array([held for held, _, _ in drawn]).reshape(self._tiles.grid)
         self._missing = np.array([lost for _, lost, _ in drawn]).reshape(self._tiles.grid)

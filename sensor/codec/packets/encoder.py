@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
+from cosim.compute.stopping import threads
 from cosim.spikes.viform import WORD, Words, spikes_beyond, words_for
 from cosim.stage import State
 from sensor.codec.coding import workers
@@ -73,7 +72,7 @@ class StreamEncoder:
             rows, columns = self._tiles.place(tile)
             return self._maker.encode(words[:, rows, columns], cycles)
 
-        with ThreadPoolExecutor(workers()) as pool:
+        with threads(workers()) as pool:
             tiles = list(pool.map(code, range(len(self._tiles))))
         first, self._first, self._held = self._first, self._first + cycles, self._held - cycles
         return [

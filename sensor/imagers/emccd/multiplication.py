@@ -64,7 +64,7 @@ def fast_shape(gain: float, stages: int = STAGES) -> float:
     return (gain - 1.0) / over
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _binomial_one(count, p, pixel, frame, draw, seed, stream):  # type: ignore[no-untyped-def]
     """Binomial count, 0 < p <= 1/2: inversion where few are expected, else transformed rejection
     BTRS (Hoermann, J. Stat. Comput. Simul. 46:101, 1993)."""

@@ -8,7 +8,7 @@ from numba import njit
 __all__ = ["uncorrelate"]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _sums(x, sums):  # type: ignore[no-untyped-def]
     """Sums of the products of entries 1 to sums.size apart, around the end; in place."""
     for lag in range(1, sums.size + 1):
@@ -17,7 +17,7 @@ def _sums(x, sums):  # type: ignore[no-untyped-def]
             sums[lag - 1] += x[i] * x[(i + lag) % x.size]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _exchange(x, sums, i, j, moved):  # type: ignore[no-untyped-def]
     """Writes to `moved` the sums after entries i and j of x are exchanged."""
     n, change = x.size, x[j] - x[i]
@@ -28,7 +28,7 @@ def _exchange(x, sums, i, j, moved):  # type: ignore[no-untyped-def]
         moved[lag - 1] = sums[lag - 1] + change * (after - (change if near else 0))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def uncorrelate(x, place, sums, limit, trials):  # type: ignore[no-untyped-def]
     """Exchanges entries until the sum of products at every lag is at most `limit`.
 

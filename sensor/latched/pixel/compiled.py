@@ -25,7 +25,7 @@ _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _STREAM = np.uint64(Stream.SHOT_NOISE)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
     """Threshold of spike k, Q24.40."""
     return look_up(table, word_at(pixel, k, np.uint64(0), seed, _STREAM))
@@ -34,7 +34,7 @@ def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
 # Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
 # loop, and unpacking records takes 3 us a call (10 in place of 7).
 @all_cores
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def _expose(  # type: ignore[no-untyped-def]
     deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, reset, dead, seed,
     first, cycles, words,

@@ -10,7 +10,7 @@ from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS
 __all__ = ["look_up"]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def look_up(table, word):  # type: ignore[no-untyped-def]
     """Threshold in Q24.40 of a random word below 2^32: `interval.threshold` for one word."""
     word = np.int64(word)

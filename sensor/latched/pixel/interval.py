@@ -13,7 +13,6 @@ Both tails are therefore resolved down to 2^-33, in integer arithmetic.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Final
 
@@ -22,6 +21,7 @@ import numpy.typing as npt
 
 from cosim.compute.cores import cores
 from cosim.compute.kept import kept
+from cosim.compute.stopping import threads
 from sensor.latched.pixel.fixed_point import ONE, Charge
 
 __all__ = ["KNOTS", "MANTISSA_BITS", "NO_TABLE", "interval_table", "knot_places", "threshold"]
@@ -66,7 +66,7 @@ def _noisy_quantiles(q: float, sigma: float, shot: bool) -> npt.NDArray[np.float
     x = np.linspace(max(q - spread, -7 * sigma), q + spread, _GRID)
     if sigma * sigma < q:
         # A quarter of a second on one core, while a run is planned and no other core is busy.
-        with ThreadPoolExecutor(cores()) as pool:
+        with threads(cores()) as pool:
             parts = np.array_split(x, cores())
             below = pool.map(lambda x: gammainc(q, np.maximum(x[:, None] - sigma * z, 0)), parts)
             law = np.concatenate(list(below)) @ weights

@@ -35,14 +35,14 @@ _SIZE = np.uint64((1 << GENERATOR["BANK_BITS"]) - 1)
 _TOP = np.uint64(32 - GENERATOR["BANK_BITS"])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _scrambled(word):  # type: ignore[no-untyped-def]
     word = ((word ^ (word >> _SHIFTS[0])) * _FACTORS[0]) & _LOW
     word = ((word ^ (word >> _SHIFTS[1])) * _FACTORS[1]) & _LOW
     return word ^ (word >> np.uint64(16))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def bank_entry(key, lane, cycle, crossing):  # type: ignore[no-untyped-def]
     """Place in the bank of the threshold that a pixel draws: the compiled form of `offsets`, plus
     the pixel's place in its group."""

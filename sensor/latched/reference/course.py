@@ -14,7 +14,7 @@ from sensor.device.charge import exposure
 __all__ = ["first_latch", "integrate", "piece_at", "rate_at"]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def piece_at(begins, ends, i, tick):  # type: ignore[no-untyped-def]
     """Index of the piece at `tick` (ps), searched from piece i on; -1 before the first piece."""
     if tick < begins[0]:
@@ -25,7 +25,7 @@ def piece_at(begins, ends, i, tick):  # type: ignore[no-untyped-def]
     return i
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def rate_at(begins, ends, first, last, i, tick, part):  # type: ignore[no-untyped-def]
     """(rate, slope, end) at the instant tick + part (ps) in piece i: electrons a picosecond, its
     change a picosecond, and the instant up to which both are valid."""
@@ -37,7 +37,7 @@ def rate_at(begins, ends, first, last, i, tick, part):  # type: ignore[no-untype
     return max(first[i] + slope * (float(tick - begins[i]) + part), 0.0), slope, ends[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def integrate(begins, ends, first, last, i, tick, part, until):  # type: ignore[no-untyped-def]
     """Electrons from the instant tick + part (ps) in piece i to a later whole picosecond."""
     total = 0.0
@@ -50,7 +50,7 @@ def integrate(begins, ends, first, last, i, tick, part, until):  # type: ignore[
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def first_latch(edges, tick, part):  # type: ignore[no-untyped-def]
     """The first cycle whose latch, edges[c + 1], is not before the instant tick + part; edges.size
     - 1 if there is none."""

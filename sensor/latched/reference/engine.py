@@ -33,7 +33,7 @@ _PILED = float(LARGEST)
 """Most electrons beyond a threshold under `subtract`."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def snapped(edges, tick, part, span):  # type: ignore[no-untyped-def]
     """The instant tick + part, moved to a latch within the rounding error of `span` (ps)."""
     near = tick + 1 if part > 0.5 else tick
@@ -48,7 +48,7 @@ def snapped(edges, tick, part, span):  # type: ignore[no-untyped-def]
 # Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
 # loop, and unpacking records takes 3 us a call.
 @all_cores
-@njit(cache=True, error_model="numpy", parallel=True)
+@njit(cache=True, error_model="numpy", parallel=True, nogil=True)
 def expose(  # type: ignore[no-untyped-def]
     ticks, parts, charges, goals, spikes, held, pixels, rows, begins, ends, first, last, latches,
     rule, dead, q, kind, sigma, table, functions, seed, bank, keys, lanes, begin, words,

@@ -194,7 +194,7 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) 
     return Law(kind, q + shift, sigma, table, functions)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def draw(kind, q, sigma, table, functions, word):  # type: ignore[no-untyped-def]
     """Threshold in electrons of a random word below 2^32. Arguments: see `Law`."""
     if kind == 0:
@@ -220,7 +220,7 @@ def draw(kind, q, sigma, table, functions, word):  # type: ignore[no-untyped-def
     return max(value, 2.0**-40)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _all(kind, q, sigma, table, functions, words, out):  # type: ignore[no-untyped-def]
     for i in range(words.size):
         out[i] = draw(kind, q, sigma, table, functions, np.int64(words[i]))

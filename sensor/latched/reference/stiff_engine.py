@@ -27,7 +27,7 @@ _SAME = 2.0**-50
 
 
 # Many arguments, for the reason in engine.py.
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _stored(  # type: ignore[no-untyped-def]
     begins, ends, first, last, i, tick, part, stop, phase, charge, volts, wait, goal, circuit
 ):
@@ -59,7 +59,7 @@ def _stored(  # type: ignore[no-untyped-def]
 
 # Many arguments, for the reason in engine.py.
 @all_cores
-@njit(cache=True, error_model="numpy", parallel=True)
+@njit(cache=True, error_model="numpy", parallel=True, nogil=True)
 def expose_circuit(  # type: ignore[no-untyped-def]
     ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, rows, begins,
     ends, first, last, latches, circuit, q, kind, sigma, table, functions, seed, words,

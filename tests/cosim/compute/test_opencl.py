@@ -14,7 +14,8 @@ import pytest
 
 import cosim.compute.opencl
 from cosim import InputError
-from cosim.compute.opencl import INSTALL, Device, cache_folder, open_device, prepare_caches, probe
+from cosim.compute.cache_folder import cache_folder, prepare_caches
+from cosim.compute.opencl import INSTALL, Device, open_device, probe
 from cosim.errors import shorten
 
 SOURCE = """

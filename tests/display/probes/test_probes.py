@@ -15,13 +15,14 @@ from display.panels.panel import FramePanel, Projector
 from display.probes.blur import SPEED, frame_blur, retina, spike_blur
 from display.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
 from display.probes.latency import SIDE, frame_latency, spike_latency
-from display.probes.light import edge_light, phased_light
+from display.probes.light import edge_light, phased_light, steady_light
 from display.probes.metrics import display_metrics, probe_display
 from display.probes.waveform import every_drive, panel_light
 from display.quality.blur import blur_edge_width
 from display.render.golden import GoldenRenderer
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
-from sensor import CHIPS, EFFECTS, CameraSetting
+from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
+from sensor.latched.row_timing import RowTiming
 
 CLOCK = Clock(40_000)
 CYCLE = 25.0
@@ -29,6 +30,7 @@ CYCLE = 25.0
 QUIET = (EFFECTS["random initial charge"], EFFECTS["residual carried"])
 ROWS = CYCLE * (SIDE - 1) / SIDE / 2
 """Mean wait of a row, microseconds."""
+NOISY_ROWS = RowTiming(jitter=0.2, wander=0.02, centre=0.05, rows=8)
 FRAMES = tuple(FramePanel(Clock(hz)) for hz in (60, 120, 240, 1000))
 
 
@@ -373,6 +375,56 @@ def test_the_whole_table_has_its_metrics(device):
     assert metrics["ebet_ms_spike"] == metrics["ebet_ms_causal"]
     again = probe_display(own, panel(), [], 1, rates=(0.18,), edges=())
     assert again.latency == probes.latency[: len(again.latency)] and len(again.latency) == 6
+
+
+def test_a_recording_in_parts_has_the_same_bits_and_looks_at_few_pieces_of_light(monkeypatch):
+    """A drift cuts light into pieces, and noisy instants look through all of them in each cycle: a
+    minute in one block took hours."""
+    noisy = setting(effects=tuple(EFFECTS.values()), drift=8e-4, row_timing=NOISY_ROWS)
+    probe = SpikeProbeCamera(noisy, None)
+    light = steady_light((4, 4), probe.lux(0.18), CLOCK.edge(402))
+    whole = probe.film(light, 400, (64, 4), 1, (0, 4))
+    lengths, step = [], SpikeCamera.step
+
+    def watched(camera, light, block):
+        lengths.append(block.cycles)
+        return step(camera, light, block)
+
+    monkeypatch.setattr(SpikeCamera, "step", watched)
+    monkeypatch.setattr("scenarios.assemble.camera.probe_camera.PART", 128)
+    parts = probe.film(light, 400, (64, 4), 1, (0, 4))
+    np.testing.assert_array_equal(parts.words, whole.words)
+    assert lengths == [128, 128, 128, 16]
+
+
+def test_a_recording_of_a_minute_has_no_noisy_instants(monkeypatch):
+    monkeypatch.setattr("scenarios.assemble.camera.probe_camera.NOISY", 99)
+    probe = SpikeProbeCamera(setting(row_timing=NOISY_ROWS), None)
+    light = steady_light((4, 4), probe.lux(0.18), CLOCK.edge(102))
+    steady = SpikeProbeCamera(setting(), None)
+    noisy, still = (each.film(light, 99, (64, 4), 1, (0, 4)).words for each in (probe, steady))
+    assert (noisy != still).any()
+    noisy, still = (each.film(light, 100, (64, 4), 1, (0, 4)).words for each in (probe, steady))
+    np.testing.assert_array_equal(noisy, still)
+
+
+class _Fast:
+    """A camera of 100 MHz that nobody may record with."""
+
+    clock, height, seed = Clock(10**8), 1000, 1
+
+    def lux(self, rate):
+        return rate
+
+
+def test_a_probe_that_needs_gigabytes_has_no_figure():
+    fast = panel(clock=_Fast.clock)
+    flicker = spike_flicker(_Fast(), fast, (0.18,), 60.0, 1)
+    assert len(flicker) == 2 * len(DRIVES) and all(math.isnan(row.figures.svm) for row in flicker)
+    edges = spike_blur(_Fast(), fast, (0.0, 0.18), 1)
+    assert len(edges) == len(DRIVES) and all(math.isnan(row.bet) for row in edges)
+    steps = spike_latency(_Fast(), replace(fast, decay=1e-2), (0.18,), 1)
+    assert len(steps) == 2 * len(DRIVES) and all(math.isnan(row.total.median) for row in steps)
 
 
 @pytest.mark.slow

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from cosim.run.progress import QuietProgress
 from link.coding import Blocks
 from link.layout import TRAINING, Layout
 from link.line_codes import encode_line
 from link.mode import PARITIES, RATES, Mode
 from link.setup.choosing import Trial, choose, foresee, longest_run
+from link.setup.modes import _Forecast
 from link.theory import ldpc_word_error
 from tests.link.coding.ldpc_channel import capacity
 
@@ -191,3 +193,15 @@ def test_runs_of_scrambled_symbols_are_what_the_pilot_shows() -> None:
             threshold=100.0, background=0.15, on=on,
         )  # fmt: skip
         assert {row.mode.line for row in choice.rows if "too long" not in row.why} == left
+
+
+def test_pilots_that_take_long_say_once_how_long(monkeypatch):
+    """By the second pilot: the first one compiles."""
+    moments = iter([0.0, 50.0, 54.0, 60.0])
+    monkeypatch.setattr("link.setup.modes.time.monotonic", lambda: next(moments))
+    progress = QuietProgress()
+    forecast = _Forecast(progress, "belief-propagation")
+    for left in (21, 20, 19):
+        forecast.film(left)
+    (note,) = progress.notes
+    assert note.startswith("the pilots take up to 80 s with the detector belief-propagation; give")

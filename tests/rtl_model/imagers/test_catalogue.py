@@ -138,6 +138,7 @@ def run(monkeypatch, capsys, *options):
     from scenarios.cli.entry import main
 
     monkeypatch.setattr(sys, "argv", ["viform", "board", *options])
+    monkeypatch.setattr("cosim.compute.stopping.end_on_signals", lambda: None)
     handler = signal.getsignal(signal.SIGTERM)
     code = 0
     try:

@@ -107,12 +107,9 @@ REFUSED = {
     **{(source, "camera"): ALONE for source in SOURCES},
     **{(source, "board, camera"): UNLIT for source in SOURCES},
     **{
-        ("bring-up", sink): BRING_UP.format("display")
-        for sink in SINKS if "display" in SINKS[sink]
+        ("bring-up", sink): BRING_UP.format("display") for sink in SINKS if "display" in SINKS[sink]
     },
-    **{
-        ("bring-up", sink): BRING_UP.format("link") for sink in SINKS if "link" in SINKS[sink]
-    },
+    **{("bring-up", sink): BRING_UP.format("link") for sink in SINKS if "link" in SINKS[sink]},
     ("bring-up", "camera"): BRING_UP.format("camera"),
 }
 ELSEWHERE = {

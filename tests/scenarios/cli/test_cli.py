@@ -258,11 +258,13 @@ INTERRUPTS_ITSELF = """
 import os, signal, sys
 from contextlib import contextmanager
 
+import cosim.compute.stopping as stopping
 import cosim.run.loop as loop
 from sensor.latched.stages import SceneStage
 from scenarios.cli import main
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background has it ignored
+stopping.GRACE_S = 600.0  # however busy the machine is, the run may save
 requests, step, stop_requests = [], SceneStage.step, loop.stop_requests
 
 @contextmanager

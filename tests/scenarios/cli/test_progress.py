@@ -6,6 +6,7 @@ import threading
 
 import pytest
 
+from cosim.compute.compiling import compiles
 from scenarios.cli.output import LineProgress, TerminalProgress, make_progress
 
 
@@ -23,6 +24,7 @@ class Hand:
 def hand(monkeypatch: pytest.MonkeyPatch) -> Hand:
     made = Hand()
     monkeypatch.setattr("cosim.run.shown.time", made)
+    monkeypatch.setattr("cosim.compute.compiling.time", made)
     return made
 
 
@@ -88,9 +90,10 @@ def test_steps_that_start_up_are_in_no_estimate(hand, capsys):
 def test_a_long_step_says_every_ten_seconds_that_it_goes_on(hand, capsys):
     progress = LineProgress()
     progress.close()  # its thread: the clock is moved by hand
-    for seconds in (9, 1, 9):
-        hand.now += seconds
-        progress.remind()
+    with compiles():
+        for seconds in (9, 1, 9):
+            hand.now += seconds
+            progress.remind()
     progress.start("film", 200)
     for seconds in (1, 10):
         hand.now += seconds
@@ -107,7 +110,7 @@ def test_a_long_step_says_every_ten_seconds_that_it_goes_on(hand, capsys):
     assert capsys.readouterr().err.splitlines() == [
         "viform: preparing for 10 s; a first run compiles",
         "viform: film: 0 %, this step for 1 s; a first run compiles",
-        "viform: film: 0 %, this step for 11 s; a first run compiles",
+        "viform: film: 0 %, this step for 11 s",
         "viform: film: 5 %, this step for 10 s",
         "viform: a clip is short",
         "viform: film: done, what follows takes 10 s so far",

@@ -149,9 +149,7 @@ def _steady(reset: str, light: float, dead_time: float) -> tuple[Scene, float]:
 
 @pytest.mark.parametrize("reset", ["subtract", "hard", "residual"])
 @pytest.mark.parametrize("light", [0.1, 0.4, 0.8])
-def test_the_ends_of_a_window_are_charged_with_a_dead_time_or_not(
-    reset: str, light: float
-) -> None:
+def test_the_ends_of_a_window_are_charged_with_a_dead_time_or_not(reset: str, light: float) -> None:
     """Steady light: the closed form of the dead time at the ends, and the bound above it."""
     dead = 0.04
     case, error = _steady(reset, light, dead / CLOCK.hz)

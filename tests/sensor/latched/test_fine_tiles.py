@@ -71,9 +71,15 @@ def test_a_chip_of_fine_tiles_is_the_reference() -> None:
 def test_a_state_continues(device: Device) -> None:
     setting, shown = camera(), light(camera())
     one, two = (
-        SpikeCamera(setting, device, tier="fast", fine=FineTiles(
-            setting, GRID, {"reference": tiles_of(0, 3), "exact": tiles_of(5)}, device
-        )) for _ in "ab"
+        SpikeCamera(
+            setting,
+            device,
+            tier="fast",
+            fine=FineTiles(
+                setting, GRID, {"reference": tiles_of(0, 3), "exact": tiles_of(5)}, device
+            ),
+        )
+        for _ in "ab"
     )
     one.step(shown, BLOCKS[0])
     two.restore(one.state())

@@ -98,7 +98,7 @@ _State = tuple[float, float, float]
 """y, A, D in V."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _period(state: _State, loop: _Loop, ripple: float) -> _State:
     y, peak, held = state
     y += (loop.wanted - loop.feedback * held - y) * loop.amplifier
@@ -108,7 +108,7 @@ def _period(state: _State, loop: _Loop, ripple: float) -> _State:
     return y, peak, held + loop.attack * max(peak - held, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _total(state: _State, loop: _Loop, count: int) -> tuple[_State, float]:
     """State after `count` periods, and the sum of their peaks."""
     total = 0.0
@@ -122,7 +122,7 @@ def _total(state: _State, loop: _Loop, count: int) -> tuple[_State, float]:
     return state, total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _course(state: _State, loop: _Loop, ripple: Values, out: Values) -> None:
     for n in range(out.shape[0]):
         state = _period(state, loop, ripple[n])

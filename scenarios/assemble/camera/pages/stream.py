@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import html
 import shlex
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cosim.compute.stopping import threads
 from cosim.config.amounts import amount, count, decibel, number
 from cosim.files import streams_kept
 from cosim.light.demosaic import in_colour
@@ -284,7 +284,7 @@ def stream_page(run: LatchedRun) -> Page:
     """The page of a run without a display; writes its figures and playback.mp4."""
     middle = run.shots[len(run.shots) // 2]
     long = _expose_long(run, middle)
-    with ThreadPoolExecutor(1) as beside:  # the clip takes as long as the figures
+    with threads(1) as beside:  # the clip takes as long as the figures
         clip = beside.submit(_playback, run)
         _overview(run, middle, long)
         _sheet(run)

@@ -103,9 +103,7 @@ def test_stages_one_after_another_give_the_same_bits(
     assert chain.stages["receiver"].arrivals == whole[1].stages["receiver"].arrivals
 
 
-@pytest.mark.parametrize(
-    "at", [pytest.param(at, marks=pytest.mark.slow) for at in (64, 192, 384)]
-)
+@pytest.mark.parametrize("at", [pytest.param(at, marks=pytest.mark.slow) for at in (64, 192, 384)])
 def test_an_interrupted_chain_goes_on_to_the_same_bits(
     whole: tuple[Path, Any], tmp_path: Path, at: int
 ) -> None:
@@ -155,9 +153,9 @@ def test_a_blocked_link_comes_back_by_itself(tmp_path: Path) -> None:
     # Of the groups at both ends some layers have arrived: no tile keeps its rate there.
     assert same[: begun // 32 - 2].all() and same[ended // 32 + 2 :].all() and not same.all()
     dark = shown[begun // 32 : ended // 32]
-    assert np.bitwise_count(dark).sum() > 0.5 * np.bitwise_count(
-        sent[begun // 32 : ended // 32]
-    ).sum()
+    assert (
+        np.bitwise_count(dark).sum() > 0.5 * np.bitwise_count(sent[begun // 32 : ended // 32]).sum()
+    )
 
 
 @pytest.mark.slow
@@ -193,8 +191,11 @@ def test_half_a_panel_hidden_is_named(tmp_path: Path) -> None:
         (("link.sensor.clock=20 kHz",), "link.sensor.clock must be the stream's, 40000 Hz"),
         (("link.sensor.readout=continuous",), "link.sensor.readout must be synchronous"),
         (
-            ("link.sensor.chip=spiketwo", "link.sensor.reset=residual",
-             "link.sensor.clock_steering=true"),
+            (
+                "link.sensor.chip=spiketwo",
+                "link.sensor.reset=residual",
+                "link.sensor.clock_steering=true",
+            ),
             "link.sensor.clock_steering must be true only with a hard reset",
         ),
         (("code.cycles=40",), "code.cycles must be a multiple of 32"),

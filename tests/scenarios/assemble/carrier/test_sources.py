@@ -84,9 +84,7 @@ def test_a_board_displays_what_the_link_has_carried(
 
     monkeypatch.setattr(BoardDisplay, "show", noted)
     out = tmp_path / "run"
-    done = run(
-        source(tmp_path) | {"display": {"sink": "serial:virtual"}}, out, report=write_report
-    )
+    done = run(source(tmp_path) | {"display": {"sink": "serial:virtual"}}, out, report=write_report)
     sent = planes(out / "stream.zarr")
     assert sent.any()
     np.testing.assert_array_equal(planes(out / "received.zarr"), sent)

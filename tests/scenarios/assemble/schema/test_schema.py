@@ -12,14 +12,15 @@ from typing import Any, get_args
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import BaseModel
+from pydantic import BaseModel, WrapValidator
 
 from cosim import InputError
 from cosim.config.quantity import Quantity
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.loading import load, shipped, to_toml
-from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.schema.messages import _sections, validate
 from scenarios.assemble.schema.scenario import AnyScenario, Scenario
+from sensor.sections.sensor import SensorSection
 
 GOOD: dict[str, Any] = {
     "title": "A clip",
@@ -460,3 +461,51 @@ def test_a_viewing_distance_is_a_length_with_the_pitch() -> None:
     assert "display.distance must be at most 1000" in message(
         glass(pitch="250 um", distance="2 km")
     )
+
+
+_NESTED = {
+    "link.sensor": ("glass-over-light", []),
+    "camera.sensor": ("glass", ["camera.kind=spikes"]),
+}
+"""Scenarios with a chip in another section than [sensor]."""
+
+
+@pytest.mark.parametrize("path", _NESTED)
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("pattern.dsnu=0.1", "{0}.pattern.dark_current must be above 0 with dsnu = 0.1, which is a "
+         "share of it, not 0 e/s; write --set {0}.pattern.dark_current='100 e/s', or leave dsnu "
+         "out"),
+        ("row_time=1 s", "{0}.clock must be at most 0.001 Hz for 1000 rows of 1e+09 ns to fit in a "
+         "cycle, not 40000 Hz; lower it, or {0}.row_time"),
+        ("duplicated_rows=[[0, 0]]", "{0}.duplicated_rows must be pairs"),
+        ("preset=none.toml", "{0}.preset must be ideal, silicon, or a TOML file"),
+    ],
+)  # fmt: skip
+def test_a_refusal_names_the_key_of_a_nested_section_as_it_was_written(path, key, said):
+    scenario, sets = _NESTED[path]
+    with pytest.raises(InputError) as refused:
+        load(scenario, [*sets, f"{path}.threshold=1000 e", f"{path}.{key}"])
+    assert str(refused.value).startswith(said.format(path))
+
+
+def test_every_section_that_stands_in_several_places_is_placed():
+    """Refusals of its own rules name one place: `placed` gives them the others."""
+    places: dict[type[BaseModel], list[tuple[str, bool]]] = {}
+
+    def walk(section: type[BaseModel], path: str, placed: bool) -> None:
+        for name, field in section.model_fields.items():
+            own = placed or any(isinstance(each, WrapValidator) for each in field.metadata)
+            inside = own or any(
+                "WrapValidator" in repr(each) for each in get_args(field.annotation)
+            )
+            for inner in _sections(field.annotation):
+                places.setdefault(inner, []).append((f"{path}{name}", inside))
+                walk(inner, f"{path}{name}.", inside)
+
+    walk(Scenario, "", False)
+    several = {one: found for one, found in places.items() if len({p for p, _ in found}) > 1}
+    assert SensorSection in several
+    for found in several.values():
+        assert sum(not placed for _, placed in found) <= 1, found

@@ -81,6 +81,7 @@ def test_layers_come_from_coarse_to_fine_without_a_gap(groups):
 
 def test_the_midpoints_of_steady_trains_go_first():
     """Of two tiles with layers of one size, that which gains less is cut."""
+
     def tile(number, gain):
         return [Packet(3, n, number, 0, 128, bytes(80), 10, gain * (n > 0)) for n in range(4)]
 

@@ -97,9 +97,7 @@ SCENARIO = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "device", [pytest.param("numba", marks=pytest.mark.slow), "opencl"]
-)
+@pytest.mark.parametrize("device", [pytest.param("numba", marks=pytest.mark.slow), "opencl"])
 def test_it_is_kept_at_tolerance_0_and_stands_in_the_report(tmp_path: Path, device: str) -> None:
     words = ("--device", "numba") if device == "numba" else ()
     result = viform("run", *SCENARIO, *words, "--tolerance", "0", "--out", str(tmp_path / "run"))

@@ -1,0 +1,97 @@
+"""A signal ends a command in time, whatever it computes."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from cosim.compute import stopping
+from cosim.compute.stopping import Stopped, heed, threads
+
+DEAF = """
+import ctypes, sys, threading
+from cosim.compute import stopping
+from cosim.compute.stopping import end_on_signals, finishing, undone
+
+stopping.GRACE_S = 0.1
+end_on_signals()
+with undone("interrupted within a step; go on with --resume"):
+    if sys.argv[1] == "saves":
+        with finishing():
+            print("ready", flush=True)
+            sys.stdin.readline()  # its signal is ignored below
+            print("saved", flush=True)
+    else:
+        print("ready", flush=True)
+    while True:
+        ctypes.CDLL(None).sleep(600)  # a signal ends it, and the next one begins
+"""
+"""A process that no signal ends: its handler does nothing."""
+
+
+def deaf(how: str) -> subprocess.Popen[str]:
+    """The process, once it waits."""
+    command = [
+        sys.executable,
+        "-c",
+        "import signal; signal.signal(15, lambda *_: None)\n" + DEAF,
+        how,
+    ]
+    pipe = subprocess.PIPE
+    child = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+    assert child.stdout is not None and child.stdout.readline() == "ready\n"
+    return child
+
+
+def test_a_deaf_process_is_cut_off_and_says_how_to_resume():
+    child = deaf("computes")
+    child.send_signal(signal.SIGTERM)
+    _, said = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert said == "viform: interrupted within a step; go on with --resume\n"
+
+
+def test_a_checkpoint_that_is_being_written_is_not_cut_off():
+    child = deaf("saves")
+    child.send_signal(signal.SIGTERM)
+    assert child.stderr is not None
+    assert child.stderr.readline().startswith("viform: saving what is done")
+    out, said = child.communicate("go on\n", timeout=60)
+    assert (child.returncode, out) == (130, "saved\n")
+    assert said == "viform: interrupted within a step; go on with --resume\n"
+
+
+def test_nobody_waits_for_a_pool_after_an_interrupt_and_its_work_is_told():
+    began, told, free = threading.Event(), threading.Event(), threading.Event()
+
+    def work() -> None:
+        began.set()
+        try:
+            while True:
+                heed()
+        except Stopped:
+            told.set()
+            free.wait(60)
+
+    def outer() -> None:
+        with threads(1) as inner:
+            inner.submit(work).result()
+
+    with pytest.raises(KeyboardInterrupt), threads(1) as pool:
+        pool.submit(outer)
+        began.wait(60)
+        raise KeyboardInterrupt
+    assert told.wait(60)  # the work has not ended, and the pool was left
+    free.set()
+
+
+def test_a_pool_waits_for_its_work():
+    done = []
+    with threads(2) as pool:
+        pool.submit(done.append, 1)
+    heed()  # in a thread of no pool
+    assert done == [1] and stopping.GRACE_S < 2
