@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, ValidationInfo
 
 from cosim import Clock, InputError, seconds_to_ps
+from cosim.config.amounts import at_least
 from cosim.config.choice import Choice
 from cosim.config.quantity import Quantity, Section, Share, Time
 from display.drives import DRIVES
@@ -185,7 +186,7 @@ class DisplaySection(Section):
         if self.row_scan < row_skew:
             raise InputError(
                 "display.row_scan",
-                f"at least sensor.row_skew, {row_skew:g}",
+                f"at least sensor.row_skew, {at_least(row_skew)}",
                 f"{self.row_scan:g}: rows would be shown before they are sampled",
                 "raise it",
             )

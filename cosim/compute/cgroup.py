@@ -59,10 +59,10 @@ def cores_in_groups(groups: Path = _GROUPS, own: Path = _OWN) -> int | None:
     for folder, second in _above("cpu", groups, own):
         with suppress(OSError, ValueError):  # `max`, or no such file
             if second:
-                quota, period = map(int, (folder / "cpu.max").read_text().split())
+                quota, period = map(int, (folder / "cpu.max").read_bytes().split())
             else:
-                quota = int((folder / "cpu.cfs_quota_us").read_text())  # -1 without a limit
-                period = int((folder / "cpu.cfs_period_us").read_text())
+                quota = int((folder / "cpu.cfs_quota_us").read_bytes())  # -1 without a limit
+                period = int((folder / "cpu.cfs_period_us").read_bytes())
             if quota > 0 and period > 0:
                 shares.append(-(-quota // period))
     return min(shares, default=None)

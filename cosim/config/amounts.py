@@ -9,9 +9,13 @@ text serves a terminal, a page and a figure.
 from __future__ import annotations
 
 import math
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import Final
 
-__all__ = ["THIN", "UNKNOWN", "amount", "count", "decibel", "elapsed", "number", "percent"]
+__all__ = [
+    "THIN", "UNKNOWN", "amount", "at_least", "at_most", "count", "decibel", "elapsed", "number",
+    "percent",
+]  # fmt: skip
 
 THIN: Final = "\N{NARROW NO-BREAK SPACE}"
 """Separator of thousands."""
@@ -77,6 +81,23 @@ def number(value: float | None, digits: int = 3, *, sign: bool = False) -> str:
         return _grouped(text.rstrip("0").rstrip(".") if "." in text else text)
     mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
     return f"{mantissa} × 10{str(int(power)).translate(_RAISED)}"
+
+
+def at_least(value: float, digits: int = 6) -> str:
+    """Text of a lower limit that a user is to write, rounded up: what he copies is accepted."""
+    return _limit(value, digits, ROUND_CEILING)
+
+
+def at_most(value: float, digits: int = 6) -> str:
+    """Text of an upper limit that a user is to write, rounded down: what he copies is accepted."""
+    return _limit(value, digits, ROUND_FLOOR)
+
+
+def _limit(value: float, digits: int, towards: str) -> str:
+    if not math.isfinite(value):
+        return f"{value:g}"
+    near = Decimal(f"{value:.15g}")  # 0.1 + 0.2 is 0.3, and not more
+    return f"{float(Context(digits, towards).create_decimal(near)):.12g}"
 
 
 def percent(share: float | None, digits: int = 3, *, sign: bool = False) -> str:

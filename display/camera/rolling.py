@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Clock, InputError, seconds_to_ps
+from cosim.config.amounts import at_least
 from display.camera.section import FramesSection
 from display.panels.panel import SpikePanel
 
@@ -135,9 +136,11 @@ def make_shutter(section: FramesSection, panel: SpikePanel, planes: int) -> Shut
         seconds_to_ps(section.readout),
     )  # fmt: skip
     if not shutter.frames:
-        need, has = shutter.longest, shutter.light[1] - shutter.light[0]
+        has = shutter.light[1] - shutter.light[0]
+        whole = panel.clock.cycle_at(shutter.longest - 1) + 1  # a run has whole planes
+        need = panel.clock.edge(whole)
         raise InputError(
-            "duration", f"at least {need / 1e9:.4g} ms, a frame of the camera", f"{has / 1e9:.4g} "
-            "ms", "lengthen it, or shorten camera.exposure and camera.readout",
+            "duration", f"at least {at_least(need / 1e9)} ms, a frame of the camera",
+            f"{has / 1e9:.4g} ms", "lengthen it, or shorten camera.exposure and camera.readout",
         )  # fmt: skip
     return shutter

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Charge, Noise, Quantity, Section
 from display.section import Size
 
@@ -43,9 +44,14 @@ class FramesSection(Section):
 
     @model_validator(mode="after")
     def _fits_a_frame(self) -> FramesSection:
-        if max(self.exposure, self.readout) * self.frame_rate > 1 + 1e-9:
-            raise ValueError(
-                f"must be one whose exposure and readout are within a frame, "
-                f"{1e3 / self.frame_rate:g} ms"
-            )
+        frame = 1 / self.frame_rate
+        most = f"{1e3 * frame:.12g} ms"
+        for name in ("exposure", "readout"):
+            seconds = getattr(self, name)
+            if seconds > frame * (1 + 1e-9):
+                raise InputError(
+                    f"camera.{name}", f"at most a frame, {most}",
+                    f"{1e3 * seconds:.12g} ms",
+                    f"write --set camera.{name}='{most}', or lower camera.frame_rate",
+                )  # fmt: skip
         return self

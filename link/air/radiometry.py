@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 from cosim import Clock, InputError
+from cosim.config.amounts import at_most
 from cosim.light.lens import FASTEST_F_NUMBER
 from link.air.fog import airlight, extinction, forward_share
 from link.air.geometry import lengths
@@ -103,7 +104,7 @@ def f_number_for(
     if not number >= FASTEST_F_NUMBER:
         most = on_level * (number / FASTEST_F_NUMBER) ** 2
         raise InputError(
-            "link.aim.on_level", f"at most {most:.3g} with this panel and threshold",
+            "link.aim.on_level", f"at most {at_most(most, 3)} with this panel and threshold",
             f"{on_level:g}", "give it less, link.panel.luminance more, or a lower sensor.threshold",
         )  # fmt: skip
     return number

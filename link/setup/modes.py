@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim import InputError
 from cosim.compute.opencl import Device
+from cosim.config.amounts import at_most
 from cosim.run.progress import Progress, duration_text
 from link.mode import CELLS, LINE_CODES, RATES, Mode, codes_of, ticks_chosen
 from link.prediction.error_bound import LEAST_CELL
@@ -63,7 +64,8 @@ def check_reach(setting: LinkSetting) -> None:
     focal = setting.optics.focal_length
     most = focal + (here - focal) * largest / _RESOLVED
     raise InputError(
-        "link.distance", f"at most {most:.3g} m, where the largest cells, {CELLS[-1]} panel pixels "
+        "link.distance",
+        f"at most {at_most(most, 3)} m, where the largest cells, {CELLS[-1]} panel pixels "
         f"wide, have {_RESOLVED:g} camera pixels", f"{here:g} m",
         "step nearer, or give a longer link.aim.focal_length or a larger link.panel.pitch",
     )  # fmt: skip

@@ -7,6 +7,7 @@ from typing import Any
 
 from cosim import InputError, seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
+from cosim.config.amounts import at_least
 from cosim.run.progress import Progress
 from link.layout import TRAINING, Layout
 from link.mode import EVERY_RATE, Mode
@@ -176,7 +177,7 @@ def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int
     if symbols < least:
         need = (least * mode.ticks + 1) / panel.hz + (LEAD + TAIL + 1) / clock.hz
         raise InputError(
-            "duration", f"at least {need:.3g} s, the training and a group of symbols",
+            "duration", f"at least {at_least(need, 3)} s, the training and a group of symbols",
             f"{scenario.duration:g} s", "lengthen it, or leave it out",
         )  # fmt: skip
     return symbols

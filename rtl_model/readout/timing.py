@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from cosim import Clock, InputError
 from cosim.clock import PS
+from cosim.config.amounts import at_most
 from cosim.files.raw_layout import BLOCK_BYTES, FRAME_BYTES
 from rtl_model.readout.window import Window
 
@@ -48,8 +49,8 @@ class ScanTiming:
         if self.scan_ps > least:
             raise InputError(
                 "the clock of a readout",
-                f"at most {PS / self.scan_ps:.6g} Hz, at which {self.blocks // 2} rows are read in "
-                "a cycle",
+                f"at most {at_most(PS / self.scan_ps)} Hz, at which {self.blocks // 2} rows are "
+                "read in a cycle",
                 f"{clock.hz:g} Hz", "lower it or read fewer rows",
             )  # fmt: skip
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from cosim import InputError, Light
+from cosim.config.amounts import at_least, at_most
 from cosim.light.lens import FASTEST_F_NUMBER, Lens
 from cosim.light.mosaic import Mosaic
 from scenarios.assemble.schema.scenario import Scenario
@@ -63,7 +64,7 @@ def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
         widest = setting.rate(lux * lens(FASTEST_F_NUMBER).gain)
         number = FASTEST_F_NUMBER * math.sqrt(widest / white_rate)
         if not FASTEST_F_NUMBER <= number <= SLOWEST_F_NUMBER:
-            raise _out_of_range(number, lux, white_rate)
+            raise _out_of_range(number, scenario.scene.illuminance, white_rate)
         chosen = lens(number)
         notes.append(f"f/{number:.3g} chosen so that white fires at {white_rate:.3g} a cycle")
     if white_rate > 1:
@@ -87,13 +88,15 @@ def choose_mosaic(scenario: Scenario) -> Mosaic | None:
 
 
 def _out_of_range(number: float, lux: float, white_rate: float) -> InputError:
-    """The error for `number`, the f-number at which white fires at `white_rate` under `lux`."""
+    """The error for `number`, the f-number at which white fires at `white_rate` in a scene of
+    `lux`."""
     dark = number < FASTEST_F_NUMBER
     end = FASTEST_F_NUMBER if dark else SLOWEST_F_NUMBER
     need = lux * (end / number) ** 2 if number else math.inf
+    limit = f"at least {at_least(need, 3)}" if dark else f"at most {at_most(need, 3)}"
     return InputError(
         "scene.illuminance",
-        f"at {'least' if dark else 'most'} {need:.3g} lux for white to fire at "
+        f"{limit} lux for white to fire at "
         f"{white_rate:g} a cycle through a lens from f/{FASTEST_F_NUMBER:g} to "
         f"f/{SLOWEST_F_NUMBER:g}",
         f"{lux:g} lux",

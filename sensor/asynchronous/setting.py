@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cosim import PS, Clock, InputError, seconds_to_ps
+from cosim.config.amounts import at_least
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.channel import ChannelModel
 from sensor.latched.setting import CameraSetting
@@ -36,7 +37,7 @@ def event_model(sensor: SensorSection, setting: CameraSetting) -> EventModel:
     longest = 0 if section.longest_width is None else seconds_to_ps(section.longest_width)
     if longest and longest < shortest:
         raise InputError(
-            f"{key}.longest_width", f"at least the shortest, {section.shortest_width:g} s",
+            f"{key}.longest_width", f"at least the shortest, {at_least(section.shortest_width)} s",
             f"{section.longest_width:g} s", "lengthen it",
         )  # fmt: skip
     if section.levels > 1 and not longest:

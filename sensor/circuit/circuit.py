@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
+from cosim.config.amounts import at_least
 from sensor.device.ktc import ELEMENTARY_CHARGE
 
 __all__ = ["Circuit"]
@@ -55,9 +56,10 @@ class Circuit:
         if self.resistance > 0 and self.reset_time == 0:
             raise ValueError("reset_time must be above 0 where there is a resistance, not 0")
         if self.trip > 0 and self.leak < 4 * self.pole:
+            least = at_least(4 * self.pole)
             raise ValueError(
-                f"leak must be at least 4 time constants of the comparator, {4 * self.pole:g} s, "
-                f"not {self.leak:g} s"
+                f"leak must be at least 4 time constants of the comparator, {least} s, not "
+                f"{self.leak:g} s"
             )
 
     @property

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any, Final
 
+from cosim.config.amounts import at_most
 from cosim.errors import InputError
 from sensor.device.chips import CHIPS, MOST_PIXELS, Chip
 
@@ -69,7 +70,7 @@ def _check_rows(section: Any, chip: Chip) -> None:
     if skew > 1 + _ROUNDING:
         raise InputError(
             "sensor.clock",
-            f"at most {_fitting(frame)} for {chip.height} rows of "
+            f"at most {at_most(1 / frame)} Hz for {chip.height} rows of "
             f"{section.row_time * 1e9:g} ns to fit in a cycle",
             f"{section.clock:g} Hz", "lower it, or sensor.row_time",
         )  # fmt: skip
@@ -78,10 +79,3 @@ def _check_rows(section: Any, chip: Chip) -> None:
             "sensor.row_skew", f"absent with sensor.row_time, which states {skew:g}",
             f"{section.row_skew:g}", "leave one of the two out",
         )  # fmt: skip
-
-
-def _fitting(seconds: float) -> str:
-    """The highest clock whose cycle is not shorter than this, rounded down to six digits."""
-    hertz = 1 / seconds
-    digit = 10.0 ** (math.floor(math.log10(hertz)) - 5)
-    return f"{math.floor(hertz / digit) * digit:g} Hz"

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Clock, InputError
+from cosim.config.amounts import at_most
 from cosim.frames import Frame
 from rtl_model.imagers.device.trace import Signal, write_trace
 from sensor.imagers import Exposed, PixelModel, Scenery
@@ -70,7 +71,8 @@ class FixedTiming:
         frame = least if frame_rate is None else round(hertz / frame_rate)
         if frame < least:
             raise InputError(
-                "imager.frame_rate", f"at most {hertz / least:.6g} Hz for this exposure and clock",
+                "imager.frame_rate",
+                f"at most {at_most(hertz / least)} Hz for this exposure and clock",
                 f"{frame_rate:g} Hz", "lower it, or leave it out",
             )  # fmt: skip
         return cls(clock, *shape, line, exposed, frame, rolling)

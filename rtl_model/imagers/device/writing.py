@@ -6,22 +6,31 @@ of a register and ignores a write to a read-only register.
 
 from __future__ import annotations
 
+from typing import Final
+
 from cosim import InputError
+from cosim.errors import quote, shorten
 from rtl_model.imagers.device.register_file import RegisterFile
 from rtl_model.registers.table import Register
 
 __all__ = ["register_of", "write_instant"]
 
+_NAMES: Final = 120
+"""Characters of a list of registers in a message."""
+
 
 def register_of(registers: RegisterFile, register: str) -> Register:
     """The entry of a register by its name. The group of the imager may be omitted ("exposure" for
     "emccd_exposure"). Raises InputError for an unknown register."""
-    names = [entry.name for entry in registers.design.specific]
-    group = names[0].split("_", 1)[0]
+    group = registers.design.specific[0].name.split("_", 1)[0]
     for name in (register, f"{group}_{register}"):
         if name in registers.table:
             return registers.table[name]
-    raise InputError("register", f"one of {', '.join(names)}", register, "look at the table")
+    written = [e.name.split("_", 1)[1] for e in registers.design.specific if e.mode != "ro"]
+    raise InputError(
+        "register", shorten(f"one of {', '.join(written)}", _NAMES), quote(register),
+        "choose one (docs/imager-registers.md has all)",
+    )  # fmt: skip
 
 
 def write_instant(entry: Register, register: str, value: int, at: int | None, now: int) -> int:

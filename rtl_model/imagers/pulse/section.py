@@ -46,7 +46,7 @@ class PulseSection(ImagerSection):
     def _check(self) -> PulseSection:
         if self.shortest > self.exposure:
             raise InputError(
-                "imager.shortest", f"at most the exposure, {amount(self.exposure, 's')}",
+                "imager.shortest", f"at most the exposure, {amount(self.exposure, 's', 12)}",
                 amount(self.shortest, "s"), "lower it, or lengthen imager.exposure",
             )  # fmt: skip
         return self

@@ -124,10 +124,15 @@ class CameraSetup:
         section = self.scenario.display
         if section is None:
             return None
-        if section.colour is not None and (self.mosaic is None or section.fit != "exact"):
+        if section.colour is not None and self.mosaic is None:
             raise InputError(
-                "display.colour", "given with sensor.colour and display.fit = exact alone",
-                section.colour, "write --set sensor.colour.filter=rggb, or leave it out",
+                "display.colour", "given with sensor.colour alone", section.colour,
+                "write --set sensor.colour.filter=rggb, or leave it out",
+            )  # fmt: skip
+        if section.colour is not None and section.fit != "exact":
+            raise InputError(
+                "display.fit", "exact with display.colour", section.fit,
+                "write --set display.fit=exact, or leave display.colour out",
             )  # fmt: skip
         clock, skew = self.setting.clock, self.setting.row_skew
         panel = section.panel(self.shape, clock, skew, self.white_rate)

@@ -84,10 +84,12 @@ def _check_chip(sensor: SensorSection, steered: bool) -> None:
     """Raises InputError for a chip without such a readout. steered: whether a link may steer it."""
     chip = sensor.own_chip
     if (chip.width, chip.height) != RAW_SIZE:
+        own = [f"sensor.{side}" for side in ("width", "height") if getattr(sensor, side)]
+        without = f" without {' and '.join(own)}" if own else ""
         raise InputError(
             "readout", f"given with a chip of {RAW_SIZE[0]} x {RAW_SIZE[1]} pixels, whose markers "
             "are known", f"with {chip.width} x {chip.height}",
-            "set sensor.chip=spiketwo, or leave it out",
+            f"set sensor.chip=spiketwo{without}, or leave it out",
         )  # fmt: skip
     if any(write.window is not None for write in sensor.writes or ()):
         raise InputError(

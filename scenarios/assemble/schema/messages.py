@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -103,7 +104,10 @@ def _example(name: str) -> Any:
 def _remedy(name: str) -> str:
     """An instruction that shows a valid value of a key."""
     example = _example(name)
-    return "see `viform list --keys`" if example is None else f"write --set {name}={example!r}"
+    if example is None:
+        return "see `viform list --keys`"
+    text = f"'{json.dumps(example)}'" if isinstance(example, list) else repr(example)
+    return f"write --set {name}={text}"
 
 
 def _with_example(must: str, name: str) -> str:
@@ -157,6 +161,9 @@ _MUST = {
 }
 """The requirement of a key, by pydantic's type of error; its context fills the braces."""
 
+_OF_KEY: Final = re.compile(r"(?P<key>[a-z_]+) must be (?P<must>.+), not (?P<actual>.+)")
+"""What a section says of one of its keys, and of a value that is not repeated."""
+
 KEYS: Final = 200
 """Maximum length of a list of keys in a message, characters."""
 
@@ -189,6 +196,11 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
         remedy = _remedy(name) if best is None else f"write --set {name}={best!r}"
         return InputError(name, "given", "absent", remedy)
     text = error["msg"].removeprefix("Value error, ").strip()
+    of_key = _OF_KEY.fullmatch(text) if isinstance(error["input"], dict) else None
+    if of_key is not None:  # a section whose keys do not fit each other
+        name, limit = f"{place.name}.{of_key['key']}", of_key["must"].startswith("at ")
+        remedy = f"write that, or change other keys of {place.name}" if limit else _remedy(name)
+        return InputError(name, of_key["must"], of_key["actual"], remedy)
     if text.startswith("must be "):
         must = _with_example(text.removeprefix("must be "), place.name)
         return InputError(place.name, must, value, _remedy(place.name))

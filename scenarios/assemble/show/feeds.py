@@ -22,6 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from cosim import Clock, Events, InputError
+from cosim.config.amounts import at_least
 from cosim.files import ZarrStream
 from cosim.run.chain import STREAM
 from cosim.run.machine import Outcome, Recording
@@ -143,7 +144,8 @@ class EventFeed(_Plain):
         )  # fmt: skip
         if rate > 1:
             raise InputError(
-                "sensor.clock", f"at least {rate * clock.hz:.4g} Hz with a [display]: white must "
+                "sensor.clock",
+                f"at least {at_least(rate * clock.hz, 4)} Hz with a [display]: white must "
                 "fire at most once a cycle", f"{clock.hz:g} Hz",
                 "raise it or sensor.threshold, or close the lens (sensor.lens.f_number)",
             )  # fmt: skip

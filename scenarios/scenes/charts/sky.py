@@ -74,8 +74,9 @@ class Sky:
                 taken |= mask
         if len(self.targets) <= len(levels):
             raise InputError(
-                "the sensor", f"large enough for {len(levels)} stars", f"{width} x {height}",
-                "enlarge sensor.asynchronous.width and height, or raise scene.dimmest",
+                "the array of pixels", f"large enough for {len(levels)} stars",
+                f"{width} x {height}",
+                "enlarge its width and height, or raise scene.dimmest",
             )  # fmt: skip
         self._plane = np.full(shape, background / sun, np.float32)
         for target in self.targets:

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Box, Plane
+from cosim.config.amounts import at_most
 from scenarios.scenes.drawing.canvas import NOTHING, View, check_instant, check_number, check_shape
 from scenarios.scenes.drawing.shading import noise
 from scenarios.scenes.flow.gasdynamics import (
@@ -110,15 +111,17 @@ class Shockwave:
             most = math.degrees(detachment(self.mach)[0])
             if not 2.0 <= math.degrees(self.angle) <= most:
                 raise ValueError(
-                    f"angle must be 2 to {most:.2f} deg, where the shock at Mach {self.mach:g} is "
-                    f"attached and the flow behind it supersonic, not {math.degrees(self.angle):g}"
+                    f"angle must be 2 to {at_most(most, 4)} deg, where the shock at Mach "
+                    f"{self.mach:g} is attached and the flow behind it supersonic, not "
+                    f"{math.degrees(self.angle):g}"
                 )
         else:
             check_number("radius", self.radius, 0.02 * self.field, 0.25 * self.field, "m")
         stall = stalling(self.stream, ROOM)
         if self.chamber is not None and not LEAST * stall <= self.chamber <= MOST * stall:
+            least, highest = math.ceil(LEAST * stall), math.floor(MOST * stall)
             raise ValueError(
-                f"chamber must be {LEAST * stall:.0f} to {MOST * stall:.0f} Pa at Mach "
+                f"chamber must be {least} to {highest} Pa at Mach "
                 f"{self.mach:g}, where the tunnel starts with two shocks, not {self.chamber:g}"
             )
 

@@ -76,6 +76,13 @@ class _Overshoot(PixelEffect):
                 f"again within a cycle, {period:g} s", "one that does not", "raise leak or "
                 "bandwidth, or lower trip or reset_time",
             )  # fmt: skip
+        if not abs(lumped.shift) < threshold / 2:
+            raise InputError(
+                "sensor.circuit",
+                f"one whose comparator overshoots by less than half the threshold, "
+                f"{threshold / 2:g} e", f"one that does by {lumped.shift:g} e",
+                "lower trip, or raise gain",
+            )  # fmt: skip
         return {
             "circuit": circuit, "dead_time": lumped.dead_time, "overshoot": lumped.shift,
             "leak": lumped.dark_current, "lumped_error": lumped.bound,

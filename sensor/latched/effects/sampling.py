@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from cosim.clock import PS, Clock
+from cosim.config.amounts import at_most
 from cosim.config.quantity import Share, Time
 from cosim.errors import InputError
 from cosim.plan.effects import Bound, Summary
@@ -26,7 +27,7 @@ def check_within_cycle(key: str, seconds: float, clock: Clock) -> None:
     """Raises InputError for a time longer than a cycle. key: key of [sensor], for the message."""
     if seconds > float(clock.period):
         raise InputError(
-            f"sensor.{key}", f"at most a cycle, {float(clock.period):g} s", f"{seconds:g} s",
+            f"sensor.{key}", f"at most a cycle, {at_most(float(clock.period))} s", f"{seconds:g} s",
             "shorten it",
         )  # fmt: skip
 

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from cosim.compute.streams import Stream
+from cosim.config.amounts import at_most
 from cosim.config.quantity import Capacitance, Noise
 from cosim.errors import InputError
 from cosim.plan.effects import Bound, Summary
@@ -62,10 +63,19 @@ class _ThresholdNoise(PixelEffect):
         if section.capacitance is not None:
             ktc = ktc_electrons(section.capacitance * 1e-15, operation.celsius + _ZERO_CELSIUS)
         noise = math.hypot(section.threshold_noise, ktc)
-        if noise > threshold:
+        if ktc >= threshold:
+            largest = at_most(section.capacitance * (threshold / ktc) ** 2, 3)
             raise InputError(
-                "sensor.threshold_noise", f"at most the threshold, {threshold:g} e",
-                f"{noise:g} e" + (" with kTC" if ktc else ""), "lower it",
+                "sensor.capacitance",
+                f"at most {largest} fF, so that its kTC noise is within the threshold, "
+                f"{threshold:g} e", f"{section.capacitance:g} fF", "lower it",
+            )  # fmt: skip
+        if noise > threshold:
+            less = f" less the kTC noise of {ktc:g} e" if ktc else ""
+            most = at_most(math.sqrt(threshold**2 - ktc**2))
+            raise InputError(
+                "sensor.threshold_noise", f"at most the threshold{less}, {most} e",
+                f"{section.threshold_noise:g} e", "lower it",
             )  # fmt: skip
         return {"threshold_noise": noise}
 

@@ -12,7 +12,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import cosim.compute.opencl
 from cosim import InputError
 from cosim.compute.cache_folder import cache_folder, prepare_caches
 from cosim.compute.opencl import INSTALL, Device, open_device, probe
@@ -32,7 +31,7 @@ def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         monkeypatch.setenv(name, "")  # so that monkeypatch restores it, whatever happens meanwhile
         monkeypatch.delenv(name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(cosim.compute.opencl, "_SAID", set())
+    monkeypatch.setattr("cosim.compute.cache_folder._SAID", set())
     return tmp_path
 
 

@@ -4,7 +4,17 @@ import math
 
 import pytest
 
-from cosim.config.amounts import THIN, amount, count, decibel, elapsed, number, percent
+from cosim.config.amounts import (
+    THIN,
+    amount,
+    at_least,
+    at_most,
+    count,
+    decibel,
+    elapsed,
+    number,
+    percent,
+)
 
 
 @pytest.mark.parametrize(
@@ -142,3 +152,15 @@ def test_a_ratio_that_is_rounding_alone_is_not_printed_as_one():
 )
 def test_times_that_people_wait(seconds, expected):
     assert elapsed(seconds) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "least", "most"),
+    [
+        (2331.5, "2340", "2330"), (93.0512, "93.1", "93"), (1 / 3e7, "3.34e-08", "3.33e-08"),
+        (0.1 + 0.2, "0.3", "0.3"), (373456, "374000", "373000"), (0.0, "0", "0"),
+        (math.inf, "inf", "inf"),
+    ],
+)  # fmt: skip
+def test_a_limit_is_rounded_to_the_side_that_is_accepted(value, least, most):
+    assert (at_least(value, 3), at_most(value, 3)) == (least, most)

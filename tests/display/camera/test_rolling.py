@@ -143,6 +143,11 @@ def test_a_dark_panel_has_no_contrast():
             "duration must be at least 10 ms, a frame of the camera, not 8 ms; lengthen it, or "
             "shorten camera.exposure and camera.readout",
         ),
+        (
+            {"exposure": "9.01 ms"},  # and a run has whole planes
+            "duration must be at least 10.025 ms, a frame of the camera, not 8 ms; lengthen it, "
+            "or shorten camera.exposure and camera.readout",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(keys, says):
@@ -153,5 +158,11 @@ def test_what_does_not_fit_is_refused(keys, says):
 
 
 def test_an_exposure_beyond_a_frame_is_refused():
-    with pytest.raises(ValueError, match="within a frame, 10 ms"):
-        frames(frame_rate="100 Hz", exposure="11 ms")
+    with pytest.raises(InputError) as caught:
+        frames(frame_rate="60 Hz", exposure="17 ms")
+    said = str(caught.value)
+    assert said == (
+        "camera.exposure must be at most a frame, 16.6666666667 ms, not 17 ms; write "
+        "--set camera.exposure='16.6666666667 ms', or lower camera.frame_rate"
+    )
+    frames(frame_rate="60 Hz", exposure="16.6666666667 ms")  # what the line proposes

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim import Clock
+from cosim import Clock, InputError
 from cosim.config.amounts import number
 from cosim.files.event_file import read_events
 from cosim.light.steps import light_steps
@@ -152,6 +152,15 @@ def test_targets_do_not_touch_and_hold_their_light(shape):
     assert plane[count == 0] == pytest.approx(1e-7, rel=1e-6)
     assert [p.lux for p in sky.targets] == [1e5, *star_levels(1e5, 1e-6)]
     assert len(sky.points()) == 27
+
+
+def test_a_sky_on_few_pixels_is_refused_for_any_kind_of_pixels():
+    with pytest.raises(InputError) as caught:
+        Sky((8, 16), 700.0, 1e-6, 0.0)
+    assert str(caught.value) == (
+        "the array of pixels must be large enough for 23 stars, not 16 x 8; enlarge its width and "
+        "height, or raise scene.dimmest"
+    )
 
 
 # The folder.

@@ -75,11 +75,11 @@ def test_a_given_f_number_is_kept_and_what_saturates_is_said(film, tmp_path):
     ("assignments", "expected"),
     [
         (["scene.illuminance=1 lux"],
-         "scene.illuminance must be at least 93.1 lux for white to fire at 0.6 a cycle through a "
+         "scene.illuminance must be at least 93.2 lux for white to fire at 0.6 a cycle through a "
          "lens from f/0.5 to f/1000, not 1 lux; raise it, lower sensor.threshold, or give "
          "sensor.lens.f_number"),
         (["scene.illuminance=1e9 lux", "sensor.threshold=1 e"],
-         "scene.illuminance must be at most 3.73e+05 lux for white to fire at 0.6 a cycle through "
+         "scene.illuminance must be at most 372000 lux for white to fire at 0.6 a cycle through "
          "a lens from f/0.5 to f/1000, not 1e+09 lux; lower it, raise sensor.threshold, or give "
          "sensor.lens.f_number"),
     ],

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 from pydantic import ValidationError
 
+from cosim import InputError
 from cosim.config.units import KINDS, parse_quantity
+from scenarios.assemble.schema.messages import validate
 from sensor.circuit.section import CircuitSection
 
 
@@ -49,3 +52,28 @@ def test_volts_and_ohms_are_kinds_of_their_own() -> None:
     assert parse_quantity("2 kohm", KINDS["resistance"]) == pytest.approx(2000)
     with pytest.raises(ValueError, match="must be a resistance"):
         parse_quantity("2 V", KINDS["resistance"])
+
+
+def test_a_refusal_of_keys_together_names_the_key() -> None:
+    data = {
+        "title": "t", "duration": "1 ms", "scene": {"kind": "step", "illuminance": "700 lux"},
+        "sensor": {"threshold": "1000 e", "circuit": {
+            "capacitance": "5 fF", "resistance": "10 kohm"}},
+    }  # fmt: skip
+    with pytest.raises(InputError) as caught:
+        validate(data)
+    assert str(caught.value) == (
+        "sensor.circuit.reset_time must be above 0 where there is a resistance, not 0; write "
+        "--set sensor.circuit.reset_time='100 ns'"
+    )
+
+
+def test_the_least_leak_that_is_named_is_accepted() -> None:
+    keys = {"capacitance": "5 fF", "gain": 12345, "bandwidth": "4.321 kHz", "trip": "1 V"}
+    with pytest.raises(ValidationError) as caught:
+        CircuitSection(**keys, leak="1 s")  # type: ignore[arg-type]
+    least = re.search(
+        r"at least 4 time constants of the comparator, (\S+ s), not 1 s", str(caught.value)
+    )
+    assert least is not None
+    CircuitSection(**keys, leak=least[1])  # type: ignore[arg-type]

@@ -373,6 +373,13 @@ def test_a_clock_that_cannot_be_steered_is_refused(name, sets, said):
     assert load("light-link", ["sensor.clock_steering=false"])[1].sensor.clock_steering is False
 
 
+def test_an_example_of_a_list_is_written_as_the_command_line_reads_it() -> None:
+    with pytest.raises(InputError) as caught:
+        load("glass-over-light", ["link.aim.blocked=1"])
+    assert str(caught.value).endswith("""; write --set link.aim.blocked='[["2 ms", "4 ms"]]'""")
+    load("glass-over-light", ['link.aim.blocked=[["2 ms", "4 ms"]]'])
+
+
 def test_the_preset_has_no_share_of_a_current_that_is_taken_out_of_it():
     none = ["sensor.pattern.dark_current=0 e/s", "sensor.pattern.warm_current=0 A"]
     _, loaded = load("film", ["sensor.preset=silicon", *none])

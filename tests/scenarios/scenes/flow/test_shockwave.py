@@ -395,7 +395,7 @@ def test_the_scenario_makes_a_source_that_says_how_it_is_drawn():
 @pytest.mark.parametrize(
     ("assignments", "says"),
     [
-        (("scene.angle=44 deg",), "scene.angle must be 2 to 42.44 deg, where the shock at Mach 6 "
+        (("scene.angle=44 deg",), "scene.angle must be 2 to 42.43 deg, where the shock at Mach 6 "
          "is attached and the flow behind it supersonic, not 44; write a value of these"),
         (("scene.mach=4.5", "scene.angle=41 deg"), "scene.angle must be 2 to 40.11 deg"),
         (("scene.chamber=50 kPa",), "scene.chamber must be 5996 to 12657 Pa at Mach 6, where the "
