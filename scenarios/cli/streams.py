@@ -114,7 +114,7 @@ def protect() -> None:
 
 
 def _encoding(stream: Any) -> str:
-    return "utf-8" if stream is None else stream.encoding
+    return getattr(stream, "encoding", None) or "utf-8"  # a text in memory has none
 
 
 def json_for(stream: Any, text: str) -> str:

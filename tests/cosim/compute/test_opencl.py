@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import cosim
 from cosim import InputError
 from cosim.compute.cache_folder import cache_folder, prepare_caches
 from cosim.compute.opencl import INSTALL, Device, open_device, probe
@@ -340,7 +341,7 @@ def test_the_cache_stays_where_it_is_once_found(
 def test_numba_keeps_what_it_compiled_beside_the_code_only_where_that_can_be_written(
     homeless: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code = Path(cosim.compute.opencl.__file__).parent
+    code = Path(cosim.__file__).parent / "compute"
     for writable in (True, False):
         monkeypatch.setattr(os, "access", lambda path, _, yes=writable: path != code or yes)
         prepare_caches()
