@@ -17,5 +17,6 @@ def python_child(code: str, *words: str) -> list[str]:
     default Python would look first in the working folder, where a file of the user may have the
     name of any module.
     """
-    found = f"import sys; sys.path[:] = {[_HERE, *sys.path]!r}\n"
+    places = [_HERE, *(place for place in sys.path if isinstance(place, str))]  # as imports do
+    found = f"import sys; sys.path[:] = {places!r}\n"
     return [sys.executable, "-c", found + code, *words]

@@ -20,7 +20,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import sys
 import threading
 import time
 import zlib
@@ -30,6 +29,8 @@ from functools import cache
 from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, Final
+
+from cosim.errors import say
 
 __all__ = ["PoclFiles", "drop_damaged", "keep_sums", "pocl_files"]
 
@@ -129,10 +130,9 @@ class PoclFiles:
         if _damaged(place, record):
             count = drop_damaged(self._folder)  # all at once, to say it in one line
             if count:
-                print(
-                    f"viform: files of the cache {self._folder} were damaged ({count}); they are "
-                    "dropped and compiled again",
-                    file=sys.stderr,
+                say(
+                    f"files of the cache {self._folder} were damaged ({count}); they are dropped "
+                    "and compiled again"
                 )
             record = _read(self._sums / key)
             if record is None:

@@ -86,7 +86,7 @@ class _Ending:
 
     def listen(self, pipe: int) -> None:
         """Ends the process some time after a signal whose number comes through the pipe."""
-        asked, due, noted = 0, float("inf"), False
+        asked, due, noted, saving = 0, float("inf"), False, False
         while True:
             wait = None if not asked else max(due - time.monotonic(), 0.0)
             if select.select([pipe], [], [], wait)[0]:
@@ -97,7 +97,9 @@ class _Ending:
             elif self.finishing and asked == 1:
                 if not noted:
                     noted = self.say("saving what is done; a second signal ends without it")
-                due = time.monotonic() + _AGAIN_S
+                saving, due = True, time.monotonic() + _AGAIN_S
+            elif saving and asked == 1:  # saved: now comes the ordinary end
+                saving, due = False, time.monotonic() + GRACE_S
             else:
                 self.cut()
 

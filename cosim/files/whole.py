@@ -10,9 +10,11 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Final
 
+from cosim.compute.stopping import heed
 from cosim.errors import InputError
 from cosim.files.durable import put, sync, sync_tree
 
@@ -20,6 +22,10 @@ __all__ = ["NO_ROOM", "how_to_make_room", "identity", "refusal", "remove_parts",
 
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, and of a file that is larger than the user or the disk allows."""
+
+_NUMBERS: Final = count()
+"""Numbers of temporary files: two threads of this process may write the same file, one of them for
+work that was given up."""
 
 
 def how_to_make_room(exc: OSError) -> str:
@@ -50,11 +56,12 @@ def whole(path: Path) -> Iterator[Path]:
         OSError: the disk is full.
     """
     _remove_abandoned(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.with_name(f".{path.name}.{next(_NUMBERS)}.{os.getpid()}.part")
     try:
         _check(path)
         try:
             yield part
+            heed()  # nobody wants a file of work that was given up
             (sync_tree if part.is_dir() else sync)(part)
             if path.is_dir() and part.is_dir():
                 shutil.rmtree(path)

@@ -48,8 +48,8 @@ def not_a_store(
 
 
 def form_of(path: Path) -> Path:
-    """The file of a store that states the form of its words. It is written once, before them:
-    another one means another store."""
+    """The file of a store that states the form of its words. It is written before them, and
+    again only if the number of cycles changes: what was read before is not of the same stream."""
     return path / "words" / "zarr.json"
 
 

@@ -26,7 +26,8 @@ from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from cosim.compute.cache_folder import prepare_caches
+from cosim.compute.cache_folder import cache_folder, prepare_caches
+from cosim.compute.child import python_child
 from cosim.errors import InputError, ViformError
 
 __all__ = ["RETRIES", "Processes"]
@@ -34,11 +35,10 @@ __all__ = ["RETRIES", "Processes"]
 RETRIES: Final = 3
 """Times that a task is run again after a worker was lost."""
 _START: Final = (
-    "import sys; pair, folder, sys.path[:] = int(sys.argv[1]), sys.argv[2], sys.argv[3:]; "
-    "import viform; from cosim.run.processes import _serve; _serve(pair, folder)"
+    "import viform; from cosim.run.processes import _serve; _serve(int(sys.argv[1]), sys.argv[2])"
 )
-"""Program of a worker. Its arguments: its end of the pair, the folder of temporary files, and
-sys.path of this process. It imports viform first, as a user's program does."""
+"""Program of a worker. Its arguments: its end of the pair, and the folder of temporary files. It
+imports viform first, as a user's program does."""
 _ONE_THREAD: Final = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 """Environment of a worker, unless the user has set it: the workers share the cores."""
 
@@ -58,7 +58,7 @@ class _Worker:
         key: key of its task, None without one.
     """
 
-    def __init__(self, folder: str) -> None:
+    def __init__(self, folder: str, cache: str) -> None:
         self.key: int | None = None
         self._ready = False
         ours, theirs = socket.socketpair()
@@ -66,9 +66,10 @@ class _Worker:
             self.pair = Connection(ours.detach())
             # A process group of its own: Ctrl-C on a terminal is for this process alone.
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _START, str(theirs.fileno()), folder, *sys.path],
+                python_child(_START, str(theirs.fileno()), folder),
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, process_group=0,
-                pass_fds=[theirs.fileno()], env=_ONE_THREAD | os.environ | {"TMPDIR": folder},
+                pass_fds=[theirs.fileno()],
+                env=_ONE_THREAD | os.environ | {"TMPDIR": folder, "VIFORM_CACHE": cache},
             )  # fmt: skip
 
     def begin(self, key: int, task: tuple[Any, ...]) -> None:
@@ -82,7 +83,7 @@ class _Worker:
         started. Raises _Lost, or what the task has raised."""
         try:
             done, value = self.pair.recv()
-        except (EOFError, ConnectionError):
+        except (EOFError, OSError):  # OSError: within a message
             code = self._process.wait()
             if not self._ready and code >= 0:
                 raise InputError(
@@ -120,8 +121,8 @@ class Processes:
         self._workers: list[_Worker] = []
 
     def __enter__(self) -> Processes:
-        with suppress(OSError):  # the caches of compiled kernels are not temporary files
-            prepare_caches()
+        # The caches of compiled kernels are not temporary files, whose folder the workers replace.
+        self._cache = str(cache_folder())
         self._folder = TemporaryDirectory(prefix="viform-workers-", ignore_cleanup_errors=True)
         return self
 
@@ -169,7 +170,7 @@ class Processes:
 
     def _start(self) -> None:
         try:
-            self._workers.append(_Worker(self._folder.name))
+            self._workers.append(_Worker(self._folder.name, self._cache))
         except OSError as exc:
             raise InputError(
                 "--workers", "no more than the processes that this machine can start",
@@ -197,6 +198,8 @@ def _serve(handle: int, folder: str) -> None:
         handle: descriptor of the pair.
         folder: folder of temporary files.
     """
+    with suppress(OSError):
+        prepare_caches()  # before numba is imported
     pair, tasks = Connection(handle), SimpleQueue[bytes]()
 
     def read() -> None:

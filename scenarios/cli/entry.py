@@ -30,9 +30,9 @@ def main() -> None:
     # SIGTERM has the effect of Ctrl-C: the state is saved, and a line explains how to resume.
     # SIGINT's current handler is not used: a shell script ignores SIGINT for `viform ... &`.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    read_launcher()
     if sys.flags.optimize > 1 and os.environ.pop("PYTHONOPTIMIZE", ""):
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # the help is in docstrings
+    read_launcher()
     os.umask(os.umask(0o077) & 0o077)  # the user may enter the folders that the command makes
     protect()
     from cosim.compute.stopping import end_on_signals, said

@@ -17,6 +17,8 @@ __all__ = ["has_launcher", "install_and_restart", "read_launcher"]
 _VARIABLES = ("VIFORM_LAUNCHER", "VIFORM_ASKED")
 _launcher = dict.fromkeys(_VARIABLES, "")
 """Path of the launcher, "" without one, and the packages that were requested before."""
+_environment: dict[str, str] = {}
+"""The environment before this process changes it for its libraries."""
 
 
 def read_launcher() -> None:
@@ -24,6 +26,7 @@ def read_launcher() -> None:
     inherit them."""
     for name in _VARIABLES:
         _launcher[name] = os.environ.pop(name, "")
+    _environment.update(os.environ)
 
 
 def has_launcher() -> bool:
@@ -37,7 +40,7 @@ def install_and_restart(packages: Sequence[str]) -> None:
     path, requested = (_launcher[name] for name in _VARIABLES)
     if not path or set(packages) <= set(requested.split()):
         return
-    environment = {**os.environ, "VIFORM_ASKED": requested, "VIFORM_INSTALL": " ".join(packages)}
+    environment = {**_environment, "VIFORM_ASKED": requested, "VIFORM_INSTALL": " ".join(packages)}
     sys.stdout.flush()
     sys.stderr.flush()
     with suppress(OSError):  # the launcher was moved

@@ -99,9 +99,13 @@ def protect() -> None:
         try:
             os.fstat(number)
         except OSError:  # closed
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
+            # It takes the lowest free number; child processes have it as well.
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     if sys.stdout is sys.__stdout__:
-        at_once = sys.stdout is not None and sys.stdout.line_buffering
+        # With PYTHONUNBUFFERED, Python passes text on without lines.
+        at_once = any(
+            getattr(sys.stdout, name, False) for name in ("line_buffering", "write_through")
+        )
         output = io.BufferedWriter(_Output(1, "w", closefd=False))
         sys.stdout = Printed(
             output, encoding=_encoding(sys.stdout), errors=_ERRORS, line_buffering=at_once

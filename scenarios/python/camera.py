@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import islice
-from operator import index
+from numbers import Real
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final, Literal
@@ -21,6 +21,7 @@ from cosim.compute.stopping import threads
 from cosim.errors import quote
 from cosim.light.lens import Lens
 from cosim.light.source import Source
+from cosim.plan.paired import Span, windows
 from scenarios.assemble.called import in_memory
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
@@ -149,7 +150,8 @@ class Camera:
                     "white_rate", "absent for a camera with lens.f_number", f"{white_rate}",
                     "leave one of the two out",
                 )  # fmt: skip
-            if not 0 < white_rate <= 1:
+            given: Any = white_rate
+            if not (isinstance(given, Real) and 0 < float(given) <= 1):
                 raise InputError(
                     "white_rate", "above 0 and at most 1 spike a cycle", quote(white_rate),
                     "change it",
@@ -165,10 +167,9 @@ class Camera:
         if self._closed:
             raise InputError("the camera", "open", "closed", "make another Camera")
         if call is not None:
-            number = index(call)
-            if not 0 <= number < 2**64:
+            if not isinstance(call, (int, np.integer)) or not 0 <= call < 2**64:
                 raise InputError("call", "a whole number from 0", quote(call), "change it")
-            return number
+            return int(call)
         with self._lock:
             self._calls += 1
             return self._calls - 1
@@ -182,9 +183,10 @@ class Camera:
 
     def _film(
         self, frames: npt.NDArray[Any], rate: float, cycles: int, white_rate: float | None,
-        number: int, instants: Sequence[int] | None = None,
+        number: int, instants: Sequence[int] | None = None, spans: Sequence[Span] | None = None,
     ) -> tuple[Filmed, npt.NDArray[np.float32] | None]:  # fmt: skip
-        """The spikes of a call, and the truth at cycles, if any are given."""
+        """The spikes of a call, and the truth at cycles, if any are given. spans: see
+        `LatchedCamera.film`."""
         if cycles < 1:
             raise InputError(
                 "frames", f"at least a cycle of {1e6 / self.clock.hz:g} us long",
@@ -193,7 +195,9 @@ class Camera:
         lens, _, notes = self._lens(white_rate)
         clip = array_clip(frames, self.shape, self._mosaic, rate)
         relay = lens.relay(self._core.setting.chip.pitch)
-        seen = self._core.film(lambda: self._source(clip, rate, cycles), relay, cycles, number)
+        seen = self._core.film(
+            lambda: self._source(clip, rate, cycles), relay, cycles, number, spans
+        )
         seen = replace(seen, notes=(*notes, *seen.notes))
         if instants is None:
             return seen, None
@@ -237,8 +241,10 @@ class Camera:
     def film_scenario(self, frames: npt.NDArray[Any], rate: float) -> Filmed:
         """Films frames for as long as the scenario says, whose image window must fit."""
         cycles = self.clock.cycles_in(seconds_to_ps(self._scenario.duration))
-        choose_windows(self._scenario, cycles)
-        return self._film(frames, rate, cycles, None, 0)[0]
+        image = self._scenario.image
+        at = choose_windows(self._scenario, cycles)
+        spans = windows(at, image.window, cycles, preceding=image.preceding)
+        return self._film(frames, rate, cycles, None, 0, spans=spans)[0]
 
     @in_python
     def film_many(
@@ -251,24 +257,40 @@ class Camera:
             clips: frames of each, see `film`; a generator is asked a few clips ahead.
             frame_rate, white_rate: see `film`.
             instants: cycles of the truth; the middle one if None.
-            first: number of the first call; clip n has the draws of call first + n.
+            first: number of the first call; clip n has the draws of call first + n. Give another
+                one for another epoch.
 
         Yields:
             The spikes of a clip, and its true light at the instants: (n, H, W) float32, white = 1.
         """
         rate, begin = rate_of(frame_rate), self._number(first)
+        self._lens(white_rate)
+        if not isinstance(clips, Iterable):
+            raise InputError("clips", "frames of several clips", quote(clips), "give a list")
+        whole = instants is None or (
+            len(instants) > 0 and all(isinstance(n, (int, np.integer)) for n in instants)
+        )
+        if not whole:
+            raise InputError(
+                "instants", "numbers of cycles, one or more", quote(instants), "change them"
+            )
 
-        def film(number: int, clip: Any) -> Any:
-            frames = array_of(clip)
+        @in_python
+        def film(number: int, frames: npt.NDArray[Any]) -> Any:
             cycles = self._cycles(len(frames), rate)
-            at = (cycles // 2,) if instants is None else tuple(map(index, instants))
+            at = (cycles // 2,) if instants is None else tuple(map(int, instants))
             if any(not 0 <= n < cycles for n in at):
                 raise InputError(
                     "instants", f"cycles from 0 to {cycles - 1}", quote(list(at)), "change them"
                 )
             return self._film(frames, rate, cycles, white_rate, number, at)
 
-        return _in_order(film, clips, begin)
+        def own(clip: Any) -> npt.NDArray[Any]:
+            """The frames of a clip, which its giver may overwrite before a thread reads them."""
+            frames = array_of(clip)
+            return frames.copy() if frames is clip else frames
+
+        return _in_order(film, map(own, clips), begin)
 
     @in_python
     def open(
@@ -276,18 +298,20 @@ class Camera:
     ) -> LiveStream:
         """A live camera: `stream.push(frame)` gives the spikes of the cycles that are complete.
 
-        The plan holds for any light up to white; its bounds, over a second, are `stream.error`.
+        The plan holds for any light up to white; its bounds, over a second, are `stream.error`. All
+        pixels have one tier, so the bound may exceed the tolerance, as with the dead time of the
+        preset silicon.
 
         Args:
             frame_rate, white_rate, call: see `film`.
         """
         rate, number = rate_of(frame_rate), self._number(call)
-        lens, _, _ = self._lens(white_rate)
+        lens, _, notes = self._lens(white_rate)
         most = self._scenario.scene.illuminance * (self._mosaic.white if self._mosaic else 1.0)
         relay = lens.relay(self._core.setting.chip.pitch)
         live = self._core.open(most, Clock.from_hz(rate), relay, number)
-        fit = Fit(Path("frames"), self.shape, self._mosaic, True, [])
-        return LiveStream(live, fit, np.float32(most))
+        fit = Fit(Path("frames"), self.shape, self._mosaic, True, notes)
+        return LiveStream(live, fit, np.float32(most), notes, partial(self._number, 0))
 
 
 class LiveStream:
@@ -295,10 +319,14 @@ class LiveStream:
 
     Attributes:
         error: Bounds of the error of the simulation, over a second of any light up to white.
+        notes: What a user must know of the light so far.
     """
 
-    def __init__(self, live: LiveCamera, fit: Fit, white: np.float32) -> None:
-        self.error = live.error
+    def __init__(
+        self, live: LiveCamera, fit: Fit, white: np.float32, notes: list[str],
+        check_open: Callable[[], object],
+    ) -> None:  # fmt: skip
+        self.error, self.notes, self._check_open = live.error, notes, check_open
         self._live, self._fit, self._white = live, fit, white
         self._like: tuple[Any, ...] | None = None
 
@@ -310,8 +338,10 @@ class LiveStream:
             The spikes of the cycles that are complete with it; None after the first frame.
 
         Raises:
-            InputError: A frame of another shape or type than the first, or one that is none.
+            InputError: A frame of another shape or type than the first, or one that is none, or the
+                camera is closed.
         """
+        self._check_open()
         values = check_frame(frame)
         like = values.shape, values.dtype
         if self._like not in (None, like):

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from cosim.clock import Clock
+from cosim.compute.memory import check_memory
 from cosim.compute.opencl import Device
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
@@ -26,7 +27,7 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.light.survey import Survey
 from cosim.plan.effects import Kind
-from cosim.plan.paired import windows
+from cosim.plan.paired import Span, windows
 from cosim.spikes.viform import WORD, Viform, words_for
 from cosim.stage import Block
 from sensor.latched.camera import SpikeCamera
@@ -159,7 +160,7 @@ class LatchedCamera:
         """Survey of a source, which it may consume; `relay` is the lens."""
         return survey_scene(self.setting, source, relay, cycles, *self._lengths(cycles))
 
-    def plan(self, survey: SceneSurvey, spans: Sequence[tuple[int, int]] = ()) -> CameraPlan:
+    def plan(self, survey: SceneSurvey, spans: Sequence[Span] = ()) -> CameraPlan:
         """The plan for a survey; equal ones share it. spans: windows of images, which bounds of a
         run with register writes depend on."""
         scene, mixed = survey.scene, self._tier is None
@@ -178,6 +179,11 @@ class LatchedCamera:
                 self._plans = dict([*self._plans.items()][1 - _PLANS :]) | {key: known}
         return known
 
+    def _check_room(self, cycles: int) -> None:
+        """Raises InputError if memory is too short for the spikes of a call."""
+        need = 4 * words_for(cycles) * self.shape[0] * self.shape[1]
+        check_memory(f"the spikes of {cycles:,} cycles", need, "film fewer frames at once")
+
     def _exposed(self, plan: CameraPlan, seed: int) -> SpikeCamera:
         """The planned camera with the noise of a seed."""
         if seed != self.setting.seed:
@@ -187,8 +193,9 @@ class LatchedCamera:
         return plan.camera(self._device)
 
     def film(
-        self, source: Callable[[], Source], relay: Relay, cycles: int, number: int = 0
-    ) -> Filmed:
+        self, source: Callable[[], Source], relay: Relay, cycles: int, number: int = 0,
+        spans: Sequence[Span] | None = None,
+    ) -> Filmed:  # fmt: skip
         """Films a source.
 
         Args:
@@ -196,22 +203,26 @@ class LatchedCamera:
             relay: the lens.
             cycles: length, cycles of the latch clock.
             number: number of the call, below 2^64.
+            spans: windows of images; None for those of five instants, evenly spaced.
 
         Returns:
             The spikes of all cycles.
 
         Raises:
-            InputError: a register is written after the end.
+            InputError: a register is written after the end, or memory is short.
         """
+        self._check_room(cycles)
         late = [write.cycle for write in self.setting.writes if write.cycle >= cycles]
         if late:
             raise InputError(
                 "writes", f"at cycles below {cycles}, the end of the light", f"at {late[0]}",
                 "film longer or drop it",
             )  # fmt: skip
-        at = sorted({cycles * (2 * n + 1) // 10 for n in range(5)})
         survey = self.survey(source(), relay, cycles)
-        plan = self.plan(survey, tuple(windows(at, survey.scene.window, cycles)))
+        if spans is None:
+            at = sorted({cycles * (2 * n + 1) // 10 for n in range(5)})
+            spans = windows(at, survey.scene.window, cycles)
+        plan = self.plan(survey, tuple(spans))
         camera = self._exposed(plan, seed_of(self.setting.seed, number))
         light = source()
         scene = SceneStage(light, self.setting.reach)
@@ -226,7 +237,8 @@ class LatchedCamera:
         return Filmed(words, cycles, self.setting.clock, 0, Bounds.of(plan), notes)
 
     def open(self, most: float, frames: Clock, relay: Relay, number: int = 0) -> LiveCamera:
-        """A camera whose light comes frame by frame.
+        """A camera whose light comes frame by frame. All pixels have one tier: the bound of the
+        plan may exceed the tolerance.
 
         Args:
             most: brightest light of the scene, lux; the plan holds from darkness up to it.
@@ -248,13 +260,14 @@ class LatchedCamera:
         certain = np.ones(self.shape, bool)
         seen = Survey(ends.first, ends.last, certain, frames.hz / clock.hz)
         survey = summarise(self.setting, seen, cycles, *self._lengths(cycles))
-        tier: Tier = self._tier or ("exact" if self._device is None else "fast")
+        slow = self._device is None or self._tolerance == 0
+        tier: Tier = self._tier or ("exact" if slow else "fast")
         plan = plan_camera(
             survey, self.setting, self._tolerance, (), self._device, tier=tier, mixed=False
         )
         camera = self._exposed(plan, seed_of(self.setting.seed, number))
         return LiveCamera(self.setting, camera, Bounds.of(plan), most, frames, relay,
-                          self._duplicated)  # fmt: skip
+                          self._duplicated, self._check_room)  # fmt: skip
 
 
 class LiveCamera:
@@ -267,8 +280,9 @@ class LiveCamera:
     def __init__(
         self, setting: CameraSetting, camera: SpikeCamera, error: Bounds, most: float,
         frames: Clock, relay: Relay, readout: DuplicatedRows | None,
+        check_room: Callable[[int], None],
     ) -> None:  # fmt: skip
-        self.error = error
+        self.error, self._check_room = error, check_room
         self._setting, self._camera, self._readout = setting, camera, readout
         self._most, self._frames, self._relay = most, frames, relay
         self._count = self._cycle = 0
@@ -286,7 +300,7 @@ class LiveCamera:
             the number of the first. None if there is none.
 
         Raises:
-            InputError: light beyond the range that the plan holds for.
+            InputError: light beyond the range that the plan holds for, or memory is short.
         """
         top = float(plane.max(initial=0))
         if not (plane.min(initial=0) >= 0 and top <= self._most * (1 + 1e-6)):
@@ -305,6 +319,7 @@ class LiveCamera:
         if stop <= self._cycle:
             return None
         block = Block(self._cycle, stop - self._cycle)
+        self._check_room(block.cycles)
         part = self._camera.step(self._relay(Light(tuple(self._pieces))), block)
         if self._readout is not None:
             part = self._readout.step(part, block)

@@ -159,7 +159,8 @@ def command(*arguments: str) -> tuple[int, str, str, str]:
 def run_case(number: int, folder: Path) -> Case:
     """Runs a scenario; one that is refused again and again with its own corrections."""
     case, drawn = Case(number), draw(number)
-    before, began = None, time.process_time()
+    began = time.process_time()
+    met: set[tuple[str, str]] = set()
     if number % PLANNED == 0:
         forecast(number, folder, case)
     for attempt in range(CORRECTIONS + 1):
@@ -169,14 +170,16 @@ def run_case(number: int, folder: Path) -> Case:
             break
         line = refusal.group().strip()
         key = refusal["what"], refusal["must"]
-        if key == before:
+        if key in met:
             case.wrong.append(f"refused again after its correction: {line}")
             break
         case.said.append(line)
-        before = key
+        met.add(key)
         if attempt < CORRECTIONS and not _correct(drawn.data, refusal):
             case.unproposed.append(line)
             break
+    else:
+        case.wrong.append(f"refused {CORRECTIONS + 1} times: {case.said[-1]}")
     case.seconds = time.process_time() - began
     return case
 

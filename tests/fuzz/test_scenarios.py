@@ -16,6 +16,8 @@ from tests.fuzz.scenarios import draw
 QUICK = (1, 3, 4, 7, 8, 12, 13, 16, 17, 18, 20, 21, 22, 25, 37, 40, 45, 47, 48, 58)
 """Quick ones of many kinds: latched, asynchronous and continuous pixels, imagers, recordings,
 displays and cameras; half of them run."""
+UNPROPOSED = 4
+"""Those of them, at most, whose refusal proposes nothing that a program can apply."""
 WHOLE, CHUNK = 2000, 100
 
 
@@ -26,7 +28,10 @@ def _wrong(numbers: range | tuple[int, ...], folder: Path) -> list[str]:
 
 
 def test_random_scenarios(tmp_path: Path) -> None:
-    assert _wrong(QUICK, tmp_path) == []
+    cases = run_all(QUICK, tmp_path)
+    assert [f"scenario {case.number}: {why}" for case in cases for why in case.wrong] == []
+    assert sum(case.code in (0, 1) for case in cases) >= len(QUICK) // 2
+    assert sum(bool(case.unproposed) for case in cases) <= UNPROPOSED
 
 
 @pytest.mark.slow

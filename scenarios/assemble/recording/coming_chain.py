@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shlex
 import time
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from typing import Final
 
 from cosim import InputError, Interrupted
+from cosim.compute.stopping import finishing
 from cosim.config.amounts import count, number
 from cosim.files import Recorder
 from cosim.run.chain import STREAM, BlockChain
@@ -83,7 +84,9 @@ class ComingChain(BlockChain):
         self.planes.start()
         begin = self.planes.came - self.planes.waiting
         try:
-            spent = super().run(_Received(progress, self.planes, self.title))
+            # A pipe cannot be read again: only a second signal cuts off its recording.
+            with nullcontext() if self.again else finishing():
+                spent = super().run(_Received(progress, self.planes, self.title))
         except Interrupted as exc:
             kept = self._end()
             done, total, unit = kept, self.planes.cycles or 0, "planes"
@@ -91,7 +94,7 @@ class ComingChain(BlockChain):
                 done, total, unit = exc.done, exc.total, "cycles"
             raise Interrupted(done, total, self._how_to_go_on(exc.remedy), unit) from None
         except InputError:  # of the source, or a full disk, on which not even this may be possible
-            with suppress(OSError):
+            with suppress(OSError), finishing():
                 if kept := max(begin, self.recorder.stop):
                     self.recorder.end(kept)
             raise
@@ -106,6 +109,7 @@ class ComingChain(BlockChain):
         store = shlex.quote(str(self.folder / STREAM))
         return f"what came is {store}: viform run playback --set sensor.source=file:{store}"
 
+    @finishing()
     def _end(self) -> int:
         """Writes the planes that fill no block, and ends the recording; returns its cycles."""
         planes = self.planes

@@ -74,7 +74,8 @@ class FilmSource:
         self.degraded: list[str] = []
         self.notes = list(self._clip.notes) if clip else self._clip.notes
         if not clip_rate:
-            idle = [f"scene.{k}" for k, v in (("start", start), ("frame_rate", rate)) if v]
+            given = () if clip else (("start", start), ("frame_rate", rate))
+            idle = [f"scene.{k}" for k, v in given if v]
             note = f"; {' and '.join(idle)} {'has' if len(idle) == 1 else 'have'} no effect"
             self.notes.append(f"{path.name} is a still image{note if idle else ''}")
         else:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError, Plane
+from cosim.compute.cores import cores
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.coded import GREY_OF_TIFF, SRGB, Coded, transfer_curve
@@ -91,8 +92,9 @@ class Pictures:
             self.count = self._frames
             return None
         if n not in self._planes:
-            while len(self._planes) >= self._kept:
-                del self._planes[next(iter(self._planes))]  # the oldest
+            while len(self._planes) >= self._kept:  # of many, those at the begin stay
+                numbers = list(self._planes)
+                del self._planes[numbers[-2 if self._kept > _KEPT else 0]]
             self._planes[n] = self._read(n)
             self.count = max(self.count, n + 1)
         return self._planes[n]
@@ -119,13 +121,18 @@ def _array(path: Path, fit: Fit) -> npt.NDArray[Any]:
     return values
 
 
-def shown(values: npt.NDArray[Any], fit: Fit, code: int = SRGB) -> Plane:
+def shown(
+    values: npt.NDArray[Any], fit: Fit, code: int = SRGB,
+    opaque: npt.NDArray[np.float32] | None = None,
+) -> Plane:  # fmt: skip
     """A picture of an array on the pixels: codes of a transfer characteristic (ITU-T H.273), or
-    floats of linear light."""
-    if not np.issubdtype(values.dtype, np.integer):
-        return fit.floats(np.asarray(values))
-    curve = transfer_curve(code, int(np.iinfo(values.dtype).max))
-    return fit.floats(curve[np.asarray(values)])
+    floats of linear light. opaque: share of each pixel that is, (h, w); the rest is black."""
+    light = np.asarray(values)
+    if np.issubdtype(values.dtype, np.integer):
+        light = transfer_curve(code, int(np.iinfo(values.dtype).max))[light]
+    if opaque is not None:
+        light = light * (opaque if light.ndim == 2 else opaque[..., None])
+    return fit.floats(light)
 
 
 def _from_array(
@@ -157,7 +164,7 @@ def array_clip(
     fit = Fit(Path("frames"), shape, mosaic, True, notes)
     size = frames.shape[1], frames.shape[2]
     fit.check_size(*size)
-    kept = min(len(frames), max(_KEPT, _REMEMBERED // (4 * shape[0] * shape[1])))
+    kept = min(len(frames), max(_KEPT, _REMEMBERED // cores() // (4 * shape[0] * shape[1])))
     return Pictures(
         Path("frames"), lambda n: shown(frames[n], fit), len(frames), size, rate, notes, kept
     )
@@ -273,25 +280,33 @@ def _from_tiff(
     if not (kept and alike):
         kept = [0]
     # FFmpeg reads the first page only, and few of floats.
-    values = _page(path, 0) if pages[0].floats else None
-    if values is None and len(kept) == 1:
+    first = _page(path, 0) if pages[0].floats else None
+    if first is None and len(kept) == 1:
         clip = Clip(path, shape, mosaic, mixed)
         if not alike:
             clip.notes.append(f"{path.name}: the first of its {len(pages)} pages is filmed")
         return clip
 
     def read(n: int) -> Plane:
-        values = _page(path, kept[n])
-        if values is None:
+        found = _page(path, kept[n])
+        if found is None:
             raise fit.bad(f"page {kept[n] + 1} cannot be decoded")
-        return shown(values, fit, GREY_OF_TIFF if values.ndim == 2 else SRGB)
+        values, opaque = found
+        if opaque is not None and (opaque < 1).any():
+            fit.note(f"{path.name}: transparent parts are black")
+        if values.dtype == np.uint8:  # OpenCV has multiplied these
+            opaque = None
+        return shown(values, fit, GREY_OF_TIFF if values.ndim == 2 else SRGB, opaque)
 
     return Pictures(path, read, len(kept), pages[0].size, rate, notes)
 
 
-def _page(path: Path, page: int) -> npt.NDArray[Any] | None:
-    """Values of a page of a TIFF, (H, W) or (H, W, 3), transparent parts black; None if OpenCV does
-    not read it, or not as codes of 8 or 16 bits or floats."""
+def _page(
+    path: Path, page: int
+) -> tuple[npt.NDArray[Any], npt.NDArray[np.float32] | None] | None:
+    """Values of a page of a TIFF, (H, W) or (H, W, 3), and the share of each pixel that is opaque,
+    None without alpha. None if OpenCV does not read the page, or not as codes of 8 or 16 bits or
+    floats. It does not give the alpha of grey pages."""
     import cv2
 
     logging = cv2.utils.logging
@@ -306,4 +321,11 @@ def _page(path: Path, page: int) -> npt.NDArray[Any] | None:
         read[0].dtype in (np.uint8, np.uint16) or np.issubdtype(read[0].dtype, np.floating)
     ):
         return None
-    return read[0] if read[0].ndim == 2 else read[0][..., 2::-1]  # blue, green, red, and alpha
+    values = read[0]
+    if values.ndim == 2:
+        return values, None
+    colours = values[..., 2::-1]  # blue, green, red, and alpha
+    if values.shape[2] < 4:
+        return colours, None
+    most = {1: 255, 2: 65535}[values.itemsize] if values.dtype.kind == "u" else 1
+    return colours, np.clip(values[..., 3] / most, 0, 1).astype(np.float32)

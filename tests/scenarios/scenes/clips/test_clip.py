@@ -361,3 +361,20 @@ def test_transparency_of_webm_is_black(tmp_path: Path, codec: str) -> None:
         assert plane is not None
         assert plane[:, :40].max() < 0.02 and plane[:, 56:].min() > 0.9
     assert clip.frame(9) is None
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.float32])
+def test_transparent_parts_of_a_tiff_are_black(kind: type, tmp_path: Path) -> None:
+    import cv2
+
+    most = 65535 if kind is np.uint16 else 1
+    page = np.full((*SHAPE, 4), most, kind)
+    page[:, : SHAPE[1] // 2, 3] = 0
+    pages = [page] if kind is np.float32 else [page, page]
+    assert cv2.imwritemulti(str(tmp_path / "clear.tif"), pages)
+    clip = open_clip(tmp_path / "clear.tif", SHAPE, rate=None if len(pages) == 1 else 100.0)
+    light = clip.frame(0)
+    assert light is not None
+    assert (light[:, : SHAPE[1] // 2] == 0).all()
+    np.testing.assert_allclose(light[:, SHAPE[1] // 2 :], 1, rtol=1e-5)
+    assert clip.notes == ["clear.tif: transparent parts are black"]
