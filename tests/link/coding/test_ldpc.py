@@ -116,7 +116,7 @@ def test_messages_beyond_the_local_memory_of_a_gpu(device, monkeypatch):
     monkeypatch.setattr("link.coding.ldpc_opencl._WORDS", 3)
     code = Ldpc(8000, 9600)
     _, soft = sent(code, 8, noise_at(0.95, code.rate), 3)
-    gpu = replace(device, handle=SimpleNamespace(local_mem_size=24_000))
+    gpu = replace(device, handle=SimpleNamespace(local_mem_size=24_000, driver_version="1"))
     gpu.__dict__.update(gpu=True, context=device.context, queue=device.queue)
     same(code, quantise(soft), 10, gpu)
 

@@ -263,7 +263,7 @@ def test_the_trace_of_a_film_is_its_sequence(tmp_path):
 @pytest.mark.parametrize(
     ("register", "value", "at", "says"),
     [
-        ("none", 1, None, "one of emccd_exposure"),
+        ("none", 1, None, "one of exposure, gain"),
         ("frames", 1, None, "is written"),
         ("rows", 1024, None, "10 bits"),
         ("rows", -1, None, "10 bits"),

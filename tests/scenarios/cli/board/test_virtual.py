@@ -70,6 +70,7 @@ def test_bad_input_is_one_line(
     from scenarios.cli.entry import main
 
     monkeypatch.setattr(sys, "argv", ["viform", "board", "virtual", *options])
+    monkeypatch.setattr("cosim.compute.stopping.end_on_signals", lambda: None)
     handler = signal.getsignal(signal.SIGTERM)
     try:
         with pytest.raises(SystemExit) as ended:
