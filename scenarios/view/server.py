@@ -65,6 +65,10 @@ _WAIT: Final = (
 _METHODS: Final = ("tfp", "tfi", "tau")
 
 
+class _Moved(Exception):
+    """What is asked for stands at another address, which is the text."""
+
+
 class _Refused(Exception):
     """A request that is not answered: status and one line."""
 
@@ -115,6 +119,8 @@ class ViewServer(ThreadingHTTPServer):
 
     Attributes:
         address: of the page, with the token.
+        invitation: address that leads to the page once, for the command line of a browser, which
+            every user of the machine can read.
         opened: the stream; until it is set, the page says that it is being opened.
     """
 
@@ -129,6 +135,8 @@ class ViewServer(ThreadingHTTPServer):
         self.token, self.lock = secrets.token_urlsafe(24), Lock()
         self.names = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
         self.address = f"http://{HOST}:{self.server_port}/?token={self.token}"
+        self._once: str | None = secrets.token_urlsafe(24)
+        self.invitation = f"http://{HOST}:{self.server_port}/?once={self._once}"
 
     def page(self) -> bytes:
         """The page of the explorer, or one that waits for it and then loads it."""
@@ -212,6 +220,16 @@ class ViewServer(ThreadingHTTPServer):
                 _end(request, each)
         return bool(waiting)
 
+    def invited(self, word: str) -> bool:
+        """Whether this is the word of the invitation, which holds once."""
+        with self._connecting:
+            right = self._once is not None and hmac.compare_digest(
+                word.encode(), self._once.encode()
+            )
+            if right:
+                self._once = None
+        return right
+
     def answering(self, request: socket.socket) -> None:
         """Takes the time limit off a connection whose request has come."""
         with self._connecting:
@@ -255,9 +273,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         self.server.answering(self.connection)
+        moved: list[tuple[str, str]] = []
         try:
             kind, content = self._answer()
             status = 200
+        except _Moved as exc:
+            kind, content, status = "text/plain; charset=utf-8", b"", 303
+            moved = [("Location", str(exc))]
         except _Refused as exc:
             kind, content, status = "text/plain; charset=utf-8", str(exc).encode(), exc.status
         except ViformError as exc:
@@ -269,7 +291,7 @@ class _Handler(BaseHTTPRequestHandler):
         for name, value in (
             ("Content-Type", kind), ("Content-Length", str(len(content))),
             ("Content-Security-Policy", _POLICY), ("Cache-Control", "no-store"),
-            ("Referrer-Policy", "no-referrer"), ("X-Content-Type-Options", "nosniff"),
+            ("Referrer-Policy", "no-referrer"), ("X-Content-Type-Options", "nosniff"), *moved,
         ):  # fmt: skip
             self.send_header(name, value)
         self.end_headers()
@@ -291,6 +313,8 @@ class _Handler(BaseHTTPRequestHandler):
             raise _Refused(403, f"the host must be {HOST}")
         if origin is not None and origin.removeprefix("http://") not in server.names:
             raise _Refused(403, "the request must come from this page")
+        if asked.path == "/" and server.invited(query.text("once")):
+            raise _Moved(f"/?token={server.token}")
         if not hmac.compare_digest(query.text("token").encode(), server.token.encode()):
             raise _Refused(403, "the token must be that of the address that viform view printed")
         server.know(self.connection)

@@ -75,7 +75,7 @@ def _open(server: ViewServer, run: Path, size: tuple[int, int] | None, json: boo
     if _has_browser():
         import webbrowser
 
-        webbrowser.open(server.address)
+        webbrowser.open(server.invitation)
     server.opened = with_scene(opened, run)
     for note in server.opened.notes:
         say(note)

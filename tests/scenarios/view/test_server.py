@@ -92,6 +92,17 @@ def test_the_page_needs_its_token(server: ViewServer) -> None:
         assert status == 403 and line.count(b"\n") == 0 and b"token" in line
 
 
+def test_an_invitation_leads_to_the_page_once(server: ViewServer) -> None:
+    """Every user of the machine can read the command line of the browser, where it stands."""
+    invitation = urlsplit(server.invitation)
+    assert server.token not in server.invitation
+    status, content, headers = ask(server, f"/?{invitation.query}")
+    assert status == 303 and content == b""
+    assert headers["Location"] == f"/?{urlsplit(server.address).query}"
+    for query in (invitation.query, "once=", "once=wrong"):
+        assert ask(server, f"/?{query}")[0] == 403
+
+
 def test_a_file_need_not_have_a_name_in_utf_8(server: ViewServer) -> None:
     assert server.opened is not None
     server.opened.title = os.fsdecode(b"a\xff")
