@@ -23,6 +23,8 @@ __all__ = ["NO_ROOM", "how_to_make_room", "identity", "refusal", "remove_parts",
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, and of a file that is larger than the user or the disk allows."""
 
+_AWAY: Final = 3
+"""Times in a row, 50 ms apart, that a removed folder is found to be away."""
 _NUMBERS: Final = count()
 """Numbers of temporary files: two threads of this process may write the same file, one of them for
 work that was given up."""
@@ -103,13 +105,15 @@ def _alive(process: int) -> bool:
 
 def _remove(part: Path) -> None:
     """Removes a temporary file or folder. Threads that write chunks of a store may continue for a
-    moment after an interrupt, so the removal of a folder is tried several times."""
+    moment after an interrupt and make the folder anew, so it must stay away for a while."""
     if not part.is_dir():
         part.unlink(missing_ok=True)
         return
+    away = 0
     for _ in range(40):
         shutil.rmtree(part, ignore_errors=True)
-        if not part.exists():
+        away = 0 if part.exists() else away + 1
+        if away == _AWAY:
             return
         time.sleep(0.05)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pytest
 
 from tests.survival.forked import call
 
@@ -62,6 +63,7 @@ def launched(place: Path) -> dict[str, Any]:
     return {"values": values, "said": said.getvalue()}
 
 
+@pytest.mark.slow
 def test_damaged_files_of_opencl_are_compiled_again(tmp_path: Path) -> None:
     """Each of them ends the process where PoCL meets it."""
     assert call(partial(launched, tmp_path), tmp_path)["said"] == ""

@@ -13,7 +13,7 @@ import pytest
 from tests.survival.forked import Command
 from tests.survival.spine import run
 
-STEP = 11
+STEP = 27
 """Every so many calls in the ordinary suite."""
 
 

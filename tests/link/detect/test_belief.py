@@ -132,7 +132,7 @@ def spikes_of(
 
 
 @pytest.mark.parametrize("hard", [True, False])
-@pytest.mark.parametrize("ticks", [1, 2])
+@pytest.mark.parametrize("ticks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_without_loops_it_is_the_sum_over_all_bits(hard: bool, ticks: int) -> None:
     """One pixel and its charge through three symbols: a tree."""
     model = PixelModel(MODEL.off, MODEL.on, softness=0.03, shot=2e-3, hard=hard)

@@ -257,7 +257,8 @@ def test_a_gap_is_no_noise(dark: bool) -> None:
     assert got.delivered is None
 
 
-@pytest.mark.parametrize("rate", [0.84, pytest.param(0.91, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [0.84, 0.91])
 def test_words_with_soft_decisions(rate: float) -> None:
     """A file arrives, and what was corrected is what was decided wrongly; what does not arrive has
     a cause."""

@@ -36,7 +36,7 @@ def set_up(**keys: object) -> FileLinkSetup:
 @pytest.mark.parametrize(
     "keys",
     [
-        GIVEN | {"link.modem.line": "8b10b"},
+        pytest.param(GIVEN | {"link.modem.line": "8b10b"}, marks=pytest.mark.slow),
         pytest.param({}, marks=pytest.mark.slow),
         pytest.param({"link.size": 65_536, "sensor.clock_steering": "false"},
                      marks=pytest.mark.slow),

@@ -34,7 +34,14 @@ def frames(count: int = 5) -> np.ndarray:
     return np.random.default_rng(3).integers(0, 256, (count, 48, 64, 3), dtype=np.uint8)
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda text: text.split("viform.")[1][:12])
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(text, id=text.split("viform.")[1][:12],
+                     marks=[pytest.mark.slow] if "viform.send" in text else [])
+        for text in EXAMPLES
+    ],
+)  # fmt: skip
 def test_an_example_of_the_documentation_runs(
     example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

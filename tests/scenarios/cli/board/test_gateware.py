@@ -106,6 +106,7 @@ def test_what_does_not_fit_is_told_and_not_written(
     assert not (tmp_path / "board").exists()
 
 
+@pytest.mark.slow
 def test_ethernet_and_its_refusals(tmp_path: Path) -> None:
     out = tmp_path / "board"
     done = run(

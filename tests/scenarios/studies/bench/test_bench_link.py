@@ -18,6 +18,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     make_bench_small(monkeypatch, "link")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_bench_link_prints_the_documented_rows(viform: Callable[..., Any]) -> None:
     answer = viform("bench", "link", "--json")
