@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from cosim import InputError, Light
 from cosim.config.amounts import at_least, at_most
@@ -15,10 +16,28 @@ from scenarios.assemble.schema.scenario import Scenario
 from sensor.device.crosstalk import crosstalk_map
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["LensChoice", "choose_lens", "choose_mosaic", "make_relay"]
+__all__ = ["LUMINANCE", "LensChoice", "choose_lens", "choose_mosaic", "make_relay"]
 
 SLOWEST_F_NUMBER = 1000.0
 """The largest f-number of a scenario; a pinhole."""
+
+
+@dataclass(frozen=True)
+class LightKey:
+    """The key that states the light of white.
+
+    Attributes:
+        key, unit: Its name, and its unit.
+        lux: Exitance of white for a unit of it, lux.
+    """
+
+    key: str
+    unit: str
+    lux: float
+
+
+ILLUMINANCE: Final = LightKey("scene.illuminance", "lux", 1.0)
+LUMINANCE: Final = LightKey("display.luminance", "cd/m²", math.pi)
 
 
 @dataclass(frozen=True)
@@ -36,9 +55,13 @@ class LensChoice:
     notes: list[str]
 
 
-def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
+def choose_lens(
+    scenario: Scenario, setting: CameraSetting, light: LightKey = ILLUMINANCE
+) -> LensChoice:
     """The lens of a scenario for this chip. Without an f-number in the scenario, white fires at
     `sensor.lens.white_rate` through the chosen lens.
+
+    light: the key that states the light, for refusals.
 
     Raises:
         InputError: the f-number would be outside FASTEST_F_NUMBER to SLOWEST_F_NUMBER.
@@ -64,7 +87,7 @@ def choose_lens(scenario: Scenario, setting: CameraSetting) -> LensChoice:
         widest = setting.rate(lux * lens(FASTEST_F_NUMBER).gain)
         number = FASTEST_F_NUMBER * math.sqrt(widest / white_rate)
         if not FASTEST_F_NUMBER <= number <= SLOWEST_F_NUMBER:
-            raise _out_of_range(number, scenario.scene.illuminance, white_rate)
+            raise _out_of_range(number, scenario.scene.illuminance, white_rate, light)
         chosen = lens(number)
         notes.append(f"f/{number:.3g} chosen so that white fires at {white_rate:.3g} a cycle")
     if white_rate > 1:
@@ -87,19 +110,20 @@ def choose_mosaic(scenario: Scenario) -> Mosaic | None:
     return filter_array(sensor.colour.filter, sensor.colour.depth, sensor.wavelength)
 
 
-def _out_of_range(number: float, lux: float, white_rate: float) -> InputError:
+def _out_of_range(number: float, lux: float, white_rate: float, light: LightKey) -> InputError:
     """The error for `number`, the f-number at which white fires at `white_rate` in a scene of
     `lux`."""
     dark = number < FASTEST_F_NUMBER
     end = FASTEST_F_NUMBER if dark else SLOWEST_F_NUMBER
-    need = lux * (end / number) ** 2 if number else math.inf
+    given = lux / light.lux
+    need = given * (end / number) ** 2 if number else math.inf
     limit = f"at least {at_least(need, 3)}" if dark else f"at most {at_most(need, 3)}"
     return InputError(
-        "scene.illuminance",
-        f"{limit} lux for white to fire at "
+        light.key,
+        f"{limit} {light.unit} for white to fire at "
         f"{white_rate:g} a cycle through a lens from f/{FASTEST_F_NUMBER:g} to "
         f"f/{SLOWEST_F_NUMBER:g}",
-        f"{lux:g} lux",
+        f"{given:g} {light.unit}",
         f"{'raise' if dark else 'lower'} it, {'lower' if dark else 'raise'} sensor.threshold, "
         "or give sensor.lens.f_number",
     )

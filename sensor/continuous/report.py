@@ -132,7 +132,8 @@ def _traffic(judged: ContinuousRun) -> str:
          f"{setting.report_bits}; its time is when it is sent"],
         ["bits/s a pixel", count(bits)],
         ["spikes latched at this clock, bits/s a pixel",
-         f"{count(setting.clock.hz)}, {number(setting.clock.hz / bits)} times as many"],
+         count(setting.clock.hz)
+         + (f", {number(setting.clock.hz / bits)} times as many" if bits else "")],
     ]  # fmt: skip
     rows += [
         [f"{row.stage} at the instants", ", ".join(

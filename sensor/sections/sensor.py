@@ -246,7 +246,8 @@ class SensorSection(_Sections):
             raise InputError(
                 "sensor.duplicated_rows",
                 f"pairs [source, target] of rows from 0 to {height - 1}, whose targets differ and "
-                "are no sources", str([list(pair) for pair in pairs]), "change the pairs",
+                "are no sources", str([list(pair) for pair in pairs]),
+                "change the pairs, or leave it out",
             )  # fmt: skip
         return self
 

@@ -62,7 +62,8 @@ _SET: Final = re.compile(
 )
 
 _AMOUNT: Final = (
-    r"(-?[\d.]+(?:e[-+]?\d+)?(?: (?:[GMkmunpfµ]?(?:s|Hz|m|V)|bit/s|e/s|e|lux|Pa|px/s)\b)?)"
+    r"(-?[\d.]+(?:e[-+]?\d+)?(?: "
+    r"(?:[GMkmunpfµ]?(?:s|Hz|m|V)|bit/s|e/s|e|lux|Pa|px/s|cd/m²)(?![\w/]))?)"
 )
 _BOUND: Final = re.compile(rf"at (?:least|most)(?: [^,\d]*,)? {_AMOUNT}")
 _RANGE: Final = re.compile(rf"\d(?: \S+)? to {_AMOUNT}")

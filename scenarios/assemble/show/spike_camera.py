@@ -23,7 +23,7 @@ from cosim.stage import section
 from display.panels.panel import SpikePanel
 from display.trial.pixels import PanelPixels
 from scenarios.assemble.chip import camera_setting
-from scenarios.assemble.lens import LensChoice, choose_lens
+from scenarios.assemble.lens import LUMINANCE, LensChoice, choose_lens
 from scenarios.assemble.schema.filming import SpikesSection
 from sensor import CameraSetting, SpikeCamera
 from sensor.reconstruct.fidelity import to_white
@@ -247,7 +247,7 @@ def make_spikes_filmer(
     scenario: Any = _Before(given.sensor, _Exitance(lux), seed)
     with section_at("camera.sensor"):
         setting = camera_setting(scenario, *panel.shape)
-        choice = choose_lens(scenario, setting)
+        choice = choose_lens(scenario, setting, LUMINANCE)
     filmer = SpikesFilmer(panel, planes, setting, choice, lux, device, mapping)
     if not filmer.cycles:
         raise InputError(

@@ -304,6 +304,16 @@ def test_a_device_is_refused(refused, tmp_path):
     )
 
 
+def test_pixels_that_report_nothing_have_their_page(viform, tmp_path):
+    words = ("readout=continuous", "width=12", "height=8", "continuous.measure=1 s")
+    sets = [word for each in words for word in ("--set", f"sensor.{each}")]
+    code, _, err = viform(
+        "run", "star", *sets, "--set", "duration=1 ms", "--out", str(tmp_path / "run")
+    )
+    assert code == 0, err
+    assert "times as many" not in (tmp_path / "run" / "report.html").read_text("utf-8")
+
+
 def test_too_many_reports_end_with_advice(viform, tmp_path):
     code, out, err = viform(
         "run", "step", "--out", tmp_path / "run", "--set", "sensor.continuous.most_reports=600",

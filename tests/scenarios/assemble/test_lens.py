@@ -7,7 +7,7 @@ import math
 import pytest
 
 from cosim import Clock, InputError, Lens
-from scenarios.assemble.lens import choose_lens
+from scenarios.assemble.lens import LUMINANCE, choose_lens
 from scenarios.assemble.schema.loading import load
 from sensor import CHIPS, CameraSetting
 
@@ -93,3 +93,10 @@ def test_light_that_no_lens_can_bring_to_the_rate_names_what_is_needed(assignmen
         *assignments,
         f"scene.illuminance={float(need) * (1.01 if 'least' in expected else 0.99)} lux",
     )
+
+
+def test_a_refusal_before_a_panel_names_its_luminance():
+    _, scenario = load("film", ["scene.illuminance=0.628318 lux"])  # pi times 0.2 cd/m2
+    setting = CameraSetting(CHIPS["spiketwo"], Clock.from_hz(40e3), 1000.0, 1, 555.0)
+    with pytest.raises(InputError, match=r"^display\.luminance .* cd/m² for .*, not 0\.2 cd/m²"):
+        choose_lens(scenario, setting, LUMINANCE)
