@@ -74,7 +74,7 @@ class Case:
     """What became of a scenario.
 
     Attributes:
-        number: of the scenario.
+        number: Number of the scenario.
         code: exit code of the last command.
         seconds: processor time of all its commands.
         said: refusals, in order.

@@ -108,7 +108,7 @@ class Drawn:
     Attributes:
         number: from which it is made again.
         data: content of its TOML file.
-        options: of `viform run`.
+        options: Options of `viform run`.
         fit: whether it is constrained.
     """
 
@@ -171,7 +171,7 @@ class _Drawing:
     """Draws keys into a scenario.
 
     Args:
-        rng: of the scenario.
+        rng: Random generator of the scenario.
         fit: whether values lie near their defaults.
         whole: the scenario so far.
     """
@@ -184,7 +184,7 @@ class _Drawing:
 
         Args:
             node, data, at: schema, content and name of the section; "" for the scenario.
-            share: of the other keys.
+            share: Share of the other keys.
         """
         required = set(node.get("required", ()))
         for name in sorted(node["properties"], key=lambda name: name not in required):
