@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
+from functools import cache
 from typing import Final
 
 import psutil
@@ -11,19 +13,48 @@ from cosim.compute.cgroup import free_in_groups
 from cosim.compute.cores import cores
 from cosim.errors import InputError
 
-__all__ = ["check_memory", "check_plane", "check_program", "free_memory", "largest_file"]
+__all__ = [
+    "check_memory",
+    "check_plane",
+    "check_program",
+    "free_memory",
+    "keep_freed",
+    "largest_file",
+]
 
 _GIB = 2**30
 _PLANE: Final = 32
 """Bytes that each pixel of a stream takes at least while it is read: two words of 32 cycles, their
 copy, and a float64 and what it is computed from."""
 
+_LITTLE: Final = 16 << 20
+"""Bytes for which free memory is not asked."""
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""Numbers of these parameters in glibc's malloc.h."""
+_HEAP: Final = 128 << 20
+_MAPPED: Final = 16 << 20
+"""Bytes from which an allocation is not a part of the heap."""
 _LIBRARIES: Final = 400 << 20
 """Bytes of addresses of the libraries that a run loads, beyond those in memory: OpenCL with its
 compiler, OpenGL, FFmpeg."""
 _THREAD: Final = 72 << 20
 """Bytes of addresses of a thread: 8 MiB of stack and 64 MiB of the allocator (glibc's arenas). Each
 core has one of OpenCL and one of numba."""
+
+
+@cache
+def keep_freed() -> None:
+    """Lets the allocator of the C library keep up to _HEAP bytes that are freed, once in a process.
+
+    By default it returns planes of light to the system and gets them anew, page by page: ten times
+    as long as a product of a plane takes.
+    """
+    try:
+        change = ctypes.CDLL(None).mallopt  # glibc
+    except (AttributeError, OSError, TypeError):
+        return
+    change(_TRIM_THRESHOLD, _HEAP)
+    change(_MMAP_THRESHOLD, _MAPPED)
 
 
 def free_memory() -> int:
@@ -84,7 +115,10 @@ def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) ->
 
 
 def check_memory(what: str, need: int, remedy: str) -> None:
-    """Raises InputError if `need` bytes exceed the free memory. what, remedy: for its message."""
+    """Raises InputError if `need` bytes, more than _LITTLE, exceed the free memory. what, remedy:
+    for its message."""
+    if need <= _LITTLE:  # reading the limits would take longer than the work
+        return
     free = free_memory()
     if need > free:
         must = f"small enough for the {free / _GIB:.3g} GiB of memory that is free"

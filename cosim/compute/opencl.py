@@ -15,7 +15,7 @@ import subprocess
 import warnings
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,7 @@ __all__ = [
     "open_device",
     "opencl_packages",
     "probe",
+    "shared_device",
     "wide_cl",
 ]
 
@@ -111,6 +112,12 @@ def _check_cache(folder: Path) -> None:
 def choose_device(wanted: str | None) -> Device | None:
     """The selected OpenCL device, or None for "numba", the compiled form on the processor."""
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
+
+
+@cache
+def shared_device(wanted: str | None) -> Device | None:
+    """The device of `choose_device` that a process shares, with its compiled programs."""
+    return choose_device(wanted)
 
 
 def open_device(wanted: str | None = None) -> Device:

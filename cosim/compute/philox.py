@@ -22,7 +22,7 @@ _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = 0x9E3779B9, 0xBB67AE85
 _LOW, _32 = np.uint64(0xFFFFFFFF), np.uint64(32)
 
-_LARGE = 1 << 14
+_LARGE = 1 << 10
 """Number of counters from which the compiled form is taken, whose library takes long to load."""
 
 U32 = npt.NDArray[np.uint32]

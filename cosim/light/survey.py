@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from math import ceil
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.clock import Clock
+from cosim.clock import PS, Clock
 from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Sketch, Source
 from cosim.stage import BLOCK, Block
@@ -42,12 +43,14 @@ class Survey:
         least, most: limits over all instants, (H, W) lux.
         certain: (H, W) bool, whether these limits are proven.
         planes: new planes of light per cycle.
+        slope: limit of the change of the light within a cycle, (H, W) lux; None if not known.
     """
 
     least: Plane
     most: Plane
     certain: npt.NDArray[np.bool_]
     planes: float
+    slope: Plane | None = None
 
     @property
     def steady(self) -> npt.NDArray[np.bool_]:
@@ -55,28 +58,57 @@ class Survey:
         return np.asarray((self.least == self.most) & self.certain)
 
 
+class _Range:
+    """The range of the light of pieces that follow each other.
+
+    Args:
+        cycle: length of a cycle, ps.
+    """
+
+    def __init__(self, cycle: int) -> None:
+        self._cycle, self.count = cycle, 0
+        self._pieces: list[Piece] = []
+        self._last: Plane | None = None
+        self._planes: tuple[Plane, Plane, Plane] | None = None
+
+    def take(self, piece: Piece) -> None:
+        """Extends the range by a piece, unless it is one of the last few."""
+        from cosim.light.survey_compiled import widen  # numba, which not every start need load
+
+        if any(piece is known for known in self._pieces):
+            return
+        self._pieces, self.count = [*self._pieces[-8:], piece], self.count + 1
+        first, last = (np.ascontiguousarray(end, np.float32) for end in (piece.first, piece.last))
+        if self._planes is None:
+            self._planes = first.copy(), first.copy(), np.zeros(first.shape, np.float32)
+        elif self._last is not None and piece.first is not self._last:
+            widen(first, np.ascontiguousarray(self._last), np.float32(np.inf), *self._planes)
+        if not piece.constant:
+            whole = piece.stop - piece.start
+            # Of shorter pieces a cycle has several, whose changes may add up.
+            share = self._cycle / whole if whole >= self._cycle else np.inf
+            widen(last, first, np.float32(share), *self._planes)
+        self._last = piece.last
+
+    def survey(self, cycles: int) -> Survey:
+        """The survey of the pieces of a run."""
+        assert self._planes is not None  # a run has light
+        least, most, slope = self._planes
+        np.minimum(slope, most - least, out=slope)
+        certain = np.ones(least.shape, bool)
+        return Survey(least, most, certain, (self.count - 1) / cycles, slope)
+
+
 def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
     """The exact survey, from every piece of the run."""
-    least: Plane | None = None
-    most: Plane | None = None
-    known_pieces: list[Piece] = []
-    count = start = 0
+    seen, start = _Range(ceil(PS * clock.period)), 0
     while start < cycles:
         light = source.step(None, Block(start, min(BLOCK, cycles - start)))
         for piece in light.pieces:
-            if any(piece is known for known in known_pieces):
-                continue
-            met = [plane for known in known_pieces[-1:] for plane in (known.first, known.last)]
-            known_pieces, count = [*known_pieces[-8:], piece], count + 1
-            for plane in (piece.first,) if piece.constant else (piece.first, piece.last):
-                if any(plane is one for one in met):  # the end of the piece before
-                    continue
-                least = plane.copy() if least is None else np.minimum(least, plane, out=least)
-                most = plane.copy() if most is None else np.maximum(most, plane, out=most)
+            seen.take(piece)
         # Light that extends beyond the block is not requested again.
         start = max(start + BLOCK, min(clock.cycle_at(light.pieces[-1].stop - 1), cycles))
-    assert least is not None and most is not None  # a block has light
-    return Survey(least, most, np.ones(least.shape, bool), (count - 1) / cycles)
+    return seen.survey(cycles)
 
 
 def survey(source: Source, clock: Clock, cycles: int) -> Survey:
@@ -113,11 +145,14 @@ def limits(sketch: Sketch) -> tuple[Plane, Plane]:
 
 
 def through(light: Survey, relay: Callable[[Light], Light]) -> Survey:
-    """The survey of light after a relay, which must preserve the order of levels."""
+    """The survey of light after a linear relay, which must preserve the order of levels."""
 
     def mapped(plane: Plane) -> Plane:
         piece = Piece(0, 1, plane, plane)
         return relay(Light((piece,))).pieces[0].first
 
-    doubtful = mapped((~light.certain).astype(np.float32)) > 0
-    return Survey(mapped(light.least), mapped(light.most), ~doubtful, light.planes)
+    certain = light.certain
+    if not certain.all():
+        certain = ~(mapped((~certain).astype(np.float32)) > 0)
+    slope = None if light.slope is None else mapped(light.slope)
+    return Survey(mapped(light.least), mapped(light.most), certain, light.planes, slope)

@@ -41,6 +41,8 @@ class Summary:
         dead: dead time of a spike, cycles.
         uneven: relative standard deviation of the gains of pixels.
         timing: RMS of the noise of the sampling instants, cycles.
+        slope: limit of the change of light within a cycle, electrons a cycle; infinite if it is not
+            known, as with jumps.
     """
 
     darkest: Any
@@ -55,6 +57,7 @@ class Summary:
     dead: float = 0.0
     uneven: float = 0.0
     timing: Any = 0.0
+    slope: Any = np.inf
 
     @property
     def base(self) -> Values:

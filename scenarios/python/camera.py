@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import islice
 from numbers import Real
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cosim import Clock, InputError, seconds_to_ps
 from cosim.compute.cores import cores
-from cosim.compute.opencl import Device, choose_device
+from cosim.compute.opencl import shared_device
 from cosim.compute.stopping import threads
 from cosim.errors import quote
 from cosim.light.lens import Lens
@@ -41,12 +41,6 @@ __all__ = ["Camera", "LiveStream"]
 
 _AHEAD: Final = 2
 """Clips that `film_many` has filmed, or is filming, before they are asked for, for each core."""
-
-
-@cache
-def _device(wanted: str | None) -> Device | None:
-    """The device of a process, whose compiled programs all cameras share."""
-    return choose_device(wanted)
 
 
 class Camera:
@@ -103,8 +97,8 @@ class Camera:
         self._scenario = scenario
         setting = camera_setting(scenario)
         self._core = LatchedCamera(
-            setting, _device(device), tolerance=scenario.tolerance, window=scenario.image.window,
-            floor=scenario.image.floor, tier=tier,
+            setting, shared_device(device), tolerance=scenario.tolerance,
+            window=scenario.image.window, floor=scenario.image.floor, tier=tier,
             duplicated_rows=scenario.sensor.duplicated_rows,
         )  # fmt: skip
         self._mosaic = choose_mosaic(scenario)

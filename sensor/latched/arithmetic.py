@@ -62,17 +62,21 @@ FLOAT_RMS: Final = 0.7 * 2.0**-24
 of 2^-24 under constant light, less where light changes and errors have either sign."""
 
 
-def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
+def _dead_shift(
+    setting: CameraSetting, scene: Summary, cycles: int, tier: Tier = "exact"
+) -> Values:
     """RMS phase by which dead time is off after a number of cycles, in spikes, (tiles,).
 
     Dead time d is a multiple of 2^-16 of a cycle. Where light changes by s a cycle, a spike loses
     the light of the middle of its cycle instead of that of its own instant. Light that changes
     evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light that jumps by s after
     the part f of a cycle is off by d s f for the spikes after the jump, of which there are 1 - f in
-    a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f = 2/3. The sum of s^2 over the
-    spikes of one sweep of the light is at most the square of its range times the spikes of a cycle,
-    if the sweep takes a cycle. _SWEEPS of them are assumed in the run. Noise of the sampling
-    instants makes the cycle of a spike longer or shorter, and the light that it loses with it.
+    a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f = 2/3. With S the limit of s,
+    the sum of s^2 over n cycles is at most n S^2. In one sweep of the light from one end of its
+    range R to the other the sum of s is R, so that of s^2 is at most R S. _SWEEPS of them are
+    assumed in the run. In the exact tier noise t of the sampling instants makes the cycle of a
+    spike longer or shorter, RMS sqrt(2) t, and the light that it loses with it. As more spikes fall
+    into longer cycles, a spike on average loses too much by 2 t^2 of it.
 
     Under the other reset rules dead time begins at the latch, and a spike loses light of the next
     cycle: up to d s more or less. This is a limit rather than an expected size, and counts once.
@@ -83,11 +87,16 @@ def _dead_shift(setting: CameraSetting, scene: Summary, cycles: int) -> Values:
     low, high = (np.asarray(x, np.float64) / model.mean for x in (scene.darkest, scene.brightest))
     spikes = np.minimum(high, 1)
     rounding = abs(model.dead / 65536 - model.dead_time) * high * spikes * cycles
-    sweeps = max(_SWEEPS * cycles / scene.cycles, 1)
+    swept = high - low
+    most = np.minimum(np.asarray(scene.slope) / model.mean, swept)
+    squares = np.minimum(cycles * most**2, max(_SWEEPS * cycles / scene.cycles, 1) * swept * most)
     off = _JUMP if model.reset == "residual" else 1.0
-    lost = model.dead_time * off * (high - low) * np.maximum(high, 1) * np.sqrt(spikes * sweeps)
-    timing = np.asarray(scene.timing) * np.sqrt(2 * spikes * cycles) * model.dead_time * high
-    return rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0) + timing
+    lost = model.dead_time * off * np.maximum(high, 1) * np.sqrt(spikes * squares)
+    timing = 0.0 if tier == "fast" else np.asarray(scene.timing)
+    walk = np.sqrt(2 * spikes * cycles) * timing + 2 * spikes * cycles * timing**2
+    return (
+        rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0) + walk * model.dead_time * high
+    )
 
 
 def _edge_shift(setting: CameraSetting, scene: Summary) -> Values:
@@ -178,11 +187,11 @@ def _phase_error(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
     and dead time. Rare events are limits, and count once."""
     walk = _walk(setting, scene, tier, scene.cycles)
     inside = _walk(setting, scene, tier, scene.window)
-    dead = _dead_shift(setting, scene, scene.cycles)
+    dead = _dead_shift(setting, scene, scene.cycles, tier)
     # The RMS over a tile is relative to its mean light or the floor. It is largest if only a share
     # of the pixels reaches the brightest light. The shift of the dead time is a limit already.
     part = _reaching(scene) / ESTIMATE_WEIGHT
-    moved_inside = _dead_shift(setting, scene, scene.window)
+    moved_inside = _dead_shift(setting, scene, scene.window, tier)
     moved_inside = moved_inside + ESTIMATE_WEIGHT * _edge_shift(setting, scene)
     # If all of them brighten at once, it is relative to a window that is partly bright.
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
@@ -210,7 +219,7 @@ def moved_spikes(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
     cycles. The errors of the fast tier count with their limits, and all with the same sign: images
     of a display consist of whole spikes, which the other bounds neglect.
     """
-    cycles, dead = scene.cycles, _dead_shift(setting, scene, scene.cycles)
+    cycles, dead = scene.cycles, _dead_shift(setting, scene, scene.cycles, tier)
     if setting.model.reset == "hard":
         mean, spread = setting.model.mean, setting.spread
         low, high = (np.asarray(x, np.float64) / mean for x in (scene.darkest, scene.brightest))

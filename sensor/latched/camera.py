@@ -33,6 +33,8 @@ class SpikeCamera:
         row_delay: (height of the chip,) int64 ps, time by which the light reaches each row later
             than `step` is given it, such as that of a source with a rolling shutter; at most a few
             cycles. It moves the sampling instant of each row. None for 0.
+        like: a camera that differs in its seed only, with which constants are shared; None for
+            none.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class SpikeCamera:
         flags: npt.NDArray[np.uint8] | None = None,
         row_delay: npt.NDArray[np.int64] | None = None,
         fine: FineTiles | None = None,
+        like: SpikeCamera | None = None,
     ) -> None:
         chip = setting.chip
         first, stop = rows or (0, chip.height)
@@ -54,8 +57,9 @@ class SpikeCamera:
         self._pixels: TierPixels | None = None
         if fine is None or not fine.everywhere:
             self._pixels = tier_pixels(
-                tier, setting, self.shape, numbers, np.arange(first, stop), device, flags, row_delay
-            )
+                tier, setting, self.shape, numbers, np.arange(first, stop), device, flags,
+                row_delay, None if like is None else like._pixels,
+            )  # fmt: skip
 
     def step(self, light: Light, block: Block) -> Viform:
         """Latched bits of one block.

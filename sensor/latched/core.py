@@ -13,12 +13,12 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from threading import Lock
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from cosim.clock import Clock
-from cosim.compute.memory import check_memory
+from cosim.compute.memory import check_memory, keep_freed
 from cosim.compute.opencl import Device
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
@@ -46,6 +46,8 @@ _TOGETHER: Final = 1024
 """Cycles that are exposed at once, whole words."""
 _PLANS: Final = 8
 """Plans that are kept."""
+_CHIPS: Final = 4
+"""Cameras whose constants are kept, some 20 bytes a pixel each."""
 
 Relay = Callable[[Light], Light]
 
@@ -68,6 +70,7 @@ class Bounds:
         bound: Limit of the relative error of the spike rates of a tile, in the worst tile.
         kind: "proof", or "estimate".
         left_out: Limit for each effect that some tile leaves out, by name.
+        kept: Effects that some tile keeps.
         arithmetic: Limit for the arithmetic of the tier.
         tier: Tier of most tiles.
         better: Share of tiles that a better tier simulates, 0 to 1.
@@ -77,6 +80,7 @@ class Bounds:
     bound: float
     kind: Kind
     left_out: dict[str, float]
+    kept: tuple[str, ...]
     arithmetic: float
     tier: Tier
     better: float
@@ -91,6 +95,7 @@ class Bounds:
             # The bounds of the arithmetic are estimates; those of the effects may be proofs.
             plan.plan.kind if not plan.tier_error.any() else "estimate",
             {row.effect: row.bound for row in plan.plan.rows if row.effect in gone},
+            plan.plan.everywhere,
             float(np.max(plan.tier_error)),
             plan.tier,
             float(plan.fine.mean()),
@@ -105,10 +110,12 @@ class Filmed(Viform):
     Attributes:
         error: Bounds of the error of the simulation; None if they are not known.
         notes: What a user must know of the light and of the plan.
+        degraded: Those of the notes that say what the light lacks, as at the end of a clip.
     """
 
     error: Bounds | None = None
     notes: tuple[str, ...] = ()
+    degraded: tuple[str, ...] = ()
 
 
 class LatchedCamera:
@@ -135,10 +142,12 @@ class LatchedCamera:
             raise InputError(
                 "tier", "exact or reference without an OpenCL device", "fast", "choose one of them"
             )
+        keep_freed()
         self.setting, self._device, self._tier = setting, device, tier
         self._tolerance, self._window, self._floor = tolerance, window, floor
         self._duplicated = DuplicatedRows(duplicated_rows) if duplicated_rows else None
         self._plans: dict[bytes, CameraPlan] = {}
+        self._chips: list[tuple[tuple[Any, ...], SpikeCamera]] = []
         self._lock = Lock()
 
     @property
@@ -149,7 +158,7 @@ class LatchedCamera:
     def forget(self) -> None:
         """Gives back what is kept for later calls."""
         with self._lock:
-            self._plans = {}
+            self._plans, self._chips = {}, []
 
     def _lengths(self, cycles: int) -> tuple[int, float]:
         """Window and floor of a call."""
@@ -190,7 +199,16 @@ class LatchedCamera:
             plan = replace(
                 plan, setting=replace(plan.setting, seed=seed), full=replace(plan.full, seed=seed)
             )
-        return plan.camera(self._device)
+        # Cameras that differ in their seed alone share what does not depend on it.
+        flags = b"" if plan.flags is None else plan.flags.tobytes()
+        key = replace(plan.setting, seed=0), plan.tier, flags, plan.fine.all()
+        with self._lock:
+            like = next((camera for known, camera in self._chips if known == key), None)
+        camera = plan.camera(self._device, like)
+        if like is None:
+            with self._lock:
+                self._chips = [*self._chips[1 - _CHIPS :], (key, camera)]
+        return camera
 
     def film(
         self, source: Callable[[], Source], relay: Relay, cycles: int, number: int = 0,
@@ -226,15 +244,22 @@ class LatchedCamera:
         camera = self._exposed(plan, seed_of(self.setting.seed, number))
         light = source()
         scene = SceneStage(light, self.setting.reach)
-        words = np.empty((words_for(cycles), *self.shape), np.uint32)
+        words = np.empty((0, *self.shape), np.uint32)
         for start in range(0, cycles, _TOGETHER):
             block = Block(start, min(_TOGETHER, cycles - start))
-            part = camera.step(relay(scene.step(None, block)), block)
-            if self._duplicated is not None:
-                part = self._duplicated.step(part, block)
-            words[start // WORD : start // WORD + len(part.words)] = part.words
+            part = camera.step(relay(scene.step(None, block)), block).words
+            if block.cycles == cycles:  # they are those of the call
+                words = part
+                break
+            if not start:
+                words = np.empty((words_for(cycles), *self.shape), np.uint32)
+            words[start // WORD : start // WORD + len(part)] = part
+        if self._duplicated is not None:
+            self._duplicated.duplicate(words)
         notes = (*plan.notes, *light.notes, *light.degraded)
-        return Filmed(words, cycles, self.setting.clock, 0, Bounds.of(plan), notes)
+        return Filmed(
+            words, cycles, self.setting.clock, 0, Bounds.of(plan), notes, tuple(light.degraded)
+        )
 
     def open(self, most: float, frames: Clock, relay: Relay, number: int = 0) -> LiveCamera:
         """A camera whose light comes frame by frame. All pixels have one tier: the bound of the

@@ -155,10 +155,12 @@ class CameraPlan:
         """(tiles,) bound of the whole error, relative: of what is left out, and of arithmetic."""
         return self.plan.total + self.tier_error
 
-    def camera(self, device: Device | None) -> SpikeCamera:
-        """The planned camera."""
-        tiles = self.fine_tiles(device)
-        return SpikeCamera(self.setting, device, tier=self.tier, flags=self.flags, fine=tiles)
+    def camera(self, device: Device | None, like: SpikeCamera | None = None) -> SpikeCamera:
+        """The planned camera. like: one that differs in its seed only; see `SpikeCamera`."""
+        return SpikeCamera(
+            self.setting, device, tier=self.tier, flags=self.flags, fine=self.fine_tiles(device),
+            like=like,
+        )  # fmt: skip
 
     def fine_tiles(self, device: Device | None) -> FineTiles | None:
         """The tiles of the planned camera that a better tier simulates; None for none."""

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+import numpy.typing as npt
+
 from cosim.spikes.viform import Viform
 from cosim.stage import Block
 
@@ -24,8 +27,12 @@ class DuplicatedRows:
     def step(self, stream: Viform, block: Block) -> Viform:
         """The stream with the duplicated rows."""
         words = stream.words.copy()
-        words[:, self._targets] = words[:, self._sources]
+        self.duplicate(words)
         return replace(stream, words=words)
+
+    def duplicate(self, words: npt.NDArray[np.uint32]) -> None:
+        """Duplicates the rows of words (n, H, W) in place."""
+        words[:, self._targets] = words[:, self._sources]
 
 
 def readout_stages(pairs: Sequence[tuple[int, int]]) -> dict[str, DuplicatedRows]:

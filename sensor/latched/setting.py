@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -101,6 +102,11 @@ class CameraSetting:
             raise AttributeError(f"a camera's setting has no {name}")
         return parameters[name]
 
+    @cached_property
+    def _acting(self) -> list[PixelEffect]:
+        """The effects that act."""
+        return acting(self)
+
     @property
     def electrons_per_lux(self) -> float:
         """Photoelectrons a second per lux on the pixel."""
@@ -138,7 +144,7 @@ class CameraSetting:
     @property
     def acting_effects(self) -> tuple[Effect, ...]:
         """The effects that act in this setting."""
-        return tuple(effect.planned(self) for effect in acting(self))
+        return tuple(effect.planned(self) for effect in self._acting)
 
     def without(self, names: Iterable[str]) -> CameraSetting:
         """The setting without these effects, which are named as in `acting_effects`."""
@@ -167,7 +173,7 @@ class CameraSetting:
     def uneven(self) -> float:
         """Relative standard deviation of the gains of pixels: an upper limit, as those of all
         effects are added."""
-        return float(sum(effect.gain_spread(self) for effect in acting(self)))
+        return float(sum(effect.gain_spread(self) for effect in self._acting))
 
     @property
     def slack(self) -> float:
@@ -187,13 +193,13 @@ class CameraSetting:
     def reach(self) -> tuple[int, int]:
         """Cycles before and after a block whose light the block needs as well. Effects that move
         the sampling instants add up."""
-        reaches = [effect.reach for effect in acting(self)]
+        reaches = [effect.reach for effect in self._acting]
         return sum(r[0] for r in reaches), sum(r[1] for r in reaches)
 
-    @property
+    @cached_property
     def model(self) -> ExactModel:
         """The pixel, with the lumped form of its circuit."""
-        effects = acting(self)
+        effects = self._acting
         transfers = (effect.transfer(self) for effect in effects)
         return ExactModel(
             self.threshold,
@@ -209,24 +215,24 @@ class CameraSetting:
     @property
     def lumped_dark(self) -> float:
         """Electrons a second that the exact and the fast tier add, summed over all effects."""
-        return sum(effect.lumped_dark(self) for effect in acting(self))
+        return sum(effect.lumped_dark(self) for effect in self._acting)
 
     @property
     def dark_charge(self) -> float:
         """Electrons a cycle that a pixel gathers in the dark, up to four standard deviations."""
-        return sum(effect.dark_charge(self) for effect in acting(self))
+        return sum(effect.dark_charge(self) for effect in self._acting)
 
     def dark_excess(self, numbers: npt.NDArray[np.uint32]) -> npt.NDArray[np.float64] | None:
         """Electrons a cycle that single pixels with these numbers gather in the dark beyond
         `dark_charge`, (n,); None if no pixel does."""
-        parts = [effect.dark_excess(self, numbers) for effect in acting(self)]
+        parts = [effect.dark_excess(self, numbers) for effect in self._acting]
         known = [part for part in parts if part is not None]
         return sum(known[1:], known[0]) * float(self.clock.period) if known else None
 
     @property
     def light_map(self) -> Callable[[Light], Light] | None:
         """Map of the light on the pixels, before integration; None for no map."""
-        maps = [m for m in (effect.light_map(self) for effect in acting(self)) if m is not None]
+        maps = [m for m in (effect.light_map(self) for effect in self._acting) if m is not None]
         if len(maps) < 2:
             return maps[0] if maps else None
 
@@ -240,14 +246,14 @@ class CameraSetting:
     @property
     def common_gain(self) -> CommonGain | None:
         """Gain that all pixels have in common; None for none. At most one effect has it."""
-        gains = (effect.common_gain(self) for effect in acting(self))
+        gains = (effect.common_gain(self) for effect in self._acting)
         return next((gain for gain in gains if gain is not None), None)
 
     @property
     def sampling_offsets(self) -> npt.NDArray[np.int64] | None:
         """Picoseconds from a latch edge to the sampling instant of each row of the chip,
         (height,) int64; None if all rows are sampled at the edge."""
-        effects = [effect for effect in acting(self) if effect.reach != (0, 0)]
+        effects = [effect for effect in self._acting if effect.reach != (0, 0)]
         if not effects:
             return None
         offsets = np.zeros(self.chip.height)
@@ -262,7 +268,7 @@ class CameraSetting:
             numbers: (n,) numbers of the pixels on the chip.
             lumped: whether `lumped_dark` is added; a lumped leak is a dark current below zero.
         """
-        patterns = [effect.fixed_pattern(self, numbers) for effect in acting(self)]
+        patterns = [effect.fixed_pattern(self, numbers) for effect in self._acting]
         parts = [pattern for pattern in patterns if pattern is not None]
         dark = self.lumped_dark if lumped else 0.0
         if not parts:

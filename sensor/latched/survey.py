@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ from cosim.light.source import Source
 from cosim.light.survey import Survey, survey, through
 from cosim.plan.effects import Summary
 from cosim.plan.tiles import TileGrid
+from sensor.latched.effects.drift import KNOT, STEP
 from sensor.latched.setting import CameraSetting
 
 __all__ = ["SceneSurvey", "summarise", "survey_scene"]
@@ -90,6 +91,7 @@ def summarise(
     excess = setting.dark_excess(np.arange(light.least.size, dtype=np.uint32))
     if excess is not None:
         brightest = brightest + grid.reduce(excess.reshape(light.least.shape), np.maximum)
+    slope = _slope(setting, light, grid, per_cycle, brightest)
     darkest, brightest = (setting.transfer(electrons) for electrons in (darkest, brightest))
     brightest = brightest * (1 + _SIGMAS * setting.drift)
     darkest = darkest * max(1 - _SIGMAS * setting.drift, 0.0)
@@ -104,12 +106,26 @@ def summarise(
     scene = Summary(
         darkest, brightest, setting.threshold, window, cycles, floor,
         setting.spread, np.where(moving, light.planes, 0.0), setting.slack,
-        setting.dead_time * clock.hz, setting.uneven, timing,
+        setting.dead_time * clock.hz, setting.uneven, timing, slope,
     )  # fmt: skip
     certain = light.certain
     if setting.crosstalk > 0 and not certain.all():
         certain = _around(certain.astype(np.float32), least=True) > 0
     return SceneSurvey(light, grid, scene, grid.reduce(certain, np.logical_and))
+
+
+def _slope(
+    setting: CameraSetting, light: Survey, grid: TileGrid, per_cycle: float,
+    brightest: npt.NDArray[np.float64],
+) -> Any:  # fmt: skip
+    """Limit of the change of the light of a tile within a cycle, electrons a cycle, (tiles,);
+    infinite if it is not known. brightest: (tiles,) electrons a cycle, before transfers."""
+    if light.slope is None or setting.model.transfers:
+        return np.inf
+    plane = _around(light.slope, least=False) if setting.crosstalk > 0 else light.slope
+    slope = grid.reduce(plane, np.maximum).astype(float) * per_cycle
+    # A gain moves by the part STEP / KNOT of the difference of two normal values.
+    return slope + brightest * (2 * _SIGMAS * setting.drift * STEP / KNOT)
 
 
 def _around(plane: Plane, *, least: bool) -> Plane:

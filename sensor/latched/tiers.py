@@ -128,6 +128,7 @@ def tier_pixels(
     device: Device | None = None,
     flags: npt.NDArray[np.uint8] | None = None,
     row_delay: npt.NDArray[np.int64] | None = None,
+    like: TierPixels | None = None,
 ) -> TierPixels:
     """Pixels of a plane in one tier. The map of the light (cross-talk) is not applied here.
 
@@ -142,6 +143,7 @@ def tier_pixels(
             reference keeps all effects, and takes thresholds from the bank where they say so. The
             exact tier ignores them.
         row_delay: (height of the chip,) int64 ps; see `SpikeCamera`.
+        like: pixels that differ in their seed only, whose constants may be shared; None for none.
 
     Raises:
         ValueError: the fast tier has no device, or `row_delay` has another shape.
@@ -149,7 +151,8 @@ def tier_pixels(
 
     def make(threshold: float) -> RewrittenPixels:
         level = replace(setting, threshold=threshold, writes=())
-        return _level_pixels(tier, level, shape, numbers, rows, device, flags, row_delay)
+        same = None if setting.writes else like
+        return _level_pixels(tier, level, shape, numbers, rows, device, flags, row_delay, same)
 
     if not setting.writes:
         return make(setting.threshold)
@@ -165,6 +168,7 @@ def _level_pixels(
     device: Device | None,
     flags: npt.NDArray[np.uint8] | None,
     row_delay: npt.NDArray[np.int64] | None,
+    like: TierPixels | None,
 ) -> Any:
     """Pixels whose registers are not written; the arguments are those of `tier_pixels`."""
     offsets = setting.sampling_offsets
@@ -179,16 +183,20 @@ def _level_pixels(
         timing = setting.row_timing.on(rows, setting.chip.height, setting.clock, setting.seed)
     if setting.clock_moves is not None:
         timing = setting.clock_moves.on(rows.size, timing)
+    if tier == "fast":
+        from sensor.latched.fast import FastPixels, PixelArray
+
+        if device is None:
+            raise ValueError("the fast tier needs an OpenCL device")
+        if isinstance(like, FastPixels):
+            return FastPixels(like.array.seeded(setting.model, timing), device, like)
     lumped = tier != "reference" or setting.circuit is None
     pattern = setting.fixed_pattern(numbers, lumped=lumped)
     gain, model = setting.electrons_per_lux, setting.model
     if tier == "exact":
         return _Exact(setting, numbers, pattern, offsets, timing, device)
     if tier == "fast":
-        from sensor.latched.fast import FastPixels, PixelArray
-
-        if device is None:
-            raise ValueError("the fast tier needs an OpenCL device")
+        assert device is not None
         array = PixelArray(
             model, shape, numbers, setting.clock, gain, pattern, offsets, flags, timing
         )

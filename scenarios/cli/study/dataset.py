@@ -31,6 +31,9 @@ def dataset(
     ] = None,
     samples: Annotated[int, typer.Option(help="scenes of each source")] = 1,
     split: Annotated[str, typer.Option(help="shares of train, val and test")] = ".8,.1,.1",
+    check: Annotated[
+        int, typer.Option(help="an item of so many is measured against full physics; 0 for none")
+    ] = 100,
     *,
     options: BatchOptions,
 ) -> None:
@@ -40,7 +43,7 @@ def dataset(
 
     order = order_of(
         source or (), camera or (), vary or (), options.assignments or (), samples, split,
-        options.seed, options.tolerance,
+        options.seed, options.tolerance, check,
     )  # fmt: skip
     options.make("dataset", partial(build_dataset, order), _print)
 

@@ -125,6 +125,13 @@ class FilmSource:
         """Frame n as the pixels see it, white = 1; None if the clip ends before it."""
         return self._clip.frame(n)
 
+    def _times(self, n: int, factor: np.float32) -> Plane | None:
+        """Frame n times a factor; None if the clip ends before it."""
+        if isinstance(self._clip, Pictures) and self._clip.coded:
+            return self._clip.times(n, factor)
+        frame = self._frame(n)
+        return None if frame is None else frame * factor
+
     def _last(self) -> Plane:
         """The last frame of a clip that has ended, or a still image."""
         return self._clip.last()
@@ -132,11 +139,11 @@ class FilmSource:
     def _lit(self, n: int) -> Plane | None:
         """Exitance of frame n, lux; None if the clip ends before it."""
         if n not in self._planes:
-            frame = self._frame(n)
-            if frame is None:
+            plane = self._times(n, self._lux)
+            if plane is None:
                 return None
             self._planes = {k: p for k, p in self._planes.items() if k >= n - 1}
-            self._planes[n] = frame * self._lux
+            self._planes[n] = plane
         return self._planes[n]
 
     def _piece(self, n: int) -> Piece:

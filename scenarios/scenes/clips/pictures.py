@@ -54,8 +54,10 @@ class Pictures:
         rate: frames/s, which several frames need.
         notes: to which `read` adds.
         kept: frames in memory.
+        codes: frames of uint8 whose pixels are those of the grid, (T, H, W); None if they are not.
 
     Attributes:
+        coded: whether `times` takes frames from a table of their codes.
         notes: notes for the user.
         size: as given.
         rate: frame rate, 1/s; 0 for a still image.
@@ -69,6 +71,7 @@ class Pictures:
     def __init__(
         self, path: Path, read: Callable[[int], Plane], frames: int, size: tuple[int, int],
         rate: float | None, notes: list[str], kept: int = _KEPT,
+        codes: npt.NDArray[np.uint8] | None = None,
     ) -> None:  # fmt: skip
         if frames > 1 and rate is None:
             raise InputError(
@@ -77,10 +80,12 @@ class Pictures:
             )  # fmt: skip
         self._read, self._frames, self.size, self.notes = read, frames, size, notes
         self._planes: dict[int, Plane] = {}
-        self._kept = kept
+        self._times: dict[tuple[int, np.float32], Plane] = {}
+        self._kept, self._codes, self.coded = kept, codes, codes is not None
         self.rate = Fraction(repr(rate)) if frames > 1 else Fraction(0)
         self.count = 0
-        self.frame(0)
+        if codes is None:
+            self.frame(0)
 
     @property
     def ended(self) -> bool:
@@ -98,6 +103,23 @@ class Pictures:
             self._planes[n] = self._read(n)
             self.count = max(self.count, n + 1)
         return self._planes[n]
+
+    def times(self, n: int, factor: np.float32) -> Plane | None:
+        """Frame n of `codes` times a factor, as a product of float32; None beyond the last."""
+        import cv2
+
+        assert self._codes is not None
+        if n >= self._frames:
+            self.count = self._frames
+            return None
+        key = n, factor
+        if key not in self._times:
+            if len(self._times) >= self._kept:
+                self._times.popitem()
+            curve = transfer_curve(SRGB, 255) * factor
+            self._times[key] = np.asarray(cv2.LUT(self._codes[n], curve), np.float32)
+            self.count = max(self.count, n + 1)
+        return self._times[key]
 
     def last(self) -> Plane:
         """The last frame of those read."""
@@ -129,7 +151,8 @@ def shown(
     floats of linear light. opaque: share of each pixel that is, (h, w); the rest is black."""
     light = np.asarray(values)
     if np.issubdtype(values.dtype, np.integer):
-        light = transfer_curve(code, int(np.iinfo(values.dtype).max))[light]
+        curve = transfer_curve(code, int(np.iinfo(values.dtype).max))
+        return fit.codes(light, curve, opaque)
     if opaque is not None:
         light = light * (opaque if light.ndim == 2 else opaque[..., None])
     return fit.floats(light)
@@ -165,9 +188,11 @@ def array_clip(
     size = frames.shape[1], frames.shape[2]
     fit.check_size(*size)
     kept = min(len(frames), max(_KEPT, _REMEMBERED // cores() // (4 * shape[0] * shape[1])))
+    coded = frames.dtype == np.uint8 and frames.ndim == 3 and size == shape and mosaic is None
     return Pictures(
-        Path("frames"), lambda n: shown(frames[n], fit), len(frames), size, rate, notes, kept
-    )
+        Path("frames"), lambda n: shown(frames[n], fit), len(frames), size, rate, notes, kept,
+        frames if coded else None,
+    )  # fmt: skip
 
 
 def _from_folder(
@@ -301,9 +326,7 @@ def _from_tiff(
     return Pictures(path, read, len(kept), pages[0].size, rate, notes)
 
 
-def _page(
-    path: Path, page: int
-) -> tuple[npt.NDArray[Any], npt.NDArray[np.float32] | None] | None:
+def _page(path: Path, page: int) -> tuple[npt.NDArray[Any], npt.NDArray[np.float32] | None] | None:
     """Values of a page of a TIFF, (H, W) or (H, W, 3), and the share of each pixel that is opaque,
     None without alpha. None if OpenCV does not read the page, or not as codes of 8 or 16 bits or
     floats. It does not give the alpha of grey pages."""

@@ -53,7 +53,7 @@ def build_dataset(
         begin_batch("dataset", folder, _stated(order, items), "items", resume)
         shutil.rmtree(folder / PARTS, ignore_errors=True)  # of a process that was killed
         try:
-            failed = _make(items, places, device, workers, scheduler, progress)
+            failed = _make(items, order.check, places, device, workers, scheduler, progress)
         except InputError:
             _remove_empty(folder)
             raise
@@ -95,6 +95,7 @@ def _stated(order: Order, items: list[Item]) -> dict[str, Any]:
         "drawn": [axis.given for axis in order.axes],
         "set": list(order.assignments),
         "samples": order.samples,
+        "check": order.check,
         "split": list(order.split),
         "items": [
             {
@@ -107,13 +108,15 @@ def _stated(order: Order, items: list[Item]) -> dict[str, Any]:
 
 
 def _make(
-    items: list[Item], places: Places, device: str | None, workers: int, scheduler: str | None,
-    progress: Progress,
+    items: list[Item], check: int, places: Places, device: str | None, workers: int,
+    scheduler: str | None, progress: Progress,
 ) -> dict[str, InputError]:  # fmt: skip
     """Makes what is not there; returns the errors of items that cannot be made. What cannot be
     filmed by one camera is mentioned once."""
     jobs = [
-        (n, (item, places, device)) for n, item in enumerate(items) if not _is_there(item, places)
+        (n, (item, places, device, check > 0 and n % check == 0))
+        for n, item in enumerate(items)
+        if not _is_there(item, places)
     ]
     progress.start(f"{places.folder.name}: {len(items)} items", len(items))
     done = len(items) - len(jobs)

@@ -9,12 +9,15 @@ masks as run lengths of a column-major mask, of 0 first.
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.format import write_array
 
 from cosim import InputError
 
@@ -50,9 +53,13 @@ def write_grey(path: Path, image: npt.NDArray[np.uint8]) -> None:
 
 
 def write_arrays(path: Path, arrays: dict[str, npt.NDArray[Any]]) -> None:
-    """Writes arrays as a compressed `.npz`, the same bytes for the same arrays."""
-    with path.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+    """Writes arrays as a compressed `.npz`, the same bytes for the same arrays. NumPy's own form
+    compresses three times as long, for a few per cent of the size."""
+    with ZipFile(path, "w") as archive:
+        for name, array in arrays.items():
+            file = BytesIO()
+            write_array(file, np.ascontiguousarray(array), allow_pickle=False)
+            archive.writestr(ZipInfo(f"{name}.npy"), file.getbuffer(), ZIP_DEFLATED, 1)
 
 
 def run_lengths(mask: npt.NDArray[np.bool_]) -> list[int]:

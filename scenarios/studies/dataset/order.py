@@ -16,8 +16,10 @@ from scenarios.studies.batch.axes import MOST, Axis, check_axes, latin_hypercube
 from scenarios.studies.dataset.inputs import CameraChoice, SourceChoice
 from scenarios.studies.dataset.reading import SPLITS
 
-__all__ = ["Item", "Order", "read_split"]
+__all__ = ["CHECK", "Item", "Order", "read_split"]
 
+CHECK: Final = 100
+"""One item of so many is measured against full physics."""
 _SHARED: Final = ("duration", "image.at")
 """Keys that a view has in common for all cameras, besides those of [scene]."""
 _LAYOUT, _NOISE, _VIEWS, _ITEMS, _SPLIT = range(5)
@@ -79,6 +81,7 @@ class Order:
         split: shares of train, val and test.
         seed: of everything that is drawn, and of the noise.
         tolerance: of each run; that of the scenario if None.
+        check: an item of so many is measured against full physics; 0 for none.
     """
 
     sources: tuple[SourceChoice, ...]
@@ -89,6 +92,7 @@ class Order:
     split: tuple[float, ...] = (0.8, 0.1, 0.1)
     seed: int = 1
     tolerance: float | None = None
+    check: int = CHECK
 
     def __post_init__(self) -> None:
         check_axes(self.axes, self.assignments)
@@ -99,6 +103,8 @@ class Order:
                 "--samples", f"1 to {most}", f"{self.samples}",
                 f"write {1 if self.samples < 1 else most}",
             )  # fmt: skip
+        if self.check < 0:
+            raise InputError("--check", "0 or more", f"{self.check}", f"write --check {CHECK}")
         if not 0 <= self.seed < 2**32:
             raise InputError("--seed", "0 to 4294967295", f"{self.seed}", "write one of these")
         reserved = {"seed": "--seed", "tolerance": "--tolerance"}

@@ -5,7 +5,7 @@ The OpenCL form (pixels.py) and the numpy form (in the tests) both start from it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -77,6 +77,17 @@ class PixelArray:
             raise ValueError(f"offsets must be {height}, not {self.offsets.size}")
         if self.flags is not None and self.flags.shape != self.groups:
             raise ValueError(f"flags must have shape {self.groups}, not {self.flags.shape}")
+
+    def seeded(self, model: ExactModel, timing: RowMoves | None) -> PixelArray:
+        """The same pixels with another seed: its model, and its noise of the sampling instants.
+        What does not depend on the seed is shared."""
+        other = replace(self, model=model, timing=timing)
+        names = (
+            "group_flags", "pixel_flags", "banked", "_ramps", "units", "bank", "_groups_of",
+            "deepest", "row_offsets", "gains", "_dark", "_most",
+        )  # fmt: skip
+        other.__dict__.update({n: self.__dict__[n] for n in names if n in self.__dict__})
+        return other
 
     @property
     def groups(self) -> tuple[int, int]:

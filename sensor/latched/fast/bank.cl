@@ -274,7 +274,7 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
         const float16 rate = level < 0.0f ? (float16)(0.0f) : level * (1.0f / SCALE);             \
         whole = WHOLE(TRANSFERRED(rate));                                                         \
     }                                                                                             \
-    const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));                           \
+    const uint16 add = as_uint16(whole), lost = as_uint16(LOST_NOW(whole, weight, others));       \
     adds[i] += slopes[i];
 
 // All segments, and the state after them. CYCLES steps the cycles up to `stop`, within a word; adds:
@@ -282,9 +282,10 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 #define COURSE(CYCLES)                                                                            \
     for (uint s = 0; s < n_segments; s++) {                                                       \
         __global const int *segment = segments + s * SEGMENT;                                     \
-        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;      \
+        const uint end = segment[0] + segment[1], others = segment[4];                            \
+        const uint jump = rows * (others + TIMED);                                                \
         const uint first = segment[3], final = segment[others ? 5 : 3];                           \
-        __global const float *weight = weights + segment[2] + at_row * others;                    \
+        __global const float *weight = weights + segment[2] + at_row * (others + TIMED);          \
         __global const float *anchor = weights + segment[5 + PLANES] + 3 * at_row;                \
         const float grows = as_float(segment[6 + PLANES]);                                        \
         const int ramp = others && segment[5 + PLANES];                                           \
@@ -314,7 +315,8 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 
 // Cycles of any light.
 #define BY_LIGHT                                                                                  \
-    const int way = max(ways[first], ways[final]), linear = LINEAR && (!others || ramp);          \
+    const int way = max(ways[first], ways[final]);                                                \
+    const int linear = LINEAR && !TIMED && (!others || ramp);                                     \
     if (linear && way < 3)                                                                        \
         BY_WAY(way, LOOP(RAMP_LIGHT, ONCE), LOOP(RAMP_LIGHT, TWICE), LOOP(RAMP_LIGHT, ANY))       \
     else {                                                                                        \
@@ -351,7 +353,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     GROUP_STATE
     const uint at_row = rows > 1 ? row - y0 : 0;
     const int highest = way_of(top, shortest);
-    int easy = LINEAR && !highest;
+    int easy = LINEAR && !TIMED && !highest;
     for (uint s = 0; s < n_segments; s++)
         easy &= !segments[s * SEGMENT + 4] || segments[s * SEGMENT + 5 + PLANES];
     if (easy) { // ramps below one threshold a cycle: alone, this loop fits in the registers

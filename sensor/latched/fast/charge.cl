@@ -5,11 +5,23 @@
 #define LIMIT ((float)CAP / (float)one)
 
 #ifdef DEAD_TIME
-#define LOST(add) convert_int16(convert_float16(add) * dead)
+#define LOST_OF(add, share) convert_int16(convert_float16(add) * (share))
 #define BELOW(d, add) ((d) < (add))
 #else
-#define LOST(add) (int16)(0)
+#define LOST_OF(add, share) (int16)(0)
 #define BELOW(d, add) (int16)(-1)
+#endif
+
+#define LOST(add) LOST_OF(add, dead)
+
+// Light that a spike of a cycle loses. A cycle whose length has noise has another light, but its
+// dead time stays: its last weight is that of a cycle without noise over its own.
+#if FLAGS & TIMING_FLAG
+#define TIMED 1
+#define LOST_NOW(add, weight, others) LOST_OF(add, dead * (weight)[others])
+#else
+#define TIMED 0
+#define LOST_NOW(add, weight, others) LOST(add)
 #endif
 
 inline int16 units_of(const float16 rate, const int one)

@@ -26,14 +26,13 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import WORD
+from sensor.latched.fast.joints import Joint, Weights, merged, weighed
 from sensor.latched.row_timing import RowMoves
 
 __all__ = ["MOST_PLANES", "Course", "Segment", "course_of", "parts_of"]
 
 MOST_PLANES: Final = 16
 """Most planes of a segment, including its base, and of a launch of a kernel."""
-
-Weights = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,8 @@ class Segment:
         cycles: number of cycles.
         base: (H, W) float32, light of weight 0.
         planes: (H, W) float32 each.
-        weights: (cycles, rows of the box or 1, planes) float32.
+        weights: (cycles, rows of the box or 1, planes) float32. With noise of the sampling instants
+            a further one: the length of a cycle without noise over that of this cycle.
         anchors: (words, rows of the box or 1, 3) float32, weight at the anchor of each 32 cycles of
             the clock; the anchor, in cycles from the start of the call; and the number of cycles
             for which it holds, which may lie outside the call. None for no ramp.
@@ -212,66 +212,8 @@ def _anchors(
     return [anchors[a:b] for a, b in pairwise([0, *cuts])]
 
 
-def _meeting(
-    met: list[Piece],
-    start: int,
-    stop: int,
-    low: npt.NDArray[np.int64],
-    high: npt.NDArray[np.int64],
-    dark: Plane | None,
-) -> tuple[tuple[Plane, ...], Weights]:
-    """Planes of the pieces that meet between two edges, which rows reach at other instants by `low`
-    and `high`, and their weights, (rows, planes). dark: a plane that gathers nothing, if these
-    differ."""
-    planes: list[Plane] = []
-    weights: list[npt.NDArray[np.float64]] = []
-
-    def add(plane: Plane, weight: npt.NDArray[np.float64]) -> None:
-        for n, known in enumerate(planes):
-            if known is plane:
-                weights[n] = weights[n] + weight
-                return
-        planes.append(plane)
-        weights.append(weight)
-
-    for piece in met:
-        a = np.maximum(start + low, piece.start)
-        b = np.minimum(stop + high, piece.stop)
-        share = np.maximum(b - a, 0) / (stop - start)
-        if piece.constant:
-            add(piece.first, share)
-            continue
-        # Middle of the piece's part of the cycle. Halves, because its length may be near 2^62.
-        part = ((a - piece.start) / 2 + (b - piece.start) / 2) / (piece.stop - piece.start)
-        add(piece.first, (1 - part) * share)
-        add(piece.last, part * share)
-    if dark is not None:
-        add(dark, (low - high) / (stop - start))
-    others = [n for n, plane in enumerate(planes) if plane is not met[0].first]
-    columns = [weights[n] for n in others]
-    stacked = np.stack(columns, axis=1) if columns else np.zeros((low.size, 0))
-    return tuple(planes[n] for n in others), stacked.astype(np.float32)
-
-
-def _merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, most: Any) -> Plane:
-    """The light of a cycle in which more planes meet than a segment can have, as one plane.
-
-    most: upper limit of the light, one or (H, W).
-    """
-    y0, y1, x0, x1 = box
-    limit = np.broadcast_to(np.asarray(most, np.float64), base.shape)[y0:y1, x0:x1]
-    first = np.minimum(base[y0:y1, x0:x1], limit)
-    change = np.zeros(first.shape)
-    for n, plane in enumerate(planes):
-        lit = np.clip(plane[y0:y1, x0:x1], 0, limit)
-        change += (lit - first) * weights[:, n : n + 1]
-    plane = base.copy()
-    plane[y0:y1, x0:x1] = np.where(change == 0, base[y0:y1, x0:x1], np.maximum(first + change, 0))
-    return plane
-
-
 def _segments(
-    parts: list[_Run | Segment],
+    parts: list[Any],
     clock: Clock,
     call: tuple[int, int],
     rows: npt.NDArray[np.int64],
@@ -287,14 +229,15 @@ def _segments(
     start, stop = call
     moving = [part for part in parts if isinstance(part, _Run) and not part.piece.constant]
     tick = PS * clock.den / clock.num
-    # Weight of the last plane of a piece, and of the dark plane. Other cycles have any number.
+    # Weights of the last plane of a piece, of the dark plane, and of dead time. Other cycles have
+    # any number.
     width = rows.size if ends is None else ends.shape[1]
-    weights = np.empty((stop - start, width, 2), np.float32)
+    weights = np.empty((stop - start, width, 3), np.float32)
     middles: npt.NDArray[Any] = rows
     longer: Any = 0.0
     if ends is not None:
         middles, longer = (ends[:-1] + ends[1:]) / 2, (ends[1:] - ends[:-1]) / tick
-        weights[..., 1] = -longer
+        weights[..., 1], weights[..., 2] = -longer, 1 / (1 + longer)
     anchors: list[Weights] = []
     if moving:
         run_of = np.zeros(stop - start, np.intp)
@@ -312,7 +255,7 @@ def _segments(
             continue
         piece, first = part.piece, part.first - start
         planes = () if piece.constant else (piece.last,)
-        columns = slice(int(piece.constant), 1 if dark is None else 2)
+        columns = slice(int(piece.constant), 1 if dark is None else 3)
         mine = weights[first : part.until - start, :, columns]
         ramp = None if piece.constant else next(ramps, None)
         slope = 0.0 if ramp is None else tick / (piece.stop - piece.start)
@@ -375,7 +318,7 @@ def course_of(
     # Instants at which the cycles begin and end, (cycles + 1, rows) ps from their edges.
     ends = None if timing is None else rows + timing.moves(start, cycles + 1)
     stops = [p.stop for p in met]
-    parts: list[_Run | Segment] = []
+    parts: list[_Run | Joint | Segment] = []
     c, stop = start, start + cycles
     while c < stop:
         begin, end = clock.edge(c) + earliest, clock.edge(c + 1) + latest
@@ -386,14 +329,18 @@ def course_of(
             parts.append(_Run(c, min(last, stop), last, piece))
             c = min(last, stop)
             continue
-        meet = [p for p in met[n:] if p.start < end] or [met[0]]
-        low, high = (rows, rows) if ends is None else ends[c - start : c - start + 2]
-        planes, weights = _meeting(meet, clock.edge(c), clock.edge(c + 1), low, high, dark)
-        base = meet[0].first
-        if len(planes) >= MOST_PLANES:
-            base, planes = _merged(base, planes, weights, box, most), ()
-            weights = weights[:, :0]
-        parts.append(Segment(c - start, 1, base, planes, weights[None]))
+        meet = tuple(p for p in met[n:] if p.start < end) or met[:1]
+        parts.append(Joint(c, meet))
         c += 1
+    joints = [part for part in parts if isinstance(part, Joint)]
+    known = iter(weighed(joints, clock, rows, ends, start, dark))
+    for n, part in enumerate(parts):
+        if isinstance(part, Joint):
+            planes, weights = next(known)
+            base = part.pieces[0].first
+            if len(planes) >= MOST_PLANES:
+                base, planes = merged(base, planes, weights, box, most), ()
+                weights = weights[:, :0] if dark is None else weights[:, -1:]
+            parts[n] = Segment(part.cycle - start, 1, base, planes, weights[None])
     segments = _segments(parts, clock, (start, stop), rows, ends, dark, anchored)
     return Course(met[0].first, box, segments, met)

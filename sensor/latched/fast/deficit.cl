@@ -140,12 +140,13 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         bits = load_word(words + (c >> 5) * stride, row, x, width);
     for (uint s = 0; s < n_segments; s++) {
         __global const int *segment = segments + s * SEGMENT;
-        const uint end = segment[0] + segment[1], others = segment[4], jump = rows * others;
+        const uint end = segment[0] + segment[1], others = segment[4];
+        const uint jump = rows * (others + TIMED);
         const float16 base = levels[segment[3]];
         float16 step = 0.0f;
         if (others)
             step = levels[segment[5]] - base;
-        __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * others;
+        __global const float *weight = weights + segment[2] + (rows > 1 ? row - y0 : 0) * (others + TIMED);
         // Light below LIMIT, from at most two planes.
         const float16 room = LIMIT - base - UPWARDS(step);
         const int simple = LINEAR && others <= 1 && !some(as_int16(room - LIMIT * 0x1p-20f));
@@ -156,7 +157,7 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
                 for (; c < stop; c++, weight += jump) {
                     const uint bit = 1u << (c & 31);
                     const int16 add = convert_int16(base_units + weight[0] * step_units + 0.5f);
-                    const int16 lost = LOST(add);
+                    const int16 lost = LOST_NOW(add, weight, others);
                     CYCLE(add, lost)
                 }
             else
@@ -165,7 +166,8 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
                     float16 rate = base;
                     for (uint j = 0; j < others; j++)
                         rate = rate + weight[j] * (levels[segment[5 + j]] - base);
-                    const int16 add = units_of(TRANSFERRED(lit(rate)), one), lost = LOST(add);
+                    const int16 add = units_of(TRANSFERRED(lit(rate)), one);
+                    const int16 lost = LOST_NOW(add, weight, others);
                     ANY_CYCLE(add, lost)
                 }
             if (!(c & 31)) {

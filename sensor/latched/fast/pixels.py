@@ -48,18 +48,46 @@ _ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 
 
+_CONSTANT: Final = (
+    "_firsts", "_numbers", "_table", "_flags", "_together", "_lists", "_gains", "_bank", "_kernels",
+    "_outputs",
+)  # fmt: skip
+"""Attributes of pixels that do not depend on the seed."""
+
+
 class FastPixels:
     """Pixels of one plane, exposed to light.
 
     Results do not depend on how a run is split into calls, nor on how a plane is split into tiles.
     They agree with `NumpyFast` (tests/sensor/latched/fast/numpy_fast.py) bit for bit.
+
+    Args:
+        array: the pixels.
+        device: OpenCL device.
+        like: pixels of which `array` is `PixelArray.seeded`, whose constants are shared; None for
+            none.
     """
 
-    def __init__(self, array: PixelArray, device: Device) -> None:
-        self._array = array
+    def __init__(self, array: PixelArray, device: Device, like: FastPixels | None = None) -> None:
+        self.array = array
         self._device = device
+        self._planes: dict[int, tuple[Plane, Any]] = {}
+        self._fault = device.upload(np.zeros(1, np.int32))
+        if like is None:
+            self._set_up(array, device)
+        else:
+            for name in _CONSTANT:
+                setattr(self, name, getattr(like, name))
+        if array.banked:
+            self._keys = device.upload(group_keys(self._firsts, array.model.seed))
+        self._upload(*array.initial_state())
+
+    def _set_up(self, array: PixelArray, device: Device) -> None:
+        """Makes what does not depend on the seed: _CONSTANT."""
         self._outputs = Outputs(np.uint32, device.memory)
-        self._numbers = device.upload(array.padded(array.numbers))
+        numbers = array.padded(array.numbers)
+        self._firsts = np.ascontiguousarray(numbers[:, ::LANES])
+        self._numbers = device.upload(numbers)
         self._table = device.upload(array.units.table)
         self._flags = device.upload(array.group_flags)
         flat = array.group_flags.ravel()
@@ -69,13 +97,10 @@ class FastPixels:
         self._gains: tuple[Any, ...] = (np.float32(array.scale),)
         if array.gains is not None:
             self._gains = tuple(device.upload(plane) for plane in array.gains)
+        self._bank: tuple[Any, ...] = ()
         if array.banked:
-            keys = group_keys(array.padded(array.numbers)[:, ::LANES], array.model.seed)
-            self._bank = tuple(device.upload(values) for values in (keys, array.bank.values, STEPS))
+            self._bank = tuple(device.upload(values) for values in (array.bank.values, STEPS))
         self._kernels = {f: self._build(f) for f in lists}
-        self._planes: dict[int, tuple[Plane, Any]] = {}
-        self._fault = device.upload(np.zeros(1, np.int32))
-        self._upload(*array.initial_state())
 
     def _build(self, flags: int) -> tuple[Any, Any]:
         """Kernels for a set of flags: for constant light, and for changing light."""
@@ -83,7 +108,7 @@ class FastPixels:
         def text(name: str) -> str:
             return (files("sensor.latched.fast") / name).read_text(encoding="utf-8")
 
-        source, model = wide_cl() + text("light.cl"), self._array.model
+        source, model = wide_cl() + text("light.cl"), self.array.model
         defines = [
             "-cl-std=CL1.2",
             f"-DFLAGS={flags}",
@@ -95,10 +120,10 @@ class FastPixels:
         ]
         if not self._device.gpu:
             defines.append("-DIN_TURN")
-        if self._array.gains is not None:
+        if self.array.gains is not None:
             defines.append("-DPATTERN")
         if model.transfers:
-            source = light_source(model.transfers, self._array.ratio) + source
+            source = light_source(model.transfers, self.array.ratio) + source
             defines.append("-DTRANSFER")
         if flags & BANK:
             defines += [f"-D{name}={value}u" for name, value in GENERATOR.items()]
@@ -108,9 +133,9 @@ class FastPixels:
         if flags & DEAD_TIME:
             defines.append("-DDEAD_TIME")
         if flags & RESET:
-            defines += [f"-DRESET_{self._array.model.reset.upper()}"]
-            if self._array.model.reset == "subtract":
-                defines += [f"-DDEEPEST=({self._array.deepest})"]
+            defines += [f"-DRESET_{self.array.model.reset.upper()}"]
+            if self.array.model.reset == "subtract":
+                defines += [f"-DDEEPEST=({self.array.deepest})"]
         if flags:
             source += text("charge.cl") + text("bank.cl" if flags & BANK else "deficit.cl")
         else:
@@ -141,7 +166,7 @@ class FastPixels:
 
     def _download(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint64]]:
         """Charge and spike index of every padded pixel."""
-        height, groups = self._array.groups
+        height, groups = self.array.groups
         shape, device = (height, groups * LANES), self._device
         low = device.download(self._low, np.empty(shape, np.uint32))
         high = device.download(self._high, np.empty(shape, np.uint32))
@@ -153,11 +178,12 @@ class FastPixels:
         the call."""
         if not flags:
             return (self._charge,)
-        array, units = self._array, self._array.units
+        array, units = self.array, self.array.units
         if flags & BANK:
             return (
-                self._charge, self._low, *self._bank, np.uint32(start % PERIOD), array.dead,
-                np.int32(units.one), np.int32(array.bank.shortest), np.int32(array.over),
+                self._charge, self._low, self._keys, *self._bank, np.uint32(start % PERIOD),
+                array.dead, np.int32(units.one), np.int32(array.bank.shortest),
+                np.int32(array.over),
             )  # fmt: skip
         return (
             self._charge, self._low, self._high, self._numbers, self._table,
@@ -185,7 +211,7 @@ class FastPixels:
     def _steady(self, course: Course, start: int, cycles: int, words: Any) -> None:
         """One launch for the pixels outside the box of changing light. Rows whose sampling instants
         have noise have no constant light."""
-        height, groups = self._array.groups
+        height, groups = self.array.groups
         y0, y1, g0, g1 = _groups(course.box)
         _, plane = self._planes[id(course.steady)]
         for flags, (groups_of, n) in self._lists.items():
@@ -196,8 +222,8 @@ class FastPixels:
             items, local = self._items(n, bool(flags & BANK))
             self._kernels[flags][0](
                 self._device.queue, (items,), (local,), *self._state(flags, start),
-                plane, words, np.uint32(height * self._array.shape[1]),
-                np.uint32(self._array.shape[1]), np.uint32(groups), self._array.brightest,
+                plane, words, np.uint32(height * self.array.shape[1]),
+                np.uint32(self.array.shape[1]), np.uint32(groups), self.array.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
                 self._fault, *self._gains,
             )  # fmt: skip
@@ -213,7 +239,7 @@ class FastPixels:
         values = [np.zeros(1, np.float32)]
         for segment in segments:
             used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
-            at = begin if segment.planes else 0
+            at = begin if segment.weights.size else 0
             entry = [segment.first, segment.cycles, at, used[0], len(segment.planes), *used[1:]]
             values.append(segment.weights.ravel())
             begin += segment.weights.size
@@ -230,7 +256,7 @@ class FastPixels:
         planes = [self._planes[key][1] for key in slots]
         planes += planes[:1] * (MOST_PLANES - len(planes))
         y0, y1, g0, g1 = _groups(box)
-        (height, width), device = self._array.shape, self._device
+        (height, width), device = self.array.shape, self._device
         shared = device.upload(entries), device.upload(weights)
         for flags in self._lists:
             if flags & TIMING != timing:
@@ -241,7 +267,7 @@ class FastPixels:
                 device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start), *first,
                 self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
                 words, np.uint32(height * width), np.uint32(width),
-                np.uint32(self._array.groups[1]), self._array.brightest,
+                np.uint32(self.array.groups[1]), self.array.brightest,
                 np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(slots)),
                 self._fault, *self._gains, *planes,
             )  # fmt: skip
@@ -269,7 +295,7 @@ class FastPixels:
             ValueError: the light has another shape, is negative, or does not cover the cycles.
                 After negative light the state has no meaning.
         """
-        array = self._array
+        array = self.array
         out = self._outputs.take((words_for(cycles), array.shape[0] * array.shape[1]))
         courses = [
             (
@@ -302,7 +328,7 @@ class FastPixels:
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,)."""
-        return self._array.fraction(*self._download())
+        return self.array.fraction(*self._download())
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next call depends on.
@@ -314,12 +340,12 @@ class FastPixels:
                 after it, plus 1 if it was not the first of its cycle, modulo 2^32; 0 for none.
         """
         charge, spikes = self._download()
-        trim = self._array.trimmed
+        trim = self.array.trimmed
         return {"charge": trim(charge).copy(), "spikes": trim(spikes).copy()}
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
-        pad = self._array.padded
+        pad = self.array.padded
         self._upload(
             pad(np.asarray(state["charge"], np.int32)), pad(np.asarray(state["spikes"], np.uint64))
         )
@@ -328,9 +354,7 @@ class FastPixels:
         self, before: FastPixels, cycle: int, fresh: npt.NDArray[np.bool_], interval: int
     ) -> npt.NDArray[np.bool_]:
         """Continues the pixels of another threshold; see `RewrittenPixels` and `taken_over`."""
-        state, fires = taken_over(
-            self._array, before._array, before.state(), cycle, fresh, interval
-        )
+        state, fires = taken_over(self.array, before.array, before.state(), cycle, fresh, interval)
         self.restore(state)
         return fires
 

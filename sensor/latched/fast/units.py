@@ -150,9 +150,13 @@ def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
     return model.first_table() if model.random_start else model.table()
 
 
-@lru_cache(maxsize=8)
 def units_of(model: ExactModel) -> Units:
-    """Units and table for the thresholds of a model."""
+    """Units and table for the thresholds of a model, which do not depend on its seed."""
+    return _units_of(replace(model, seed=0))
+
+
+@lru_cache(maxsize=8)
+def _units_of(model: ExactModel) -> Units:
     most = _PILED_BITS if model.reset == "subtract" else BITS
     if not model.noisy:
         one = 1 << most
@@ -210,11 +214,13 @@ def first_charge(
     for begin in range(0, pixels.size, _PIECE):
         part = slice(begin, begin + _PIECE)
         noisy = (flags[part] & NOISE) != 0
-        if noisy.any():  # in most planes all pixels have the same flags
+        if noisy.all():  # in most planes all pixels have the same flags
+            charge[part] = _noisy(model, units, pixels[part])
+            continue
+        if noisy.any():
             charge[part][noisy] = _noisy(model, units, pixels[part][noisy])
-        if not noisy.all():
-            still = flags[part][~noisy]
-            charge[part][~noisy] = _steady(model, units, pixels[part][~noisy], still)
+        still = flags[part][~noisy]
+        charge[part][~noisy] = _steady(model, units, pixels[part][~noisy], still)
     return charge
 
 

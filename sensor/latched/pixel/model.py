@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cosim.compute.streams import Stream
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
-from sensor.latched.pixel.interval import interval_table
+from sensor.latched.pixel.interval import NO_TABLE, interval_table
 from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import first_thresholds, initial_deficit
 from sensor.latched.pixel.transfer import Transfer
@@ -26,6 +26,8 @@ Reset = Literal["residual", "hard", "subtract"]
 """Reset rule. `residual`: charge beyond the threshold stays. `hard`: charge returns to 0 at the
 readout of a spike. `subtract`: at most one threshold is subtracted a cycle, and the rest
 accumulates up to 2^21 electrons."""
+_LARGE: Final = 1 << 12
+"""Number of pixels from which the compiled form of the first draws is taken."""
 ROOM: Final = 4
 """Excess charge, in thresholds, above which whole thresholds are subtracted without draws."""
 JUMP: Final = 2
@@ -165,13 +167,25 @@ class ExactModel:
 
     def initial(self, pixels: npt.NDArray[np.uint32]) -> PixelState:
         """State of the pixels with these numbers before the first cycle."""
+        beyond, spikes = round(self.shift * ONE), np.zeros(pixels.shape, np.uint64)
+        if pixels.size >= _LARGE:
+            from sensor.latched.pixel.draws import first_deficits
+
+            table = NO_TABLE
+            if self.noisy:
+                table = self.first_table() if self.random_start else self.table()
+            out = np.empty(pixels.shape, np.int64)
+            first_deficits(
+                pixels, np.uint64(self.seed), table, self.noisy, self.q, self.random_start, beyond,
+                out,
+            )  # fmt: skip
+            return PixelState(out, spikes)
         first = self.first_thresholds(pixels)
         if self.random_start:  # the charge is a share of the threshold itself
-            beyond = round(self.shift * ONE)
             deficit = initial_deficit(np.maximum(first - beyond, 1), pixels, self.seed) + beyond
         else:
             deficit = first - 1
-        return PixelState(deficit, np.zeros(pixels.shape, np.uint64))
+        return PixelState(deficit, spikes)
 
 
 class ExactPixels(Protocol):

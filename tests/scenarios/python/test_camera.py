@@ -22,10 +22,12 @@ def frames(count: int = 6, colour: bool = False) -> np.ndarray:
     return np.stack([grey, grey[:, ::-1], grey[:, :, ::-1]], axis=3) if colour else grey
 
 
-def filmed_by_a_run(tmp_path: Path, given: np.ndarray, *sets: str) -> viform.Viform:
+def filmed_by_a_run(
+    tmp_path: Path, given: np.ndarray, *sets: str, device: str | None = None
+) -> viform.Viform:
     np.save(tmp_path / "clip.npy", given)
     own = [f"--set={key}={value}" for key, value in SENSOR.items()]
-    more = [f"--set={each}" for each in sets]
+    more = [f"--set={each}" for each in sets] + ([f"--device={device}"] if device else [])
     assert not _main([
         "run", "film", f"--set=scene.path={tmp_path / 'clip.npy'}", "--set=duration=3 ms",
         "--set=scene.frame_rate=2000 Hz", "--out", str(tmp_path / "run"), *own, *more,
@@ -50,7 +52,7 @@ KINDS = {
 def test_a_call_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
     keys, sets = KINDS[kind]
     given = frames(colour=kind == "colour")
-    run = filmed_by_a_run(tmp_path, given, *sets)
+    run = filmed_by_a_run(tmp_path, given, *sets, device=keys.get("device"))
     with viform.Camera(**{**SMALL, **keys}) as camera:
         seen = camera.film(given, frame_rate=2000)
     assert seen.cycles == 120 and seen == run and run.words.any()

@@ -83,13 +83,14 @@ def random_scene(seed: int) -> Scene:
     low, high = (
         how(first[near].astype(float), last[near].astype(float)) for how in (np.minimum, np.maximum)
     )
+    changing = pieces[1].stop - pieces[1].start
     dark = 0.0
     if setting.pattern is not None:
         dark = setting.pattern.dark * float(CLOCK.period) * (1 + 4 * setting.pattern.dsnu)
     summary = Summary(
         np.array([low.min() * per_lux]), np.array([high.max() * per_lux + dark]), q, width, cycles,
         1 / width, setting.spread, slack=setting.slack, dead=setting.dead_time * CLOCK.hz,
-        uneven=setting.uneven,
+        uneven=setting.uneven, slope=np.array([(high - low).max() * per_lux * PERIOD / changing]),
     )  # fmt: skip
     return Scene(setting, plane, Light(pieces), (start, start + width), cycles, summary)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim import PS, Clock, Light, Piece, Summary
+from cosim import PS, Block, Clock, Light, Piece, Summary
 from cosim.compute.opencl import Device
 from cosim.plan.tiles import TILE
 from sensor import CHIPS, CameraSetting
@@ -22,10 +22,12 @@ from sensor.latched.arithmetic import (
     exact_error,
     fast_error,
 )
+from sensor.latched.camera import SpikeCamera
 from sensor.latched.fast.units import quantile, units_of
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.interval import interval_table, threshold
 from sensor.latched.reference.law import draw_all, law_of
+from sensor.latched.row_timing import RowTiming
 from sensor.latched.tiers import Tier
 from tests.sensor.latched.random_scenes import PERIOD, Scene, random_scene, rates
 
@@ -172,6 +174,51 @@ def test_light_that_changes_near_one_spike_a_cycle_is_out_of_reach() -> None:
     # Without dead time only the tables differ, and a spike is lost in few tiles.
     still = setting()
     assert exact_error(still, scene(still, 0.1, 0.6)).max() < 1e-5
+
+
+def test_light_without_jumps_is_off_by_less_in_dead_time() -> None:
+    """A ramp over the window: the phase that dead time is off by, in closed form, and the bound."""
+    dead, cycles, low, high = 32 / 65536, 8, 0.2, 0.7  # short, as its rest at the end matters else
+    case = random_scene(7)
+    camera = setting(dead_time=dead / CLOCK.hz).without(["shot noise", "threshold noise"])
+    lux = 1000 / camera.electrons_per_lux * 40e3
+    first, last = (np.full((3 * TILE, 3 * TILE), x * lux, np.float32) for x in (low, high))
+    light = Light((
+        Piece(-PERIOD, 0, first, first), Piece(0, cycles * PERIOD, first, last),
+        Piece(cycles * PERIOD, 2**60, last, last),
+    ))  # fmt: skip
+    tile = replace(scene(camera, low, high), cycles=cycles, window=cycles)
+    ramp = replace(tile, slope=(high - low) * 1000 / cycles)
+    case = replace(case, setting=camera, light=light, window=(0, cycles), summary=ramp)
+    off = (rates(case, camera) - rates(case, camera, "reference")) * cycles
+    spikes = (low + high) / 2 * cycles
+    rms = float(np.sqrt((off**2).mean()))
+    # Of each spike, uniform within its cycle: the light half a cycle away, with either sign.
+    assert 0 < rms < 1.5 * dead * (high - low) / cycles * np.sqrt(spikes / 12)
+    known, unknown = exact_error(camera, ramp)[0], exact_error(camera, tile)[0]
+    assert rms / spikes < known < unknown / 2
+
+
+@pytest.mark.parametrize("tier", ["exact", "fast"])
+def test_dead_time_stays_where_the_length_of_a_cycle_has_noise(tier: Tier, device: Device) -> None:
+    """The fast tier takes the light of the dead time, the exact one a share of the cycle's."""
+    chip = replace(CHIPS["spiketwo"], width=TILE, height=TILE)
+    camera = setting(
+        chip=chip, dead_time=0.1 / CLOCK.hz, row_timing=RowTiming(0.1, 0.0, 0.5, 100.0)
+    ).without(["shot noise"])  # fmt: skip
+    lux = np.full((TILE, TILE), 500 / camera.electrons_per_lux * 40e3, np.float32)
+    light, phases = Light((Piece(-PS, 2**60, lux, lux),)), []
+    for each in (tier, "reference"):
+        one = SpikeCamera(camera, device if each == "fast" else None, tier=each)
+        bits = one.step(light, Block(0, 2000)).planes().sum(axis=0).ravel()
+        phases.append(bits + one.fraction())
+    off = phases[0] - phases[1]
+    # A spike falls into a cycle by its length, whose mean square is 2 x 0.1^2: too much is lost.
+    lost = 0.1 * 0.5 * 2 * 0.1**2 * (0.5 / 1.05) * 2000
+    if tier == "exact":
+        assert 0.8 * lost < -off.mean() < lost
+    else:
+        assert np.sqrt((off**2).mean()) < 0.01 * lost
 
 
 def test_gains_bring_pixels_of_dimmer_tiles_near_one_spike_a_cycle() -> None:

@@ -13,7 +13,7 @@ from cosim import Clock, InputError
 from cosim.run.inputs import digest
 from scenarios.scenes.charts.target import target_plane
 from scenarios.scenes.clips.film import FilmSource
-from scenarios.scenes.clips.pictures import Pictures, open_clip
+from scenarios.scenes.clips.pictures import Pictures, array_clip, open_clip
 
 SHAPE = (50, 80)
 LIGHT = np.linspace(0, 20, SHAPE[0] * SHAPE[1], dtype=np.float32).reshape(SHAPE)
@@ -202,3 +202,13 @@ def test_frames_are_read_in_any_order() -> None:
     for n in (4, 0, 1, 4):
         assert pictures.frame(n).max() == n  # type: ignore[union-attr]
     assert read == [0, 4, 1]  # kept, as long as few are asked for
+
+
+def test_frames_of_codes_times_a_factor_are_rounded_as_products() -> None:
+    codes = np.random.default_rng(1).integers(0, 256, (5, *SHAPE), dtype=np.uint8)
+    clip = array_clip(codes, SHAPE, None, 10.0)
+    assert clip.coded and not array_clip(codes, (2, 2), None, 10.0).coded
+    for n in (3, 0, 4):
+        expected = clip.frame(n) * np.float32(700.3)  # type: ignore[operator]
+        assert np.array_equal(clip.times(n, np.float32(700.3)), expected)  # type: ignore[arg-type]
+    assert clip.times(5, np.float32(1)) is None and clip.ended

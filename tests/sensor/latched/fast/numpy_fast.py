@@ -92,7 +92,7 @@ class NumpyFast:
         for n in range(segment.cycles):
             weight, since, reach = np.zeros((1, 1), _F), np.zeros((1, 1)), np.ones((1, 1))
             if moves and segment.anchors is None:
-                weight = segment.weights[n]
+                weight = segment.weights[n][:, :1]
             elif moves:
                 c = segment.first + n
                 word = (start + c) // WORD - (start + segment.first) // WORD
@@ -100,15 +100,17 @@ class NumpyFast:
                 since = c - since
             yield weight, since.astype(np.int64), reach.astype(np.int64)
 
-    def _rates(self, course: Course, start: int, cycles: int) -> Iterator[tuple[Array, Array]]:
-        """Thresholds that each cycle brings; and the units of those pixels whose light is a ramp of
+    def _rates(
+        self, course: Course, start: int, cycles: int
+    ) -> Iterator[tuple[Array, Array, Array]]:
+        """Thresholds that each cycle brings; the units of those pixels whose light is a ramp of
         whole steps, if they draw from the bank or have no flags, a large negative number
-        elsewhere."""
+        elsewhere; and the share of its light that a spike loses."""
         steady = self._level(course.steady)
         none = np.full(steady.shape, -(2**62), np.int64)
         if course.box is None:
             for _ in range(cycles):
-                yield steady, none
+                yield steady, none, np.full(steady.shape, self._array.dead)
             return
         y0, y1, x0, x1 = course.box
         # Whole groups, as in the kernels.
@@ -131,7 +133,10 @@ class NumpyFast:
                 for found, mine in ramps:
                     if found is not None:
                         ramp[box] = np.where(found[1] & mine, found[0][n], ramp[box])
-                yield rate, ramp
+                share = np.full(rate.shape, self._array.dead)
+                if weights.shape[1] > len(steps):
+                    share[box] *= weights[:, -1:]
+                yield rate, ramp, share
 
     def _phase(self, rate: Array, ramp: Array) -> Array:
         """One cycle of the pixels without any flag."""
@@ -164,7 +169,7 @@ class NumpyFast:
             self._spikes[from_bank] = (2 * (cycle + 1) + (crossing > 0)) % 2**32
         return threshold[due]
 
-    def _deficit(self, rate: Array, ramp: Array, cycle: int) -> Array:
+    def _deficit(self, rate: Array, ramp: Array, share: Array, cycle: int) -> Array:
         """One cycle of the pixels that have flags."""
         array, units = self._array, self._array.units
         mine = self._flags != 0
@@ -175,7 +180,7 @@ class NumpyFast:
         add = np.where(mine, add, 0).astype(np.int64)
         ramps = banked & ((self._flags & TIMING) == 0) & (ramp > -(2**61))
         add = np.where(ramps, ramp, add)
-        lost = (add.astype(_F) * array.dead).astype(np.int64)
+        lost = (add.astype(_F) * share).astype(np.int64)
         lost[(self._flags & DEAD_TIME) == 0] = 0
         noisy = (self._flags & NOISE) != 0
         top = np.where(noisy, units.top, units.one)
@@ -220,13 +225,14 @@ class NumpyFast:
         timed = self._array.timed_course(light, start, cycles)
         noisy = (self._flags & TIMING) != 0
         moved = self._rates(timed or course, start, cycles)
-        for c, (rate, ramp) in enumerate(self._rates(course, start, cycles)):
-            rate = np.where(noisy, next(moved)[0], rate)
+        for c, (rate, ramp, share) in enumerate(self._rates(course, start, cycles)):
+            other, _, mine = next(moved)
+            rate, share = np.where(noisy, other, rate), np.where(noisy, mine, share)
             if model.transfers:
                 positive = np.maximum(rate, _F(0))
                 rate = transfer_light(model.transfers, positive, self._array.ratio)
                 rate = np.minimum(np.maximum(rate, _F(0)), most)
-            fired = self._phase(rate, ramp) | self._deficit(rate, ramp, start + c)
+            fired = self._phase(rate, ramp) | self._deficit(rate, ramp, share, start + c)
             words[c // WORD] |= fired.ravel().astype(np.uint32) << np.uint32(c % WORD)
         return np.stack([self._array.trimmed(word) for word in words])
 

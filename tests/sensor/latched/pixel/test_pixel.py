@@ -42,6 +42,18 @@ def split(
     return [Span(a, b - a, charge, slope, a) for a, b in itertools.pairwise(cuts)]
 
 
+@pytest.mark.parametrize("effects", [NOISELESS, ALL], ids=["noiseless", "all"])
+@pytest.mark.parametrize(("threshold", "shift"), [(1.0, 0.0), (1000.0, 40.0), (1000.0, -40.0)])
+def test_first_draws_of_many_pixels_are_those_of_few(
+    effects: tuple, threshold: float, shift: float
+) -> None:
+    pixels = np.random.default_rng(1).integers(0, 2**32, 9000, dtype=np.uint32)
+    model = ExactModel(threshold, 7, effects, threshold_noise=threshold / 100, shift=shift)
+    many = model.initial(pixels)
+    few = [model.initial(some).deficit for some in np.split(pixels, 9)]
+    assert np.array_equal(many.deficit, np.concatenate(few)) and not many.spikes.any()
+
+
 @pytest.mark.parametrize("ramp", [False, True])
 @pytest.mark.parametrize("effects", [NOISELESS, ALL], ids=["noiseless", "all"])
 @pytest.mark.parametrize("threshold", [1.0, 2.5, 100.0, 1000.0, 30000.0, 2e6])
