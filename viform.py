@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scenarios.python import Camera, Run, Stream, film, reconstruct, run, send, show
     from scenarios.python import open_stream as open
     from scenarios.python import save_stream as save
+    from scenarios.python.training import SpikeStream
     from scenarios.studies.dataset.making import dataset
     from scenarios.studies.dataset.reading import SpikeDataset, torch_dataset
 
@@ -30,6 +31,7 @@ _PLACES = {
     "InputError": "cosim:InputError",
     "Run": "scenarios.python:Run",
     "SpikeDataset": "scenarios.studies.dataset.reading:SpikeDataset",
+    "SpikeStream": "scenarios.python.training:SpikeStream",
     "Stream": "scenarios.python:Stream",
     "Viform": "cosim:Viform",
     "dataset": "scenarios.studies.dataset.making:dataset",
@@ -44,8 +46,8 @@ _PLACES = {
 }
 
 __all__ = [
-    "Camera", "Clock", "InputError", "Run", "SpikeDataset", "Stream", "Viform", "dataset", "film",
-    "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
+    "Camera", "Clock", "InputError", "Run", "SpikeDataset", "SpikeStream", "Stream", "Viform",
+    "dataset", "film", "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
 ]  # fmt: skip
 
 

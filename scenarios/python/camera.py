@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import islice
 from numbers import Real
 from pathlib import Path
@@ -30,7 +30,7 @@ from scenarios.assemble.readout import refuse_leftovers
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.frames import array_of, check_frame, rate_of
+from scenarios.python.frames import array_of, check_frame, check_instants, rate_of
 from scenarios.python.words import in_python
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.fitted import Fit
@@ -83,10 +83,10 @@ class Camera:
         self._set_up(called, device, tier)
 
     @classmethod
-    def of(cls, scenario: Scenario, device: str | None) -> Camera:
+    def of(cls, scenario: Scenario, device: str | None, tier: Any = None) -> Camera:
         """The camera of a scenario of `in_memory`. Raises InputError."""
         camera = cls.__new__(cls)
-        camera._set_up(scenario, device, None)
+        camera._set_up(scenario, device, tier)
         return camera
 
     def _set_up(self, scenario: Scenario, device: str | None, tier: Any) -> None:
@@ -94,31 +94,44 @@ class Camera:
         if tier not in (None, *tiers):
             raise InputError("tier", f"one of {', '.join(tiers)}", quote(tier), "choose one")
         refuse_leftovers(scenario)
-        self._scenario = scenario
-        setting = camera_setting(scenario)
-        self._core = LatchedCamera(
-            setting, shared_device(device), tolerance=scenario.tolerance,
-            window=scenario.image.window, floor=scenario.image.floor, tier=tier,
-            duplicated_rows=scenario.sensor.duplicated_rows,
-        )  # fmt: skip
+        self._scenario, self._made = scenario, (scenario, device, tier)
+        self._setting = camera_setting(scenario)
         self._mosaic = choose_mosaic(scenario)
         self._lens(None)  # a lens that cannot be is refused at once
         self._lock, self._calls, self._closed = Lock(), 0, False
+        if device is not None or tier is not None:  # what cannot be is refused at once
+            _ = self._core
+
+    @cached_property
+    def _core(self) -> LatchedCamera:
+        """The camera in memory. It is made at the first call: before that, nothing has used OpenCL,
+        and the process may be forked."""
+        scenario, device, tier = self._made
+        return LatchedCamera(
+            self._setting, shared_device(device), tolerance=scenario.tolerance,
+            window=scenario.image.window, floor=scenario.image.floor, tier=tier,
+            duplicated_rows=scenario.sensor.duplicated_rows,
+        )  # fmt: skip
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process the camera is made anew; its calls are counted from 0."""
+        return Camera.of, self._made
 
     @property
     def shape(self) -> tuple[int, int]:
         """(height, width) of the chip, pixels."""
-        return self._core.shape
+        return self._setting.chip.height, self._setting.chip.width
 
     @property
     def clock(self) -> Clock:
         """The clock of the latches."""
-        return self._core.setting.clock
+        return self._setting.clock
 
     def close(self) -> None:
         """Ends the use of the camera; later calls are refused."""
         self._closed = True
-        self._core.forget()
+        if core := self.__dict__.get("_core"):
+            core.forget()
 
     def __enter__(self) -> Camera:
         return self
@@ -153,7 +166,7 @@ class Camera:
             lens = section.model_copy(update={"white_rate": float(white_rate)})
             sensor = scenario.sensor.model_copy(update={"lens": lens})
             scenario = scenario.model_copy(update={"sensor": sensor})
-        choice = choose_lens(scenario, self._core.setting)
+        choice = choose_lens(scenario, self._setting)
         return choice.lens, choice.white_rate, choice.notes
 
     def _number(self, call: int | None) -> int:
@@ -188,7 +201,7 @@ class Camera:
             )  # fmt: skip
         lens, _, notes = self._lens(white_rate)
         clip = array_clip(frames, self.shape, self._mosaic, rate)
-        relay = lens.relay(self._core.setting.chip.pitch)
+        relay = lens.relay(self._setting.chip.pitch)
         seen = self._core.film(
             lambda: self._source(clip, rate, cycles), relay, cycles, number, spans
         )
@@ -261,23 +274,11 @@ class Camera:
         self._lens(white_rate)
         if not isinstance(clips, Iterable):
             raise InputError("clips", "frames of several clips", quote(clips), "give a list")
-        whole = instants is None or (
-            len(instants) > 0 and all(isinstance(n, (int, np.integer)) for n in instants)
-        )
-        if not whole:
-            raise InputError(
-                "instants", "numbers of cycles, one or more", quote(instants), "change them"
-            )
+        check_instants(instants)
 
         @in_python
         def film(number: int, frames: npt.NDArray[Any]) -> Any:
-            cycles = self._cycles(len(frames), rate)
-            at = (cycles // 2,) if instants is None else tuple(map(int, instants))
-            if any(not 0 <= n < cycles for n in at):
-                raise InputError(
-                    "instants", f"cycles from 0 to {cycles - 1}", quote(list(at)), "change them"
-                )
-            return self._film(frames, rate, cycles, white_rate, number, at)
+            return self._with_truth(frames, rate, white_rate, instants, number)[:2]
 
         def own(clip: Any) -> npt.NDArray[Any]:
             """The frames of a clip, which its giver may overwrite before a thread reads them."""
@@ -285,6 +286,32 @@ class Camera:
             return frames.copy() if frames is clip else frames
 
         return _in_order(film, map(own, clips), begin)
+
+    @in_python
+    def film_with_truth(
+        self, frames: npt.ArrayLike | Iterable[npt.ArrayLike], frame_rate: float, *,
+        white_rate: float | None = None, instants: Sequence[int] | None = None,
+        call: int | None = None,
+    ) -> tuple[Filmed, npt.NDArray[np.float32], tuple[int, ...]]:  # fmt: skip
+        """Films frames, see `film`, and gives the true light at instants, see `film_many`: the
+        spikes, (n, H, W) float32 with white = 1, and the cycles."""
+        rate, number = rate_of(frame_rate), self._number(call)
+        check_instants(instants)
+        return self._with_truth(array_of(frames), rate, white_rate, instants, number)
+
+    def _with_truth(
+        self, frames: npt.NDArray[Any], rate: float, white_rate: float | None,
+        instants: Sequence[int] | None, number: int,
+    ) -> tuple[Filmed, npt.NDArray[np.float32], tuple[int, ...]]:  # fmt: skip
+        cycles = self._cycles(len(frames), rate)
+        at = (cycles // 2,) if instants is None else tuple(map(int, instants))
+        if any(not 0 <= n < cycles for n in at):
+            raise InputError(
+                "instants", f"cycles from 0 to {cycles - 1}", quote(list(at)), "change them"
+            )
+        seen, truth = self._film(frames, rate, cycles, white_rate, number, at)
+        assert truth is not None
+        return seen, truth, at
 
     @in_python
     def open(
@@ -302,7 +329,7 @@ class Camera:
         rate, number = rate_of(frame_rate), self._number(call)
         lens, _, notes = self._lens(white_rate)
         most = self._scenario.scene.illuminance * (self._mosaic.white if self._mosaic else 1.0)
-        relay = lens.relay(self._core.setting.chip.pitch)
+        relay = lens.relay(self._setting.chip.pitch)
         live = self._core.open(most, Clock.from_hz(rate), relay, number)
         fit = Fit(Path("frames"), self.shape, self._mosaic, True, notes)
         return LiveStream(live, fit, np.float32(most), notes, partial(self._number, 0))

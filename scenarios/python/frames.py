@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from numbers import Real
 from pathlib import Path
@@ -15,7 +15,7 @@ from cosim import InputError
 from cosim.errors import quote
 from cosim.files.whole import whole
 
-__all__ = ["array_of", "check_frame", "rate_of", "write_frames"]
+__all__ = ["array_of", "check_frame", "check_instants", "rate_of", "write_frames"]
 
 
 def rate_of(frame_rate: Any) -> float:
@@ -24,6 +24,16 @@ def rate_of(frame_rate: Any) -> float:
         return float(frame_rate)
     must = "frames/s above 0" if isinstance(frame_rate, Real) else "frames/s as a number"
     raise InputError("frame_rate", must, quote(frame_rate), "give a number above 0")
+
+
+def check_instants(instants: Sequence[int] | None) -> None:
+    """Raises InputError for what are no numbers of cycles."""
+    if instants is not None and not (
+        len(instants) > 0 and all(isinstance(n, (int, np.integer)) for n in instants)
+    ):
+        raise InputError(
+            "instants", "numbers of cycles, one or more", quote(instants), "change them"
+        )
 
 
 def check_frame(frame: npt.ArrayLike) -> npt.NDArray[Any]:

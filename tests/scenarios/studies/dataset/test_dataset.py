@@ -453,6 +453,25 @@ def test_pytorch_loads_batches(whole: Path) -> None:
             )
 
 
+def test_an_item_that_is_measured_has_the_files_of_one_that_is_not(
+    cameras: list[str], tmp_path: Path
+) -> None:
+    found = []
+    for check in (0, 1):
+        asked = order(cameras[1:], samples=1, check=check)
+        made(asked, tmp_path / f"{check}")
+        found += documents(tmp_path / f"{check}").values()
+    plain, measured = found
+    assert plain["files"] == measured["files"] and len(plain["files"]) > 10
+    assert plain["error"]["value"] is None and plain["error"]["bound"] > 0
+    assert measured["error"]["value"] is not None and "bound" not in measured["error"]
+    assert plain["plan"]["kept"] == measured["plan"]["kept"]
+    for name in ("white_rate", "f_number", "spike_rate"):
+        assert plain["metrics"][name] == measured["metrics"][name]
+    with pytest.raises(InputError, match="--check must be 0 or more, not -1"):
+        order(cameras, check=-1)
+
+
 def test_items_are_read_in_a_forked_process(whole: Path) -> None:
     """The loader of PyTorch forks its workers by default."""
     items = api.SpikeDataset(whole, "train")
