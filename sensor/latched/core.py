@@ -283,7 +283,9 @@ class LatchedCamera:
         dark, bright = (np.full(self.shape, lux, np.float32) for lux in (0.0, most))
         ends = relay(Light((Piece(0, 1, dark, bright),))).pieces[0]
         certain = np.ones(self.shape, bool)
-        seen = Survey(ends.first, ends.last, certain, frames.hz / clock.hz)
+        often = frames.hz / clock.hz
+        slope = ends.last * np.float32(min(often, 1.0))  # from darkness to white in a frame
+        seen = Survey(ends.first, ends.last, certain, often, slope)
         survey = summarise(self.setting, seen, cycles, *self._lengths(cycles))
         slow = self._device is None or self._tolerance == 0
         tier: Tier = self._tier or ("exact" if slow else "fast")
