@@ -171,9 +171,7 @@ KEYS: Final = 200
 def _holder(data: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
     """The section of a document that holds the key of an error; {} without a document."""
     for part in loc[:-1]:
-        if isinstance(data, list) and isinstance(part, int):
-            data = data[part]
-        elif isinstance(data, Mapping) and part in data:  # the tag of a union is no key
+        if (isinstance(data, list) and isinstance(part, int)) or (isinstance(data, Mapping) and part in data):
             data = data[part]
     return data if isinstance(data, Mapping) else {}
 
