@@ -171,7 +171,8 @@ KEYS: Final = 200
 def _holder(data: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
     """The section of a document that holds the key of an error; {} without a document."""
     for part in loc[:-1]:
-        if (isinstance(data, list) and isinstance(part, int)) or (isinstance(data, Mapping) and part in data):
+        inner = range(len(data)) if isinstance(data, list) else data
+        if isinstance(inner, range | Mapping) and part in inner:  # the tag of a union is no key
             data = data[part]
     return data if isinstance(data, Mapping) else {}
 
