@@ -10,7 +10,7 @@ from pydantic import Field, create_model, model_validator
 
 from cosim import InputError
 from cosim.config.quantity import Duration, Section
-from display.section import DisplaySection
+from display.section import DisplaySection, check_planes
 from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
@@ -99,6 +99,12 @@ class Scenario(_Linked):
     image: ImageSection = ImageSection()
     code: CodeSection | None = _CODE
     link: LinkSection | None = _LINK
+
+    @model_validator(mode="after")
+    def _shows_planes(self) -> Scenario:
+        if self.display is not None:  # before a duration is asked for that has such a cycle
+            check_planes(self.sensor.clock)
+        return self
 
     @model_validator(mode="after")
     def _films_no_panel(self) -> Scenario:
