@@ -65,6 +65,13 @@ def reports(shape, clock, ticks, **columns):
     )  # fmt: skip
 
 
+def test_white_that_no_clock_is_fast_enough_for_has_no_display():
+    data = camera("asynchronous", threshold="1 e", lens={"f_number": 0.5})
+    data["scene"]["illuminance"] = "1e9 lux"
+    with pytest.raises(InputError, match=r"^display must be absent where white fires at \S+ Hz"):
+        assemble("x", validate(data), Options(), SilentProgress())
+
+
 def test_a_probe_of_changes_is_filmed_a_part_at_a_time(monkeypatch):
     """Of seconds of noisy pixels, ten million events would be in memory together."""
     data = camera("asynchronous", pixels={"change": 0.05}, comparator_delay="9 us")
