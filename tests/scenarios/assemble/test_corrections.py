@@ -59,6 +59,17 @@ def test_what_a_refusal_proposes_is_accepted(
     assert code == 0, err
 
 
+def test_rows_that_no_plane_of_a_panel_holds_are_refused_by_their_own_time(
+    viform: Callable[..., tuple[int, str, str]], refused: Callable[..., str]
+) -> None:
+    sets = (*SMALL, "duration=0.5 s", "sensor.clock=80 Hz", "sensor.row_time=700 us")
+    words = ["plan", "glass", *(word for s in sets for word in ("--set", s))]
+    said = refused(*words)
+    assert said.startswith("sensor.row_time must be at most 0.000625 s with a display: 16 rows")
+    mended = ("sensor.row_time=0.000625 s", "sensor.clock=100 Hz")
+    assert viform(*words, *(word for s in mended for word in ("--set", s)))[0] == 0
+
+
 def test_a_panel_in_colours_is_not_told_another_fit(refused: Callable[..., str]) -> None:
     sets = (*SMALL, "sensor.colour.filter=rggb", "display.colour=as-camera", "display.width=2")
     said = refused("plan", "glass", *(word for s in sets for word in ("--set", s)))
