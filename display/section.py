@@ -26,7 +26,10 @@ OBSERVERS = ("eye", "pursuit", "camera")
 Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
 FrameRate = Annotated[float, Quantity("frequency", least=1, most=20e3)]
 PlaneRate = Annotated[float, Quantity("frequency", least=100, most=100e3, none=True)]
-PlaneClock = Annotated[float, Quantity("frequency", least=100, most=1e6)]
+SLOWEST = 100.0
+"""Clock of a panel's planes at least, Hz: within a plane, the displays beside it show frames, and
+cameras film them; up to 1000 for each plane of the fastest."""
+PlaneClock = Annotated[float, Quantity("frequency", least=SLOWEST, most=1e6)]
 Size = Annotated[int, Field(ge=1, le=8192)]
 
 
@@ -50,6 +53,15 @@ Distance = Annotated[
     Field(ge=1, le=1000),
     BeforeValidator(_per_degree, json_schema_input_type=float | Annotated[float, _LENGTH]),
 ]
+
+
+def check_planes(hertz: float) -> None:
+    """Raises InputError for a stream whose planes are too slow for a panel. hertz: its clock."""
+    if hertz < SLOWEST:
+        raise InputError(
+            "sensor.clock", f"at least {SLOWEST:g} Hz with a display", f"{hertz:g} Hz",
+            "raise it, or leave display out",
+        )  # fmt: skip
 
 
 class DisplaySection(Section):
@@ -175,13 +187,15 @@ class DisplaySection(Section):
                 f"{white_rate:.3g} spikes a cycle",
                 "close the lens (sensor.lens.f_number), dim the scene or raise sensor.threshold",
             )  # fmt: skip
+        check_planes(clock.hz)
         shape = self.height or stream[0], self.width or stream[1]
         if self.fit == "exact" and shape != stream:
             raise InputError(
                 "display.width and display.height",
                 f"the stream's {stream[1]} x {stream[0]}",
                 f"{shape[1]} x {shape[0]}",
-                "leave them out, or set display.fit=nearest or centre",
+                "leave them out"  # colours need a pixel for each of the camera
+                + (", or set display.fit=nearest or centre" if self.colour is None else ""),
             )
         if self.row_scan < row_skew:
             raise InputError(

@@ -118,7 +118,9 @@ DAY = 86_400.0
 # lux do not determine photons.
 Time = Annotated[float, Quantity("time", least=0, most=DAY)]
 Duration = Annotated[float, Quantity("time", above=0, most=DAY)]
-Frequency = Annotated[float, Quantity("frequency", above=0, most=1e9)]
+FASTEST = 1e9
+"""Highest frequency of a clock, Hz."""
+Frequency = Annotated[float, Quantity("frequency", above=0, most=FASTEST)]
 Illuminance = Annotated[float, Quantity("illuminance", above=0, most=1e9)]
 Charge = Annotated[float, Quantity("charge", least=1, most=2e6)]
 Wavelength = Annotated[float, Quantity("wavelength", least=380, most=780)]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from cosim.clock import Clock
 from cosim.spikes.clocked import HeldPlanes, Reported, latching_cycles, tick_ends
 from cosim.spikes.events import Events
 from cosim.spikes.intensities import Intensities
 
-__all__ = ["FINE", "held_events", "held_reports"]
+__all__ = ["FINE", "held_events", "held_reports", "held_values"]
 
 FINE: Final = 2**30
 """Value of a spike in every cycle where values are no integers: they are rounded to 2^-30."""
@@ -20,12 +21,20 @@ FINE: Final = 2**30
 def held_events(events: Events, clock: Clock, cycles: int) -> HeldPlanes:
     """The planes of events that are sent only where a width has changed: until its next event a
     pixel fires at the rate of the last width, or of the last reading of its charge."""
+    held = Reported(*held_values(events, clock, cycles))
+    return HeldPlanes(held, events.shape, clock, FINE)
+
+
+def held_values(
+    events: Events, clock: Clock, cycles: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Cycle, pixel and value of these events for `Reported`, of which FINE fires in every cycle."""
     share = np.ones(len(events)) if events.level is None else events.level / events.levels
     a_cycle = events.clock.hz / clock.hz  # ticks
     value = np.rint(np.minimum(FINE * share * a_cycle / events.width, 2.0 * FINE))
     cycle = latching_cycles(tick_ends(events.time, events.clock), clock, cycles)
     pixel = events.row.astype(np.int64) * events.shape[1] + events.column
-    return HeldPlanes(Reported(cycle, pixel, value.astype(np.int64)), events.shape, clock, FINE)
+    return cycle, pixel, value.astype(np.int64)
 
 
 def held_reports(reports: Intensities, white: float, white_rate: float) -> HeldPlanes:

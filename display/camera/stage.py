@@ -80,6 +80,7 @@ class PanelCamera:
         light /= shutter.panel.white_rate
         rows = light.mean(axis=2).T
         begin, end = shutter.panel.start(first), shutter.panel.start(first + planes + 1)
+        last = first + planes == shutter.planes
         for frame in range(len(self.frames), shutter.frames):
             since, until = shutter.span(frame)
             if since > end:
@@ -93,21 +94,18 @@ class PanelCamera:
             if weight.any():
                 image += np.matmul(weight[:, None, :], light.transpose(1, 0, 2))[:, 0]
             steady += (shutter.around(frame, first, planes) * rows).sum(axis=1)
+            # At once: a plane may be longer than a great many frames.
+            if last or until <= shutter.panel.start(first + planes):
+                self._finish(frame)
         self._plane += planes
-        self._finish(shutter.panel.start(self._plane))
 
-    def _finish(self, until: int) -> None:
-        """Completes the frames whose light has all come by `until`, ps, or by the last plane."""
-        last = self._plane == self.shutter.planes
-        while len(self.frames) < self.shutter.frames:
-            frame = len(self.frames)
-            if not last and self.shutter.span(frame)[1] > until:
-                break
-            image, steady = self._open.pop(frame)
-            by, _ = self.shutter.box
-            self.frames.append(
-                Filmed(self._read(frame, self._boxed(image)), steady.reshape(-1, by).mean(axis=1))
-            )
+    def _finish(self, frame: int) -> None:
+        """Completes the next frame, whose light has all come."""
+        image, steady = self._open.pop(frame)
+        by, _ = self.shutter.box
+        self.frames.append(
+            Filmed(self._read(frame, self._boxed(image)), steady.reshape(-1, by).mean(axis=1))
+        )
 
     def _boxed(self, image: Values) -> Values:
         """The mean light on each pixel of the camera, white = 1."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
@@ -19,6 +19,10 @@ from numba import njit
 from cosim.compute.cores import cores
 
 __all__ = ["add_images", "add_reduced", "by_rows", "carry_errors"]
+
+
+_SMALL: Final = 1 << 13
+"""Values that one thread is through with before another has begun."""
 
 
 @cache
@@ -31,8 +35,11 @@ os.register_at_fork(after_in_child=_threads.cache_clear)  # a fork does not copy
 
 
 def by_rows(function: Callable[..., None], rows: int, *arguments: Any) -> None:
-    """Calls function(first, stop, *arguments) for all rows, on all cores. The rows must be
-    independent."""
+    """Calls function(first, stop, *arguments) for all rows, on all cores, or at once where there is
+    little to do. The rows must be independent."""
+    if arguments and max(map(np.size, arguments)) <= _SMALL:
+        function(0, rows, *arguments)
+        return
     count, pool = _threads()
     edges = [rows * k // count for k in range(count + 1)]
     jobs = [pool.submit(function, a, b, *arguments) for a, b in pairwise(edges)]

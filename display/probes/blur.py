@@ -92,8 +92,8 @@ def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Value
     light at the positions at + v t.
 
     Args:
-        light: (instants, columns), mean over square pixels; column j is [j, j + 1).
-        times: instants, s, (instants,).
+        light: (planes, columns), mean over square pixels; column j is [j, j + 1).
+        times: instants, s, (instants,), as many in each plane.
         at: positions on the retina, pixels, (n,).
         side: side of the square in the centre of a pixel that emits its light, pixels.
 
@@ -104,18 +104,19 @@ def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Value
     if reach[0] < 0 or reach[1] >= light.shape[1]:
         raise ValueError(f"places must stay within {light.shape[1]} columns, not {reach}")
     total = np.zeros(len(at))
+    planes, each = np.ascontiguousarray(light), len(times) // len(light)
     for first in range(0, len(times), 512):  # partial sums reduce rounding errors
-        part = slice(first, first + 512)
-        total += _gathered(np.ascontiguousarray(light[part]), times[part], at, side)
+        total += _gathered(planes, each, first, times[first : first + 512], at, side)
     return total / len(times)
 
 
 @njit(cache=True, nogil=True)
-def _gathered(light, times, at, side):  # type: ignore[no-untyped-def]
-    """The sum of the light at each position of the retina over these instants, (positions,)."""
+def _gathered(light, each, first, times, at, side):  # type: ignore[no-untyped-def]
+    """The sum of the light at each position of the retina over these instants, (positions,): those
+    from number `first` on, of which a plane has `each`."""
     total = np.zeros(len(at))
     for n in range(len(times)):
-        row, moved = light[n], SPEED * times[n]
+        row, moved = light[(first + n) // each], SPEED * times[n]
         for k in range(len(at)):
             place = at[k] + moved
             column = int(place)
@@ -185,7 +186,7 @@ def spike_blur(
         lit = replace(panel, drive=drive).share if panel.rise == panel.decay == 0 else 1.0
         parts = (np.arange(count) + 0.5) / count * lit
         times = ((planes[:, None] + parts) / hz).ravel()
-        profile = retina(np.repeat(light_of_planes, count, axis=0), times, x, side)
+        profile = retina(light_of_planes, times, x, side)
         table.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
     return table
 

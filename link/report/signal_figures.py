@@ -133,7 +133,8 @@ def cells_figure(
 def view_figure(link: LinkEvaluation, path: Path) -> None:
     """Draws the average image, with the panel's true outline and the receiver's estimate."""
     height, width = link.image.shape
-    with figure_at(path, 5.4, 5.4 * height / width + 0.3, plain=False) as (figure, ax):
+    tall = min(max(5.4 * height / width, 1.0), 9.0) + 0.3  # a camera may have a few rows
+    with figure_at(path, 5.4, tall, plain=False) as (figure, ax):
         ax.imshow(link.image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
         for corners, colour, name, style in (
             (link.truth, BLUE, "true outline of the panel", "-"),

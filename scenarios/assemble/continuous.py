@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from cosim import InputError, seconds_to_ps
+from cosim.config.amounts import at_least
+from cosim.config.quantity import DAY
 from cosim.config.toml import to_toml
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_instants
@@ -33,9 +35,14 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
     setting = continuous_setting(section, camera)
     clock, chip = setting.clock, setting.chip
     cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
+    if not cycles and clock.hz * DAY < 1:
+        raise InputError(
+            "sensor.clock", f"at least {at_least(1 / DAY)} Hz, a cycle in the longest duration",
+            f"{clock.hz:g} Hz", "raise it",
+        )  # fmt: skip
     if not cycles:
         raise InputError(
-            "duration", f"at least one cycle, {float(clock.period):g} s",
+            "duration", f"at least {at_least(1 / clock.hz)} s, one cycle",
             f"{scenario.duration:g} s", "lengthen it",
         )  # fmt: skip
     instants = choose_instants(scenario, cycles)

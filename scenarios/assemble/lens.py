@@ -125,7 +125,7 @@ def _out_of_range(number: float, lux: float, white_rate: float, light: LightKey)
         f"f/{SLOWEST_F_NUMBER:g}",
         f"{given:g} {light.unit}",
         f"{'raise' if dark else 'lower'} it, {'lower' if dark else 'raise'} sensor.threshold, "
-        "or give sensor.lens.f_number",
+        f"or write --set sensor.lens.f_number={end:g}",  # in reach, whatever the limits of the key
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cosim import PS, Clock, InputError, seconds_to_ps
 from cosim.config.amounts import at_least
+from cosim.config.quantity import DAY
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.channel import ChannelModel
 from sensor.latched.setting import CameraSetting
@@ -28,6 +29,11 @@ def event_model(sensor: SensorSection, setting: CameraSetting) -> EventModel:
             f"{section.timing:g} Hz", "choose one",
         )  # fmt: skip
     tick = PS * clock.den // clock.num
+    if tick > DAY * PS:
+        raise InputError(
+            f"{key}.timing", f"at least {at_least(1 / DAY)} Hz, a period in the longest duration",
+            f"{section.timing:g} Hz", "raise it",
+        )  # fmt: skip
     shortest = seconds_to_ps(section.shortest_width)
     if shortest < tick:
         raise InputError(

@@ -58,7 +58,7 @@ class Circuit:
         if self.trip > 0 and self.leak < 4 * self.pole:
             least = at_least(4 * self.pole)
             raise ValueError(
-                f"leak must be at least 4 time constants of the comparator, {least} s, not "
+                f"leak must be at least {least} s, 4 time constants of the comparator, not "
                 f"{self.leak:g} s"
             )
 

@@ -20,7 +20,7 @@ from scenarios.assemble.machine import check_options
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.messages import validate
 
-__all__ = ["INPUTS", "Drawn", "draw"]
+__all__ = ["INPUTS", "LATER", "Drawn", "draw"]
 
 Node = dict[str, Any]
 Data = dict[str, Any]
@@ -99,6 +99,9 @@ _ELSEWHERE: Final = {"display.sink", "link.loop", "board.csr", "board.time_scale
 _FREE: Final = {"image", "lens"}
 """Sections that `draw` leaves to chance; it chooses the others, such as a display."""
 _TEXT: Final = "text"
+LATER: Final = 2000
+"""Number from which on silicon is drawn before a display as well, and the detector of a link: those
+below keep their meaning."""
 
 
 @dataclass(frozen=True)
@@ -137,11 +140,13 @@ def draw(number: int) -> Drawn:
             data["camera"] = copy.deepcopy(rng.choice((_FILM, _SPIKES)))
     if "link" in data or ("link" in node["properties"] and rng.random() < 0.01):
         data["link"] = copy.deepcopy(_LINK) | ({"size": 100} if source == "link" else {})
+        if number >= LATER:
+            del data["link"]["modem"]["detector"]
         if source != "link":
             data["code"] = {"cycles": 64, "buffer": "1 ms"}
             data["link"]["sensor"] = {"chip": "spikeone", "threshold": "1000 e", "reset": "hard"}
     _hold_small(data)
-    _Drawing(rng, fit, data).fill(node, data, "", 0.3)
+    _Drawing(rng, fit, data, number >= LATER).fill(node, data, "", 0.3)
     _hold_small(data)
     if source == "latched" and rng.random() < 0.3:
         data["tolerance"] = rng.choice((0.0, 1e-5, 1.0))
@@ -174,10 +179,11 @@ class _Drawing:
         rng: Random generator of the scenario.
         fit: whether values lie near their defaults.
         whole: the scenario so far.
+        later: whether its number is LATER or more.
     """
 
-    def __init__(self, rng: random.Random, fit: bool, whole: Data) -> None:
-        self._rng, self._fit, self._whole = rng, fit, whole
+    def __init__(self, rng: random.Random, fit: bool, whole: Data, later: bool = False) -> None:
+        self._rng, self._fit, self._whole, self._later = rng, fit, whole, later
 
     def fill(self, node: Node, data: Data, at: str, share: float) -> None:
         """Draws all keys of a section that are required, and some of the others.
@@ -246,7 +252,7 @@ class _Drawing:
             )
         if one.get("type") == "array":
             return self._list(one, key)
-        if key == "sensor.preset" and "display" in self._whole:
+        if key == "sensor.preset" and "display" in self._whole and not self._later:
             return "ideal"
         known = _TEXTS.get(key) or tuple(text for text in examples if " " in text)
         return self._rng.choice(known) if known else None

@@ -11,7 +11,7 @@ import pytest
 
 from tests.fuzz import judging
 from tests.fuzz.judging import run_all
-from tests.fuzz.scenarios import draw
+from tests.fuzz.scenarios import LATER, draw
 
 QUICK = (1, 3, 4, 7, 8, 12, 13, 16, 18, 20, 21, 22, 25, 37, 40, 45, 47, 48, 55, 58)
 """Quick ones of many kinds: latched, asynchronous and continuous pixels, imagers, recordings,
@@ -19,6 +19,8 @@ displays and cameras; half of them run."""
 UNPROPOSED = 5
 """Those of them, at most, whose refusal proposes nothing that a program can apply."""
 WHOLE, CHUNK = 2000, 100
+SILICON = (2147, 2192, 2221)
+"""Those of the preset silicon before a display, of which two run for some 40 s each."""
 
 
 def _wrong(numbers: range | tuple[int, ...], folder: Path) -> list[str]:
@@ -38,6 +40,12 @@ def test_random_scenarios(tmp_path: Path) -> None:
 @pytest.mark.parametrize("first", range(0, WHOLE, CHUNK))
 def test_two_thousand_random_scenarios(first: int, tmp_path: Path) -> None:
     assert _wrong(range(first, first + CHUNK), tmp_path) == []
+
+
+@pytest.mark.slow
+def test_silicon_before_a_display(tmp_path: Path) -> None:
+    assert min(SILICON) >= LATER
+    assert _wrong(SILICON, tmp_path) == []
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from rtl_model.registers.table import Register
 
 __all__ = ["register_of", "write_instant"]
 
-_NAMES: Final = 120
+_NAMES: Final = 80
 """Characters of a list of registers in a message."""
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError
+from cosim.config.amounts import at_least, at_most
 from cosim.light.radiometry import photons_per_lux
 from cosim.run.result import Latency, Metric
 from rtl_model.imagers.device.fixed import FixedExposure, FixedTiming
@@ -75,10 +76,15 @@ class HardwareChainModel(ImagerModel):
     def timing(self) -> FixedTiming:
         """Raises InputError for a clock or a frame rate that is too fast."""
         s, rate = self.section, self.adc.converter.hertz
+        if s.clock > rate and s.own_adc is not None:
+            raise InputError(
+                "imager.own_adc.rate", f"at least {at_least(s.clock)} Hz, imager.clock",
+                f"{rate:g} Hz", "raise it, or lower imager.clock",
+            )  # fmt: skip
         if s.clock > rate:
             raise InputError(
-                "imager.clock", f"at most {rate:g} Hz with converter {self.adc.name}",
-                f"{s.clock:g} Hz", "lower it, or choose another converter",
+                "imager.clock", f"at most {at_most(rate)} Hz with converter {self.adc.name}",
+                f"{s.clock:g} Hz", "lower it, or choose another imager.adc",
             )  # fmt: skip
         return FixedTiming.of(
             self.shape, s.clock, s.exposure, s.frame_rate, blanking=s.blanking, rolling=True

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cosim import InputError, seconds_to_ps
+from cosim.errors import quote
 from rtl_model.imagers.interface.imager import Imager
 
 __all__ = ["write_all"]
@@ -26,7 +27,9 @@ def write_all(imager: Imager, writes: Sequence[tuple[float, str, int]]) -> None:
             imager.write(register, value, seconds_to_ps(seconds))
         except InputError as exc:
             which = "its register" if exc.what == "register" else f"{exc.what} to be"
+            given = quote([f"{seconds:g} s", register, value])  # holds the register
+            given += "" if exc.what == "register" else f" ({exc.actual})"
             raise InputError(
                 f"imager.writes.{n}", f"a write that the imager takes, {which} {exc.must}",
-                f"{[f'{seconds:g} s', register, value]} ({exc.actual})", exc.remedy,
+                given, exc.remedy,
             ) from exc  # fmt: skip

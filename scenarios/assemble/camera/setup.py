@@ -169,6 +169,7 @@ def set_up_camera(
     setting = camera_setting(scenario, *(size or ()))
     choice = choose_lens(scenario, setting)
     cycles = setting.clock.cycles_in(seconds_to_ps(scenario.duration))
+    instants = choose_windows(scenario, cycles)  # refuses a run of no cycle
     late = [write.cycle for write in setting.writes if write.cycle >= cycles]
     if late:
         raise InputError(
@@ -176,5 +177,4 @@ def set_up_camera(
             "lengthen duration or drop it",
         )  # fmt: skip
     check_dim(scenario.sensor, setting, cycles)
-    instants = choose_windows(scenario, cycles)
     return CameraSetup(scenario, setting, choice, cycles, instants, choose_device(device))

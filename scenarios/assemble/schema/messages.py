@@ -168,8 +168,20 @@ KEYS: Final = 200
 """Maximum length of a list of keys in a message, characters."""
 
 
-def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
-    """An error of pydantic for the schema `whole`, with requirement, value and remedy."""
+def _holder(data: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
+    """The section of a document that holds the key of an error; {} without a document."""
+    for part in loc[:-1]:
+        inner = range(len(data)) if isinstance(data, list) else data
+        if isinstance(inner, range | Mapping) and part in inner:  # the tag of a union is no key
+            data = data[part]
+    return data if isinstance(data, Mapping) else {}
+
+
+def _one_line(error: Any, whole: type[BaseModel], data: Any = None) -> InputError:
+    """An error of pydantic for the schema `whole`, with requirement, value and remedy.
+
+    data: the document; None if it is not to be asked what else a section has.
+    """
     place = _place(error["loc"], whole)
     value, kind = quote(error["input"]), error["type"]
     if kind == "extra_forbidden":
@@ -178,9 +190,12 @@ def _one_line(error: Any, whole: type[BaseModel]) -> InputError:
         section = place.name.rpartition(".")[0]
         other = place.kind_with([key])
         if other is not None and not near:
+            # Another kind is proposed only if it has all keys: a second one would lead back.
+            given = {name for name in _holder(data, error["loc"]) if name != "kind"} | {key}
+            fits = next((kind for kind, known in place.kinds.items() if given <= {*known}), None)
             return InputError(
-                place.name, f"given with {section}.kind = {other}", "with another kind",
-                f"set {section}.kind={other}, or remove it",
+                place.name, f"given with {section}.kind = {fits or other}", "with another kind",
+                "remove it" if fits is None else f"set {section}.kind={fits}, or remove it",
             )  # fmt: skip
         remedy = (
             f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
@@ -241,7 +256,7 @@ def validate(data: dict[str, Any]) -> AnyScenario:
     except ValidationError as exc:
         # what is wrong says more than what is missing: a kind that does not exist, not the title
         error = min(exc.errors(), key=lambda error: error["type"] == "missing")
-        raise _one_line(error, whole) from None
+        raise _one_line(error, whole, data) from None
 
 
 def first_fault(exc: ValidationError, whole: type[BaseModel], remedy: str) -> InputError:

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, create_model, model_validator
 
 from cosim import InputError
+from cosim.config.amounts import at_most
 from cosim.config.quantity import Duration, Section
-from display.section import DisplaySection
+from display.section import SLOWEST, DisplaySection, check_planes
 from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.imagers.catalogue import IMAGERS
@@ -99,6 +100,20 @@ class Scenario(_Linked):
     image: ImageSection = ImageSection()
     code: CodeSection | None = _CODE
     link: LinkSection | None = _LINK
+
+    @model_validator(mode="after")
+    def _shows_planes(self) -> Scenario:
+        if self.display is None:
+            return self
+        rows = self.sensor.own_chip.height
+        if (self.sensor.row_time or 0.0) * rows * SLOWEST > 1 + 1e-9:  # no clock would fit
+            raise InputError(
+                "sensor.row_time", f"at most {at_most(1 / (SLOWEST * rows))} s with a display: "
+                f"{rows} rows within a plane of {SLOWEST:g} Hz", f"{self.sensor.row_time:g} s",
+                "lower it, or leave display out",
+            )  # fmt: skip
+        check_planes(self.sensor.clock)  # before a duration is asked for that has such a cycle
+        return self
 
     @model_validator(mode="after")
     def _films_no_panel(self) -> Scenario:

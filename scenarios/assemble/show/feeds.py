@@ -23,6 +23,7 @@ import numpy as np
 
 from cosim import Clock, Events, InputError
 from cosim.config.amounts import at_least
+from cosim.config.quantity import FASTEST
 from cosim.files import ZarrStream
 from cosim.run.chain import STREAM
 from cosim.run.machine import Outcome, Recording
@@ -142,6 +143,12 @@ class EventFeed(_Plain):
             spec.illuminance * spec.lens.gain * spec.setting.electrons_per_lux
             / (spec.model.threshold * clock.hz)
         )  # fmt: skip
+        if rate * clock.hz > FASTEST:
+            raise InputError(
+                "display", f"absent where white fires at {rate * clock.hz:.3g} Hz, more than a "
+                "spike a cycle of the fastest sensor.clock", "given",
+                "leave it out, raise sensor.threshold, or close the lens (sensor.lens.f_number)",
+            )  # fmt: skip
         if rate > 1:
             raise InputError(
                 "sensor.clock",

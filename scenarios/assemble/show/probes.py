@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +10,9 @@ import numpy.typing as npt
 
 from cosim import Clock, Light, Viform
 from cosim.compute.stopping import heed
-from cosim.spikes.clocked import latching_cycles
+from cosim.spikes.clocked import Change, HeldPlanes, Reported, latching_cycles
 from cosim.spikes.events import mark_planes
-from cosim.spikes.held import held_events, held_reports
+from cosim.spikes.held import FINE, held_reports, held_values
 from cosim.spikes.viform import Words, words_for
 from cosim.stage import Block
 from scenarios.assemble.show.feeds import ContinuousFeed
@@ -81,11 +82,18 @@ class EventProbeCamera:
             self.spec.setting.electrons_per_lux, self.spec.setting.pattern, most=MOST,
         )  # fmt: skip
         if self.model.change > 0:
-            end = self.clock.edge(cycles)
-            firings = pixels.step(light, 0, end)
-            events = gather_events(firings, firings.instant, pixels.model, pixels.shape, end)
-            return held_events(events, self.clock, cycles).step(None, Block(0, cycles))
+            return self._held(pixels, light, cycles)
         return self._latched(pixels, light, cycles)
+
+    def _held(self, pixels: AsynchronousPixels, light: Light, cycles: int) -> Viform:
+        """The planes of rates that hold until the next event; a part of the cycles at a time."""
+        changes = _Fired(pixels, light, self.clock, cycles)
+        planes = HeldPlanes(changes, pixels.shape, self.clock, FINE)
+        parts = [
+            planes.step(None, Block(first, min(PART, cycles - first))).words
+            for first in range(0, cycles, PART)
+        ]
+        return Viform(np.concatenate(parts), cycles, self.clock)
 
     def _latched(self, pixels: AsynchronousPixels, light: Light, cycles: int) -> Viform:
         """The spikes of a light in the planes of the clock; a part of the cycles at a time, as a
@@ -106,6 +114,27 @@ class EventProbeCamera:
                 cycle[inside],
             )  # fmt: skip
         return Viform(words, cycles, self.clock)
+
+
+class _Fired:
+    """The rates of pixels under a light as `Changes`, which fires them as they are asked for."""
+
+    def __init__(self, pixels: AsynchronousPixels, light: Light, clock: Clock, cycles: int) -> None:
+        self._pixels, self._light, self._clock, self._cycles = pixels, light, clock, cycles
+        none = np.zeros(0, np.int64)
+        self._left = none, none, none
+
+    def between(self, start: int, stop: int) -> Sequence[Change]:
+        """See `Changes`. What fires in this span may be latched in the next one."""
+        heed()
+        model, shape, edge = self._pixels.model, self._pixels.shape, self._clock.edge
+        fired = self._pixels.step(self._light, edge(start), edge(stop))
+        events = gather_events(fired, fired.instant, model, shape, edge(self._cycles))
+        new = held_values(events, self._clock, self._cycles)
+        cycle, pixel, value = (np.concatenate(both) for both in zip(self._left, new, strict=True))
+        later = int(np.searchsorted(cycle, stop))
+        self._left = cycle[later:], pixel[later:], value[later:]
+        return Reported(cycle[:later], pixel[:later], value[:later]).between(start, stop)
 
 
 @dataclass(frozen=True)

@@ -49,12 +49,18 @@ class ChartScene(Protocol):
 def target_plane(scene: ChartScene, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
     """Reflectance of the chart or picture on a grid of `shape`, (H, W) in [0, 1]."""
     if scene.path is not None:
-        frame = open_clip(Path(scene.path), shape).frame(0)
-        plane = np.asarray(frame, np.float64)
+        clip = open_clip(Path(scene.path), shape, rate=1.0)  # by which one of several is told
+        if clip.rate:
+            raise InputError(
+                "scene.path", "a picture in a scene of kind target", f"{scene.path}, which moves",
+                "leave it out, give one picture, or film it with scene.kind = film",
+            )  # fmt: skip
+        plane = np.asarray(clip.frame(0), np.float64)
         if plane.max() > 1:
             raise InputError(
                 "scene.path", "a picture of reflectances up to 1 in a scene of kind target",
-                f"{scene.path} (up to {plane.max():.3g})", "film it: --set scene.kind=film",
+                f"{scene.path} (up to {plane.max():.3g})",
+                "leave it out, or film it with scene.kind = film",
             )  # fmt: skip
     else:
         plane = draw(scene.chart, shape)

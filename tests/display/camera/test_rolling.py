@@ -127,6 +127,18 @@ def test_a_checkpoint_goes_on_with_the_same_bits():
         np.testing.assert_array_equal(one.steady, two.steady)
 
 
+def test_only_frames_that_are_exposed_are_open(monkeypatch):
+    """A word of a slow panel lasts as long as a great many frames."""
+    opened = []
+    finish = PanelCamera._finish
+    monkeypatch.setattr(
+        PanelCamera, "_finish", lambda self, n: (opened.append(len(self._open)), finish(self, n))
+    )
+    section = frames(frame_rate="20 kHz", exposure="40 us", readout="0 s")
+    camera = film(np.ones((64, 2, 2), bool), section)
+    assert len(opened) == len(camera.frames) == 32 and max(opened) <= 4
+
+
 def test_a_dark_panel_has_no_contrast():
     assert banding(np.zeros((4, 4)), np.zeros(4))[0] is None
     camera = film(np.zeros((100, 4, 4), bool), frames(frame_rate="1 kHz", exposure="1 ms",

@@ -220,6 +220,15 @@ def test_a_still_pattern_on_a_moving_eye_is_drawn_out():
     np.testing.assert_allclose(retina(light, times, at), expected, atol=2e-3)
 
 
+def test_a_plane_holds_for_all_of_its_instants():
+    """Hardly a pixel that emits from a point has a thousand instants: its light is not copied."""
+    light = np.random.default_rng(1).random((3, 60))
+    times, at = np.arange(3000) / 3000 * 10 / SPEED, np.arange(10, 49, 0.5)
+    np.testing.assert_array_equal(
+        retina(light, times, at), retina(np.repeat(light, 1000, axis=0), times, at)
+    )
+
+
 @pytest.mark.parametrize(("one", "bet"), [(one, one.rate.hz) for one in FRAMES])
 def test_holds_have_the_blur_of_theory(one, bet):
     (row,) = frame_blur(one, 0.6, ((0.0, 0.18),))

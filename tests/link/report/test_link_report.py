@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
+from cv2 import imread
 
 from link.evaluation.errors import count_errors
 from link.layout import Layout
 from link.mode import Mode
 from link.report.errors import end_text
 from link.report.figures import lowest_rate
+from link.report.signal_figures import view_figure
 
 LAYOUT = Layout(Mode(128, 128, 8, 2, "8b10b", 32))
 
@@ -40,3 +45,13 @@ def test_the_axis_of_error_rates_begins_below_all_that_is_drawn():
     assert lowest_rate([8.7e-5, 1.9e-5, 2.4e-9], 854_400) < 2.4e-9
     assert lowest_rate([0.0, 1e-5, None], 10**6) < 1e-6
     assert lowest_rate([1e-3, 0.0, 1e-200], 10**6) == 1e-18
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("shape", [(3, 400), (250, 3)])
+def test_the_view_of_a_narrow_camera_has_room(tmp_path, shape):
+    corners = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+    link = SimpleNamespace(image=np.zeros(shape), truth=corners, outline=corners)
+    view_figure(link, tmp_path / "view.png")
+    height, width = imread(tmp_path / "view.png").shape[:2]
+    assert height < 3 * width

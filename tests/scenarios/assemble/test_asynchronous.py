@@ -366,6 +366,7 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
             "large enough for 26 stars",
         ),
         (("duration=0.1 ns",), "duration must be at least one period of the timing clock"),
+        (("sensor.asynchronous.timing=1e-6 Hz",), "sensor.asynchronous.timing must be at least"),
         (("sensor.readout=synchronous",), "sensor.asynchronous must be given with sensor.readout"),
     ],
 )

@@ -39,6 +39,9 @@ CASES = {
     "a panel in the colours of the camera": (
         ("glass", "display.colour=as-camera", "display.fit=nearest", "sensor.colour.filter=rggb"),
         r"write --set display\.fit=(?P<value>\w+)", "display.fit"),
+    "planes of a panel": (
+        ("glass", "sensor.clock=50 Hz", "duration=0.5 s"),
+        r"sensor\.clock must be at least (?P<value>\S+ Hz) with a display", "sensor.clock"),
 }  # fmt: skip
 
 
@@ -54,6 +57,30 @@ def test_what_a_refusal_proposes_is_accepted(
     assert proposed, err
     code, _, err = viform("plan", name, *words, "--set", f"{key}={proposed['value']}")
     assert code == 0, err
+
+
+def test_rows_that_no_plane_of_a_panel_holds_are_refused_by_their_own_time(
+    viform: Callable[..., tuple[int, str, str]], refused: Callable[..., str]
+) -> None:
+    sets = (*SMALL, "duration=0.5 s", "sensor.clock=80 Hz", "sensor.row_time=700 us")
+    words = ["plan", "glass", *(word for s in sets for word in ("--set", s))]
+    said = refused(*words)
+    assert said.startswith("sensor.row_time must be at most 0.000625 s with a display: 16 rows")
+    mended = ("sensor.row_time=0.000625 s", "sensor.clock=100 Hz")
+    assert viform(*words, *(word for s in mended for word in ("--set", s)))[0] == 0
+
+
+def test_a_panel_in_colours_is_not_told_another_fit(refused: Callable[..., str]) -> None:
+    sets = (*SMALL, "sensor.colour.filter=rggb", "display.colour=as-camera", "display.width=2")
+    said = refused("plan", "glass", *(word for s in sets for word in ("--set", s)))
+    assert said.startswith("display.width and display.height must be the stream's 24 x 16")
+    assert said.endswith("not 2 x 16; leave them out")
+
+
+def test_a_run_without_a_cycle_is_refused_before_its_readings(refused: Callable[..., str]) -> None:
+    sets = (*SMALL, "sensor.clock=20 Hz", "sensor.sub_threshold.limit=1 s")
+    said = refused("plan", "step", *(word for s in sets for word in ("--set", s)))
+    assert said.startswith("duration must be at least image.window = 41 cycles, not 0 cycles")
 
 
 def test_a_circuit_that_overshoots_by_half_the_threshold_is_refused(

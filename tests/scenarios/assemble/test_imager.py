@@ -173,6 +173,7 @@ def test_a_write_that_the_imager_does_not_take_is_refused_by_its_key(kind):
     wide = next(r for r in own if r.mode == "rw" and r.width < 32)
     for register, value, says in (
         ("speed", 1, "its register one of"),
+        ("no such register" * 9, 713_715_000, "its register one of"),
         (read_only, 1, "to be a register that is written"),
         (wide.name, 1 << wide.width, f"it has {wide.width} bits"),
     ):

@@ -76,12 +76,12 @@ def test_a_given_f_number_is_kept_and_what_saturates_is_said(film, tmp_path):
     [
         (["scene.illuminance=1 lux"],
          "scene.illuminance must be at least 93.2 lux for white to fire at 0.6 a cycle through a "
-         "lens from f/0.5 to f/1000, not 1 lux; raise it, lower sensor.threshold, or give "
-         "sensor.lens.f_number"),
+         "lens from f/0.5 to f/1000, not 1 lux; raise it, lower sensor.threshold, or write "
+         "--set sensor.lens.f_number=0.5"),
         (["scene.illuminance=1e9 lux", "sensor.threshold=1 e"],
          "scene.illuminance must be at most 372000 lux for white to fire at 0.6 a cycle through "
-         "a lens from f/0.5 to f/1000, not 1e+09 lux; lower it, raise sensor.threshold, or give "
-         "sensor.lens.f_number"),
+         "a lens from f/0.5 to f/1000, not 1e+09 lux; lower it, raise sensor.threshold, or write "
+         "--set sensor.lens.f_number=1000"),
     ],
 )  # fmt: skip
 def test_light_that_no_lens_can_bring_to_the_rate_names_what_is_needed(assignments, expected):

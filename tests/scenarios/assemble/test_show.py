@@ -13,15 +13,17 @@ from cosim.run.machine import Options
 from cosim.spikes.events import only_full
 from cosim.spikes.held import held_events, held_reports
 from display.probes import metrics
+from display.probes.light import steady_light
 from rtl_model.imagers.catalogue import IMAGERS
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
-from scenarios.assemble.show import assembling
+from scenarios.assemble.show import assembling, probes
 from scenarios.assemble.show.figures import _named
 from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from scenarios.scenes.drawing.points import spread_points
+from sensor.asynchronous.pixel.array import AsynchronousPixels
 
 CLOCK = Clock(40_000)
 PANEL = {"beside": ["1000 Hz"], "projector": "none", "renderer": "numpy"}
@@ -61,6 +63,36 @@ def reports(shape, clock, ticks, **columns):
         np.array(row, np.uint16), np.array(column, np.uint16), np.array(when, np.int64),
         np.array(level, np.float64), shape, ticks, clock,
     )  # fmt: skip
+
+
+def test_white_that_no_clock_is_fast_enough_for_has_no_display():
+    data = camera("asynchronous", threshold="1 e", lens={"f_number": 0.5})
+    data["scene"]["illuminance"] = "1e9 lux"
+    with pytest.raises(InputError, match=r"^display must be absent where white fires at \S+ Hz"):
+        assemble("x", validate(data), Options(), SilentProgress())
+
+
+def test_a_probe_of_changes_is_filmed_a_part_at_a_time(monkeypatch):
+    """Of seconds of noisy pixels, ten million events would be in memory together."""
+    data = camera("asynchronous", pixels={"change": 0.05}, comparator_delay="9 us")
+    del data["display"]
+    made = assemble("x", validate(data), Options(), SilentProgress())
+    probe = probes.EventProbeCamera.of(made)
+    light = steady_light((4, 4), probe.lux(0.4), CLOCK.edge(402))
+    spans, step = [], AsynchronousPixels.step
+
+    def watched(pixels, light, start, stop):
+        spans.append((start, stop))
+        return step(pixels, light, start, stop)
+
+    monkeypatch.setattr(AsynchronousPixels, "step", watched)
+    whole = probe.film(light, 400, (4, 4), 3)
+    assert spans == [(0, CLOCK.edge(400))]
+    monkeypatch.setattr(probes, "PART", 128)
+    parts = probe.film(light, 400, (4, 4), 3)
+    assert spans[1:] == [(CLOCK.edge(n), CLOCK.edge(min(n + 128, 400))) for n in (0, 128, 256, 384)]
+    np.testing.assert_array_equal(parts.words, whole.words)
+    assert parts.planes()[128:].any()
 
 
 def test_a_report_is_shown_from_its_own_cycle_on_at_its_rate():

@@ -161,7 +161,11 @@ def test_the_schema_names_the_parts_of_the_catalogue() -> None:
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"clock": "70 MHz", "adc": "12-bit"}, "imager.clock must be at most 6e\\+07 Hz"),
+        ({"clock": "70 MHz", "adc": "12-bit"}, "imager.clock must be at most 60000000 Hz"),
+        (
+            {"own_adc": BARE["own_adc"] | {"rate": "138 Hz"}},  # below the slowest clock
+            "imager.own_adc.rate must be at least 27000000 Hz, imager.clock, not 138 Hz; raise it",
+        ),
         ({"own_adc": BARE["own_adc"] | {"bits": 20}}, "imager.own_adc.bits must be at most 16"),
         ({"frame_rate": "1001 Hz"}, "imager.frame_rate must be at most 1000 Hz"),
         ({"black": 20000}, "imager.black must be below full scale"),

@@ -73,7 +73,7 @@ def test_the_least_leak_that_is_named_is_accepted() -> None:
     with pytest.raises(ValidationError) as caught:
         CircuitSection(**keys, leak="1 s")  # type: ignore[arg-type]
     least = re.search(
-        r"at least 4 time constants of the comparator, (\S+ s), not 1 s", str(caught.value)
+        r"at least (\S+ s), 4 time constants of the comparator, not 1 s", str(caught.value)
     )
     assert least is not None
     CircuitSection(**keys, leak=least[1])  # type: ignore[arg-type]

@@ -166,6 +166,12 @@ def test_a_key_of_another_kind_of_scene_is_refused():
         "scene.path must be given with scene.kind = film, not with another kind; set "
         "scene.kind=film, or remove it"
     )
+    # of a film there is no contrast: another kind would only move the refusal
+    section = {"kind": "target", "illuminance": "1 lux", "contrast": 0.5, "frame_rate": "1 Hz"}
+    said = message(changed("scene", section))
+    assert said == (
+        "scene.frame_rate must be given with scene.kind = film, not with another kind; remove it"
+    )
     said = message(changed("scene", {"kind": "star", "illuminance": "1 lux", "foo": 1}))
     assert said.startswith("scene.foo must be one of kind, illuminance, spokes, rotation, not")
 

@@ -181,6 +181,9 @@ def test_a_chart_reflects_no_more_than_white(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", LIGHT)
     with pytest.raises(InputError, match=r"reflectances up to 1 .* \(up to 20\)"):
         target_plane(Chart(), SHAPE)
+    np.save(tmp_path / "a.npy", np.stack([LIGHT, LIGHT]))
+    with pytest.raises(InputError, match=r"a picture in a scene of kind target, not .*which moves"):
+        target_plane(Chart(), SHAPE)
 
 
 def test_a_changed_folder_has_another_digest(tmp_path: Path) -> None:
