@@ -58,6 +58,9 @@ class OpenCLRenderer:
         images: number of images of the observers.
         device: OpenCL device, None for the default one.
 
+    Attributes:
+        panel, batch, images: as given.
+
     Raises:
         InputError: there is no OpenCL device, or not enough memory.
     """
@@ -67,7 +70,7 @@ class OpenCLRenderer:
     ) -> None:
         if batch < 1:
             raise ValueError(f"batch must be 1 or more, not {batch}")
-        self.panel, self.batch = panel, batch
+        self.panel, self.batch, self.images = panel, batch, images
         height, width = panel.shape
         self._line = -(-width // LANES) * LANES
         self._names = states(panel.scheme, slow(panel))
@@ -84,7 +87,6 @@ class OpenCLRenderer:
         shape = max(len(self._names), 1), height, self._line
         self._states = [self._share(np.zeros(shape, np.uint32)) for _ in range(2)]
         """The state before the last block, and after it."""
-        self._count = images
         self._images = self._share(np.empty((max(images, 1), height, self._line)))
         self._fresh = np.ones(images, np.bool_)
         self._spans = self._share(np.empty((self._items, self._window, self._line), np.float32))
@@ -252,8 +254,8 @@ class OpenCLRenderer:
         }
         none = np.zeros(self.panel.shape, np.uint32)
         older = stored.get("age", none)
-        images = np.empty((self._count, *self.panel.shape))
-        for n in range(self._count):
+        images = np.empty((self.images, *self.panel.shape))
+        for n in range(self.images):
             self._read(n, images[n])
         return {
             "tau": stored.get("tau", none),
@@ -281,9 +283,18 @@ class OpenCLRenderer:
             part[:, :width] = stored[name]
         self._states[1] = self._share(array)
         images = np.zeros_like(self._images[0])
-        images[: self._count, :, :width] = state["images"]
+        images[: self.images, :, :width] = state["images"]
         self._images = self._share(images)
         self._fresh[:] = False
+        self._last = None
+
+    def reset(self) -> None:
+        """Back to the state before the first block, dark, without images."""
+        if self._names:
+            array = self._states[1][0]
+            array.fill(0)
+            self._states[1] = self._share(array)
+        self._fresh[:] = True
         self._last = None
 
     def close(self) -> None:
