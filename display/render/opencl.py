@@ -20,7 +20,7 @@ from display.observe.views import Views
 from display.panels.emission import LEVELS, relaxation, slow
 from display.panels.panel import SpikePanel
 from display.render.golden import FOREVER
-from display.render.pieces import takes_light
+from display.render.pieces import split_images, takes_light
 from display.render.shader import states
 
 __all__ = ["OpenCLRenderer"]
@@ -103,7 +103,8 @@ class OpenCLRenderer:
             drive = self.panel.scheme
             emits, pulsed = slow(self.panel), slow(self.panel) and self.panel.share < 1
             switches = {
-                "WHOLE": whole, "COUNTED": drive.spikes == 0 and not emits,
+                "WHOLE": whole, "SINGLE": self.batch == 1,
+                "COUNTED": drive.spikes == 0 and not emits and self.batch > 1,
                 "INTERVALS": "tau" in self._names, "MEMORY": "memory" in self._names,
                 "EMITS": emits, "PULSED": pulsed,
             }  # fmt: skip
@@ -184,12 +185,15 @@ class OpenCLRenderer:
         """Kernel arguments of the images with light in these spans. An image that is fresh is set
         by the first window that it has light in."""
         device, images = self._device, self._images[1]
-        used: list[int] = []
-        if views is not None:
-            used = [n for n in range(views.images) if takes_light(views, n, [*range(first, last)])]
+        spans = [*range(first, last)]
+        still, moving = (
+            [n for n in numbers if views is not None and takes_light(views, n, spans)]
+            for numbers in split_images(views)
+        )
+        used = still + moving
         if views is None or not used:
             none = device.upload(np.zeros(2, np.uint32))
-            return none, np.uint32(0), none, np.uint32(0), images
+            return none, np.uint32(0), none, np.uint32(0), np.uint32(0), images
         table = np.zeros((len(used), views.weight.shape[1], VIEW), np.float32)
         for n, name in enumerate(("weight", "slope", "dy", "dy_slope", "dx", "dx_slope")):
             table[..., n] = getattr(views, name)[used]
@@ -209,7 +213,7 @@ class OpenCLRenderer:
         self._fresh[used] = False
         return (
             device.upload(table), np.uint32(table.shape[1]), device.upload(which),
-            np.uint32(len(used)), images,
+            np.uint32(len(still)), np.uint32(len(used)), images,
         )  # fmt: skip
 
     @property
