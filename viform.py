@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cosim import Clock, InputError, Viform
-    from scenarios.python import Camera, Run, Stream, film, reconstruct, run, send, show
+    from scenarios.python import Camera, Display, Run, Stream, film, reconstruct, run, send, show
     from scenarios.python import open_stream as open
     from scenarios.python import save_stream as save
     from scenarios.studies.dataset.making import dataset
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _PLACES = {
     "Camera": "scenarios.python:Camera",
     "Clock": "cosim:Clock",
+    "Display": "scenarios.python:Display",
     "InputError": "cosim:InputError",
     "Run": "scenarios.python:Run",
     "SpikeDataset": "scenarios.studies.dataset.reading:SpikeDataset",
@@ -44,8 +45,8 @@ _PLACES = {
 }
 
 __all__ = [
-    "Camera", "Clock", "InputError", "Run", "SpikeDataset", "Stream", "Viform", "dataset", "film",
-    "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
+    "Camera", "Clock", "Display", "InputError", "Run", "SpikeDataset", "Stream", "Viform",
+    "dataset", "film", "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
 ]  # fmt: skip
 
 

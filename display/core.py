@@ -7,6 +7,7 @@ motion and checkpoints, so both give the same bits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from threading import Lock
@@ -17,9 +18,10 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Kind
-from cosim.spikes.excerpt import StreamStage
-from cosim.spikes.viform import WORD, SpikeStream, Words
-from cosim.stage import blocks
+from cosim.spikes.viform import WORD, Words
+from cosim.stage import Stage, blocks
+from display.observe.observers import eye_time
+from display.observe.temporal import STAGES
 from display.observe.views import Observer, Views, panel_views
 from display.panels.panel import SpikePanel
 from display.render.factory import DRAW, AnyRenderer, make_renderer
@@ -27,15 +29,18 @@ from display.render.kinds import RendererKind
 from display.render.opencl import OpenCLRenderer
 from display.setting import DisplaySetting
 
-__all__ = ["ARITHMETIC", "Bounds", "CalledDisplay", "LiveDisplay"]
+__all__ = ["ARITHMETIC", "Bounds", "CalledDisplay", "LiveDisplay", "short_notes"]
 
 Images = dict[str, npt.NDArray[np.float32]]
 Mapped = Callable[[Words], Words]
 
 ARITHMETIC: Final = 1e-6
 """Deviation of the renderers from the golden model, of white."""
-_KEPT: Final = 4
-"""Renderers that are kept for later calls: one for each thread that calls at the same time."""
+_TOGETHER: Final = 1024
+"""Planes that kernels show at once; they give the same bits however whole 64 planes are joined."""
+_KEPT: Final = 2
+"""Renderers that are kept for later calls, for two threads that call at the same time: the kernels
+of each take all cores."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,18 @@ class Bounds:
     bound: float
     kind: Kind
     left_out: dict[str, float] = field(default_factory=dict)
+
+
+def short_notes(luminance: float, seconds: float) -> list[str]:
+    """A note if a run of light is shorter than the response of the eye (two standard deviations on
+    each side)."""
+    whole = 4 * math.sqrt(STAGES) * eye_time(luminance)
+    if seconds >= whole:
+        return []
+    return [
+        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye integrates: the images of "
+        "the eyes have only the light of the run"
+    ]
 
 
 class LiveDisplay:
@@ -148,17 +165,17 @@ class CalledDisplay:
             renderer.close()
 
     def show(
-        self, stream: SpikeStream, setting: DisplaySetting, observers: Mapping[str, Observer],
-        mapping: Mapped | None = None, cycles: int | None = None,
+        self, source: Stage, cycles: int, setting: DisplaySetting,
+        observers: Mapping[str, Observer], mapping: Mapped | None = None,
     ) -> Images:  # fmt: skip
         """Shows a stream.
 
         Args:
-            stream: the stream.
+            source: gives the planes of a block, see `StreamStage`.
+            cycles: length of the stream.
             setting: the panel for it, and the resolution in time.
-            observers: observers by name, for the clock of the panel from cycle 0 on.
+            observers: observers by name.
             mapping: maps words of the stream to words of the panel; None for equal sizes.
-            cycles: length that is shown; all of the stream if None.
 
         Returns:
             What the observers see, by name, (images, height, width) float32, white = 1.
@@ -167,13 +184,13 @@ class CalledDisplay:
             InputError: the panel cannot be rendered, or memory is short.
         """
         bare = _bare(setting.simulated_panel)
-        source, cycles = StreamStage(stream), stream.cycles if cycles is None else cycles
         display = LiveDisplay(
             setting, observers, lambda images: self._renderer(bare, setting.batch, images), mapping
         )
         renderer = display.renderer
         try:
-            for block in blocks(cycles, DRAW):
+            size = _TOGETHER if isinstance(renderer, OpenCLRenderer) else DRAW
+            for block in blocks(cycles, size):
                 part = source.step(None, block)
                 display.push(part.words, part.cycles, last=block.stop == cycles)
             seen = display.take()
