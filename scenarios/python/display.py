@@ -83,7 +83,7 @@ class Display:
     Args:
         drive: Rule by which a pixel converts its spikes to light: "impulse", "hold" or "causal".
         device: Number or part of the name of an OpenCL device; the default if None.
-        **keys: Keys of the section [display], such as luminance="500 cd/m2", fit="nearest" or
+        **keys: Keys of the section [display], such as luminance="500 cd/m²", fit="nearest" or
             observer="camera".
 
     Raises:
