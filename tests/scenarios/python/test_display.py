@@ -102,18 +102,16 @@ def test_a_display_may_be_called_by_several_threads(spikes: viform.Viform) -> No
     assert any("shorter than" in note for note in seen[0].notes)
 
 
-def test_white_is_that_of_the_run_of_a_file(tmp_path: Path) -> None:
-    size = {"sensor.width": 32, "sensor.height": 24}
-    run = viform.run("step", out=tmp_path / "run", duration="3 ms", progress=False, **size)
-    display = viform.Display()
-    rates = [display.show(each).white_rate for each in (run.folder, run.stream, run.stream[:])]
-    assert rates[0] == run.metrics["white_rate"] and rates[1] == rates[0] != rates[2]
-    first = viform.show(run.folder, duration="1 ms", **{"image.at": [3, 39]})
+def test_white_is_that_of_the_run_of_a_file(spikes: viform.Viform, tmp_path: Path) -> None:
+    viform.save(spikes, tmp_path / "stream.zarr")
+    (tmp_path / "result.json").write_text('{"metrics": {"white_rate": {"value": 0.75}}}')
+    display, opened = viform.Display(), viform.open(tmp_path)
+    rates = [display.show(each).white_rate for each in (tmp_path, opened, opened[:], spikes)]
+    assert rates[:2] == [0.75, 0.75] and rates[2] == rates[3] == pytest.approx(0.6, abs=0.05)
+    first = viform.show(tmp_path, duration="1 ms", **{"image.at": [3, 39]})
     assert first.instants == (3, 39)
-    np.testing.assert_array_equal(
-        first.images["still"], display.show(run.stream[:40], at=[3, 39], white_rate=rates[0])
-        .images["still"]
-    )  # fmt: skip
+    again = display.show(opened[:40], at=[3, 39], white_rate=0.75)
+    np.testing.assert_array_equal(first.images["still"], again.images["still"])
 
 
 def test_what_cannot_be_shown_is_one_line(spikes: viform.Viform, tmp_path: Path) -> None:
