@@ -41,6 +41,9 @@ _TOGETHER: Final = 1024
 _KEPT: Final = 2
 """Renderers that are kept for later calls, for two threads that call at the same time: the kernels
 of each take all cores."""
+_CHOSEN: Final[set[Device]] = set()
+"""Devices whose kernels the renderer `auto` has chosen: to choose, it opens a GL context, which
+takes 5 ms, and 40 KB that Mesa does not give back."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +209,11 @@ class CalledDisplay:
             for n, kept in enumerate(self._kept):
                 if (kept.panel, kept.batch, kept.images) == (panel, batch, images):
                     return self._kept.pop(n)
-        return make_renderer(self._kind, panel, batch, images, device=self._device)
+        kind = "opencl" if self._kind == "auto" and self._device in _CHOSEN else self._kind
+        renderer = make_renderer(kind, panel, batch, images, device=self._device)
+        if kind == "auto" and self._device is not None and isinstance(renderer, OpenCLRenderer):
+            _CHOSEN.add(self._device)
+        return renderer
 
     def _keep(self, renderer: AnyRenderer) -> None:
         """Keeps a renderer for later calls. One of shaders belongs to its thread, and is closed."""
