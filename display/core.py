@@ -37,7 +37,9 @@ Mapped = Callable[[Words], Words]
 ARITHMETIC: Final = 1e-6
 """Deviation of the renderers from the golden model, of white."""
 _TOGETHER: Final = 1024
-"""Planes that kernels show at once; they give the same bits however whole 64 planes are joined."""
+_BITS: Final = 2**29
+"""Planes, and spikes of a stream, that kernels show at once; they give the same bits however whole
+64 planes are joined."""
 _KEPT: Final = 2
 """Renderers that are kept for later calls, for two threads that call at the same time: the kernels
 of each take all cores."""
@@ -86,7 +88,6 @@ class LiveDisplay:
 
     Attributes:
         renderer: draws the panel.
-        spikes: number of spikes shown so far.
     """
 
     def __init__(
@@ -192,7 +193,10 @@ class CalledDisplay:
         )
         renderer = display.renderer
         try:
-            size = _TOGETHER if isinstance(renderer, OpenCLRenderer) else DRAW
+            size = DRAW
+            if isinstance(renderer, OpenCLRenderer):
+                pixels = bare.shape[0] * bare.shape[1]
+                size = max(DRAW, min(_TOGETHER, _BITS // pixels // DRAW * DRAW))
             for block in blocks(cycles, size):
                 part = source.step(None, block)
                 display.push(part.words, part.cycles, last=block.stop == cycles)

@@ -14,6 +14,6 @@ from scenarios.python.showing import show
 from scenarios.python.streams import Stream, open_stream, save_stream
 
 __all__ = [
-    "Camera", "Display", "Run", "Stream", "film", "open_stream", "reconstruct", "run", "save_stream",
-    "send", "show",
+    "Camera", "Display", "Run", "Stream", "film", "open_stream", "reconstruct", "run",
+    "save_stream", "send", "show",
 ]  # fmt: skip
