@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cosim import Clock, InputError, Viform
-    from scenarios.python import Camera, Run, Stream, film, reconstruct, run, send, show
+    from scenarios.python import Camera, Display, Run, Stream, film, reconstruct, run, send, show
     from scenarios.python import open_stream as open
     from scenarios.python import save_stream as save
     from scenarios.python.training import SpikeStream
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _PLACES = {
     "Camera": "scenarios.python:Camera",
     "Clock": "cosim:Clock",
+    "Display": "scenarios.python:Display",
     "InputError": "cosim:InputError",
     "Run": "scenarios.python:Run",
     "SpikeDataset": "scenarios.studies.dataset.reading:SpikeDataset",
@@ -46,7 +47,8 @@ _PLACES = {
 }
 
 __all__ = [
-    "Camera", "Clock", "InputError", "Run", "SpikeDataset", "SpikeStream", "Stream", "Viform",
+    "Camera", "Clock", "Display", "InputError", "Run", "SpikeDataset", "SpikeStream", "Stream",
+    "Viform",
     "dataset", "film", "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
 ]  # fmt: skip
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo
@@ -12,8 +12,11 @@ from cosim import Clock, InputError, seconds_to_ps
 from cosim.config.amounts import at_least
 from cosim.config.choice import Choice
 from cosim.config.quantity import Quantity, Section, Share, Time
+from cosim.spikes.viform import Words
 from display.drives import DRIVES
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
+from display.observe.views import Observer
+from display.panels.fit import fit_words
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
@@ -234,6 +237,34 @@ class DisplaySection(Section):
             "pursuit": PursuingEye(eye, (0.0, velocity)),
             "camera": CameraPlane(tuple(instants), seconds_to_ps(self.exposure)),
         }
+
+    def seen_by(
+        self, names: Iterable[str], clock: Clock, instants: Sequence[int], cycles: int,
+        velocity: float,
+    ) -> dict[str, Observer]:  # fmt: skip
+        """Observers by their names in the section, in its order, for a stream from cycle 0 on.
+
+        Args:
+            names: those of the observers.
+            clock: clock of the stream.
+            instants: cycles of the images.
+            cycles: length of the stream.
+            velocity: velocity of the pursuing eye along the rows, pixels/s.
+        """
+        at, asked = [clock.middle(n) for n in instants], set(names)
+        known = self.observers(at, clock.edge(cycles), velocity)
+        return {name: observer for name, observer in known.items() if name in asked}
+
+    def on_panel(self, velocity: float, stream: tuple[int, int], panel: SpikePanel) -> float:
+        """A velocity in pixels of the stream, (height, width), as one in pixels of the panel."""
+        # If the panel shows the whole picture with other pixels, the speed in pixels differs.
+        return velocity * (panel.shape[1] / stream[1] if self.fit == "nearest" else 1.0)
+
+    def mapping(
+        self, stream: tuple[int, int], panel: SpikePanel
+    ) -> Callable[[Words], Words] | None:
+        """Maps words of a stream, (height, width), to words of the panel; None for equal sizes."""
+        return None if panel.shape == stream else fit_words(self.fit, stream, panel.shape)
 
     def setting(
         self, panel: SpikePanel, instants: Sequence[int], cycles: int, velocity: float = 0.0

@@ -51,7 +51,7 @@ ROOMS = {
     ),
     "display": (
         "drives", "panels", "observe", "effects quality references render", "probes setting window",
-        "section trial", "camera", "chain stability",
+        "core section trial", "camera", "chain stability",
     ),
     "rtl_model": (
         "geometry prbs", "registers", "cycle readout", "verilated",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cosim.clock import Clock
-from cosim.spikes.viform import WORD, SpikeStream, Viform, words_for
+from cosim.spikes.viform import WORD, SpikeStream, Viform, spikes_beyond, words_for
 from cosim.stage import Block
 
 __all__ = ["StreamStage"]
@@ -29,7 +29,7 @@ class StreamStage:
         """The planes of a block, which may end within a word; `data` is not used."""
         first = block.start // WORD
         words = self._stream.read_words(first, first + words_for(block.cycles))
-        if block.cycles % WORD:
+        if spikes_beyond(words[-1], block.cycles):
             words = words.copy()
             words[-1] &= np.uint32((1 << block.cycles % WORD) - 1)
         return Viform(np.ascontiguousarray(words), block.cycles, self._clock, block.start)

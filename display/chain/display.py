@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +14,8 @@ from cosim.run.progress import Progress
 from display.chain.panel_stage import PanelStage
 from display.chain.pursuit import Pursuit
 from display.chain.tap import LightTap
-from display.observe.observers import eye_time
+from display.core import short_notes
 from display.observe.slow_motion import SlowMotion, exposure_cycles, slow_motion
-from display.observe.temporal import STAGES
 from display.observe.views import Observer
 from display.panels.fit import fit_words
 from display.panels.panel import SpikePanel
@@ -157,50 +155,29 @@ def make_display_chain(
     Raises:
         InputError: the display cannot be rendered (no OpenGL, or too little memory).
     """
-    clock, panel = planned.panel.clock, planned.panel.shape
-    at, end = [clock.middle(n) for n in instants], clock.edge(cycles)
-    # If the panel shows the whole picture with other pixels, the speed in pixels differs.
-    ratio = panel[1] / scene[1] if section.fit == "nearest" else 1.0
+    clock, panel = planned.panel.clock, planned.panel
+    # Both eyes, and the observer whose radiance the error refers to.
+    names = "eye", "pursuit", section.observer
+    velocity = section.on_panel(pursuit.velocity, scene, panel)
     on_scene, on_panel = (
-        _observers(section, at, end, velocity)
-        for velocity in (pursuit.velocity, pursuit.velocity * ratio)
+        section.seen_by(names, clock, instants, cycles, speed)
+        for speed in (pursuit.velocity, velocity)
     )
-    motion, panel_motion = (slow_motion(clock, cycles, shape) for shape in (scene, panel))
-    setting = planned.with_spans(pursuit.velocity * ratio, exposure_cycles(cycles))
+    motion, panel_motion = (slow_motion(clock, cycles, shape) for shape in (scene, panel.shape))
+    setting = planned.with_spans(velocity, exposure_cycles(cycles))
     panel_stage = PanelStage(
         setting, on_panel, panel_motion, cycles,
         lambda images: make_renderer(
             section.renderer, setting.panel, setting.batch, images, device=device
         ),
-        None if panel == scene else fit_words(section.fit, scene, panel),
+        section.mapping(scene, panel),
     )  # fmt: skip
     references, tap = None, None
     if white is not None:
         panels = section.reference_panels()
         references = ReferenceStage(panels, on_scene, scene, white, clock, cycles, motion)
         tap = LightTap([(row, column) for row, column, _ in points], clock, white)
-    notes = [pursuit.note, *_short_run_notes(planned.panel.luminance, cycles / clock.hz)]
+    notes = [pursuit.note, *short_notes(panel.luminance, cycles / clock.hz)]
     return DisplayChain(
         section, setting, on_scene, pursuit, motion, points, panel_stage, references, tap, notes
     )
-
-
-def _observers(
-    section: DisplaySection, instants: Sequence[int], end: int, velocity: float
-) -> dict[str, Observer]:
-    """Both eyes, and the observer whose radiance the error refers to."""
-    names = ("eye", "pursuit", section.observer)
-    observers = section.observers(instants, end, velocity)
-    return {name: observer for name, observer in observers.items() if name in names}
-
-
-def _short_run_notes(luminance: float, seconds: float) -> list[str]:
-    """A note if the run is shorter than the response of the eye (two standard deviations on each
-    side)."""
-    whole = 4 * math.sqrt(STAGES) * eye_time(luminance)
-    if seconds >= whole:
-        return []
-    return [
-        f"the run is shorter than the {whole * 1e3:.2g} ms that an eye integrates: the images of "
-        "the eyes have only the light of the run"
-    ]

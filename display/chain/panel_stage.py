@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cosim import Block
-from cosim.spikes.viform import WORD, Viform, Words
+from cosim.spikes.viform import Viform, Words
+from cosim.stage import State, section
+from display.core import Images, LiveDisplay
 from display.observe.slow_motion import Film, SlowMotion
 from display.observe.views import Observer, Views, panel_views
 from display.render.factory import DRAW, AnyRenderer
@@ -18,23 +18,17 @@ from display.setting import DisplaySetting
 
 __all__ = ["PanelStage"]
 
-State = dict[str, npt.NDArray[Any]]
 
-
-class PanelStage:
+class PanelStage(LiveDisplay):
     """Shows a stream on a panel.
 
     An exposure of the slow motion uses an image of the renderer during the exposure; later
     exposures reuse the same image.
 
     Args:
-        setting: the panel, its observer, and the resolution in time.
-        observers: observers by name.
+        setting, observers, renderer, mapping: see `LiveDisplay`.
         motion: exposures of the slow motion, None for none.
         cycles: length of the run, cycles.
-        renderer: creates a renderer for a number of images. It is called in the constructor, so
-            that its errors come before any file is written.
-        mapping: maps words of the stream to words of the panel; None for equal sizes.
 
     Attributes:
         film: the slow motion, complete after the last block; None for none.
@@ -57,49 +51,36 @@ class PanelStage:
         renderer: Callable[[int], AnyRenderer],
         mapping: Callable[[Words], Words] | None = None,
     ) -> None:
-        self._batch, self._observers = setting.batch, dict(observers)
-        self._panel = setting.simulated_panel
-        self._cycles, self._mapping = cycles, mapping
+        self._panel, self._cycles = setting.simulated_panel, cycles
         self.film = None if motion is None else Film(motion)
         self._exposures = max(
             (len(self._exposed(n, min(DRAW, cycles - n))) for n in range(0, cycles, DRAW)),
             default=0,
         )  # maximum number of simultaneous exposures
-        self._light = sum(o.images for o in self._observers.values())
-        # Images of the observers, the sum of all light, and the slow motion.
-        self.renderer = renderer(self._light + 1 + self._exposures)
+        # Images of the sum of all light, and of the slow motion.
+        super().__init__(setting, observers, renderer, mapping, 1 + self._exposures)
         self._closed = False
-        self._waiting: list[Words] = []  # words that are not rendered yet
-        self._first = self._planes = 0  # first plane and number of planes of `_waiting`
         self.fired = self.spikes = 0
-        self.images: dict[str, npt.NDArray[np.float32]] = {}
+        self.images: Images = {}
         self.emitted: float | None = None
 
     def step(self, data: Viform, block: Block) -> Viform:
         """Takes one block; draws when there are enough planes, or at the end of the run."""
-        words = data.words
-        self.fired += int(np.bitwise_count(words).sum(dtype=np.int64))
-        if self._mapping is not None:
-            words = self._mapping(words)
-        self._waiting.append(words)
-        self._planes += block.cycles
+        self.fired += int(np.bitwise_count(data.words).sum(dtype=np.int64))
         last = block.stop == self._cycles
-        # The next block cannot continue an incomplete word.
-        if last or self._planes + block.cycles > DRAW or self._planes % WORD:
-            self._draw()
+        self.push(data.words, block.cycles, last=last)
         if last:
-            self._end()
+            self.images = self.take()
+            self.emitted = float(self.renderer.take(self._own).sum(dtype=np.float64))
+            self.close()
         return data
 
-    def _draw(self) -> None:
-        words = self._waiting[0] if len(self._waiting) == 1 else np.concatenate(self._waiting)
-        first, planes = self._first, self._planes
-        self._waiting, self._first, self._planes = [], first + planes, 0
+    def _render(self, words: Words, first: int, planes: int) -> None:
+        super()._render(words, first, planes)
         if self._mapping is None:
             self.spikes = self.fired
         else:
             self.spikes += int(np.bitwise_count(words).sum(dtype=np.int64))
-        self.renderer.step(words, planes, self._views(first, planes))
         if self.film is not None:
             self._finish_exposures(self.film, self._first)
 
@@ -128,39 +109,24 @@ class PanelStage:
     def _place(self, exposure: int) -> int:
         """Index of the renderer's image for an exposure; simultaneous exposures have different
         images."""
-        return self._light + 1 + exposure % self._exposures
+        return self._own + 1 + exposure % self._exposures
 
-    def _views(self, first: int, planes: int) -> Views:
-        """The views of all images: of the observers, of the sum of all light, of the slow
-        motion."""
-
-        def views_of(observer: Observer) -> Views:
-            return panel_views(observer, self._panel, first, planes, self._batch)
-
+    def _views(self, first: int, planes: int) -> list[Views]:
+        """Those of the observers, of the sum of all light, and of the slow motion."""
         spans = -(-planes // self._batch)
         none = np.zeros((1, spans))
-        parts = [views_of(observer) for observer in self._observers.values()]
-        parts.append(Views(none + 1, none, none, none, none, none))
+        parts = [*super()._views(first, planes), Views(none + 1, none, none, none, none, none)]
         if self.film is not None and self._exposures:
             rows = {f.name: np.zeros((self._exposures, spans)) for f in fields(Views)}
             exposed = self._exposed(first, planes)
             if exposed:
-                views = views_of(self.film.motion.camera(exposed.start, exposed.stop))
+                camera = self.film.motion.camera(exposed.start, exposed.stop)
+                views = panel_views(camera, self._panel, first, planes, self._batch)
                 at = [exposure % self._exposures for exposure in exposed]
                 for name, values in rows.items():
                     values[at] = getattr(views, name)
             parts.append(Views(**rows))
-        return Views.joined(parts)
-
-    def _end(self) -> None:
-        """Reads all images and releases the renderer."""
-        first = 0
-        for name, observer in self._observers.items():
-            images = [self.renderer.take(first + n) for n in range(observer.images)]
-            self.images[name] = np.stack(images).astype(np.float32)
-            first += observer.images
-        self.emitted = float(self.renderer.take(self._light).sum(dtype=np.float64))
-        self.close()
+        return parts
 
     def close(self) -> None:
         """Releases the renderer."""
@@ -187,14 +153,10 @@ class PanelStage:
         self._first, self._planes, self.fired, self.spikes = (int(n) for n in state["counts"])
         self._waiting = [state["waiting"]] if "waiting" in state else []
         if self.film is not None:
-            self.film.restore(_below(state, "film/"))
+            self.film.restore(section(state, "film"))
         if "emitted" in state:
             self.emitted = float(state["emitted"])
-            self.images = _below(state, "image/")
+            self.images = section(state, "image")
             self.close()
         else:
-            self.renderer.restore(_below(state, "renderer/"))
-
-
-def _below(state: State, prefix: str) -> State:
-    return {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
+            self.renderer.restore(section(state, "renderer"))

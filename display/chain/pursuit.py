@@ -15,7 +15,7 @@ import numpy as np
 from cosim import PS, Plane
 from cosim.light.source import Source
 
-__all__ = ["Pursuit", "measured_shift", "pursuit_of"]
+__all__ = ["Pursuit", "measured_shift", "pursuit_of", "pursuit_without_scene"]
 
 APART = 5 * 10**9
 """Time between the instants, ps."""
@@ -69,6 +69,13 @@ def pursuit_of(source: Source, end: int, requested: float | None = None) -> Purs
         f"the pursuing eye follows {velocity:.4g} pixels/s, measured on the true light over "
         f"{apart / PS * 1e3:.3g} ms in the middle of the run",
     )
+
+
+def pursuit_without_scene(requested: float | None) -> Pursuit:
+    """The pursuit of a stream whose scene is not known: at the speed that is given, pixels/s."""
+    if requested:
+        return Pursuit(requested, f"the pursuing eye follows {requested:g} pixels/s")
+    return Pursuit(0.0, "the pursuing eye does not move: no scene is known")
 
 
 def measured_shift(one: Plane, two: Plane) -> float | None:

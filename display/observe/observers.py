@@ -69,14 +69,17 @@ class FixedEye(_Still):
         return np.asarray(gammaincc(STAGES, np.maximum(age, 0.0)))
 
     def weights(self, start: Instants, stop: Instants) -> Values:
-        low, high = (np.array([t], np.int64) for t in (self.begin, self.end))
-        whole = self._before(high) - self._before(low)
+        # Each instant once: most spans begin where another ends.
+        asked = np.concatenate([[self.begin, self.end], start, stop])
+        at, place = np.unique(np.clip(asked, self.begin, self.end), return_inverse=True)
+        low, high, *_ = before = self._before(at)[:, place].T
+        whole = (high - low)[:, None]
         if not (whole > 0).all():
             raise ValueError(
                 f"instants must be near {self.begin} to {self.end} ps, not {self.instants}"
             )
-        inside = [np.clip(t, self.begin, self.end) for t in (start, stop)]
-        return (self._before(inside[1]) - self._before(inside[0])) / whole
+        first, last = before[2 : len(start) + 2].T, before[len(start) + 2 :].T
+        return (last - first) / whole
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from display.observe.views import Views
 from display.panels.emission import LEVELS, relaxation, slow
 from display.panels.panel import SpikePanel
 from display.render.golden import FOREVER
-from display.render.pieces import takes_light
+from display.render.pieces import split_images, takes_light
 from display.render.shader import states
 
 __all__ = ["OpenCLRenderer"]
@@ -58,6 +58,9 @@ class OpenCLRenderer:
         images: number of images of the observers.
         device: OpenCL device, None for the default one.
 
+    Attributes:
+        panel, batch, images: as given.
+
     Raises:
         InputError: there is no OpenCL device, or not enough memory.
     """
@@ -67,7 +70,7 @@ class OpenCLRenderer:
     ) -> None:
         if batch < 1:
             raise ValueError(f"batch must be 1 or more, not {batch}")
-        self.panel, self.batch = panel, batch
+        self.panel, self.batch, self.images = panel, batch, images
         height, width = panel.shape
         self._line = -(-width // LANES) * LANES
         self._names = states(panel.scheme, slow(panel))
@@ -84,7 +87,6 @@ class OpenCLRenderer:
         shape = max(len(self._names), 1), height, self._line
         self._states = [self._share(np.zeros(shape, np.uint32)) for _ in range(2)]
         """The state before the last block, and after it."""
-        self._count = images
         self._images = self._share(np.empty((max(images, 1), height, self._line)))
         self._fresh = np.ones(images, np.bool_)
         self._spans = self._share(np.empty((self._items, self._window, self._line), np.float32))
@@ -101,7 +103,8 @@ class OpenCLRenderer:
             drive = self.panel.scheme
             emits, pulsed = slow(self.panel), slow(self.panel) and self.panel.share < 1
             switches = {
-                "WHOLE": whole, "COUNTED": drive.spikes == 0 and not emits,
+                "WHOLE": whole, "SINGLE": self.batch == 1,
+                "COUNTED": drive.spikes == 0 and not emits and self.batch > 1,
                 "INTERVALS": "tau" in self._names, "MEMORY": "memory" in self._names,
                 "EMITS": emits, "PULSED": pulsed,
             }  # fmt: skip
@@ -182,12 +185,15 @@ class OpenCLRenderer:
         """Kernel arguments of the images with light in these spans. An image that is fresh is set
         by the first window that it has light in."""
         device, images = self._device, self._images[1]
-        used: list[int] = []
-        if views is not None:
-            used = [n for n in range(views.images) if takes_light(views, n, [*range(first, last)])]
+        spans = [*range(first, last)]
+        still, moving = (
+            [n for n in numbers if views is not None and takes_light(views, n, spans)]
+            for numbers in split_images(views)
+        )
+        used = still + moving
         if views is None or not used:
             none = device.upload(np.zeros(2, np.uint32))
-            return none, np.uint32(0), none, np.uint32(0), images
+            return none, np.uint32(0), none, np.uint32(0), np.uint32(0), images
         table = np.zeros((len(used), views.weight.shape[1], VIEW), np.float32)
         for n, name in enumerate(("weight", "slope", "dy", "dy_slope", "dx", "dx_slope")):
             table[..., n] = getattr(views, name)[used]
@@ -207,7 +213,7 @@ class OpenCLRenderer:
         self._fresh[used] = False
         return (
             device.upload(table), np.uint32(table.shape[1]), device.upload(which),
-            np.uint32(len(used)), images,
+            np.uint32(len(still)), np.uint32(len(used)), images,
         )  # fmt: skip
 
     @property
@@ -252,8 +258,8 @@ class OpenCLRenderer:
         }
         none = np.zeros(self.panel.shape, np.uint32)
         older = stored.get("age", none)
-        images = np.empty((self._count, *self.panel.shape))
-        for n in range(self._count):
+        images = np.empty((self.images, *self.panel.shape))
+        for n in range(self.images):
             self._read(n, images[n])
         return {
             "tau": stored.get("tau", none),
@@ -281,9 +287,18 @@ class OpenCLRenderer:
             part[:, :width] = stored[name]
         self._states[1] = self._share(array)
         images = np.zeros_like(self._images[0])
-        images[: self._count, :, :width] = state["images"]
+        images[: self.images, :, :width] = state["images"]
         self._images = self._share(images)
         self._fresh[:] = False
+        self._last = None
+
+    def reset(self) -> None:
+        """Back to the state before the first block, dark, without images."""
+        if self._names:
+            array = self._states[1][0]
+            array.fill(0)
+            self._states[1] = self._share(array)
+        self._fresh[:] = True
         self._last = None
 
     def close(self) -> None:

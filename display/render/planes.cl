@@ -1,19 +1,22 @@
 // Light of planes of a spike-continuous panel, and what its observers accumulate, on a processor.
 //
 // A work-item takes whole rows. For each window of spans it steps through the planes of a row, keeps
-// the light of the spans of that row, which fits into the cache, and adds it to the images. Still and
-// moving observers differ only in their taps. Kernel `show` does all of this; with WHOLE it keeps the
-// light of all rows, and kernel `look` adds it to images that shift across rows.
+// the light of the spans of that row, which fits into the cache, and adds it to the images, to
+// several still ones at once. Kernel `show` does all of this; with WHOLE it keeps the light of all
+// rows, and kernel `look` adds it to images that shift across rows.
 //
 // LEVEL and REMEMBER are the expressions of the drive (display/drives/drive.py), written for GLSL:
 // a vec4 is here a vector of sixteen pixels. A step takes several groups of sixteen, because each
 // waits for its own arithmetic.
-//   COUNTED    packets without an emitter: spikes are counted, not stepped through
+//   SINGLE     a span is one plane
+//   COUNTED    spans of packets without an emitter: spikes are counted, not stepped through
 //   INTERVALS, MEMORY, EMITS, PULSED   as in drive.frag
 #pragma OPENCL FP_CONTRACT OFF
 
 #define EACH _Pragma("unroll") for (uint i = 0; i < GROUPS; i++)
 #define STEP (16 * GROUPS)
+// Pixels of a row whose spans stay in the first-level cache; a multiple of STEP.
+#define CHUNK 128
 // Rounding errors of a sum of this many planes are those of a float32.
 #define PART 8
 #define SOFT inline __attribute__((overloadable))
@@ -222,9 +225,45 @@ inline void add_groups(const Tap *taps, const uint n, const int x, const int mov
 // which it is set, if it is fresh.
 #define IMAGE_PARAMETERS                                                                           \
     __global const float *views, const uint n_spans, __global const uint *which,                   \
-        const uint n_images, __global double *images
+        const uint n_still, const uint n_images, __global double *images
+#ifdef WHOLE
+#define MOVING 0
+#else
+#define MOVING n_still
+// Adds the spans of the pixels `left` to `right` to COUNT images without shifts, which share the
+// reads of the light.
+#define ADD_STILL(COUNT)                                                                           \
+    for (; image + COUNT <= n_still; image += COUNT) {                                             \
+        float weight[COUNT][WINDOW];                                                               \
+        for (uint m = 0; m < COUNT; m++)                                                           \
+            for (uint s = begin; s < end; s++) {                                                   \
+                __global const float *v = views + ((size_t)(image + m) * n_spans + s) * VIEW;      \
+                weight[m][s - begin] = v[0] + v[1] * ((float)row / (float)height);                 \
+            }                                                                                      \
+        for (uint x = left; x < right; x += 32) {                                                  \
+            float16 sum[COUNT][2];                                                                 \
+            _Pragma("unroll") for (uint m = 0; m < COUNT; m++) sum[m][0] = sum[m][1] = 0.0f;       \
+            for (uint s = begin; s < end; s++) {                                                   \
+                __global const float *from = SPAN_AT(s) + x;                                       \
+                const float16 a = vload16(0, from), b = vload16(1, from);                          \
+                _Pragma("unroll") for (uint m = 0; m < COUNT; m++)                                 \
+                {                                                                                  \
+                    sum[m][0] = fma((float16)(weight[m][s - begin]), a, sum[m][0]);                \
+                    sum[m][1] = fma((float16)(weight[m][s - begin]), b, sum[m][1]);                \
+                }                                                                                  \
+            }                                                                                      \
+            _Pragma("unroll") for (uint m = 0; m < COUNT; m++)                                     \
+            {                                                                                      \
+                const int fresh = which[2 * (image + m) + 1] == begin;                             \
+                __global double *out =                                                             \
+                    images + ((size_t)which[2 * (image + m)] * height + row) * line + x;           \
+                put(sum[m][0], fresh, out), put(sum[m][1], fresh, out + 16);                       \
+            }                                                                                      \
+        }                                                                                          \
+    }
+#endif
 #define ADD_TO_IMAGES                                                                              \
-    for (uint image = 0; image < n_images; image += TOGETHER) {                                    \
+    for (uint image = MOVING; image < n_images; image += TOGETHER) {                               \
         const uint some = least_of(n_images - image, TOGETHER);                                    \
         int left[TOGETHER], right[TOGETHER], moves[TOGETHER], set[TOGETHER];                       \
         uint count[TOGETHER];                                                                      \
@@ -293,6 +332,15 @@ __kernel WIDE void look(__global const float *spans, const uint first, const uin
 #define FLOATS(from, n) as_float16(STATE(from, n))
 #define KEEP(value, n) vstore16(value, i, after + (n) * height * (size_t)line + at);
 
+// A plane that is a span of its own.
+#define ALONE(k)                                                                                   \
+    {                                                                                              \
+        EACH part[i] = 0.0f;                                                                       \
+        EACH PLANE(k)                                                                              \
+        __global float *kept = SPAN_AT(s + k) + x;                                                 \
+        EACH vstore16(part[i], i, kept);                                                           \
+    }
+
 // Shows the spans `first` to `last` of a block of `cycles` planes, and adds them to the images.
 // before, after: the state before and after them.
 __kernel WIDE void show(__global const uint *words, const uint cycles, const uint batch,
@@ -309,86 +357,118 @@ __kernel WIDE void show(__global const uint *words, const uint cycles, const uin
         for (uint begin = first; begin < last; begin += window) {
             const uint end = least_of(begin + window, last);
             __global const uint *state = begin == first ? before : after;
-            for (uint x = 0; x < line; x += STEP) {
-                const size_t at = (size_t)row * line + x;
-                float16 light[GROUPS];
+            for (uint left = 0; left < line; left += CHUNK) {
+                const uint right = least_of(left + CHUNK, line);
+                for (uint x = left; x < right; x += STEP) {
+                    const size_t at = (size_t)row * line + x;
+#ifndef SINGLE
+                    float16 light[GROUPS];
+#endif
 #ifndef COUNTED
-                float16 part[GROUPS];
-                uint16 w[GROUPS];
+                    float16 part[GROUPS];
+                    uint16 w[GROUPS];
 #endif
 #ifdef INTERVALS
-                float16 runs[GROUPS], helds[GROUPS], memories[GROUPS], emits[GROUPS];
-                uint16 any_spike[GROUPS];
-                EACH
-                {
-                    const uint16 tau = STATE(state, 0), age = STATE(state, 1);
-                    helds[i] = pick(1.0f / convert_float16(tau), (float16)(0.0f), tau == 0);
-                    runs[i] = pick(convert_float16(age), (float16)(NEVER), age == 0);
-                    memories[i] = emits[i] = 0.0f;
-                    any_spike[i] = 0;
+                    float16 runs[GROUPS], helds[GROUPS], memories[GROUPS], emits[GROUPS];
+                    uint16 any_spike[GROUPS];
+                    EACH
+                    {
+                        const uint16 tau = STATE(state, 0), age = STATE(state, 1);
+                        helds[i] = pick(1.0f / convert_float16(tau), (float16)(0.0f), tau == 0);
+                        runs[i] = pick(convert_float16(age), (float16)(NEVER), age == 0);
+                        memories[i] = emits[i] = 0.0f;
+                        any_spike[i] = 0;
 #ifdef MEMORY
-                    memories[i] = FLOATS(state, 2);
-                    emits[i] = FLOATS(state, 3);
+                        memories[i] = FLOATS(state, 2);
+                        emits[i] = FLOATS(state, 3);
 #endif
-                }
+                    }
 #endif
 #ifdef EMITS
-                int16 level[GROUPS];
-                EACH level[i] = as_int16(STATE(state, LEVEL_AT));
+                    int16 level[GROUPS];
+                    EACH level[i] = as_int16(STATE(state, LEVEL_AT));
 #endif
-                for (uint s = begin; s < end; s++) {
-                    const uint stop = least_of((s + 1) * batch, cycles);
-                    EACH light[i] = 0.0f;
-                    for (uint n = s * batch, some; n < stop; n += some) {
-                        const uint bit = n & 31;
-                        __global const uint *from = words + (n >> 5) * plane + (size_t)row * width;
-#ifdef COUNTED
-                        some = least_of(stop - n, 32 - bit);
-                        const uint mask = 0xFFFFFFFFu >> (32 - some);
-                        EACH light[i] += ones((word_of(from, x + 16 * i, width) >> bit) & mask);
-#else
-                        some = least_of(stop - n, PART - (n & (PART - 1)));
+#ifdef SINGLE
+                    for (uint s = begin, some; s < end; s += some) {
+                        const uint bit = s & 31;
+                        __global const uint *from = words + (s >> 5) * plane + (size_t)row * width;
+                        some = least_of(end - s, PART - (s & (PART - 1)));
                         const uint mask = 0xFFFFFFFFu >> (32 - some);
                         EACH
                         {
                             w[i] = (word_of(from, x + 16 * i, width) >> bit) & mask;
-                            part[i] = 0.0f;
 #ifdef INTERVALS
                             any_spike[i] |= w[i];
 #endif
                         }
                         if (some == PART) {
-                            _Pragma("unroll") for (uint k = 0; k < PART; k++) EACH PLANE(k)
+                            _Pragma("unroll") for (uint k = 0; k < PART; k++) ALONE(k)
                         } else
                             for (uint k = 0; k < some; k++)
-                                EACH PLANE(k)
-                        EACH light[i] += part[i];
+                                ALONE(k)
+                    }
+#else
+                    for (uint s = begin; s < end; s++) {
+                        const uint stop = least_of((s + 1) * batch, cycles);
+                        EACH light[i] = 0.0f;
+                        for (uint n = s * batch, some; n < stop; n += some) {
+                            const uint bit = n & 31;
+                            __global const uint *from =
+                                words + (n >> 5) * plane + (size_t)row * width;
+#ifdef COUNTED
+                            some = least_of(stop - n, 32 - bit);
+                            const uint mask = 0xFFFFFFFFu >> (32 - some);
+                            EACH light[i] += ones((word_of(from, x + 16 * i, width) >> bit) & mask);
+#else
+                            some = least_of(stop - n, PART - (n & (PART - 1)));
+                            const uint mask = 0xFFFFFFFFu >> (32 - some);
+                            EACH
+                            {
+                                w[i] = (word_of(from, x + 16 * i, width) >> bit) & mask;
+                                part[i] = 0.0f;
+#ifdef INTERVALS
+                                any_spike[i] |= w[i];
+#endif
+                            }
+                            if (some == PART) {
+                                _Pragma("unroll") for (uint k = 0; k < PART; k++) EACH PLANE(k)
+                            } else
+                                for (uint k = 0; k < some; k++)
+                                    EACH PLANE(k)
+                            EACH light[i] += part[i];
+#endif
+                        }
+                        __global float *kept = SPAN_AT(s) + x;
+                        EACH vstore16(light[i], i, kept);
+                    }
+#endif
+#ifdef INTERVALS
+                    // Without a spike, the age increases up to FOREVER; with one, it is in `runs`.
+                    const uint planes = least_of(end * batch, cycles) - begin * batch;
+                    EACH
+                    {
+                        const int16 spike = any_spike[i] != 0;
+                        const uint16 tau = STATE(state, 0), age = STATE(state, 1);
+                        const uint16 grown = pick_words(age + planes, FOREVER, age + planes < age);
+                        const uint16 older = pick_words(grown, 0, age == 0);
+                        KEEP(pick_words(older, convert_uint16_rtz(runs[i]), spike), 1)
+                        const float16 interval = least(1.0f / helds[i] + 0.5f, 4294967040.0f);
+                        const uint16 whole = convert_uint16_rtz(interval);
+                        KEEP(pick_words(tau, pick_words(whole, 0, helds[i] == 0.0f), spike), 0)
+#ifdef MEMORY
+                        KEEP(as_uint16(memories[i]), 2)
+                        KEEP(as_uint16(emits[i]), 3)
 #endif
                     }
-                    __global float *kept = SPAN_AT(s) + x;
-                    EACH vstore16(light[i], i, kept);
-                }
-#ifdef INTERVALS
-                // Without a spike, the age increases up to FOREVER; with one, it is in `runs`.
-                const uint planes = least_of(end * batch, cycles) - begin * batch;
-                EACH
-                {
-                    const int16 spike = any_spike[i] != 0;
-                    const uint16 tau = STATE(state, 0), age = STATE(state, 1);
-                    const uint16 grown = pick_words(age + planes, FOREVER, age + planes < age);
-                    const uint16 older = pick_words(grown, 0, age == 0);
-                    KEEP(pick_words(older, convert_uint16_rtz(runs[i]), spike), 1)
-                    const float16 interval = least(1.0f / helds[i] + 0.5f, 4294967040.0f);
-                    const uint16 whole = convert_uint16_rtz(interval);
-                    KEEP(pick_words(tau, pick_words(whole, 0, helds[i] == 0.0f), spike), 0)
-#ifdef MEMORY
-                    KEEP(as_uint16(memories[i]), 2)
-                    KEEP(as_uint16(emits[i]), 3)
-#endif
-                }
 #endif
 #ifdef EMITS
-                EACH KEEP(as_uint16(level[i]), LEVEL_AT)
+                    EACH KEEP(as_uint16(level[i]), LEVEL_AT)
+#endif
+                }
+#ifndef WHOLE
+                uint image = 0;
+                ADD_STILL(4)
+                ADD_STILL(1)
 #endif
             }
 #ifndef WHOLE

@@ -1,11 +1,12 @@
-"""Which scenarios a camera in memory can film, without a run."""
+"""Which scenarios a camera or a display in memory can do, without a run."""
 
 from __future__ import annotations
 
-from scenarios.assemble.schema.scenario import AnyScenario, Scenario
+from cosim.run.inputs import FILE
+from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario, Scenario
 from scenarios.scenes.kinds.film import FilmScene
 
-__all__ = ["in_memory"]
+__all__ = ["in_memory", "shown_in_memory"]
 
 
 def in_memory(scenario: AnyScenario) -> Scenario | None:
@@ -21,3 +22,13 @@ def in_memory(scenario: AnyScenario) -> Scenario | None:
     plain = scene == FilmScene.model_construct(illuminance=scene.illuminance)
     simulated = sensor.readout == "synchronous" and all(part is None for part in parts)
     return scenario if plain and simulated else None
+
+
+def shown_in_memory(scenario: AnyScenario) -> RecordingScenario | None:
+    """The scenario, if all it asks for is a simulated display for a stream that is complete; else
+    None."""
+    if not isinstance(scenario, RecordingScenario) or scenario.display is None:
+        return None
+    parts = scenario.link, scenario.code, scenario.camera, scenario.display.sink
+    complete = scenario.sensor.source.startswith(FILE) and scenario.sensor.source_timeout is None
+    return scenario if complete and all(part is None for part in parts) else None

@@ -4,6 +4,7 @@ The module `viform` exports them.
 """
 
 from scenarios.python.camera import Camera
+from scenarios.python.display import Display
 from scenarios.python.filming import film
 from scenarios.python.finished import Run
 from scenarios.python.images import reconstruct
@@ -13,6 +14,6 @@ from scenarios.python.showing import show
 from scenarios.python.streams import Stream, open_stream, save_stream
 
 __all__ = [
-    "Camera", "Run", "Stream", "film", "open_stream", "reconstruct", "run", "save_stream", "send",
-    "show",
+    "Camera", "Display", "Run", "Stream", "film", "open_stream", "reconstruct", "run",
+    "save_stream", "send", "show",
 ]  # fmt: skip

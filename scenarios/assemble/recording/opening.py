@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -22,7 +22,7 @@ from scenarios.assemble.schema.scenario import RecordingScenario
 from sensor.codec.files import open_any
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Recording", "given_size", "known_white", "open_recording", "white_of"]
+__all__ = ["Recording", "given_size", "known_white", "open_recording", "recorded", "white_of"]
 
 FASTEST: Final = 1e6
 """Fastest clock of planes, Hz; events of a faster one must be latched by another clock."""
@@ -89,11 +89,27 @@ def open_recording(scenario: RecordingScenario) -> Recording:
             "sensor.clock", f"that of {path}, {stream.clock.hz:g} Hz", f"{clock.hz:g} Hz",
             "leave it out",
         )  # fmt: skip
+    return recorded(scenario, stream, clock, path, folder, [*notes_of(stream), *notes])
+
+
+def recorded(
+    scenario: RecordingScenario, stream: SpikeStream, clock: Clock, path: Path,
+    folder: Path | None, notes: Sequence[str] = (),
+) -> Recording:  # fmt: skip
+    """The recording that a stream is for a scenario. Raises InputError.
+
+    Args:
+        scenario: the scenario.
+        stream: the stream.
+        clock: of its cycles.
+        path: the file or the folder of a run.
+        folder: what the user has named: `path`, or the folder of its run; None for spikes in
+            memory.
+        notes: what the user must know of the stream.
+    """
     cycles = _cycles(scenario.duration, clock, stream.cycles)
-    white, told = white_of(section, folder, stream, cycles)
-    return Recording(
-        path, stream.shape, clock, cycles, white, [*notes_of(stream), *notes, told], stream
-    )
+    white, told = white_of(scenario.sensor, folder, stream, cycles)
+    return Recording(path, stream.shape, clock, cycles, white, [*notes, told], stream)
 
 
 def _events(scenario: RecordingScenario, path: Path, folder: Path) -> Recording:
@@ -151,19 +167,19 @@ def _cycles(duration: float | None, clock: Clock, whole: int) -> int:
 
 
 def white_of(
-    section: RecordedSection, folder: Path, stream: SpikeStream, cycles: int
+    section: RecordedSection, folder: Path | None, stream: SpikeStream, cycles: int
 ) -> tuple[float, str]:
     """The spike rate of white in the first `cycles` cycles of a stream, and a note on its origin.
-    folder: the stream, or the folder of its run."""
+    folder: the stream, or the folder of its run; None if it is in memory."""
     return _white(section.white_rate, folder, lambda: count_spikes(stream, 0, cycles) / cycles)
 
 
-def _white(given: float | None, folder: Path, rate: Callable[[], Any]) -> tuple[float, str]:
+def _white(given: float | None, folder: Path | None, rate: Callable[[], Any]) -> tuple[float, str]:
     """The spike rate of white and a note on its origin. rate: counts the spikes a cycle of every
     pixel, (H, W)."""
     if given is not None:
         return given, f"white is {given:.3g} spikes a cycle"
-    known = known_white(folder)
+    known = None if folder is None else known_white(folder)
     if known is not None:
         return known, f"white is {known:.3g} spikes a cycle, as in the run of {folder}"
     white = min(float(np.quantile(rate(), BRIGHT, method="higher")), 1.0)

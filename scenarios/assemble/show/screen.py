@@ -17,7 +17,7 @@ from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
-from display.chain.pursuit import Pursuit, pursuit_of
+from display.chain.pursuit import pursuit_of, pursuit_without_scene
 from display.probes.camera import ProbeCamera
 from display.section import DisplaySection
 from scenarios.assemble.schema.filming import CameraSection
@@ -187,11 +187,9 @@ def make_screen(
             of the camera fits.
     """
     panel = section.panel(feed.shape, feed.clock, 0.0, feed.white_rate)
-    pursuit = Pursuit(section.pursuit or 0.0, "the pursuing eye does not move: no scene is known")
+    pursuit = pursuit_without_scene(section.pursuit)
     if pursued is not None:
         pursuit = pursuit_of(pursued, feed.clock.edge(feed.cycles), section.pursuit)
-    elif section.pursuit:
-        pursuit = Pursuit(section.pursuit, f"the pursuing eye follows {section.pursuit:g} pixels/s")
     setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
     chain = make_display_chain(
         section, feed.shape, white, feed.cycles, instants, setting, pursuit,

@@ -1,4 +1,5 @@
-"""Throughput of the camera that is called from Python, beside ten lines of numpy."""
+"""Throughput of the camera and the display that are called from Python, beside ten lines of
+numpy."""
 
 from __future__ import annotations
 
@@ -11,7 +12,9 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.run.timing import REAL_TIME, Row, least, least_of
-from scenarios.python import Camera
+from cosim.spikes.viform import WORD, Words
+from display import FixedEye
+from scenarios.python import Camera, Display
 
 __all__ = ["core_rows"]
 
@@ -58,6 +61,23 @@ def plain_film(frames: npt.NDArray[np.uint8], steps: int) -> npt.NDArray[np.bool
     return fired
 
 
+def plain_show(words: Words, weights: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """The plain way, in numpy without a drive: planes, integrated with the weights of an eye.
+
+    Args:
+        words: (n, H, W) uint32.
+        weights: (images, 32 n), share of the light of each plane in an image.
+
+    Returns:
+        (images, H, W) float32.
+    """
+    bit = np.arange(WORD, dtype=np.uint32)[:, None, None]
+    image = np.zeros((len(weights), *words.shape[1:]), np.float32)
+    for word, own in zip(words, np.split(weights, len(words), axis=1), strict=True):
+        image += np.tensordot(own, (word >> bit & 1).astype(np.float32), 1)
+    return image
+
+
 def _camera(shape: tuple[int, int], device: Device | None, **keys: Any) -> Camera:
     return Camera(
         CHIPS[shape], device=None if device is not None else "numba", threshold="1000 e",
@@ -67,7 +87,8 @@ def _camera(shape: tuple[int, int], device: Device | None, **keys: Any) -> Camer
 
 def core_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     """Rows of calls from Python: a clip of 400 x 250 and one of 1000 x 1000 with every effect of
-    the preset `silicon`, and a frame that is pushed to a live camera.
+    the preset `silicon`, a frame that is pushed to a live camera, and what a still eye sees of the
+    first clip on a display.
 
     The plan of `core.film` may give tiles of strong contrast to the reference, by the tolerance of
     a run; the tier `fast` simulates every tile in the fast tier and states its bound. The plain way
@@ -104,6 +125,7 @@ def core_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     push()
     spent = least(push, 2 * FRAMES)
     rows.append(_row("core.push", tiers[0], done // FRAMES, spent, None, small[0].size, ceiling))
+    rows.append(_show_row(cameras[-1], small, ceiling))
     large, steps = _clip(LARGE, LARGE_FRAMES), round(REAL_TIME / LARGE_RATE)
     part = large[:, :100]
     camera = _camera(LARGE, device, preset="silicon", tier=tiers[0])
@@ -114,6 +136,24 @@ def core_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     done, pixels = large.size * steps, large[0].size
     rows.append(_row("core.film-large", tiers[0], done, spent, ratio, pixels, ceiling))
     return rows
+
+
+def _show_row(camera: Camera, frames: npt.NDArray[np.uint8], ceiling: float | None) -> Row:
+    """Five images of a clip on a display with the drive `causal`, which keeps every effect."""
+    spikes, display = camera.film(frames, RATE, call=0), Display("causal")
+    seen = display.show(spikes, "still", white_rate=WHITE)
+    clock, planes = spikes.clock, WORD * len(spikes.words)
+    at = np.array([clock.edge(n) for n in range(planes + 1)], np.int64)
+    centres = tuple(clock.middle(n) for n in seen.instants)
+    eye = FixedEye(centres, seen.luminance, 0, clock.edge(spikes.cycles))
+    weights = (eye.weights(at[:-1], at[1:]) / WHITE).astype(np.float32)
+    spent, plain = least_of([
+        lambda: display.show(spikes, "still", white_rate=WHITE).images["still"],
+        lambda: plain_show(spikes.words, weights),
+    ])  # fmt: skip
+    height, width = spikes.shape
+    done = spikes.cycles * height * width
+    return _row("core.show", "exact", done, spent, plain / spent, height * width, ceiling)
 
 
 def _row(

@@ -57,6 +57,27 @@ def test_blocks_of_whole_windows_give_the_same_bits(
         np.testing.assert_array_equal(pieces.take(image), straight)
 
 
+@pytest.mark.parametrize("batch", [1, 8])
+@pytest.mark.parametrize("drive", ["impulse", "causal"])
+def test_an_image_does_not_depend_on_the_others(
+    drive: str, batch: int, words: Words, views: Callable[..., Views]
+) -> None:
+    """Six still images, drawn four at a time, and two that move."""
+    shown, planes = SpikePanel(SHAPE, CLOCK, 0.6, drive), 72
+    look = views(8, -(-planes // batch), 6, cross=False)
+    golden, several = GoldenRenderer(shown, batch, 8), OpenCLRenderer(shown, batch, 8)
+    golden.step(words[:3], planes, look)
+    for _ in range(2):  # the second time after a reset
+        several.step(words[:3], planes, look)
+        for image in range(8):
+            alone = OpenCLRenderer(shown, batch, 1)
+            alone.step(words[:3], planes, Views(*(v[image, None] for v in vars(look).values())))
+            seen, exact = several.take(image), golden._images[image]
+            np.testing.assert_array_equal(alone.take(0), seen)
+            assert np.abs(seen - exact).max() < 1e-6 * max(1, exact.max())
+        several.reset()
+
+
 def test_shifts_across_rows_agree_with_those_along_rows(
     words: Words, views: Callable[..., Views]
 ) -> None:

@@ -26,6 +26,11 @@ SMALL_BENCH: Final[dict[str, dict[str, Any]]] = {
         "bench.sensor.CYCLES": 64, "bench.sensor.PLAIN_CYCLES": 1, "bench.sensor.REPEATS": 1,
         "bench.sensor.SHORT": 1, "bench.sensor.BLOCK": 8,
     },
+    "core": {
+        "bench.core.CHIP": (24, 40), "bench.core.LARGE": (20, 32), "bench.core.FRAMES": 6,
+        "bench.core.CHIPS": {(24, 40): "spikeone", (20, 32): "spiketwo"},
+        "bench.core.LARGE_FRAMES": 4, "bench.sensor.CYCLES": 64,
+    },
     "display": {
         "bench.display.CHIPS": {"spiketwo": CHIPS["spikeone"]}, "bench.display.CYCLES": 128,
         "bench.display.PLAIN_CYCLES": 2, "bench.display.REPEATS": 1, "bench.sensor.CYCLES": 64,
