@@ -48,8 +48,8 @@ _PLACES = {
 
 __all__ = [
     "Camera", "Clock", "Display", "InputError", "Run", "SpikeDataset", "SpikeStream", "Stream",
-    "Viform",
-    "dataset", "film", "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
+    "Viform", "dataset", "film", "open", "reconstruct", "run", "save", "send", "show",
+    "torch_dataset",
 ]  # fmt: skip
 
 
