@@ -199,13 +199,13 @@ class Camera:
                 "frames", f"at least a cycle of {1e6 / self.clock.hz:g} us long",
                 f"{len(frames)} at {rate:g} frames/s", "give more frames or lower frame_rate",
             )  # fmt: skip
-        lens, _, notes = self._lens(white_rate)
+        lens, white, notes = self._lens(white_rate)
         clip = array_clip(frames, self.shape, self._mosaic, rate)
         relay = lens.relay(self._setting.chip.pitch)
         seen = self._core.film(
             lambda: self._source(clip, rate, cycles), relay, cycles, number, spans
         )
-        seen = replace(seen, notes=(*notes, *seen.notes))
+        seen = replace(seen, notes=(*notes, *seen.notes), white_rate=white)
         if instants is None:
             return seen, None
         source = self._source(clip, rate, cycles)

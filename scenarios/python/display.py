@@ -30,6 +30,7 @@ from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.streams import as_stream
 from scenarios.python.words import in_python
+from sensor.latched.core import Filmed
 from sensor.sections.recorded import RecordedSection
 
 __all__ = ["EYES", "Display", "Eye", "Seen"]
@@ -155,7 +156,8 @@ class Display:
                 `observer` if None.
             at: Cycles of the images, from 0; five, evenly spaced, if None.
             white_rate: Rate that is shown as white, above 0 to 1 spikes a cycle; if None, that of
-                the run of a file, else the one that 99 % of the pixels do not exceed.
+                the film of a camera and of the run of a file, else the one that 99 % of the pixels
+                do not exceed.
 
         Returns:
             The images of the observers, by name.
@@ -201,6 +203,8 @@ class Display:
         """A stream, or a file, as that of the scenario."""
         scenario = self._scenario
         changes: dict[str, Any] = {}
+        if white_rate is None and isinstance(spikes, Filmed) and spikes.white_rate:
+            white_rate = min(spikes.white_rate, 1.0)
         if white_rate is not None:
             if not (isinstance(white_rate, Real) and 0 < float(white_rate) <= 1):
                 raise InputError(

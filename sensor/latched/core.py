@@ -111,11 +111,13 @@ class Filmed(Viform):
         error: Bounds of the error of the simulation; None if they are not known.
         notes: What a user must know of the light and of the plan.
         degraded: Those of the notes that say what the light lacks, as at the end of a clip.
+        white_rate: Spikes a cycle of the scene's white; None if it is not known.
     """
 
     error: Bounds | None = None
     notes: tuple[str, ...] = ()
     degraded: tuple[str, ...] = ()
+    white_rate: float | None = None
 
 
 class LatchedCamera:

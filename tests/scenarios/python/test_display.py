@@ -70,6 +70,15 @@ def test_a_call_has_the_bits_of_a_run(
     assert sorted(Path().rglob("*")) == before  # nothing is written
 
 
+def test_the_film_of_a_camera_has_its_white() -> None:
+    grey = np.full((40, 24, 32), 0.25, np.float32)
+    camera = viform.Camera(width=32, height=24, threshold="1000 e", device="numba")
+    seen = viform.Display().show(camera.film(grey, 2000, white_rate=0.5), "still", at=[780])
+    assert seen.white_rate == pytest.approx(0.5)
+    assert seen.images["still"][0, 12, 16] == pytest.approx(0.25, rel=0.1)
+    assert viform.Display().show(camera.film(grey, 2000)[:], "still").white_rate < 0.25
+
+
 def test_light_that_is_steady_is_seen_as_it_is() -> None:
     """A pixel that fires in every n-th cycle has 1 / n of the light of every cycle."""
     every = np.array([1, 2, 4, 5])
