@@ -67,7 +67,7 @@ def _dead_shift(
 ) -> Values:
     """RMS phase by which dead time is off after a number of cycles, in spikes, (tiles,).
 
-    Dead time d is a multiple of 2^-16 of a cycle. Where light changes by s a cycle, a spike loses
+    In the exact tier dead time d is a multiple of 2^-16 of a cycle. Where light changes by s a cycle, a spike loses
     the light of the middle of its cycle instead of that of its own instant. Light that changes
     evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light that jumps by s after
     the part f of a cycle is off by d s f for the spikes after the jump, of which there are 1 - f in
@@ -86,7 +86,8 @@ def _dead_shift(
         return np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
     low, high = (np.asarray(x, np.float64) / model.mean for x in (scene.darkest, scene.brightest))
     spikes = np.minimum(high, 1)
-    rounding = abs(model.dead / 65536 - model.dead_time) * high * spikes * cycles
+    rounded = 0.0 if tier == "fast" and model.dead else abs(model.dead / 65536 - model.dead_time)
+    rounding = rounded * high * spikes * cycles
     swept = high - low
     most = np.minimum(np.asarray(scene.slope) / model.mean, swept)
     squares = np.minimum(cycles * most**2, max(_SWEEPS * cycles / scene.cycles, 1) * swept * most)

@@ -167,7 +167,7 @@ class PixelArray:
     @property
     def dead(self) -> np.float32:
         """Share of a cycle's light that is lost at each spike."""
-        return np.float32(self.model.dead / 65536)
+        return np.float32(self.model.dead_time)
 
     @property
     def scale(self) -> float:

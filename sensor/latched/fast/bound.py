@@ -87,7 +87,8 @@ def rate_bound(
     # The exact tier rounds as well: the slope in every cycle, and the light lost in dead time.
     a_cycle = unit / 2 + ramp + _ROUNDINGS * high + run / (ONE * model.mean)
     lost = unit + _ROUNDINGS * high + 2.0**-24 / model.mean
-    a_spike = error + dead * (lost + high - low)
+    rounded = abs(dead - model.dead_time) if model.dead else 0.0  # in the exact tier alone
+    a_spike = error + dead * (lost + high - low) + rounded * high
 
     if model.reset == "hard":
         longest = min(top / low, run) if low > 0 else run
@@ -155,10 +156,9 @@ def parted_share(model: ExactModel, dimmest: float, brightest: float, cycles: in
     """
     unit = 2.0 ** -units_of(model).bits
     low, high = dimmest / model.mean, brightest / model.mean
-    rounding = abs(model.dead / 65536 - model.dead_time) * high
     a_cycle = unit / 2 + 2.0**-24 * high
     if model.dead:
-        a_cycle += min(high, 1.0) * (rounding + unit + model.dead_time * (high - low))
+        a_cycle += min(high, 1.0) * (unit + model.dead_time * (high - low))
     run = cycles
     if model.reset == "hard":  # errors end with the interval
         run = min(cycles, math.ceil(1 / low)) if low > 0 else cycles
