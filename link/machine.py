@@ -187,6 +187,8 @@ class LinkMachine:
             seconds["receiver"] = time.perf_counter() - begin
         link = evaluate_link(setup, self._link, stream, received, closed.result)
         if self._distances is not None:
+            if not self._distances.done():
+                progress.start("pilots at other distances", 0)
             link = replace(link, over_distance=self._distances.result())
         outcome = "degraded" if self._link.beyond else "ok"
         fault = None if self._loop is None else self._loop.fault

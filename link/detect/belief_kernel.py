@@ -191,23 +191,23 @@ def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-
         law: (pixels, lights) float32 of `explain`.
         cell: (pixels, seen) int64; share: (pixels, seen) float32, light of a cell that is on, over
             that of all.
-        many: cells that are summed over; of the others, the mean counts.
+        many: (pixels,) int64, cells that are summed over; of the others, the mean counts.
         on: light of a pixel with all cells on, thresholds.
         base: light with all off.
         total: (cells,) float32, log likelihood ratios of the cells.
         back: (pixels, seen) float32, last messages, overwritten.
     """
     for p in prange(cell.shape[0]):
-        size = 1 << many
+        size = 1 << many[p]
         light, joint = np.empty(size, np.float32), np.empty(size, np.float32)
-        chance = np.empty(many, np.float32)
+        chance = np.empty(many[p], np.float32)
         rest = base
-        for k in range(many, cell.shape[1]):
+        for k in range(many[p], cell.shape[1]):
             rest += on * share[p, k] * _chance(total[cell[p, k]])
         light[0] = rest
         joint[0] = np.float32(1.0)
         # joint: probability of the bits of the first k cells, then law of their light
-        for k in range(many):
+        for k in range(many[p]):
             chance[k] = _chance(total[cell[p, k]] - back[p, k])
             half = 1 << k
             for c in range(half):
@@ -216,7 +216,7 @@ def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-
                 joint[c] *= np.float32(1.0) - chance[k]
         for c in range(size):
             light[c] = _at(law[p], light[c])
-        for k in range(many - 1, -1, -1):
+        for k in range(many[p] - 1, -1, -1):
             half = 1 << k
             # joint of the first k cells alone, by a sum over cell k
             up, down = np.float32(0.0), np.float32(0.0)
@@ -225,8 +225,7 @@ def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-
                 up += joint[c] * light[c + half]
                 down += joint[c] * light[c]
                 light[c] += chance[k] * (light[c + half] - light[c])
-            new = np.float32(log(max(float(up), 1e-30)) - log(max(float(down), 1e-30)))
-            back[p, k] = new if share[p, k] > 0 else np.float32(0.0)
+            back[p, k] = np.float32(log(max(float(up), 1e-30)) - log(max(float(down), 1e-30)))
 
 
 @all_cores
@@ -289,9 +288,9 @@ def advance(  # type: ignore[no-untyped-def]
     """
     states, ticks = charge.shape[1], spikes.shape[1]
     for p in prange(cell.shape[0]):
-        light, joint = np.empty(1 << many, np.float32), np.empty(1 << many, np.float32)
+        light, joint = np.empty(1 << many[p], np.float32), np.empty(1 << many[p], np.float32)
         weight = np.empty(lights, np.float32)
-        _lights(cell[p], share[p], many, on, base, total, back[p], light, joint, weight)
+        _lights(cell[p], share[p], many[p], on, base, total, back[p], light, joint, weight)
         expected = base
         for k in range(cell.shape[1]):
             expected += on * share[p, k] * _chance(total[cell[p, k]])
@@ -335,9 +334,9 @@ def recede(  # type: ignore[no-untyped-def]
     """
     states, ticks = later.shape[1], spikes.shape[1]
     for p in prange(cell.shape[0]):
-        light, joint = np.empty(1 << many, np.float32), np.empty(1 << many, np.float32)
+        light, joint = np.empty(1 << many[p], np.float32), np.empty(1 << many[p], np.float32)
         weight = np.empty(lights, np.float32)
-        _lights(cell[p], share[p], many, on, base, total, back[p], light, joint, weight)
+        _lights(cell[p], share[p], many[p], on, base, total, back[p], light, joint, weight)
         one, two = np.empty(states, np.float32), np.empty(states, np.float32)
         before[p] = np.float32(0.0)
         for m in range(lights):

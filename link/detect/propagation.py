@@ -32,7 +32,7 @@ from link.detect.footprints import Footprints
 __all__ = ["Graph", "graph_of", "propagate"]
 
 MANY: Final = 9
-"""Cells of a footprint that are summed over; the others count by their mean."""
+"""Cells of a footprint that are summed over at most; the others count by their mean."""
 ROUNDS: Final = (8, 5)
 """Rounds of messages in a symbol, in each sweep."""
 DAMPING: Final = 0.3
@@ -79,16 +79,17 @@ def propagate(
         spikes: of each symbol, (pixels, ticks).
         late: (symbols, pixels), as for `belief_kernel.shared`.
         known: (symbols, cells) log likelihood ratios before any spike.
-        many: cells of a footprint that are summed over.
+        many: cells of a footprint that are summed over at most.
         rounds: of messages in a symbol, for each sweep.
         damping: as for `belief_kernel.decide`.
     """
     pixels, symbols = graph.pixels, len(spikes)
-    many = min(many, pixels.cell.shape[1])
+    # The time of a sum doubles with each cell; the largest shares stand first.
+    summed = np.minimum((pixels.share > 0).sum(axis=1), many)
     tables = *laws(model.brightest, model.shot, model.softness, model.hard), model.hard
     states, lights = len(tables[2]), int(np.ceil(model.brightest * LIGHTS)) + 2
     count, on, base = len(pixels.row), np.float32(model.on), np.float32(model.off)
-    view = pixels.cell, pixels.share, many, on, base
+    view = pixels.cell, pixels.share, summed, on, base
     whole = model.off + model.on * pixels.share.sum(axis=1)
     low = np.full(count, int(model.off * LIGHTS), np.int64)
     high = np.minimum((whole * LIGHTS).astype(np.int64) + 2, lights)

@@ -25,11 +25,13 @@ def receive_stream(
         progress: of the receiver.
     """
     receiver = Receiver(
-        stream.shape, detector=modem.detector, interleave=modem.interleave, device=device
-    )
+        stream.shape, detector=modem.detector, interleave=modem.interleave, device=device,
+        progress=progress,
+    )  # fmt: skip
     progress.start("receiver", stream.cycles)
     for block in blocks(stream.cycles, BLOCK):
         words = stream.read_words(block.start // WORD, words_for(block.stop))
         receiver.step(Viform(words, block.cycles, stream.clock, block.start), block)
-        progress.advance(block.stop)
-    return receiver.finish()
+    received = receiver.finish()
+    progress.advance(stream.cycles)
+    return received

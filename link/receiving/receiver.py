@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.compute.opencl import Device
 from cosim.config.amounts import count
+from cosim.run.progress import Progress, QuietProgress
 from cosim.spikes.viform import Viform
 from link.coding import BlockReader, Inbox
 from link.detect.catalogue import DETECTORS
@@ -57,6 +58,7 @@ class Receiver:
         inbox: makes the reader of the decoded groups for a layout; by default that of a file.
         device: OpenCL device of the words' decoder; None for the compiled form, with the same
             result.
+        progress: is told the ticks that are done, and what takes long; None for nobody.
 
     Attributes:
         recording: the stored words.
@@ -73,11 +75,12 @@ class Receiver:
     def __init__(
         self, shape: tuple[int, int], *, detector: str = "packed", interleave: bool = True,
         inbox: Callable[[Layout], BlockReader] | None = None, device: Device | None = None,
+        progress: Progress | None = None,
     ) -> None:  # fmt: skip
         if detector not in DETECTORS:
             raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {detector}")
         self.recording = Recording(shape)
-        self._detector = detector
+        self._detector, self._progress = detector, progress or QuietProgress()
         self._make_inbox = inbox or (
             lambda layout: Inbox(layout, interleave=interleave, device=device)
         )
@@ -102,6 +105,7 @@ class Receiver:
             self._work()
             if self._session is None:
                 self.recording.forget(self.recording.stop - _STORED)
+                self._progress.advance(self.recording.stop)
 
     @property
     def session(self) -> Session | None:
@@ -206,7 +210,7 @@ class Receiver:
             self.interrupted = jump or self.interrupted
             acquired = acquired.numbered_as(old.timing)
             self._acquired = acquired
-            session = Session(acquired, self._detector, old.inbox, self.recording.shape)
+            session = self._session_of(acquired, old.inbox)
             session.go_on_from(old)
             self._session = session
             session.advance(self.recording)
@@ -242,7 +246,11 @@ class Receiver:
             self._unusable = Verdict(Cause.TOO_SMALL, f"the panel's mode carries no data: {exc}")
             return
         self._acquired = acquired
-        self._session = Session(acquired, self._detector, inbox, self.recording.shape)
+        self._session = self._session_of(acquired, inbox)
+
+    def _session_of(self, acquired: Acquired, inbox: BlockReader) -> Session:
+        shape = self.recording.shape
+        return Session(acquired, self._detector, inbox, shape, self._progress)
 
     def _verdict(self) -> Verdict:
         session = self._session

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.run.progress import Progress, QuietProgress
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
@@ -110,11 +111,13 @@ class Session:
     """
 
     def __init__(
-        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int]
-    ) -> None:
+        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int],
+        progress: Progress | None = None,
+    ) -> None:  # fmt: skip
         self.layout, self.refined = acquired.layout, acquired.refined
         self.pace, self.levels = acquired.pace, acquired.levels
         self.detector_name, self.inbox, self.rows = detector, inbox, shape[0]
+        self._progress = progress or QuietProgress()
         self.trained = acquired.trained
         self.drift: list[Floats] = []
         self.instants: list[Instant] = []
@@ -271,6 +274,7 @@ class Session:
             decided = decide(soft, 1.0 if self._confidence is None else self._confidence)
             self._deliver(first, soft, decided)
             self._next += count
+            self._progress.advance(int(min(self.decoded_until, recording.stop)))
             if self.inbox.over:
                 return
             arrived, right = (
@@ -310,10 +314,12 @@ class Session:
         if self._known is not None:
             begin, known = self._known
             count = len(known)
+            self._progress.tell(f"receiver: {self.detector_name} learns from {count} symbols")
             learn_known(detector, recording, self.timing, known, begin)
             if self._confidence is None and begin < TRAINING:
                 soft = detector.soft(recording.words, recording.first, begin, len(known))
                 self._confidence = confidence(soft, known)
+            self._progress.tell(f"receiver: {self.detector_name}")
         else:
             begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)
                                 / self.timing.period)) + 1  # fmt: skip

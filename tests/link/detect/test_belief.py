@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from link.detect.belief import BeliefPropagation
-from link.detect.belief_kernel import LEVELS, LIGHTS, laws
+from link.detect.belief_kernel import LEVELS, LIGHTS, laws, messages
 from link.detect.belief_learning import PixelModel
 from link.detect.catalogue import make_detector
 from link.detect.footprints import Footprints, seen_by
@@ -143,6 +144,21 @@ def test_without_loops_it_is_the_sum_over_all_bits(hard: bool, ticks: int) -> No
         found = propagated(seen, model, spikes, 3, (1, 1), 0.0)
         # Laws are floored at 1e-4, so sure bits differ: compared as probabilities.
         assert np.tanh(found / 2) == pytest.approx(np.tanh(exact / 2), abs=4e-3)
+
+
+def test_the_sum_is_over_the_cells_that_a_pixel_sees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its time doubles with each cell, so a place of the footprint without a cell is left out."""
+    seen, rng = footprint({0: 0.5, 1: 0.3, 2: 0.17}, {0: 0.9}), np.random.default_rng(3)
+    padded, counts = footprint(*({0: 0.5, 1: 0.3, 2: 0.17} | {9: 0.0}, {0: 0.9})), []
+
+    def noted(law: Any, cell: Any, share: Any, many: Any, *more: Any) -> None:
+        counts.append(np.broadcast_to(many, len(cell)).tolist())
+        messages(law, cell, share, many, *more)
+
+    monkeypatch.setattr("link.detect.propagation.messages", noted)
+    spikes = spikes_of(rng, seen, MODEL, 3, 2, 10)
+    found = [propagated(each, MODEL, spikes, 10, (2, 1), 0.3) for each in (seen, padded)]
+    assert (found[0] == found[1]).all() and all(each == [3, 1] for each in counts)
 
 
 def test_two_pixels_that_share_a_cell_are_a_tree_as_well() -> None:

@@ -9,6 +9,7 @@ import pytest
 from scipy.special import ndtr
 
 from cosim import Viform
+from cosim.run.progress import QuietProgress
 from cosim.spikes.viform import unpack_planes
 from link.layout import TAG_MODULES, TRAINING, Layout
 from link.mode import Mode
@@ -22,10 +23,27 @@ from tests.link.receiving.toy import CLOCK, MODE, Toy, corner_error, small
 DATA = np.random.Generator(np.random.Philox(key=5)).bytes(6000)
 
 
-def receive(toy: Toy, planes: np.ndarray | None = None, block: int | None = None) -> Received:
+class Told(QuietProgress):
+    """What a receiver tells: its texts, and the ticks that are done."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+        self.done: list[int] = []
+
+    def advance(self, done: int) -> None:
+        self.done.append(done)
+
+    def tell(self, what: str) -> None:
+        self.texts.append(what)
+
+
+def receive(
+    toy: Toy, planes: np.ndarray | None = None, block: int | None = None,
+    progress: Told | None = None,
+) -> Received:  # fmt: skip
     """What a receiver makes of a link's stream, in blocks of so many ticks."""
     shown = toy.planes() if planes is None else planes
-    receiver = Receiver(shown.shape[1:])
+    receiver = Receiver(shown.shape[1:], progress=progress)
     for first in range(0, len(shown), block or len(shown)):
         part = shown[first : first + (block or len(shown))]
         whole = Viform.from_planes(part, CLOCK)
@@ -51,8 +69,11 @@ def receive(toy: Toy, planes: np.ndarray | None = None, block: int | None = None
 )
 def test_a_file_arrives_and_the_measurements_are_right(given: dict[str, object]) -> None:
     data = DATA * 4 if given.get("begin") else DATA
-    toy = small(data, **given)  # type: ignore[arg-type]
-    got = receive(toy)
+    toy, told = small(data, **given), Told()  # type: ignore[arg-type]
+    got = receive(toy, progress=told)
+    begin, go_on = told.texts[:2]
+    assert begin.startswith("receiver: packed learns from ") and go_on == "receiver: packed"
+    assert told.done and told.done == sorted(told.done) and told.done[-1] <= got.ticks
     assert got.verdict.whole, got.verdict
     assert got.delivered is not None and got.delivered[0] == data
     assert got.mode == toy.sent.mode
