@@ -13,7 +13,7 @@ import numpy as np
 from cosim import SpikeStream, Viform
 from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, subplots
-from cosim.spikes.viform import WORD
+from cosim.spikes.viform import WORD, words_for
 from scenarios.assemble.carrier.coding import Sender
 from sensor.codec.packets.catalogue import KINDS
 from sensor.codec.packets.section import CodeSection
@@ -54,17 +54,17 @@ class RatePoint:
 
 
 def _part(stream: SpikeStream, cycle: int) -> tuple[Viform, tuple[slice, slice], int]:
-    """The middle of the picture around a cycle, in whole words; its rows and columns, and its first
-    cycle."""
+    """The middle of the picture around a cycle, from the first cycle of a word on; its rows and
+    columns, and its first cycle."""
     height, width = stream.shape
     rows, columns = (
         slice((n - min(n, _SIDE)) // 2, (n - min(n, _SIDE)) // 2 + min(n, _SIDE))
         for n in (height, width)
     )
-    most = stream.cycles // WORD * WORD
-    count = min(_CYCLES, most)
-    first = min(max(cycle - count // 2, 0) // WORD * WORD, most - count)
-    words = stream.read_words(first // WORD, (first + count) // WORD)[:, rows, columns]
+    latest = words_for(max(stream.cycles - _CYCLES, 0)) * WORD
+    first = min(max(cycle - _CYCLES // 2, 0) // WORD * WORD, latest)
+    count = min(_CYCLES, stream.cycles - first)
+    words = stream.read_words(first // WORD, words_for(first + count))[:, rows, columns]
     part = Viform(np.ascontiguousarray(words), count, stream.clock, 0)
     return part, (rows, columns), first
 

@@ -5,20 +5,23 @@ from __future__ import annotations
 import signal
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cosim import InputError, Interrupted
+from cosim import Clock, InputError, Interrupted, Viform
 from cosim.files import ZarrStream
 from cosim.run.chain import STREAM
 from cosim.run.machine import Options
 from scenarios.assemble.carrier.carrier import LINK_STREAM, RECEIVED
 from scenarios.assemble.carrier.machine import CarriedMachine
+from scenarios.assemble.carrier.rates import RATES, code_rates
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
 from scenarios.run import run_scenario
+from sensor.codec.packets.section import CodeSection
 
 
 class Quiet:
@@ -252,3 +255,15 @@ def test_the_parts_of_the_format_take_all_cells_of_the_panel() -> None:
     words = data * 4 / 5 - spent["cells that fill no frame"]
     parity = spent[f"parity of {mode.word_code}"]
     assert parity == pytest.approx(words * mode.parity / 255, rel=1e-3)
+
+
+@pytest.mark.parametrize(("cycles", "cycle"), [(120, 108), (32, 0), (647, 646)])
+def test_codes_are_compared_at_any_instant_of_a_stream(cycles: int, cycle: int) -> None:
+    """Also at one that lies behind the last whole word."""
+    planes = np.random.default_rng(1).random((cycles, 8, 8)) < 0.3
+    shot: Any = SimpleNamespace(cycle=cycle, truth=np.full((8, 8), 0.5))
+    section = CodeSection(cycles=32, tile=8)
+    stream = Viform.from_planes(planes, Clock(40_000))
+    rates = code_rates(stream, shot, section, 1000.0, 0.0, 41, 0.6)
+    assert {point.rate for point in rates} == set(RATES)
+    assert all(np.isfinite(point.psnr) for point in rates)
