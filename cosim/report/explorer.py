@@ -23,7 +23,7 @@ from cosim.compute.stopping import threads
 from cosim.light.light import Box, Plane
 from cosim.report.pictures import busiest_box
 from cosim.report.png import to_linear_bytes
-from cosim.spikes.viform import WORD, SpikeStream, Words
+from cosim.spikes.viform import WORD, SpikeStream, Words, words_for
 
 __all__ = [
     "INSTANTS", "Truths", "explorer", "explorer_part", "kinds_in", "packed", "span_of",
@@ -55,7 +55,8 @@ class Truths:
 
 def span_of(cycles: int, at: int) -> tuple[int, int]:
     """First cycle in the page of a stream, a multiple of `WORD`, and the one after its last."""
-    first = min(max(at - CYCLES // 2, 0), max(cycles - CYCLES, 0)) // WORD * WORD
+    latest = words_for(max(cycles - CYCLES, 0)) * WORD
+    first = min(max(at - CYCLES // 2, 0) // WORD * WORD, latest)
     return first, min(first + CYCLES, cycles)
 
 

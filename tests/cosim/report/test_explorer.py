@@ -67,6 +67,8 @@ def test_the_cycles_of_a_long_stream() -> None:
     first, stop = span_of(20_000, 10_000)
     assert first % 32 == 0 and first <= 10_000 < stop and stop - first == module.CYCLES
     assert span_of(20_000, 19_999)[1] == 20_000
+    first, stop = span_of(module.CYCLES + 20, module.CYCLES + 19)  # behind the last whole word
+    assert first % 32 == 0 and first < module.CYCLES + 19 < stop <= first + module.CYCLES
     assert span_of(20_000, 0) == (0, module.CYCLES)
 
 
