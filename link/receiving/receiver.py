@@ -249,8 +249,9 @@ class Receiver:
         self._session = self._session_of(acquired, inbox)
 
     def _session_of(self, acquired: Acquired, inbox: BlockReader) -> Session:
-        shape = self.recording.shape
-        return Session(acquired, self._detector, inbox, shape, self._progress)
+        session = Session(acquired, self._detector, inbox, self.recording.shape)
+        session.progress = self._progress
+        return session
 
     def _verdict(self) -> Verdict:
         session = self._session

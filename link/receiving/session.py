@@ -27,7 +27,7 @@ from link.receiving.gaps import learn_known, mended
 from link.receiving.phasing import followed_delay
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
-from link.receiving.tally import decide, tally
+from link.receiving.tally import decide, sampled, tally
 from link.receiving.tracking import drift_by_tags
 from link.receiving.watched import Watcher
 from link.timing import Registration, Timing
@@ -63,10 +63,8 @@ _CUT: Final = 0.1
 group ends exactly with the recording."""
 _STORED: Final = 2048
 """Number of symbols whose decisions are stored."""
-_SAMPLED: Final = 65_536
-"""Soft values of a chunk that are kept, and of them all at most."""
 _SAMPLES: Final = 800_000
-"""Largest number of stored soft values: _SAMPLED of a chunk, _SAMPLES of all."""
+"""Number of stored soft values from which on no more are sampled."""
 _SOUND: Final = 0.5
 """Share of a chunk's frames that must be correct for its decisions to be used as training."""
 
@@ -107,17 +105,17 @@ class Session:
         lit_stop: tick at which the panel goes dark.
         sound_until: tick until which the decisions are known to be correct.
         lost: whether the last frames were wrong.
+        progress: is told what takes long, and the tick that is decoded.
         dark: longest time for which the panel was dark between two groups, ticks.
     """
 
     def __init__(
-        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int],
-        progress: Progress | None = None,
-    ) -> None:  # fmt: skip
+        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int]
+    ) -> None:
         self.layout, self.refined = acquired.layout, acquired.refined
         self.pace, self.levels = acquired.pace, acquired.levels
         self.detector_name, self.inbox, self.rows = detector, inbox, shape[0]
-        self._progress = progress or QuietProgress()
+        self.progress: Progress = QuietProgress()
         self.trained = acquired.trained
         self.drift: list[Floats] = []
         self.instants: list[Instant] = []
@@ -223,8 +221,7 @@ class Session:
         return Section(registration, detector, last)
 
     def decode(self, recording: Recording, section: Section) -> None:
-        """Decodes the groups of a section that `begin` returned, and drops words that are not
-        needed."""
+        """Decodes the groups of a section of `begin`, and drops words that are not needed."""
         with self._ahead.running():
             self._decode(recording, section)
         if self.inbox.over:
@@ -274,7 +271,7 @@ class Session:
             decided = decide(soft, 1.0 if self._confidence is None else self._confidence)
             self._deliver(first, soft, decided)
             self._next += count
-            self._progress.advance(int(min(self.decoded_until, recording.stop)))
+            self.progress.advance(int(min(self.decoded_until, recording.stop)))
             if self.inbox.over:
                 return
             arrived, right = (
@@ -314,12 +311,12 @@ class Session:
         if self._known is not None:
             begin, known = self._known
             count = len(known)
-            self._progress.tell(f"receiver: {self.detector_name} learns from {count} symbols")
+            self.progress.tell(f"receiver: {self.detector_name} learns from {count} symbols")
             learn_known(detector, recording, self.timing, known, begin)
             if self._confidence is None and begin < TRAINING:
                 soft = detector.soft(recording.words, recording.first, begin, len(known))
                 self._confidence = confidence(soft, known)
-            self._progress.tell(f"receiver: {self.detector_name}")
+            self.progress.tell(f"receiver: {self.detector_name}")
         else:
             begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)
                                 / self.timing.period)) + 1  # fmt: skip
@@ -332,8 +329,7 @@ class Session:
         return detector
 
     def _follow(self, recording: Recording, registration: Registration, detector: Any) -> Any:
-        """Returns the detector for the next chunk, after a chunk whose decisions are known to be
-        correct."""
+        """Returns the detector for the next chunk, after one whose decisions are correct."""
         assert self._known is not None and self._met is not None
         begin, decided = self._known
         now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
@@ -382,11 +378,9 @@ class Session:
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]
         if sum(len(part) for part in self.soft) < _SAMPLES:
-            stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it samples all symbols
-            picked = np.arange(0, soft.size, stride)
-            of, cell = np.divmod(picked, soft.shape[1])
-            self.soft.append(soft.ravel()[picked])
-            self.soft_at.append(np.stack([of + first, cell], 1).astype(np.int64))
+            values, at = sampled(soft, first)
+            self.soft.append(values)
+            self.soft_at.append(at)
 
     def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Returns values of data cells on the panel, (rows, columns)."""
