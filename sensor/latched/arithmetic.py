@@ -69,9 +69,9 @@ def _dead_shift(
 
     In the exact tier dead time d is a multiple of 2^-16 of a cycle. Where light changes by s a
     cycle, a spike loses the light of the middle of its cycle instead of that of its own instant.
-    Light that changes evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light that jumps by s after
-    the part f of a cycle is off by d s f for the spikes after the jump, of which there are 1 - f in
-    a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f = 2/3. With S the limit of s,
+    Light that changes evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light
+    that jumps by s after the part f of a cycle is off by d s f for the spikes after the jump, of
+    which there are 1 - f in a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f = 2/3. With S the limit of s,
     the sum of s^2 over n cycles is at most n S^2. In one sweep of the light from one end of its
     range R to the other the sum of s is R, so that of s^2 is at most R S. _SWEEPS of them are
     assumed in the run. In the exact tier noise t of the sampling instants makes the cycle of a
