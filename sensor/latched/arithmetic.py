@@ -71,12 +71,12 @@ def _dead_shift(
     cycle, a spike loses the light of the middle of its cycle instead of that of its own instant.
     Light that changes evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light
     that jumps by s after the part f of a cycle is off by d s f for the spikes after the jump, of
-    which there are 1 - f in a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f = 2/3. With S the limit of s,
-    the sum of s^2 over n cycles is at most n S^2. In one sweep of the light from one end of its
-    range R to the other the sum of s is R, so that of s^2 is at most R S. _SWEEPS of them are
-    assumed in the run. In the exact tier noise t of the sampling instants makes the cycle of a
-    spike longer or shorter, RMS sqrt(2) t, and the light that it loses with it. As more spikes fall
-    into longer cycles, a spike on average loses too much by 2 t^2 of it.
+    which there are 1 - f in a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f =
+    2/3. With S the limit of s, the sum of s^2 over n cycles is at most n S^2. In one sweep of the
+    light from one end of its range R to the other the sum of s is R, so that of s^2 is at most R S.
+    _SWEEPS of them are assumed in the run. In the exact tier noise t of the sampling instants makes
+    the cycle of a spike longer or shorter, RMS sqrt(2) t, and the light that it loses with it. As
+    more spikes fall into longer cycles, a spike on average loses too much by 2 t^2 of it.
 
     Under the other reset rules dead time begins at the latch, and a spike loses light of the next
     cycle: up to d s more or less. This is a limit rather than an expected size, and counts once.
