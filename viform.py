@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cosim import Clock, InputError, Viform
-    from scenarios.python import Camera, Run, Stream, film, reconstruct, run, send, show
+    from scenarios.python import Camera, Link, Run, Stream, film, reconstruct, run, send, show
     from scenarios.python import open_stream as open
     from scenarios.python import save_stream as save
     from scenarios.studies.dataset.making import dataset
@@ -28,6 +28,7 @@ _PLACES = {
     "Camera": "scenarios.python:Camera",
     "Clock": "cosim:Clock",
     "InputError": "cosim:InputError",
+    "Link": "scenarios.python:Link",
     "Run": "scenarios.python:Run",
     "SpikeDataset": "scenarios.studies.dataset.reading:SpikeDataset",
     "Stream": "scenarios.python:Stream",
@@ -44,8 +45,8 @@ _PLACES = {
 }
 
 __all__ = [
-    "Camera", "Clock", "InputError", "Run", "SpikeDataset", "Stream", "Viform", "dataset", "film",
-    "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
+    "Camera", "Clock", "InputError", "Link", "Run", "SpikeDataset", "Stream", "Viform", "dataset",
+    "film", "open", "reconstruct", "run", "save", "send", "show", "torch_dataset",
 ]  # fmt: skip
 
 

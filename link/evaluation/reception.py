@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from cosim import BLOCK, SpikeStream, Viform
+from cosim import BLOCK, PS, SpikeStream, Viform
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD, words_for
 from cosim.stage import blocks
+from link.mode import Modem
 from link.receiving import Received, Receiver
-from link.section import ModemSection
+from link.setup.setup import FileSetup
 
-__all__ = ["receive_stream"]
+__all__ = ["arrival_of", "receive_stream"]
 
 
 def receive_stream(
-    stream: SpikeStream, modem: ModemSection, device: Device | None, progress: Progress
+    stream: SpikeStream, modem: Modem, device: Device | None, progress: Progress
 ) -> Received:
     """Returns the result of the receiver on a recording.
 
@@ -33,3 +34,11 @@ def receive_stream(
         receiver.step(Viform(words, block.cycles, stream.clock, block.start), block)
         progress.advance(block.stop)
     return receiver.finish()
+
+
+def arrival_of(setup: FileSetup, received: Received) -> float | None:
+    """Returns the time from first light until the file was whole, s; None if it was not."""
+    if received.delivered_tick is None:
+        return None
+    clock = setup.setting.camera.clock
+    return (clock.edge(received.delivered_tick + 1) - setup.setting.first_light) / PS

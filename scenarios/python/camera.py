@@ -37,14 +37,14 @@ from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.pictures import Pictures, array_clip, shown
 from sensor.latched.core import Filmed, LatchedCamera, LiveCamera
 
-__all__ = ["Camera", "LiveStream"]
+__all__ = ["Camera", "LiveStream", "device_of"]
 
 _AHEAD: Final = 2
 """Clips that `film_many` has filmed, or is filming, before they are asked for, for each core."""
 
 
 @cache
-def _device(wanted: str | None) -> Device | None:
+def device_of(wanted: str | None) -> Device | None:
     """The device of a process, whose compiled programs all cameras share."""
     return choose_device(wanted)
 
@@ -103,7 +103,7 @@ class Camera:
         self._scenario = scenario
         setting = camera_setting(scenario)
         self._core = LatchedCamera(
-            setting, _device(device), tolerance=scenario.tolerance, window=scenario.image.window,
+            setting, device_of(device), tolerance=scenario.tolerance, window=scenario.image.window,
             floor=scenario.image.floor, tier=tier,
             duplicated_rows=scenario.sensor.duplicated_rows,
         )  # fmt: skip
