@@ -30,6 +30,8 @@ from link.evaluation.errors import errors_of
 from link.evaluation.reception import arrival_of, receive_stream
 from link.mode import Mode, Modem
 from link.prediction.rates import link_rates
+from link.receiving import Received
+from link.receiving.tuned import Tuned
 from link.setting import LinkSetting, Payload
 from link.setup.setup import FileSetup, choose_link
 from link.trial.plan import LinkPlan, LinkSurvey
@@ -44,6 +46,8 @@ __all__ = ["Crossed", "LinkBounds", "LinkCore"]
 
 _PLANS: Final = 8
 """Plans that are kept."""
+_REHEARSAL: Final = 2**64 - 1
+"""Number of the call whose noise the rehearsal has."""
 _NAME: Final = "data"
 """Name of the bytes of a call, which the receiver reads."""
 
@@ -144,7 +148,8 @@ class LinkCore:
         )
         self._duplicated = duplicated_rows
         self._plans: dict[tuple[int, int], tuple[LinkSurvey, LinkPlan]] = {}
-        self._lock = Lock()
+        self._tuned: tuple[Tuned | None] | None = None
+        self._lock, self._rehearsing = Lock(), Lock()
 
     @property
     def mode(self) -> Mode:
@@ -155,6 +160,8 @@ class LinkCore:
         """Gives back what is kept for later calls."""
         with self._lock:
             self._plans = {}
+        with self._rehearsing:
+            self._tuned = None
 
     def _planned(self, setup: FileSetup) -> PlannedLink:
         """The planned link of a call. Calls of the same length share a plan."""
@@ -189,6 +196,25 @@ class LinkCore:
             words[block.start // WORD : block.start // WORD + len(part.words)] = part.words
         return Viform(words, cycles, link.setup.setting.camera.clock)
 
+    def _receive(
+        self, link: PlannedLink, tuned: Tuned | None = None
+    ) -> tuple[Received, Tuned | None]:
+        setup = link.setup
+        return receive_stream(self._film(link), setup.modem, setup.device, QuietProgress(), tuned)
+
+    def _rehearsed(self) -> Tuned | None:
+        """What the receiver knows of the link from a transmission of a byte with noise of its own;
+        None if it could not be received. All calls but the first begin with it."""
+        with self._rehearsing:
+            if self._tuned is None:
+                setup = self._setup(b"0", _REHEARSAL)
+                self._tuned = (self._receive(self._planned(setup))[1],)
+            return self._tuned[0]
+
+    def _setup(self, data: bytes, number: int) -> FileSetup:
+        seed = seed_of(self.chosen.setting.air.seed, number)
+        return self.chosen.file(Payload(_NAME, data), QuietProgress(), seed=seed)
+
     def send(self, data: bytes, number: int = 0) -> Crossed:
         """Sends bytes.
 
@@ -199,10 +225,10 @@ class LinkCore:
         Raises:
             InputError: memory is short.
         """
-        seed = seed_of(self.chosen.setting.air.seed, number)
-        setup = self.chosen.file(Payload(_NAME, data), QuietProgress(), seed=seed)
+        setup = self._setup(data, number)
         link = self._planned(setup)
-        received = receive_stream(self._film(link), setup.modem, setup.device, QuietProgress())
+        tuned = self._rehearsed() if number else None
+        received = self._receive(link, tuned)[0]
         verdict, intact = judge_delivery(setup, received)
         errors = errors_of(setup, received)
         rates = link_rates(

@@ -9,31 +9,36 @@ from cosim.spikes.viform import WORD, words_for
 from cosim.stage import blocks
 from link.mode import Modem
 from link.receiving import Received, Receiver
+from link.receiving.tuned import Tuned
 from link.setup.setup import FileSetup
 
 __all__ = ["arrival_of", "receive_stream"]
 
 
 def receive_stream(
-    stream: SpikeStream, modem: Modem, device: Device | None, progress: Progress
-) -> Received:
-    """Returns the result of the receiver on a recording.
+    stream: SpikeStream, modem: Modem, device: Device | None, progress: Progress,
+    tuned: Tuned | None = None,
+) -> tuple[Received, Tuned | None]:  # fmt: skip
+    """Returns the result of the receiver on a recording, and what it knows of the link then.
 
     Args:
         stream: the recording.
         modem: settings of the receiver.
         device: OpenCL device of the run, None for the compiled form.
         progress: of the receiver.
+        tuned: what the receiver knows of the link; None if it knows nothing.
     """
     receiver = Receiver(
-        stream.shape, detector=modem.detector, interleave=modem.interleave, device=device
-    )
+        stream.shape, detector=modem.detector, interleave=modem.interleave, device=device,
+        tuned=tuned,
+    )  # fmt: skip
     progress.start("receiver", stream.cycles)
     for block in blocks(stream.cycles, BLOCK):
         words = stream.read_words(block.start // WORD, words_for(block.stop))
         receiver.step(Viform(words, block.cycles, stream.clock, block.start), block)
         progress.advance(block.stop)
-    return receiver.finish()
+    received = receiver.finish()
+    return received, None if receiver.session is None else receiver.session.learned
 
 
 def arrival_of(setup: FileSetup, received: Received) -> float | None:

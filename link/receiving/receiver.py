@@ -20,6 +20,7 @@ from link.receiving.diagnosis.loss import explain_loss
 from link.receiving.received import Received
 from link.receiving.recording import Recording
 from link.receiving.session import Session
+from link.receiving.tuned import Tuned
 from link.timing import Registration
 from link.verdict import Cause, Verdict
 
@@ -57,6 +58,8 @@ class Receiver:
         inbox: makes the reader of the decoded groups for a layout; by default that of a file.
         device: OpenCL device of the words' decoder; None for the compiled form, with the same
             result.
+        tuned: what is known of the link from an earlier transmission; None for a search. A
+            transmission that is not found by it is searched.
 
     Attributes:
         recording: the stored words.
@@ -73,11 +76,12 @@ class Receiver:
     def __init__(
         self, shape: tuple[int, int], *, detector: str = "packed", interleave: bool = True,
         inbox: Callable[[Layout], BlockReader] | None = None, device: Device | None = None,
+        tuned: Tuned | None = None,
     ) -> None:  # fmt: skip
         if detector not in DETECTORS:
             raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {detector}")
         self.recording = Recording(shape)
-        self._detector = detector
+        self._detector, self._tuned = detector, tuned
         self._make_inbox = inbox or (
             lambda layout: Inbox(layout, interleave=interleave, device=device)
         )
@@ -160,12 +164,17 @@ class Receiver:
     def _work(self) -> None:
         """Searches for a transmission, or continues with one."""
         if self._session is None:
-            evidence, acquired = acquire(self.recording)
+            acquired = None if self._tuned is None else self._tuned.found(self.recording)
+            if acquired is not None:
+                evidence = acquired.evidence
+            else:
+                self._tuned = None
+                evidence, acquired = acquire(self.recording)
             if self._evidence is None or _further(evidence) >= _further(self._evidence):
                 self._evidence = evidence
             if acquired is None:
                 return
-            self._begin(acquired)
+            self._begin(acquired, self._tuned)
         if self._session is not None:
             self._session.advance(self.recording)
             self._resume()
@@ -235,14 +244,14 @@ class Receiver:
         delay -= turn * round(delay / turn)
         return (int(until), delay) if abs(delay) > _JUMP else None
 
-    def _begin(self, acquired: Acquired) -> None:
+    def _begin(self, acquired: Acquired, tuned: Tuned | None) -> None:
         try:
             inbox = self._make_inbox(acquired.layout)
         except ValueError as exc:
             self._unusable = Verdict(Cause.TOO_SMALL, f"the panel's mode carries no data: {exc}")
             return
         self._acquired = acquired
-        self._session = Session(acquired, self._detector, inbox, self.recording.shape)
+        self._session = Session(acquired, self._detector, inbox, self.recording.shape, tuned)
 
     def _verdict(self) -> Verdict:
         session = self._session

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
+from link.detect.joint import Joint
 from link.layout import TRAINING, is_closing, training
 from link.receiving.acquiring import Acquired, lit_spans
 from link.receiving.ahead import Ahead
@@ -28,6 +29,7 @@ from link.receiving.received import Instant
 from link.receiving.recording import Recording
 from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
+from link.receiving.tuned import Tuned
 from link.receiving.watched import Watcher
 from link.timing import Registration, Timing
 
@@ -107,11 +109,17 @@ class Session:
         sound_until: tick until which the decisions are known to be correct.
         lost: whether the last frames were wrong.
         dark: longest time for which the panel was dark between two groups, ticks.
+        learned: what it knows after the training, for another receiver; None without a training, or
+            for a detector that cannot be moved.
+
+    Args:
+        tuned: what an earlier receiver knew; None for a detector that learns.
     """
 
     def __init__(
-        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int]
-    ) -> None:
+        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int],
+        tuned: Tuned | None = None,
+    ) -> None:  # fmt: skip
         self.layout, self.refined = acquired.layout, acquired.refined
         self.pace, self.levels = acquired.pace, acquired.levels
         self.detector_name, self.inbox, self.rows = detector, inbox, shape[0]
@@ -139,6 +147,7 @@ class Session:
         self._learned = 0.0
         self._made = 0.0
         """Phase for which the detector was made."""
+        self._acquired, self._tuned, self.learned = acquired, tuned, tuned
         self._met: ClassesMet | None = None
         """What the detector has learned; None without one."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
@@ -306,6 +315,14 @@ class Session:
         return (self.timing.period - round(self.timing.period)) * symbol
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
+        known_before = None if self._tuned is None else self._tuned.at(registration, self.timing)
+        tuned, self._tuned = self._tuned, None
+        if tuned is not None and known_before is not None and self._known is not None:
+            detector: Detector = known_before
+            begin, known = self._known
+            count, self._confidence = len(known), tuned.confidence
+            self._settle(detector, begin, count)
+            return detector
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
         if self._known is not None:
             begin, known = self._known
@@ -320,10 +337,17 @@ class Session:
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
             count = max(stop - begin, 1)
             detector.learn_pilots(recording.words, recording.first, begin, count)
+        met = self._settle(detector, begin, count)
+        if isinstance(detector, Joint) and begin < TRAINING and self._known is not None:
+            self.learned = Tuned(self._acquired, detector, met, self._confidence)
+        return detector
+
+    def _settle(self, detector: Detector, begin: int, count: int) -> ClassesMet:
+        """Begins to follow the phase with a detector that has learned from `count` symbols."""
         self._learned = 0.0
         self._made = self._phase(begin + count)
         self._met = ClassesMet(detector, self.timing, self.rows, begin, count)
-        return detector
+        return self._met
 
     def _follow(self, recording: Recording, registration: Registration, detector: Any) -> Any:
         """Returns the detector for the next chunk, after a chunk whose decisions are known to be

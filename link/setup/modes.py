@@ -90,9 +90,7 @@ def _codes(modem: Modem, line: str) -> list[tuple[int | None, float | None]]:
     ]  # fmt: skip
 
 
-def _candidates(
-    modem: Modem, setting: LinkSetting, adaptive: bool
-) -> list[Mode]:
+def _candidates(modem: Modem, setting: LinkSetting, adaptive: bool) -> list[Mode]:
     """Returns the modes that the modem leaves open, with cells somewhat larger than a camera
     pixel. adaptive: whether blocks may have a rate each; such modes are the last ones.
 
