@@ -21,7 +21,7 @@ from cosim import Summary
 from link.air.air import lens_psf
 from link.air.geometry import affine_at, image_of
 from link.air.names import Scene
-from link.air.projection import Projection
+from link.air.projection import projection_of
 from link.air.radiometry import levels
 from link.air.scintillation import Flicker
 from sensor import CameraSetting
@@ -232,7 +232,7 @@ def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[
     local = np.eye(3)
     local[:2, :2] = affine
     local[:2, 2] = 0.5 - affine @ np.full(2, (side - 1) / 2)
-    projection = Projection(local, (side, side), (2, 2), lens_psf(optics, scene.air.distance))
+    projection = projection_of(local, (side, side), (2, 2), lens_psf(optics, scene.air.distance))
     shares = np.zeros((4, 9))
     for row in range(2 * reach + 1):
         for column in range(2 * reach + 1):

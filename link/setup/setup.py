@@ -83,7 +83,8 @@ class ChosenLink:
         return self.choice.holds and tag_warning(self.setting, self.mode) is None
 
     def held(
-        self, planes: int, progress: Progress, setting: LinkSetting | None = None
+        self, planes: int, progress: Progress, setting: LinkSetting | None = None,
+        measured: bool = True,
     ) -> tuple[LinkSetting, ClockLock | None]:
         """Returns the link with the ticks of its clock over a transmission, and how they were held.
 
@@ -92,12 +93,13 @@ class ChosenLink:
             progress: of the ticks.
             setting: with other hidden spans, or the noise of another seed; that of the link if
                 None.
+            measured: as in `Locking.hold`.
         """
         setting = setting or self.setting
         if self.locking is None:
             return setting, None
         with self.times.on("phase lock"):
-            return self.locking.hold(setting, planes, progress)
+            return self.locking.hold(setting, planes, progress, measured)
 
     def file(
         self, payload: Payload, progress: Progress, most_symbols: int | None = None,
@@ -110,7 +112,8 @@ class ChosenLink:
             progress: of the ticks of a locked clock.
             most_symbols: number of symbols after which the transmission is cut; None for the whole
                 file, or for as many as show the cause if it is not expected to arrive.
-            seed: of the noise of this transmission; that of the link if None.
+            seed: of the noise of a call; None for a run with the noise of the link, whose lock is
+                measured to its end.
 
         Raises:
             InputError: the panel has no room for a frame.
@@ -139,7 +142,7 @@ class ChosenLink:
                 setting, camera=replace(setting.camera, seed=seed),
                 air=replace(setting.air, seed=seed),
             )  # fmt: skip
-        setting, lock = self.held(sent.planes, progress, setting)
+        setting, lock = self.held(sent.planes, progress, setting, seed is None)
         clock = setting.camera.clock
         dark = setting.first_light + setting.panel.clock.edge(sent.planes)
         cycles = clock.cycle_at(dark) + 1 + TAIL

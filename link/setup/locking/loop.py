@@ -64,6 +64,10 @@ _IDLING: Final = -(1 << 60)
 """Time of a window before the recording, ps: long before any hidden span."""
 
 
+def _unmeasured(phase: float, growth: float) -> None:
+    """Measures nothing; see `Locking._interval`."""
+
+
 @dataclass(frozen=True, eq=False)
 class ClockLock:
     """How the clock was locked and held.
@@ -229,7 +233,7 @@ class Locking:
         return True
 
     def hold(
-        self, setting: LinkSetting, planes: int, progress: Progress
+        self, setting: LinkSetting, planes: int, progress: Progress, measured: bool = True
     ) -> tuple[LinkSetting, ClockLock | None]:
         """Returns a link with the ticks of the loop over its run, and how they were held; the link
         with the clocks that it had at first, and None, if the lock is lost. The loop stays as it
@@ -239,8 +243,10 @@ class Locking:
             setting: that of `setting`; its hidden spans and its seeds may be changed.
             planes: of the transmission.
             progress: of the ticks.
+            measured: whether the last interval is measured as well, which no tick of the run
+                depends on.
         """
-        return self._copied()._held(setting, planes, progress)
+        return self._copied()._held(setting, planes, progress, measured)
 
     def _copied(self) -> Locking:
         other = copy(self)
@@ -250,7 +256,7 @@ class Locking:
         return other
 
     def _held(
-        self, setting: LinkSetting, planes: int, progress: Progress
+        self, setting: LinkSetting, planes: int, progress: Progress, measured: bool
     ) -> tuple[LinkSetting, ClockLock | None]:
         """`hold`, after which the loop is at the end of the run."""
         self._model.take(setting)
@@ -259,7 +265,8 @@ class Locking:
         ticks = cycles + WORD
         progress.start("ticks of the locked clock", ticks)
         while len(self._edges) - 1 < begin + ticks:
-            self._interval(self._tracked)
+            last = len(self._edges) - 1 + INTERVAL >= begin + ticks
+            self._interval(self._tracked if measured or not last else _unmeasured)
             progress.advance(min(len(self._edges) - 1 - begin, ticks))
         edges = np.array(self._edges[begin:], np.int64)
         mean = np.array([self._panel.edge(k) for k in range(len(edges))], np.int64)
@@ -267,8 +274,8 @@ class Locking:
         if moves.most > _SLIP * self._model.period:
             camera = replace(self._free.camera, seed=setting.camera.seed)
             return replace(self._free, aim=setting.aim, air=setting.air, camera=camera), None
-        truth, measured, error = np.array(self._rows).T
+        truth, phases, error = np.array(self._rows).T
         lock = ClockLock(
-            begin, self._phases(edges[: cycles + 1].astype(np.float64)), measured, error, truth
+            begin, self._phases(edges[: cycles + 1].astype(np.float64)), phases, error, truth
         )
         return replace(setting, camera=setting.camera.changed(clock_moves=moves)), lock

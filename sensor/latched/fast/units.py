@@ -150,9 +150,13 @@ def _first_table(model: ExactModel) -> npt.NDArray[np.int64]:
     return model.first_table() if model.random_start else model.table()
 
 
-@lru_cache(maxsize=8)
 def units_of(model: ExactModel) -> Units:
-    """Units and table for the thresholds of a model."""
+    """Units and table for the thresholds of a model, which do not depend on its seed."""
+    return _units(replace(model, seed=0))
+
+
+@lru_cache(maxsize=8)
+def _units(model: ExactModel) -> Units:
     most = _PILED_BITS if model.reset == "subtract" else BITS
     if not model.noisy:
         one = 1 << most
