@@ -96,6 +96,12 @@ class Link:
         """The mode of all calls: cells, ticks and codes."""
         return self._core.mode
 
+    @property
+    def camera_shape(self) -> tuple[int, int]:
+        """(height, width) of the camera, pixels."""
+        chip = self._core.chosen.setting.camera.chip
+        return chip.height, chip.width
+
     def close(self) -> None:
         """Ends the use of the link; later calls are refused."""
         self._closed = True
