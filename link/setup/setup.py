@@ -83,7 +83,10 @@ class ChosenLink:
         return self.choice.holds and tag_warning(self.setting, self.mode) is None
 
     def held(
-        self, planes: int, progress: Progress, setting: LinkSetting | None = None,
+        self,
+        planes: int,
+        progress: Progress,
+        setting: LinkSetting | None = None,
         measured: bool = True,
     ) -> tuple[LinkSetting, ClockLock | None]:
         """Returns the link with the ticks of its clock over a transmission, and how they were held.

@@ -137,8 +137,13 @@ def test_a_clock_that_is_not_steered_is_as_it_was(device: Device) -> None:
         )  # fmt: skip
         setting, spent = setting_of(scenario), Spent()
         mode, choice, locking = choose_and_lock(
-            scenario.link.modem, setting, steering_of(scenario.sensor), 1000, device,
-            SilentProgress(), spent,
+            scenario.link.modem,
+            setting,
+            steering_of(scenario.sensor),
+            1000,
+            device,
+            SilentProgress(),
+            spent,
         )
         assert (mode, choice, locking, spent) == (MODE, None, None, Spent())
         assert setting.camera.clock_moves is None
