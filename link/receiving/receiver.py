@@ -20,6 +20,7 @@ from link.receiving.diagnosis.loss import explain_loss
 from link.receiving.received import Received
 from link.receiving.recording import Recording
 from link.receiving.session import Session
+from link.receiving.tracking import joined
 from link.receiving.tuned import Tuned
 from link.timing import Registration
 from link.verdict import Cause, Verdict
@@ -137,7 +138,7 @@ class Receiver:
             delivered=(file.data, file.name) if file is not None else None,
             mode=session.layout.mode,
             registration=Registration(
-                session.refined.homography, session.all_drift, session.refined.blur
+                session.refined.homography, joined(session.drift), session.refined.blur
             ),
             timing=session.timing, clock_error=session.pace.limit,
             first_light=round(first) if acquired.trained is not None else None,
@@ -152,8 +153,7 @@ class Receiver:
                 (session.quality / max(session.symbols, 1)).astype(np.float32)
             ),
             cell_errors=session.grid(inbox.cell_errors),
-            soft=np.concatenate([np.zeros(0, np.float32), *session.soft]),
-            soft_at=np.concatenate([np.zeros((0, 2), np.int64), *session.soft_at]),
+            soft=session.sample.soft, soft_at=session.sample.at,
             promise=session.promised / (session.symbols * session.layout.cells)
             if session.symbols
             else None,

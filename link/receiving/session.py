@@ -30,7 +30,7 @@ from link.receiving.recording import Recording
 from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
 from link.receiving.tuned import Tuned
-from link.receiving.watched import Watcher
+from link.receiving.watched import SoftSample, Watcher
 from link.timing import Registration, Timing
 
 if TYPE_CHECKING:
@@ -64,10 +64,6 @@ _CUT: Final = 0.1
 group ends exactly with the recording."""
 _STORED: Final = 2048
 """Number of symbols whose decisions are stored."""
-_SAMPLED: Final = 65_536
-"""Soft values of a chunk that are kept, and of them all at most."""
-_SAMPLES: Final = 800_000
-"""Largest number of stored soft values: _SAMPLED of a chunk, _SAMPLES of all."""
 _SOUND: Final = 0.5
 """Share of a chunk's frames that must be correct for its decisions to be used as training."""
 
@@ -101,7 +97,7 @@ class Session:
         delivered_tick: tick at which the file was whole; None before.
         packed: decisions of the last symbols, packed bits.
         promised: number of wrong decisions that all soft values predict.
-        soft, soft_at: samples of soft values, and their symbol and cell.
+        sample: of the soft values.
         watcher: soft values of some cells over the symbols.
         quality: (cells,) sum of the magnitudes of the soft values.
         symbols: number of decoded symbols.
@@ -109,8 +105,7 @@ class Session:
         sound_until: tick until which the decisions are known to be correct.
         lost: whether the last frames were wrong.
         dark: longest time for which the panel was dark between two groups, ticks.
-        learned: what it knows after the training, for another receiver; None without a training, or
-            for a detector that cannot be moved.
+        learned: what it knows after the training, for another receiver; None if that is no use.
 
     Args:
         tuned: what an earlier receiver knew; None for a detector that learns.
@@ -123,18 +118,16 @@ class Session:
         self.layout, self.refined = acquired.layout, acquired.refined
         self.pace, self.levels = acquired.pace, acquired.levels
         self.detector_name, self.inbox, self.rows = detector, inbox, shape[0]
-        self.trained = acquired.trained
+        self.trained, self.lit_stop = acquired.trained, acquired.lit[1]
         self.drift: list[Floats] = []
         self.instants: list[Instant] = []
         self.delivered_tick: int | None = None
         self.packed: dict[int, npt.NDArray[np.uint8]] = {}
         self.promised = 0.0
-        self.soft: list[npt.NDArray[np.float32]] = []
-        self.soft_at: list[npt.NDArray[np.int64]] = []
+        self.sample = SoftSample()
         self.watcher = Watcher(self.layout)
         self.quality = np.zeros(self.layout.cells)
         self.symbols = 0
-        self.lit_stop = acquired.lit[1]
         self._known: tuple[int, npt.NDArray[np.bool_]] | None = None
         if acquired.trained is not None:
             low, high = acquired.trained
@@ -157,7 +150,7 @@ class Session:
     def go_on_from(self, old: Session) -> None:
         """Takes over the results of an earlier session of the same transmission."""
         self.drift, self.instants = old.drift, old.instants
-        self.promised, self.soft, self.soft_at = old.promised, old.soft, old.soft_at
+        self.promised, self.sample = old.promised, old.sample
         self.quality, self.symbols, self.packed = old.quality, old.symbols, old.packed
         self.watcher, self.dark = old.watcher, old.dark
 
@@ -315,14 +308,12 @@ class Session:
         return (self.timing.period - round(self.timing.period)) * symbol
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
-        known_before = None if self._tuned is None else self._tuned.at(registration, self.timing)
         tuned, self._tuned = self._tuned, None
-        if tuned is not None and known_before is not None and self._known is not None:
-            detector: Detector = known_before
-            begin, known = self._known
-            count, self._confidence = len(known), tuned.confidence
-            self._settle(detector, begin, count)
-            return detector
+        moved = None if tuned is None else tuned.at(registration, self.timing)
+        if tuned is not None and moved is not None and self._known is not None:
+            self._confidence = tuned.confidence
+            self._settle(moved, self._known[0], len(self._known[1]))
+            return moved
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
         if self._known is not None:
             begin, known = self._known
@@ -399,25 +390,10 @@ class Session:
         self.watcher.add(first, soft)
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]
-        if sum(len(part) for part in self.soft) < _SAMPLES:
-            stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it samples all symbols
-            picked = np.arange(0, soft.size, stride)
-            of, cell = np.divmod(picked, soft.shape[1])
-            self.soft.append(soft.ravel()[picked])
-            self.soft_at.append(np.stack([of + first, cell], 1).astype(np.int64))
+        self.sample.add(first, soft)
 
     def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Returns values of data cells on the panel, (rows, columns)."""
         out = np.zeros(self.layout.shape, values.dtype)
         out.ravel()[self.layout.data] = values
         return out
-
-    @property
-    def all_drift(self) -> Floats:
-        """(n, 3) displacement of the image, in order of ticks."""
-        parts = [part for part in self.drift if len(part)]
-        if not parts:
-            return np.zeros((0, 3))
-        joined = np.concatenate(parts)
-        _, first = np.unique(joined[:, 0], return_index=True)
-        return joined[first]

@@ -23,6 +23,9 @@ from link.timing import Registration, Timing
 
 __all__ = ["Tuned"]
 
+_STEPS: Final = 3
+"""Measurements of the displacement, each from the one before: a single one ends a twentieth of a
+pixel off."""
 _APART: Final = 0.05
 """Standard deviation of the phase from one transmission to the next, ticks: that of a held clock is
 .01 to .02."""
@@ -53,10 +56,13 @@ class Tuned:
         if lit is None:
             return None
         rates = recording.rates(*brightest_ticks(recording))
-        moved = shift_of(rates, home, TagArt(layout), (0.0, 0.0))
-        if moved is None:
-            return None
-        (dx, dy), _ = moved
+        at, tags = (0.0, 0.0), TagArt(layout)
+        for _ in range(_STEPS):
+            moved = shift_of(rates, home, tags, at)
+            if moved is None:
+                return None
+            at = moved[0]
+        dx, dy = at
         move = np.array([[1, 0, dx], [0, 1, dy], [0, 0, 1]])
         refined = replace(home, homography=move @ home.homography)
         place = Registration(refined.homography, np.zeros((0, 3)), refined.blur)

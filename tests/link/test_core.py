@@ -59,8 +59,10 @@ def test_call_0_films_what_the_machine_of_a_run_records(tmp_path: Path, device: 
 
 @pytest.mark.slow
 def test_a_receiver_that_knows_the_link_reads_as_well_as_one_that_searches(device: Device) -> None:
-    """The image shakes by a twentieth of a pixel from call to call."""
-    made = core(scenario("link.aim.vibration=0.2"), device)
+    """The image shakes by a twentieth of a pixel from call to call. Where it shakes more, all
+    search."""
+    assert core(scenario("link.aim.vibration=0.2"), device)._rehearsed() is None
+    made = core(scenario(), device)
     tuned = made._rehearsed()
     assert tuned is not None
     wrong = []
@@ -78,7 +80,7 @@ def test_a_receiver_that_knows_the_link_reads_as_well_as_one_that_searches(devic
         assert begins[0] == pytest.approx(begins[1], abs=0.1)
         wrong.append([errors_of(link.setup, each).rate for each in both])
     knowing, searching = np.mean(wrong, axis=0)
-    assert knowing < 1.5 * searching + 5e-5
+    assert knowing < 1.5 * searching + 1e-4
 
 
 def test_a_plan_is_shared_by_calls_of_a_length_and_given_back(device: Device) -> None:
