@@ -18,7 +18,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cosim import Clock, InputError, Viform
-    from scenarios.python import Camera, Display, Run, Stream, film, reconstruct, run, send, show
+    from scenarios.python import (
+        Camera,
+        Display,
+        Link,
+        Run,
+        Stream,
+        film,
+        reconstruct,
+        run,
+        send,
+        show,
+    )
     from scenarios.python import open_stream as open
     from scenarios.python import save_stream as save
     from scenarios.python.training import SpikeStream
@@ -30,6 +41,7 @@ _PLACES = {
     "Clock": "cosim:Clock",
     "Display": "scenarios.python:Display",
     "InputError": "cosim:InputError",
+    "Link": "scenarios.python:Link",
     "Run": "scenarios.python:Run",
     "SpikeDataset": "scenarios.studies.dataset.reading:SpikeDataset",
     "SpikeStream": "scenarios.python.training:SpikeStream",
@@ -47,8 +59,8 @@ _PLACES = {
 }
 
 __all__ = [
-    "Camera", "Clock", "Display", "InputError", "Run", "SpikeDataset", "SpikeStream", "Stream",
-    "Viform", "dataset", "film", "open", "reconstruct", "run", "save", "send", "show",
+    "Camera", "Clock", "Display", "InputError", "Link", "Run", "SpikeDataset", "SpikeStream",
+    "Stream", "Viform", "dataset", "film", "open", "reconstruct", "run", "save", "send", "show",
     "torch_dataset",
 ]  # fmt: skip
 

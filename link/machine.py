@@ -183,7 +183,7 @@ class LinkMachine:
         begin = time.perf_counter()
         with threads(1) as beside:  # neither of the two loads two cores
             closed = beside.submit(closed_form, setup, self._link)
-            received = receive_stream(stream, setup.scenario.link.modem, setup.device, progress)
+            received, _ = receive_stream(stream, setup.modem, setup.device, progress)
             seconds["receiver"] = time.perf_counter() - begin
         link = evaluate_link(setup, self._link, stream, received, closed.result)
         if self._distances is not None:

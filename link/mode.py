@@ -8,14 +8,14 @@ part of a stream identifies the mode and the corners.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, Protocol
 
 from link.line_codes import CATALOGUE
 from link.line_codes.code import LineCode
 
 __all__ = [
     "CELLS", "CODES", "EVERY_RATE", "LINE_CODES", "PARITIES", "RATES", "STEP", "TICKS", "Mode",
-    "codes_of", "ticks_chosen", "word_code",
+    "Modem", "codes_of", "ticks_chosen", "word_code",
 ]  # fmt: skip
 
 LINE_CODES: Final = tuple(CATALOGUE)
@@ -44,6 +44,27 @@ _LDPC: Final = 64
 """Value of the fourth digit for the first of RATES. Line codes and parities are below it."""
 _ADAPTIVE: Final = 96
 """Value of the fourth digit for a rate for each block."""
+
+
+class Modem(Protocol):
+    """How bytes are to become planes; "auto" is chosen from pilots.
+
+    Attributes:
+        cell, ticks, line, code, parity, rate: Parts of a mode, or "auto"; `rate` may be "adaptive".
+        interleave: Whether each codeword is spread over the panel.
+        overhead: Frames beyond the file's own, as a share of them.
+        detector: Name of the receiver's detector.
+    """
+
+    cell: Any
+    ticks: Any
+    line: Any
+    code: Any
+    parity: Any
+    rate: Any
+    interleave: bool
+    overhead: float
+    detector: Any
 
 
 def ticks_chosen(line: str) -> tuple[int, ...]:

@@ -23,7 +23,7 @@ from sensor.sections.sensor import LensSection, SensorSection
 
 __all__ = [
     "LARGEST", "LEAD", "SLOWEST_F_NUMBER", "TAIL", "LinkSetting", "Payload", "check_receiver",
-    "link_setting", "payload_of", "steering_of",
+    "link_setting", "payload_of", "read_payload", "steering_of",
 ]  # fmt: skip
 
 LEAD, TAIL = 8, 4
@@ -96,7 +96,11 @@ def payload_of(scenario: LinkScenario) -> Payload:
     section = scenario.link
     if section.file is None:
         return Payload(_RANDOM_NAME, _random(scenario.seed, _STREAM_BYTES).bytes(section.size))
-    path = Path(section.file)
+    return read_payload(Path(section.file))
+
+
+def read_payload(path: Path) -> Payload:
+    """Returns a file to send. Raises InputError for one that cannot be read."""
 
     def bad(problem: str) -> InputError:
         return InputError("link.file", "a file that can be read", f"{path} ({problem})", "check it")

@@ -60,7 +60,7 @@ ROOMS = {
     "link": (
         "line_codes timing verdict", "mode", "layout", "coding detect", "receiving sending theory",
         "section", "air stability", "setting", "prediction", "setup", "trial", "evaluation",
-        "report", "machine",
+        "core report", "machine",
     ),
     "scenarios": ("scenes report", "assemble", "run", "python", "studies view", "cli"),
 }  # fmt: skip

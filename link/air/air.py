@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +11,8 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim import Block, Light, Piece, Plane
+from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from link.air.emission import Emission, Source
 from link.air.fog import halo_angle
 from link.air.geometry import image_of, lengths
@@ -18,7 +20,7 @@ from link.air.kernel import Psf
 from link.air.motion import vibration
 from link.air.names import NAMES, Scene, simplified
 from link.air.patches import FlickerSeries, flicker_of
-from link.air.projection import Places, Projection, cut
+from link.air.projection import Places, cut, projection_of
 from link.air.radiometry import levels
 from link.air.setting import Optics
 from link.air.sun import sun_glare, sun_image
@@ -31,6 +33,8 @@ _AROUND: Final = 2
 """Cycles of light before and after a block. Camera rows sample up to one cycle after the first row;
 panel rows are shown up to one of their cycles after the first."""
 _FOREVER: Final = 1 << 61
+_TOGETHER: Final = 8
+"""Planes that are made at once, at most: each takes memory of its own."""
 _COARSE: Final = 8
 """Size of a pixel of the coarse grid that a wide halo is computed on, camera pixels."""
 
@@ -143,7 +147,7 @@ class Air:
         self._levels = level = levels(optics, air, names)
         self._psf = lens_psf(optics, air.distance, "defocus" in names)
         self._homography = image_of(optics, aim, air, shape)
-        self._projection = Projection(self._homography, panel.shape, shape, self._psf)
+        self._projection = projection_of(self._homography, panel.shape, shape, self._psf)
         self._emission = Emission(source, panel, planes)
         seconds = source.ticks / panel.clock.hz
         self.shifts = vibration(
@@ -161,7 +165,7 @@ class Air:
         # Weights of the panel's pixels in the image's mean, which veiling glare depends on.
         self._weights = None
         if level.halo <= 0 and not self._projection.wide:
-            self._weights, self._base_sum = self._projection.weights(), float(self._base.sum())
+            self._weights, self._base_sum = self._projection.weights, float(self._base.sum())
         self._places = places
         if places is not None and self._weights is not None:
             self._base = cut(self._base, places)
@@ -215,8 +219,7 @@ class Air:
         first = min(max(self._symbol(start), 0), self.symbols)
         last = min(self._symbol(stop - 1) + 1, self.symbols)
         pieces = [self._before] if self._before is not None and start < self._first else []
-        for symbol in range(first, last):
-            pieces.extend(self._symbol_pieces(symbol))
+        pieces.extend(self._made(range(first, last)))
         if stop > self._after.start:
             pieces.append(self._after)
         self._pieces = {n: piece for n, piece in self._pieces.items() if n >= first}
@@ -237,22 +240,34 @@ class Air:
         transmission the number continues."""
         return self._panel.clock.cycle_at(ps - self._first) // self._ticks
 
-    def _symbol_pieces(self, symbol: int) -> tuple[Piece, ...]:
-        if symbol not in self._pieces:
-            begin = symbol * self._ticks
-            stop = min(begin + self._ticks, self._planes)
-            shift, factors = self.shift(self._edge(begin)), self.factors[symbol]
-            planes = [self._lux(plane, shift, factors) for plane in self._emission.planes(symbol)]
-            start = self._edge(begin)
-            if any(low <= start < high for low, high in self._blocked):
-                planes = [self._dark] * len(planes)
-            edges = range(begin, stop + 1) if len(planes) > 1 else (begin, stop)
-            at = [self._edge(n) for n in edges]
-            self._pieces[symbol] = tuple(
-                Piece(one, two, lux, lux)
-                for one, two, lux in zip(at[:-1], at[1:], planes, strict=True)
-            )
-        return self._pieces[symbol]
+    def _made(self, symbols: Sequence[int]) -> list[Piece]:
+        """Returns the pieces of symbols. Those that are not there are made on all cores."""
+        with threads(min(cores(), _TOGETHER), "air") as pool:
+            made = {}
+            for symbol in symbols:
+                if symbol not in self._pieces:
+                    start, shown = self._edge(symbol * self._ticks), self._emission.planes(symbol)
+                    given = self.shift(start), self.factors[symbol]
+                    hidden = any(low <= start < high for low, high in self._blocked)
+                    made[symbol] = [pool.submit(self._seen, each, hidden, *given) for each in shown]
+            for symbol, planes in made.items():
+                begin = symbol * self._ticks
+                stop = min(begin + self._ticks, self._planes)
+                edges = range(begin, stop + 1) if len(planes) > 1 else (begin, stop)
+                at = [self._edge(n) for n in edges]
+                self._pieces[symbol] = tuple(
+                    Piece(one, two, lux, lux)
+                    for one, two, lux in zip(
+                        at[:-1], at[1:], (each.result() for each in planes), strict=True
+                    )
+                )
+        return [piece for symbol in symbols for piece in self._pieces[symbol]]
+
+    def _seen(
+        self, plane: npt.NDArray[Any], hidden: bool, shift: tuple[float, float],
+        factors: npt.NDArray[np.float64],
+    ) -> Plane:  # fmt: skip
+        return self._dark if hidden else self._lux(plane, shift, factors)
 
     def _edge(self, plane: int) -> int:
         return self._first + self._panel.clock.edge(plane)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +24,7 @@ from link.air.geometry import affine_at
 from link.air.kernel import Psf, kernel_table, taps
 from link.air.tap_sum import four_by_four
 
-__all__ = ["Places", "Projection", "cut", "disc_kernel"]
+__all__ = ["Places", "Projection", "cut", "disc_kernel", "projection_of"]
 
 Places = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 """Patches of a camera: their rows, (patches, a), and their columns, (patches, b)."""
@@ -148,7 +148,7 @@ def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
 
 
 class Projection:
-    """Projection of panel planes onto the camera.
+    """Projection of panel planes onto the camera. Several threads may use it.
 
     Attributes:
         homography: (3, 3) float64, panel to camera pixels.
@@ -184,7 +184,12 @@ class Projection:
         self._flat = self.tables.ravel()
         self._pad = self._count
         self._all = np.arange(camera[0]), np.arange(camera[1])
-        self._padded = np.zeros((panel[0] + 2 * self._pad, panel[1] + 2 * self._pad), np.float32)
+        self._free: list[npt.NDArray[np.float32]] = []
+        """Panels with `_pad` zeros on every side, that no thread uses."""
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        return self.panel[0] + 2 * self._pad, self.panel[1] + 2 * self._pad
 
     def _affines(self) -> tuple[int, list[npt.NDArray[np.float64]]]:
         """Returns the number of regions along a side of the image, and the affine map in each."""
@@ -213,12 +218,11 @@ class Projection:
         """Whether blur over many pixels is applied on the camera's grid."""
         return self._after > 0 or self._disc > 0
 
+    @cached_property
     def weights(self) -> npt.NDArray[np.float32]:
-        """Returns the weight of each panel pixel in the sum of the unshifted image, (h, w) float32.
-
-        The effect of a wide blur at the image's border is neglected.
-        """
-        pad, image = self._pad, np.zeros(self._padded.shape)
+        """Weight of each panel pixel in the sum of the unshifted image, (h, w) float32. The effect
+        of a wide blur at the image's border is neglected."""
+        pad, image = self._pad, np.zeros(self._size)
         _collect(
             self._inverse.ravel(), self.tables, self._regions, self._phases, self._count, pad,
             self.camera, image,
@@ -240,21 +244,28 @@ class Projection:
                 image. The result is then as from `cut`.
         """
         pad = self._pad
-        self._padded[pad:-pad, pad:-pad] = plane
-        if places is None:
-            return self._widely(self._patch(shift, *self._all))
-        if self.wide:
-            return cut(self._widely(self._patch(shift, *self._all)), places)
-        return np.concatenate([self._patch(shift, *each) for each in zip(*places, strict=True)])
+        try:
+            padded = self._free.pop()
+        except IndexError:
+            padded = np.zeros(self._size, np.float32)
+        padded[pad:-pad, pad:-pad] = plane
+        try:
+            if places is None or self.wide:
+                image = self._widely(self._patch(padded, shift, *self._all))
+                return image if places is None else cut(image, places)
+            parts = zip(*places, strict=True)
+            return np.concatenate([self._patch(padded, shift, *each) for each in parts])
+        finally:
+            self._free.append(padded)
 
     def _patch(
-        self, shift: tuple[float, float], rows: npt.NDArray[np.int64],
-        columns: npt.NDArray[np.int64],
+        self, padded: npt.NDArray[np.float32], shift: tuple[float, float],
+        rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64],
     ) -> Plane:  # fmt: skip
         out = np.empty((len(rows), len(columns)), np.float32)
-        high, wide = self._padded.shape
+        high, wide = padded.shape
         _project(
-            self._padded.ravel(), wide, high, self._inverse.ravel(), shift[0], shift[1],
+            padded.ravel(), wide, high, self._inverse.ravel(), shift[0], shift[1],
             self._flat, self._regions, self._phases, self._count, self._pad, self.camera, rows,
             columns, out,
         )  # fmt: skip
@@ -274,3 +285,18 @@ class Projection:
             blurred = cv2.GaussianBlur(image, (0, 0), self._after, borderType=edge)
             image = np.asarray(blurred, np.float32)
         return image
+
+
+@lru_cache(maxsize=4)
+def _kept(
+    homography: bytes, panel: tuple[int, int], camera: tuple[int, int], psf: Psf
+) -> Projection:
+    return Projection(np.frombuffer(homography).reshape(3, 3), panel, camera, psf)
+
+
+def projection_of(
+    homography: npt.NDArray[np.float64], panel: tuple[int, int], camera: tuple[int, int], psf: Psf
+) -> Projection:
+    """Returns a projection, whose tables are kept: pilots, the lock of a clock and one call after
+    another have the same one."""
+    return _kept(np.asarray(homography, np.float64).tobytes(), panel, camera, psf)

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from cosim import Summary
 from link.air.air import lens_psf
 from link.air.geometry import affine_at, image_of
 from link.air.names import Scene
-from link.air.projection import Projection
+from link.air.projection import projection_of
 from link.air.radiometry import levels
 from link.air.scintillation import Flicker
 from sensor import CameraSetting
@@ -64,7 +65,23 @@ class LinkSummary(Summary):
     carried: bool = False
 
 
-def _fires(scene: LinkSummary, electrons: Values) -> Values:
+class _Cell(NamedTuple):
+    """What the outcomes of a cell depend on; see `LinkSummary`."""
+
+    threshold: float
+    noise: float
+    carried: bool
+    on: float
+    off: float
+    shares: tuple[tuple[float, ...], ...]
+    ticks: int
+
+    @classmethod
+    def of(cls, scene: LinkSummary) -> _Cell:
+        return cls(*(getattr(scene, name) for name in cls._fields))
+
+
+def _fires(scene: _Cell, electrons: Values) -> Values:
     """Returns the probability that a tick's flag is set, for mean charges `electrons`."""
     from scipy.special import gammainc, gammaincc
 
@@ -98,7 +115,8 @@ def _outcomes(chances: Values, ticks: int) -> Values:
     return np.asarray(out.mean(axis=0))
 
 
-def _both(scene: LinkSummary, epsilon: float, gain: float) -> tuple[Values, Values]:
+@lru_cache(maxsize=512)  # bounds of many effects, and of runs of any length, share most of them
+def _both(scene: _Cell, epsilon: float, gain: float) -> tuple[Values, Values]:
     """Returns the probability of each outcome of an ON cell and of an OFF cell; see `ber`."""
     shares = np.array(scene.shares)
     neighbours = shares.shape[1] - 1
@@ -124,7 +142,7 @@ def ber(scene: LinkSummary, epsilon: float = 0.0) -> float:
         epsilon: error of all charges, as a share of the charge of an ON pixel; above 0 in the
             direction that makes errors more likely, below 0 less likely.
     """
-    return float(min(np.minimum(*_both(scene, epsilon, 1.0)).sum() / 2, 0.5))
+    return float(min(np.minimum(*_both(_Cell.of(scene), epsilon, 1.0)).sum() / 2, 0.5))
 
 
 def _rates(scene: LinkSummary, factors: Values) -> Values:
@@ -133,8 +151,9 @@ def _rates(scene: LinkSummary, factors: Values) -> Values:
 
     The decision does not know the factor: it is the optimal one at factor 1.
     """
-    is_on = np.greater(*_both(scene, 0.0, 1.0))
-    both = (_both(scene, 0.0, float(factor)) for factor in factors)
+    cell = _Cell.of(scene)
+    is_on = np.greater(*_both(cell, 0.0, 1.0))
+    both = (_both(cell, 0.0, float(factor)) for factor in factors)
     return np.array([np.where(is_on, off, on).sum() / 2 for on, off in both])
 
 
@@ -232,7 +251,7 @@ def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[
     local = np.eye(3)
     local[:2, :2] = affine
     local[:2, 2] = 0.5 - affine @ np.full(2, (side - 1) / 2)
-    projection = Projection(local, (side, side), (2, 2), lens_psf(optics, scene.air.distance))
+    projection = projection_of(local, (side, side), (2, 2), lens_psf(optics, scene.air.distance))
     shares = np.zeros((4, 9))
     for row in range(2 * reach + 1):
         for column in range(2 * reach + 1):

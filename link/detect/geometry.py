@@ -16,8 +16,8 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["FINE", "LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_images",
-    "coverage",
+__all__ = ["FINE", "LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_centres",
+    "cell_images", "coverage",
 ]  # fmt: skip
 
 PLACES: Final = 8
@@ -148,6 +148,16 @@ def _region_places(
     return out, reach
 
 
+def cell_centres(
+    layout: Layout, registration: Registration, cells: npt.NDArray[np.intp] | None = None
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Returns the centres (x, y) of cells without drift, camera pixels, (cells,) each. cells: as in
+    `cell_images`."""
+    row, column = np.divmod(layout.data if cells is None else cells, layout.shape[1])
+    side = layout.mode.cell
+    return registration.camera((column + 0.5) * side - 0.5, (row + 0.5) * side - 0.5)
+
+
 def cell_images(
     layout: Layout,
     registration: Registration,
@@ -166,7 +176,7 @@ def cell_images(
     (rows, columns), side = layout.shape, layout.mode.cell
     which = layout.data if cells is None else cells
     row, column = np.divmod(which, columns)
-    x, y = registration.camera((column + 0.5) * side - 0.5, (row + 0.5) * side - 0.5)
+    x, y = cell_centres(layout, registration, cells)
     down, right = _across(rows), _across(columns)
     region = (row * down // rows) * right + column * right // columns
     places_of, reaches = [], []

@@ -9,7 +9,9 @@ two symbols therefore informs both, and so does charge carried into the next sym
 
 from __future__ import annotations
 
-from typing import Final
+from copy import copy
+from dataclasses import replace
+from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +20,7 @@ from cosim.spikes.viform import Words
 from link.detect import tables as learned
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
 from link.detect.detector import LIMIT, Bits, Soft, bits_held
-from link.detect.geometry import SHARES, CellImages, cell_images
+from link.detect.geometry import SHARES, CellImages, cell_centres, cell_images
 from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
@@ -56,19 +58,32 @@ class Joint:
     def __init__(
         self, layout: Layout, registration: Registration, timing: Timing, pixel: object = None
     ) -> None:
-        self._layout, self._registration, self.timing = layout, registration, timing
+        self._layout, self.ticks = layout, layout.mode.ticks
         self.cells = cell_images(layout, registration)
-        self.ticks = layout.mode.ticks
-        phase = float(timing.start(0, timing.rows / 2)) % 1
-        self.delay = _MOVED if min(phase, 1 - phase) < EDGE else 0.0
-        first = timing.first + self.delay
-        self._time = first, timing.period, timing.slope, float(timing.rows)
+        self._place(registration, timing)
         shape = (
             self.cells.regions, PHASES, parts_for(self.ticks), SHARES, PAIRS,
             1 << (PART + CONTEXT),
         )  # fmt: skip
         self._counts = np.zeros(shape, np.int32)
         self._tables: Tables | None = None
+
+    def _place(self, registration: Registration, timing: Timing) -> None:
+        self._registration, self.timing = registration, timing
+        phase = float(timing.start(0, timing.rows / 2)) % 1
+        self.delay = _MOVED if min(phase, 1 - phase) < EDGE else 0.0
+        first = timing.first + self.delay
+        self._time = first, timing.period, timing.slope, float(timing.rows)
+
+    def moved(self, registration: Registration, timing: Timing) -> Self:
+        """Returns a detector that has learned the same, of an image that is shifted as a whole by
+        less than a pixel, and of another timing."""
+        other = copy(self)
+        x, y = cell_centres(self._layout, registration)
+        other.cells = replace(self.cells, x=x, y=y)
+        other._place(registration, timing)
+        other._counts = self._counts.copy()
+        return other
 
     def shifts(self, first_symbol: int, count: int) -> Values:
         """Returns the shift (dx, dy) of the image in the middle of each symbol, (count, 2)."""

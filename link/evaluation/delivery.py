@@ -9,7 +9,7 @@ from cosim.files.whole import whole
 from cosim.run.result import dumps
 from link.receiving import Received
 from link.setting import Payload
-from link.setup.setup import FileLinkSetup
+from link.setup.setup import FileSetup
 from link.verdict import Cause, Verdict
 
 __all__ = ["judge_delivery", "write_delivery"]
@@ -20,7 +20,7 @@ VERDICT: Final = "verdict.json"
 """File of the verdict in a run's folder."""
 
 
-def judge_delivery(setup: FileLinkSetup, received: Received) -> tuple[Verdict, bool]:
+def judge_delivery(setup: FileSetup, received: Received) -> tuple[Verdict, bool]:
     """Returns the verdict, and whether the file arrived as it was sent."""
     delivered = received.delivered
     if delivered is not None:

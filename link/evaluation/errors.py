@@ -9,9 +9,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.layout import Layout
+from link.layout import TRAINING, Layout
+from link.receiving import Received
+from link.setup.setup import FileSetup
 
-__all__ = ["LISTED", "Errors", "Symbols", "count_errors"]
+__all__ = ["LISTED", "Errors", "Symbols", "count_errors", "errors_of"]
 
 LISTED: Final = 100_000
 """Wrong decisions whose places are kept, at most: those of a link that works."""
@@ -77,3 +79,12 @@ def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Seque
     at_end = sum(int(by_symbol[n]) for n, symbol in enumerate(symbols) if symbol == last)
     where = np.concatenate(places)
     return Errors(int(by_cell.sum()), len(symbols), grid, by_symbol, at_end, where)
+
+
+def errors_of(setup: FileSetup, received: Received) -> Errors:
+    """Counts wrong decisions, over the symbols that were read in the mode that was sent."""
+    read = sorted(received.packed) if received.mode == setup.mode else []
+    symbols = [n for n in read if TRAINING <= n < setup.sent.data_end]
+    return count_errors(
+        setup.sent.bits, received.decided, setup.sent.layout, symbols, setup.sent.data_end - 1
+    )

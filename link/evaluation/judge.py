@@ -8,15 +8,16 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim import PS, SpikeStream
+from cosim import SpikeStream
 from cosim.compute.stopping import threads
 from cosim.spikes.viform import count_spikes
 from link.air import image_of
 from link.air.geometry import panel_corners
 from link.evaluation.delay import group_delays, link_latency
 from link.evaluation.delivery import judge_delivery
-from link.evaluation.errors import Errors, count_errors
+from link.evaluation.errors import Errors, errors_of
 from link.evaluation.eye import Eye, open_eye
+from link.evaluation.reception import arrival_of
 from link.evaluation.record import LinkEvaluation, SoftValues, Theory
 from link.layout import TRAINING
 from link.prediction.capacity import capacity_bps
@@ -44,15 +45,6 @@ _NOT_MODELLED: Final = frozenset(
     {Cause.OUT_OF_VIEW, Cause.MIRRORED, Cause.OCCLUDED, Cause.WRONG_CLOCK, Cause.INTERRUPTED}
 )
 """Causes of failure that the closed forms of a cell's errors do not model."""
-
-
-def _errors(setup: FileLinkSetup, received: Received) -> Errors:
-    """Counts wrong decisions, over the symbols that were read in the mode that was sent."""
-    read = sorted(received.packed) if received.mode == setup.mode else []
-    symbols = [n for n in read if TRAINING <= n < setup.sent.data_end]
-    return count_errors(
-        setup.sent.bits, received.decided, setup.sent.layout, symbols, setup.sent.data_end - 1
-    )
 
 
 def _soft(setup: FileLinkSetup, received: Received) -> SoftValues | None:
@@ -140,14 +132,12 @@ def _evaluated(
 ) -> LinkEvaluation:  # fmt: skip
     """`evaluate_link`. eye: gives the eye diagram."""
     assert link.check is not None
-    setting, layout, camera = setup.setting, setup.sent.layout, setup.setting.camera
+    setting, layout = setup.setting, setup.sent.layout
     verdict, delivered = judge_delivery(setup, received)
     verified = {each.group: each.tick for each in received.instants if each.right}
-    seconds = None
-    if delivered and received.delivered_tick is not None:
-        seconds = (camera.clock.edge(received.delivered_tick + 1) - setting.first_light) / PS
+    seconds = arrival_of(setup, received) if delivered else None
     scene = cell_scene(setting)
-    errors = _errors(setup, received)
+    errors = errors_of(setup, received)
     truth = image_of(setting.optics, setting.aim, setting.air, stream.shape)
     outline = None
     if received.registration is not None and received.mode == setup.mode:

@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from cosim import BLOCK, SpikeStream, Viform
+from cosim import BLOCK, PS, SpikeStream, Viform
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD, words_for
 from cosim.stage import blocks
+from link.mode import Modem
 from link.receiving import Received, Receiver
-from link.section import ModemSection
+from link.receiving.tuned import Tuned
+from link.setup.setup import FileSetup
 
-__all__ = ["receive_stream"]
+__all__ = ["arrival_of", "receive_stream"]
 
 
 def receive_stream(
-    stream: SpikeStream, modem: ModemSection, device: Device | None, progress: Progress
-) -> Received:
-    """Returns the result of the receiver on a recording.
+    stream: SpikeStream, modem: Modem, device: Device | None, progress: Progress,
+    tuned: Tuned | None = None,
+) -> tuple[Received, Tuned | None]:  # fmt: skip
+    """Returns the result of the receiver on a recording, and what it knows of the link then.
 
     Args:
         stream: the recording.
         modem: settings of the receiver.
         device: OpenCL device of the run, None for the compiled form.
         progress: of the receiver.
+        tuned: what the receiver knows of the link; None if it knows nothing.
     """
     receiver = Receiver(
         stream.shape, detector=modem.detector, interleave=modem.interleave, device=device,
-        progress=progress,
+        tuned=tuned, progress=progress,
     )  # fmt: skip
     progress.start("receiver", stream.cycles)
     for block in blocks(stream.cycles, BLOCK):
@@ -34,4 +38,12 @@ def receive_stream(
         receiver.step(Viform(words, block.cycles, stream.clock, block.start), block)
     received = receiver.finish()
     progress.advance(stream.cycles)
-    return received
+    return received, None if receiver.session is None else receiver.session.learned
+
+
+def arrival_of(setup: FileSetup, received: Received) -> float | None:
+    """Returns the time from first light until the file was whole, s; None if it was not."""
+    if received.delivered_tick is None:
+        return None
+    clock = setup.setting.camera.clock
+    return (clock.edge(received.delivered_tick + 1) - setup.setting.first_light) / PS

@@ -34,7 +34,7 @@ from link.receiving.synthesis import (
 from link.receiving.tags import TagSearch, art_of, find_tags, fit_homography, tag_places
 from link.timing import Registration, Timing
 
-__all__ = ["Acquired", "Evidence", "acquire"]
+__all__ = ["Acquired", "Evidence", "acquire", "brightest_ticks", "lit_span"]
 
 Floats = npt.NDArray[np.float64]
 _BRIGHT: Final = 0.98
@@ -124,7 +124,7 @@ class Acquired:
         return replace(self, pace=replace(self.pace, timing=replace(mine, first=first)))
 
 
-def _brightest(recording: Recording) -> tuple[int, int]:
+def brightest_ticks(recording: Recording) -> tuple[int, int]:
     """Returns the ticks of the words with at least half of the largest number of spikes."""
     words = recording.ticks // WORD
     if words < 2:
@@ -138,7 +138,7 @@ def _brightest(recording: Recording) -> tuple[int, int]:
 
 def survey_recording(recording: Recording) -> Evidence:
     """Returns the image and the tags in it."""
-    rates = recording.rates(*_brightest(recording))
+    rates = recording.rates(*brightest_ticks(recording))
     most = float(np.quantile(rates, 0.999)) if rates.size else 0.0
     bright = float(np.mean(rates >= _BRIGHT)) if rates.size else 0.0
     if most <= 0 or bright > 0.98:

@@ -52,6 +52,10 @@ class ClassesMet:
         """Whether all classes of `count` symbols from `first` on are among them."""
         return self._of(first, count) <= self._met
 
+    def within(self, other: ClassesMet) -> bool:
+        """Whether another one has met all of these classes."""
+        return self._met <= other._met
+
     def add(self, first: int, count: int) -> None:
         """Adds the classes of symbols."""
         self._met |= self._of(first, count)

@@ -21,6 +21,8 @@ from link.receiving.diagnosis.loss import explain_loss
 from link.receiving.received import Received
 from link.receiving.recording import Recording
 from link.receiving.session import Session
+from link.receiving.tracking import joined
+from link.receiving.tuned import Tuned
 from link.timing import Registration
 from link.verdict import Cause, Verdict
 
@@ -59,6 +61,8 @@ class Receiver:
         device: OpenCL device of the words' decoder; None for the compiled form, with the same
             result.
         progress: is told the ticks that are done, and what takes long; None for nobody.
+        tuned: what is known of the link from an earlier transmission; None for a search. A
+            transmission that is not found by it is searched.
 
     Attributes:
         recording: the stored words.
@@ -75,12 +79,13 @@ class Receiver:
     def __init__(
         self, shape: tuple[int, int], *, detector: str = "packed", interleave: bool = True,
         inbox: Callable[[Layout], BlockReader] | None = None, device: Device | None = None,
-        progress: Progress | None = None,
+        progress: Progress | None = None, tuned: Tuned | None = None,
     ) -> None:  # fmt: skip
         if detector not in DETECTORS:
             raise ValueError(f"detector must be one of {', '.join(DETECTORS)}, not {detector}")
         self.recording = Recording(shape)
-        self._detector, self._progress = detector, progress or QuietProgress()
+        self._detector, self._tuned = detector, tuned
+        self._progress = progress or QuietProgress()
         self._make_inbox = inbox or (
             lambda layout: Inbox(layout, interleave=interleave, device=device)
         )
@@ -137,7 +142,7 @@ class Receiver:
             delivered=(file.data, file.name) if file is not None else None,
             mode=session.layout.mode,
             registration=Registration(
-                session.refined.homography, session.all_drift, session.refined.blur
+                session.refined.homography, joined(session.drift), session.refined.blur
             ),
             timing=session.timing, clock_error=session.pace.limit,
             first_light=round(first) if acquired.trained is not None else None,
@@ -152,8 +157,7 @@ class Receiver:
                 (session.quality / max(session.symbols, 1)).astype(np.float32)
             ),
             cell_errors=session.grid(inbox.cell_errors),
-            soft=np.concatenate([np.zeros(0, np.float32), *session.soft]),
-            soft_at=np.concatenate([np.zeros((0, 2), np.int64), *session.soft_at]),
+            soft=session.sample.soft, soft_at=session.sample.at,
             promise=session.promised / (session.symbols * session.layout.cells)
             if session.symbols
             else None,
@@ -164,12 +168,17 @@ class Receiver:
     def _work(self) -> None:
         """Searches for a transmission, or continues with one."""
         if self._session is None:
-            evidence, acquired = acquire(self.recording)
+            acquired = None if self._tuned is None else self._tuned.found(self.recording)
+            if acquired is not None:
+                evidence = acquired.evidence
+            else:
+                self._tuned = None
+                evidence, acquired = acquire(self.recording)
             if self._evidence is None or _further(evidence) >= _further(self._evidence):
                 self._evidence = evidence
             if acquired is None:
                 return
-            self._begin(acquired)
+            self._begin(acquired, self._tuned)
         if self._session is not None:
             self._session.advance(self.recording)
             self._resume()
@@ -239,17 +248,19 @@ class Receiver:
         delay -= turn * round(delay / turn)
         return (int(until), delay) if abs(delay) > _JUMP else None
 
-    def _begin(self, acquired: Acquired) -> None:
+    def _begin(self, acquired: Acquired, tuned: Tuned | None) -> None:
         try:
             inbox = self._make_inbox(acquired.layout)
         except ValueError as exc:
             self._unusable = Verdict(Cause.TOO_SMALL, f"the panel's mode carries no data: {exc}")
             return
         self._acquired = acquired
-        self._session = self._session_of(acquired, inbox)
+        self._session = self._session_of(acquired, inbox, tuned)
 
-    def _session_of(self, acquired: Acquired, inbox: BlockReader) -> Session:
-        session = Session(acquired, self._detector, inbox, self.recording.shape)
+    def _session_of(
+        self, acquired: Acquired, inbox: BlockReader, tuned: Tuned | None = None
+    ) -> Session:
+        session = Session(acquired, self._detector, inbox, self.recording.shape, tuned)
         session.progress = self._progress
         return session
 

@@ -19,6 +19,7 @@ from cosim.run.progress import Progress, QuietProgress
 from link.detect.calibration import confidence
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
+from link.detect.joint import Joint
 from link.layout import TRAINING, is_closing, training
 from link.receiving.acquiring import Acquired, lit_spans
 from link.receiving.ahead import Ahead
@@ -27,9 +28,10 @@ from link.receiving.gaps import learn_known, mended
 from link.receiving.phasing import followed_delay
 from link.receiving.received import Instant
 from link.receiving.recording import Recording
-from link.receiving.tally import decide, sampled, tally
+from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
-from link.receiving.watched import Watcher
+from link.receiving.tuned import Tuned
+from link.receiving.watched import SoftSample, Watcher
 from link.timing import Registration, Timing
 
 if TYPE_CHECKING:
@@ -63,8 +65,6 @@ _CUT: Final = 0.1
 group ends exactly with the recording."""
 _STORED: Final = 2048
 """Number of symbols whose decisions are stored."""
-_SAMPLES: Final = 800_000
-"""Number of stored soft values from which on no more are sampled."""
 _SOUND: Final = 0.5
 """Share of a chunk's frames that must be correct for its decisions to be used as training."""
 
@@ -98,7 +98,7 @@ class Session:
         delivered_tick: tick at which the file was whole; None before.
         packed: decisions of the last symbols, packed bits.
         promised: number of wrong decisions that all soft values predict.
-        soft, soft_at: samples of soft values, and their symbol and cell.
+        sample: of the soft values.
         watcher: soft values of some cells over the symbols.
         quality: (cells,) sum of the magnitudes of the soft values.
         symbols: number of decoded symbols.
@@ -107,27 +107,30 @@ class Session:
         lost: whether the last frames were wrong.
         progress: is told what takes long, and the tick that is decoded.
         dark: longest time for which the panel was dark between two groups, ticks.
+        learned: what it knows after the training, for another receiver; None if that is no use.
+
+    Args:
+        tuned: what an earlier receiver knew; None for a detector that learns.
     """
 
     def __init__(
-        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int]
-    ) -> None:
+        self, acquired: Acquired, detector: str, inbox: BlockReader, shape: tuple[int, int],
+        tuned: Tuned | None = None,
+    ) -> None:  # fmt: skip
         self.layout, self.refined = acquired.layout, acquired.refined
         self.pace, self.levels = acquired.pace, acquired.levels
         self.detector_name, self.inbox, self.rows = detector, inbox, shape[0]
         self.progress: Progress = QuietProgress()
-        self.trained = acquired.trained
+        self.trained, self.lit_stop = acquired.trained, acquired.lit[1]
         self.drift: list[Floats] = []
         self.instants: list[Instant] = []
         self.delivered_tick: int | None = None
         self.packed: dict[int, npt.NDArray[np.uint8]] = {}
         self.promised = 0.0
-        self.soft: list[npt.NDArray[np.float32]] = []
-        self.soft_at: list[npt.NDArray[np.int64]] = []
+        self.sample = SoftSample()
         self.watcher = Watcher(self.layout)
         self.quality = np.zeros(self.layout.cells)
         self.symbols = 0
-        self.lit_stop = acquired.lit[1]
         self._known: tuple[int, npt.NDArray[np.bool_]] | None = None
         if acquired.trained is not None:
             low, high = acquired.trained
@@ -140,6 +143,7 @@ class Session:
         self._learned = 0.0
         self._made = 0.0
         """Phase for which the detector was made."""
+        self._acquired, self._tuned, self.learned = acquired, tuned, tuned
         self._met: ClassesMet | None = None
         """What the detector has learned; None without one."""
         self.sound_until = float(self.timing.start(0, self.rows / 2))
@@ -149,7 +153,7 @@ class Session:
     def go_on_from(self, old: Session) -> None:
         """Takes over the results of an earlier session of the same transmission."""
         self.drift, self.instants = old.drift, old.instants
-        self.promised, self.soft, self.soft_at = old.promised, old.soft, old.soft_at
+        self.promised, self.sample = old.promised, old.sample
         self.quality, self.symbols, self.packed = old.quality, old.symbols, old.packed
         self.watcher, self.dark = old.watcher, old.dark
 
@@ -307,6 +311,12 @@ class Session:
         return (self.timing.period - round(self.timing.period)) * symbol
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
+        tuned, self._tuned = self._tuned, None
+        moved = None if tuned is None else tuned.at(registration, self.timing)
+        if tuned is not None and moved is not None and self._known is not None:
+            self._confidence = tuned.confidence
+            self._settle(moved, self._known[0], len(self._known[1]))
+            return moved
         detector = make_detector(self.detector_name, self.layout, registration, self.timing)
         if self._known is not None:
             begin, known = self._known
@@ -323,10 +333,17 @@ class Session:
             stop = int((min(lit[1], recording.stop) - self.timing.first) / self.timing.period) - 1
             count = max(stop - begin, 1)
             detector.learn_pilots(recording.words, recording.first, begin, count)
+        met = self._settle(detector, begin, count)
+        if isinstance(detector, Joint) and begin < TRAINING and self._known is not None:
+            self.learned = Tuned(self._acquired, detector, met, self._confidence)
+        return detector
+
+    def _settle(self, detector: Detector, begin: int, count: int) -> ClassesMet:
+        """Begins to follow the phase with a detector that has learned from `count` symbols."""
         self._learned = 0.0
         self._made = self._phase(begin + count)
         self._met = ClassesMet(detector, self.timing, self.rows, begin, count)
-        return detector
+        return self._met
 
     def _follow(self, recording: Recording, registration: Registration, detector: Any) -> Any:
         """Returns the detector for the next chunk, after one whose decisions are correct."""
@@ -377,23 +394,10 @@ class Session:
         self.watcher.add(first, soft)
         for symbol in list(self.packed)[: max(len(self.packed) - _STORED, 0)]:
             del self.packed[symbol]
-        if sum(len(part) for part in self.soft) < _SAMPLES:
-            values, at = sampled(soft, first)
-            self.soft.append(values)
-            self.soft_at.append(at)
+        self.sample.add(first, soft)
 
     def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Returns values of data cells on the panel, (rows, columns)."""
         out = np.zeros(self.layout.shape, values.dtype)
         out.ravel()[self.layout.data] = values
         return out
-
-    @property
-    def all_drift(self) -> Floats:
-        """(n, 3) displacement of the image, in order of ticks."""
-        parts = [part for part in self.drift if len(part)]
-        if not parts:
-            return np.zeros((0, 3))
-        joined = np.concatenate(parts)
-        _, first = np.unique(joined[:, 0], return_index=True)
-        return joined[first]

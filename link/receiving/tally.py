@@ -15,12 +15,10 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["decide", "sampled", "tally"]
+__all__ = ["decide", "tally"]
 
 _CELLS: Final = 2048
 """Cells that a thread takes at once."""
-_SAMPLED: Final = 65_536
-"""Number of soft values that are sampled at a time."""
 _FAR: Final = np.float32(80.0)
 """Magnitude from which a wrong decision is not expected; its power of two is a normal number."""
 _LOG2E, _HIGH, _LOW = np.float32(1 / np.log(2)), np.float32(0.693359375), np.float32(-2.12194440e-4)
@@ -112,14 +110,3 @@ def tally(soft: npt.NDArray[np.float32], quality: npt.NDArray[np.float64]) -> fl
     wrong = np.zeros(-(-soft.shape[1] // _CELLS))
     _tally(np.ascontiguousarray(soft), quality, wrong)
     return float(wrong.sum())
-
-
-def sampled(
-    soft: npt.NDArray[np.float32], first: int
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int64]]:
-    """Returns about _SAMPLED soft values of symbols from `first` on, (n,) float32, and the symbol
-    and the cell of each, (n, 2) int64."""
-    stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it samples all symbols
-    picked = np.arange(0, soft.size, stride)
-    of, cell = np.divmod(picked, soft.shape[1])
-    return soft.ravel()[picked], np.stack([of + first, cell], 1).astype(np.int64)

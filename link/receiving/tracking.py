@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, TagArt, shift_of
 
-__all__ = ["drift_by_tags"]
+__all__ = ["drift_by_tags", "joined"]
 
 Floats = npt.NDArray[np.float64]
 _REAL: Final = 3.0
@@ -56,3 +57,12 @@ def drift_by_tags(
     low_end = [ends[0]] if ends[0][0] < drift[0, 0] else []
     high_end = [ends[1]] if ends[1][0] > drift[-1, 0] else []
     return np.array([*low_end, *drift.tolist(), *high_end])
+
+
+def joined(parts: Sequence[Floats]) -> Floats:
+    """Returns the displacements of all parts of a recording, (n, 3), in order of ticks."""
+    some = [part for part in parts if len(part)]
+    if not some:
+        return np.zeros((0, 3))
+    rows = np.concatenate(some)
+    return rows[np.unique(rows[:, 0], return_index=True)[1]]

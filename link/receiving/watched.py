@@ -1,4 +1,4 @@
-"""Soft values of some cells over the symbols of a transmission.
+"""Soft values of some cells over the symbols of a transmission, and a sample of all.
 
 All soft values of a recording are too many to store: a megapixel panel gives a million with every
 symbol. Watched are cells of a lattice over the panel, which stand for all, and the least certain
@@ -15,12 +15,42 @@ import numpy.typing as npt
 
 from link.layout import Layout
 
-__all__ = ["CELLS", "VALUES", "Watched", "Watcher"]
+__all__ = ["CELLS", "VALUES", "SoftSample", "Watched", "Watcher"]
 
 CELLS: Final = 2000
 """Cells of each of the two sets, at most."""
 VALUES: Final = 2_000_000
 """Soft values that are stored, at most: those of the first symbols."""
+_SAMPLED: Final = 65_536
+_SAMPLES: Final = 800_000
+"""Largest number of soft values of a sample: _SAMPLED of a chunk, and about _SAMPLES of all."""
+
+
+class SoftSample:
+    """A sample of soft values, evenly from the first symbols."""
+
+    def __init__(self) -> None:
+        self._soft: list[npt.NDArray[np.float32]] = []
+        self._at: list[npt.NDArray[np.int64]] = []
+
+    def add(self, first: int, soft: npt.NDArray[np.float32]) -> None:
+        """Takes some of the soft values, (symbols, cells), of symbols from `first` on."""
+        if sum(len(part) for part in self._soft) < _SAMPLES:
+            stride = max(1, soft.size // _SAMPLED) | 1  # odd, so that it samples all symbols
+            picked = np.arange(0, soft.size, stride)
+            of, cell = np.divmod(picked, soft.shape[1])
+            self._soft.append(soft.ravel()[picked])
+            self._at.append(np.stack([of + first, cell], 1).astype(np.int64))
+
+    @property
+    def soft(self) -> npt.NDArray[np.float32]:
+        """(n,) soft values."""
+        return np.concatenate([np.zeros(0, np.float32), *self._soft])
+
+    @property
+    def at(self) -> npt.NDArray[np.int64]:
+        """(n, 2) symbol and data cell of each."""
+        return np.concatenate([np.zeros((0, 2), np.int64), *self._at])
 
 
 @dataclass(frozen=True, eq=False)

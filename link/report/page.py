@@ -21,7 +21,6 @@ from link.report.phase import phase_section
 from link.report.signal_figures import view_figure
 from link.report.tables import NOT_KNOWN, effects_section, machine_section
 from link.setup.distances import span_of
-from link.setup.modes import fixed_mode
 from link.verdict import Cause
 
 __all__ = ["link_page"]
@@ -202,7 +201,7 @@ def _reach(link: LinkEvaluation, figures: Path) -> str:
         "are too small."
     )
     head = f"<h2>Rate against distance</h2><p>{limits} "
-    if fixed_mode(link.scenario) is not None:
+    if link.setup.mode_given:
         return (
             f"{head}The scenario gives the mode, so that no pilots predict the rate at other "
             "distances; leave a part of the mode <code>auto</code> for them.</p>"

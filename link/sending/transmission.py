@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from cosim.spikes.viform import WORD, Words, words_for
 from link.coding import BlockWriter, Outbox
@@ -25,6 +26,16 @@ T = TypeVar("T", np.bool_, np.uint32)
 
 _KEPT: Final = 8
 """Number of groups in the state: a run that resumes shows the last ones again."""
+
+
+@njit(cache=True, nogil=True)
+def _enlarge(cells, side, out):  # type: ignore[no-untyped-def]
+    """Fills out, (height, width), with cells, (rows, columns), of side x side pixels."""
+    for row in range(cells.shape[0] * side):
+        line = cells[row // side]
+        for column in range(line.size):
+            for n in range(column * side, (column + 1) * side):
+                out[row, n] = line[column]
 
 
 class Transmission:
@@ -173,12 +184,8 @@ class Transmission:
 
     def _spread(self, cells: npt.NDArray[T], on: T) -> npt.NDArray[T]:
         """Returns the panel's pixels of cells, with `on` where tags are bright."""
-        side, (rows, columns) = self.mode.cell, self.layout.shape
         out = np.zeros((self.mode.height, self.mode.width), cells.dtype)
-        area = out[: rows * side, : columns * side]
-        for row in range(side):
-            for column in range(side):
-                area[row::side, column::side] = cells
+        _enlarge(cells, self.mode.cell, out)
         for tag in self._tags:
             out[tag.place] = np.where(tag.bright, on, np.zeros((), cells.dtype))
         return out

@@ -313,8 +313,8 @@ def choose(
     tried: dict[tuple[int, int, str], Trial] = {}
     rows: list[Considered] = []
     failed: list[tuple[Mode, float]] = []
+    best = 0.0
     for mode in modes:
-        best = max((row.goodput or 0.0 for row in rows), default=0.0)
         key = mode.symbols
         if mode in long:
             rows.append(Considered(mode, ceiling[mode], "its runs of off ticks are too long"))
@@ -334,6 +334,7 @@ def choose(
             ):
                 failed.append((mode, got.errors / got.bits))
             rows.append(_weighed(mode, ceiling[mode], got, size, hz, most_overhead))
+            best = max(best, rows[-1].goodput or 0.0)
     measured = [row for row in rows if row.goodput is not None]
     if not measured:  # none was tried: the slowest mode requires least
         return Choice(modes[-1], False, tuple(rows))

@@ -19,7 +19,7 @@ from link.mode import Mode
 from link.setting import LinkSetting, link_setting
 from link.setup.choosing import Choice
 from link.setup.locking.model import at_lock
-from link.setup.modes import choose_mode, fixed_mode
+from link.setup.modes import choose_mode
 from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view, tag_module
 
@@ -71,7 +71,7 @@ def _moved(setting: LinkSetting, distance: float) -> LinkSetting:
 def rates_over_distance(setup: FileLinkSetup, progress: Progress) -> list[RateAt]:
     """Returns the predicted rates at the run's distance and at OTHERS, in the order of distance.
     Empty if the scenario gives the mode, which then is not chosen by pilots."""
-    if fixed_mode(setup.scenario) is not None:
+    if setup.mode_given:
         return []
     here = setup.setting.air.distance
     near, far = span_of(setup.setting, setup.mode)
@@ -103,4 +103,4 @@ def _choice(setup: FileLinkSetup, distance: float, progress: Progress) -> Choice
     if setup.lock is not None:
         setting = at_lock(setting)
     size = len(setup.payload.data)
-    return choose_mode(scenario, setting, size, setup.device, progress)[1]
+    return choose_mode(link.modem, setting, size, setup.device, progress)[1]

@@ -1,4 +1,4 @@
-"""The mode of a run: given by the scenario, or the best of those that it leaves open."""
+"""The mode of a link: given by its modem, or the best of those that this leaves open."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.config.amounts import at_most
 from cosim.run.progress import Progress, duration_text
-from link.mode import CELLS, LINE_CODES, RATES, Mode, codes_of, ticks_chosen
+from link.mode import CELLS, LINE_CODES, RATES, Mode, Modem, codes_of, ticks_chosen
 from link.prediction.error_bound import LEAST_CELL
 from link.prediction.light import cell_scene
 from link.receiving.tags import LEAST_MODULE
-from link.section import LinkScenario, ModemSection
 from link.setting import LinkSetting
 from link.setup.adapting import Course
 from link.setup.choosing import Choice, Trial, choose, foresee
@@ -71,18 +70,18 @@ def check_reach(setting: LinkSetting) -> None:
     )  # fmt: skip
 
 
-def fixed_mode(scenario: LinkScenario) -> Mode | None:
-    """Returns the mode of the scenario; None if a part of it is to be chosen."""
-    modem, panel = scenario.link.modem, scenario.link.panel
+def fixed_mode(modem: Modem, panel: tuple[int, int]) -> Mode | None:
+    """Returns the mode of a modem on a panel of (height, width); None if a part of it is to be
+    chosen."""
     parts = modem.cell, modem.ticks, modem.line
     codes = _codes(modem, modem.line)
     if "auto" in parts or len(codes) != 1:
         return None
-    return Mode(panel.width, panel.height, *parts, *codes[0])
+    return Mode(panel[1], panel[0], *parts, *codes[0])
 
 
-def _codes(modem: ModemSection, line: str) -> list[tuple[int | None, float | None]]:
-    """Returns the parities and rates that the scenario leaves open with a line code."""
+def _codes(modem: Modem, line: str) -> list[tuple[int | None, float | None]]:
+    """Returns the parities and rates that the modem leaves open with a line code."""
     return [
         (parity, rate) for parity, rate in codes_of(line)
         if modem.code in ("auto", "reed-solomon" if rate is None else "ldpc")
@@ -91,14 +90,13 @@ def _codes(modem: ModemSection, line: str) -> list[tuple[int | None, float | Non
     ]  # fmt: skip
 
 
-def _candidates(
-    modem: ModemSection, size: tuple[int, int], setting: LinkSetting, adaptive: bool
-) -> list[Mode]:
-    """Returns the modes that the scenario leaves open, with cells somewhat larger than a camera
+def _candidates(modem: Modem, setting: LinkSetting, adaptive: bool) -> list[Mode]:
+    """Returns the modes that the modem leaves open, with cells somewhat larger than a camera
     pixel. adaptive: whether blocks may have a rate each; such modes are the last ones.
 
     The line code `none`, which is that of earlier recordings, is only chosen on request.
     """
+    size = setting.panel.shape[1], setting.panel.shape[0]
     cells = [c for c in CELLS if c * setting.scale >= LEAST_CELL] or [CELLS[-1]]
     symbols = [
         (cell, ticks, line)
@@ -118,8 +116,8 @@ def _candidates(
     ]
 
 
-def _may_adapt(modem: ModemSection, setting: LinkSetting) -> bool:
-    """Whether blocks may have a rate each: where the scenario asks for it, and where it leaves the
+def _may_adapt(modem: Modem, setting: LinkSetting) -> bool:
+    """Whether blocks may have a rate each: where the modem asks for it, and where it leaves the
     code open and the phase drifts."""
     if modem.rate == "adaptive":
         return True
@@ -168,35 +166,31 @@ class _Forecast:
 
 
 def choose_mode(
-    scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
+    modem: Modem, setting: LinkSetting, size: int, device: Device | None,
     progress: Progress, adaptive: bool = False,
 ) -> tuple[Mode, Choice | None]:  # fmt: skip
-    """Returns the mode, and how it was chosen; None if the scenario gives it, or nothing can
-    arrive.
+    """Returns the mode, and how it was chosen; None if the modem gives it, or nothing can arrive.
 
     Args:
-        scenario, setting: the link.
+        modem, setting: the link.
         size: of the file, bytes; an empty file counts as one byte.
         device: OpenCL device, None for numba.
         progress: of the pilots.
         adaptive: whether blocks can have a rate each.
 
     Raises:
-        InputError: if the scenario asks for such rates where they cannot be.
+        InputError: if the modem asks for such rates where they cannot be.
     """
-    mode = fixed_mode(scenario)
+    mode = fixed_mode(modem, setting.panel.shape)
     if mode is not None:
         return mode, None
-    modem = scenario.link.modem
     if modem.rate == "adaptive" and not adaptive:
         raise InputError(
             "link.modem.rate", "a rate, or auto, where the link carries a stream", "adaptive",
             "leave it out",
         )  # fmt: skip
     adapts = adaptive and _may_adapt(modem, setting)
-    modes = _candidates(
-        modem, (scenario.link.panel.width, scenario.link.panel.height), setting, adapts
-    )
+    modes = _candidates(modem, setting, adapts)
     # If nothing can arrive in any mode, take the first one, which takes the shortest time.
     # Through a blur the pilots are filmed all the same: they say how many bits it leaves right.
     if tag_module(setting, modes[0])[0] < _NEVER * LEAST_MODULE or not panel_in_view(setting):
@@ -220,7 +214,7 @@ def choose_mode(
                 f"{len(found) + 1} of {len(delays)}"
             )
             at = replace(strip, first_light=strip.first_light + late)
-            pilot = film_pilot(at, narrow, modem.detector, scenario.seed, device)
+            pilot = film_pilot(at, narrow, modem.detector, setting.air.seed, device)
             found.append(Trial.of(narrow, pilot.sent, pilot.soft))
             forecast.film(len(delays) - len(found) + (most - tried - 1) * len(delays))
         tried += 1

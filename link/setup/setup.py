@@ -1,8 +1,12 @@
-"""A link set up from its scenario: checked, with its mode, not yet planned."""
+"""A link set up: checked, its mode chosen and its clock locked; then with what it sends.
+
+`choose_link` does what a link needs once; `ChosenLink.file` gives a transmission of it. A run, and
+a link that is called (`link.core`), are set up by both.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cosim import InputError, seconds_to_ps
@@ -10,7 +14,7 @@ from cosim.compute.opencl import Device, choose_device
 from cosim.config.amounts import at_least
 from cosim.run.progress import Progress
 from link.layout import TRAINING, Layout
-from link.mode import EVERY_RATE, Mode
+from link.mode import EVERY_RATE, Mode, Modem
 from link.section import LinkScenario
 from link.sending import FileTransmission, Transmission
 from link.setting import (
@@ -24,13 +28,16 @@ from link.setting import (
 )
 from link.setup.choosing import Choice
 from link.setup.locking.choice import choose_and_lock
-from link.setup.locking.loop import ClockLock
+from link.setup.locking.loop import ClockLock, Locking
 from link.setup.modes import fixed_mode, tag_warning
 from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 from sensor import CameraSetting
+from sensor.device.steering import ClockSteering
 
-__all__ = ["FileLinkSetup", "LinkSetup", "set_up_link"]
+__all__ = [
+    "ChosenLink", "FileLinkSetup", "FileSetup", "LinkSetup", "choose_link", "set_up_link",
+]  # fmt: skip
 
 _SHORTENED_PLANES = 600
 """Largest number of planes if no mode is expected to work: enough for the receiver to find the
@@ -38,29 +45,186 @@ cause."""
 
 
 @dataclass(frozen=True)
+class ChosenLink:
+    """A link without data: its mode is chosen, and its camera's clock locked where it can be.
+
+    Attributes:
+        modem: how bytes become planes, as asked for.
+        tolerance: of the change of the bit error rate, half-widths of its interval.
+        steering: of the camera's clock; None for ticks that keep their length.
+        setting: panel, lens, air and camera with every effect.
+        mode, choice: the mode, and how it was chosen; None if the modem gives it.
+        device: OpenCL device, None for the compiled form on the processor.
+        times: of each stage so far.
+        locking: the loop that has locked the clock; None without a lock.
+    """
+
+    modem: Modem
+    tolerance: float
+    steering: ClockSteering | None
+    setting: LinkSetting
+    mode: Mode
+    choice: Choice | None
+    device: Device | None
+    times: Spent
+    locking: Locking | None
+
+    @property
+    def mode_given(self) -> bool:
+        """Whether the modem gives the mode, so that it is not chosen by pilots."""
+        return fixed_mode(self.modem, self.setting.panel.shape) is not None
+
+    @property
+    def hopeful(self) -> bool:
+        """Whether the mode is expected to work, or given. Pilots need no tags, so a mode that
+        carries them does not yet work."""
+        if self.choice is None:
+            return self.mode_given
+        return self.choice.holds and tag_warning(self.setting, self.mode) is None
+
+    def held(
+        self,
+        planes: int,
+        progress: Progress,
+        setting: LinkSetting | None = None,
+        measured: bool = True,
+    ) -> tuple[LinkSetting, ClockLock | None]:
+        """Returns the link with the ticks of its clock over a transmission, and how they were held.
+
+        Args:
+            planes: of the transmission.
+            progress: of the ticks.
+            setting: with other hidden spans, or the noise of another seed; that of the link if
+                None.
+            measured: as in `Locking.hold`.
+        """
+        setting = setting or self.setting
+        if self.locking is None:
+            return setting, None
+        with self.times.on("phase lock"):
+            return self.locking.hold(setting, planes, progress, measured)
+
+    def file(
+        self, payload: Payload, progress: Progress, most_symbols: int | None = None,
+        seed: int | None = None,
+    ) -> FileSetup:  # fmt: skip
+        """Returns the link with a file to send.
+
+        Args:
+            payload: the file.
+            progress: of the ticks of a locked clock.
+            most_symbols: number of symbols after which the transmission is cut; None for the whole
+                file, or for as many as show the cause if it is not expected to arrive.
+            seed: of the noise of a call; None for a run with the noise of the link, whose lock is
+                measured to its end.
+
+        Raises:
+            InputError: the panel has no room for a frame.
+        """
+        mode, rates = self.mode, () if self.choice is None else self.choice.rates
+        if mode.adaptive and not rates:  # nothing is expected to arrive
+            rates = (EVERY_RATE.index(min(EVERY_RATE)),)
+        most = most_symbols
+        if most is None and not self.hopeful:
+            least = TRAINING + 2 * Layout(mode).group
+            most = max(_SHORTENED_PLANES // mode.ticks, least)
+        try:
+            with self.times.on("sender"):
+                sent = FileTransmission(
+                    mode, payload.data, payload.name, interleave=self.modem.interleave,
+                    overhead=self.modem.overhead, most_symbols=most, rates=rates,
+                )  # fmt: skip
+        except ValueError as exc:
+            raise InputError(
+                "link.modem", "a mode that the panel has room for", str(exc),
+                "take smaller cells or a larger panel",
+            ) from exc  # fmt: skip
+        setting = self.setting
+        if seed is not None:
+            setting = replace(
+                setting, camera=replace(setting.camera, seed=seed),
+                air=replace(setting.air, seed=seed),
+            )  # fmt: skip
+        setting, lock = self.held(sent.planes, progress, setting, seed is None)
+        clock = setting.camera.clock
+        dark = setting.first_light + setting.panel.clock.edge(sent.planes)
+        cycles = clock.cycle_at(dark) + 1 + TAIL
+        return FileSetup(self, setting, sent, cycles, lock, payload, most_symbols is not None)
+
+
+def choose_link(
+    modem: Modem, setting: LinkSetting, steering: ClockSteering | None, tolerance: float, size: int,
+    device: Device | None, progress: Progress, adaptive: bool = True,
+) -> ChosenLink:  # fmt: skip
+    """Chooses the mode of a link and locks its clock.
+
+    Args:
+        modem, setting, steering, tolerance, device: see `ChosenLink`.
+        size: of the file for which the mode is chosen, bytes.
+        progress: of the pilots.
+        adaptive: whether blocks can have a rate each.
+
+    Raises:
+        InputError: if the link cannot be simulated.
+    """
+    spent = Spent()
+    mode, choice, locking = choose_and_lock(
+        modem, setting, steering, size, device, progress, spent, adaptive
+    )
+    setting = setting if locking is None else locking.setting
+    return ChosenLink(modem, tolerance, steering, setting, mode, choice, device, spent, locking)
+
+
+@dataclass(frozen=True)
 class LinkSetup:
     """A link before it is planned.
 
     Attributes:
-        scenario: the scenario.
-        setting: panel, lens, air and camera with every effect.
-        mode, choice: the mode, and how it was chosen; None if the scenario gives it.
+        chosen: the link without data.
+        setting: panel, lens, air and camera with every effect, in this transmission.
         sent: the transmission.
         cycles: of the camera.
-        device: OpenCL device, None for the compiled form on the processor.
-        times: of each stage so far.
         lock: of the camera's clock; None if its ticks are of one length.
     """
 
-    scenario: LinkScenario
+    chosen: ChosenLink
     setting: LinkSetting
-    mode: Mode
-    choice: Choice | None
     sent: Transmission
     cycles: int
-    device: Device | None
-    times: Spent
     lock: ClockLock | None
+
+    @property
+    def modem(self) -> Modem:
+        return self.chosen.modem
+
+    @property
+    def mode(self) -> Mode:
+        return self.chosen.mode
+
+    @property
+    def choice(self) -> Choice | None:
+        return self.chosen.choice
+
+    @property
+    def device(self) -> Device | None:
+        return self.chosen.device
+
+    @property
+    def times(self) -> Spent:
+        return self.chosen.times
+
+    @property
+    def tolerance(self) -> float:
+        return self.chosen.tolerance
+
+    @property
+    def seed(self) -> int:
+        """Seed of the link: that of its first transmission."""
+        return self.chosen.setting.air.seed
+
+    @property
+    def mode_given(self) -> bool:
+        return self.chosen.mode_given
 
     @property
     def device_name(self) -> str:
@@ -98,7 +262,7 @@ class LinkSetup:
             notes.append(
                 f"camera's clock locked to the panel in {self.lock.acquired} ticks before the run"
             )
-        elif steering_of(self.scenario.sensor) is not None and panel_in_view(self.setting):
+        elif self.chosen.steering is not None and panel_in_view(self.setting):
             notes.append("no lock of the camera's clock to the panel was found: it runs freely")
         return notes + self.warnings()
 
@@ -109,21 +273,22 @@ class LinkSetup:
 
 
 @dataclass(frozen=True)
-class FileLinkSetup(LinkSetup):
+class FileSetup(LinkSetup):
     """A link that sends a file.
 
     Attributes:
         payload: the file.
+        limited: whether the length of the transmission is given.
     """
 
     sent: FileTransmission
     payload: Payload
+    limited: bool
 
     @property
     def shortened(self) -> bool:
         """Whether only a part is recorded, because no mode is expected to work."""
-        timed = self.scenario.duration is not None
-        hopeful = timed or _hopeful(self.scenario, self.setting, self.mode, self.choice)
+        hopeful = self.limited or self.chosen.hopeful
         return not hopeful and self.sent.groups < self.sent.outbox.groups
 
     def mode_document(self) -> dict[str, Any]:
@@ -155,14 +320,15 @@ class FileLinkSetup(LinkSetup):
         return ([self.shortened_message()] if self.shortened else []) + super().warnings()
 
 
-def _hopeful(
-    scenario: LinkScenario, setting: LinkSetting, mode: Mode, choice: Choice | None
-) -> bool:
-    """Whether a mode is expected to work, or the scenario gives it. Pilots need no tags, so a mode
-    that carries them does not yet work."""
-    if choice is None:
-        return fixed_mode(scenario) is not None
-    return choice.holds and tag_warning(setting, mode) is None
+@dataclass(frozen=True)
+class FileLinkSetup(FileSetup):
+    """A link that sends the file of a scenario.
+
+    Attributes:
+        scenario: the scenario.
+    """
+
+    scenario: LinkScenario
 
 
 def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
@@ -198,37 +364,12 @@ def set_up_link(
         InputError: if the scenario cannot be simulated.
     """
     payload, setting = payload_of(scenario), link_setting(scenario, camera)
-    opened = choose_device(device)
-    spent = Spent()
-    mode, choice, locking = choose_and_lock(
-        scenario, setting, len(payload.data), opened, progress, spent, adaptive=True
-    )
-    setting = setting if locking is None else locking.setting
-    modem, rates = scenario.link.modem, () if choice is None else choice.rates
-    if mode.adaptive and not rates:  # nothing is expected to arrive
-        rates = (EVERY_RATE.index(min(EVERY_RATE)),)
-    most = _symbols_in(scenario, setting, mode)
-    if most is None and not _hopeful(scenario, setting, mode, choice):
-        least = TRAINING + 2 * Layout(mode).group
-        most = max(_SHORTENED_PLANES // mode.ticks, least)
-    try:
-        with spent.on("sender"):
-            sent = FileTransmission(
-                mode, payload.data, payload.name, interleave=modem.interleave,
-                overhead=modem.overhead, most_symbols=most, rates=rates,
-            )  # fmt: skip
-    except ValueError as exc:
-        raise InputError(
-            "link.modem", "a mode that the panel has room for", str(exc),
-            "take smaller cells or a larger panel",
-        ) from exc  # fmt: skip
-    lock = None
-    if locking is not None:
-        with spent.on("phase lock"):
-            setting, lock = locking.hold(setting, sent.planes, progress)
-    clock = setting.camera.clock
-    dark = setting.first_light + setting.panel.clock.edge(sent.planes)
-    cycles = clock.cycle_at(dark) + 1 + TAIL
+    chosen = choose_link(
+        scenario.link.modem, setting, steering_of(scenario.sensor), scenario.tolerance,
+        len(payload.data), choose_device(device), progress,
+    )  # fmt: skip
+    most = _symbols_in(scenario, chosen.setting, chosen.mode)
+    made = chosen.file(payload, progress, most)
     return FileLinkSetup(
-        scenario, setting, mode, choice, sent, cycles, opened, spent, lock, payload
+        chosen, made.setting, made.sent, made.cycles, made.lock, payload, made.limited, scenario
     )

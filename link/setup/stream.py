@@ -23,10 +23,8 @@ from link.coding.stream_boxes import StreamOutbox, stream_blocks, stream_rate
 from link.layout import TRAINING, Layout
 from link.section import LinkScenario
 from link.sending import FileTransmission, Transmission
-from link.setting import LEAD, TAIL, link_setting
-from link.setup.locking.choice import choose_and_lock
-from link.setup.setup import LinkSetup
-from link.setup.spent import Spent
+from link.setting import LEAD, TAIL, link_setting, steering_of
+from link.setup.setup import LinkSetup, choose_link
 from sensor import CameraSetting
 
 __all__ = ["ASSEMBLY", "StreamSetup", "set_up_stream"]
@@ -46,11 +44,13 @@ class StreamSetup(LinkSetup):
     mode, for the check of the plan.
 
     Attributes:
+        scenario: the scenario.
         form: of the blocks.
         blocks: number of blocks.
         lead: camera cycles from the start of the link to cycle 0 of the stream.
     """
 
+    scenario: LinkScenario
     form: Blocks
     blocks: int
     lead: int
@@ -140,11 +140,13 @@ def set_up_stream(
         InputError: if the link cannot be simulated.
     """
     setting, opened = link_setting(scenario, camera), choose_device(device)
-    spent = Spent()
     # The mode is chosen for a long transmission: one second of the panel's raw bits at the most.
     size = round(setting.panel.clock.hz * math.prod(setting.panel.shape) / 64)
-    mode, choice, locking = choose_and_lock(scenario, setting, size, opened, progress, spent)
-    setting = setting if locking is None else locking.setting
+    chosen = choose_link(
+        scenario.link.modem, setting, steering_of(scenario.sensor), scenario.tolerance, size,
+        opened, progress, adaptive=False,
+    )  # fmt: skip
+    setting, mode = chosen.setting, chosen.mode
     layout = Layout(mode)
     try:
         form = stream_blocks(layout, scenario.link.modem.interleave)
@@ -170,11 +172,7 @@ def set_up_stream(
     blocked = tuple((low + late, high + late) for low, high in setting.aim.blocked)
     setting = replace(setting, aim=replace(setting.aim, blocked=blocked))
     whole = TRAINING + blocks * form.groups * layout.group + layout.closing
-    lock = None
-    if locking is not None:
-        setting, lock = locking.hold(setting, whole * mode.ticks, progress)
+    setting, lock = chosen.held(whole * mode.ticks, progress, setting)
     dark = setting.first_light + panel.edge(whole * mode.ticks)
     ticks = clock.cycle_at(dark) + 1 + TAIL
-    return StreamSetup(
-        scenario, setting, mode, choice, stand_in, ticks, opened, spent, lock, form, blocks, lead
-    )
+    return StreamSetup(chosen, setting, stand_in, ticks, lock, scenario, form, blocks, lead)

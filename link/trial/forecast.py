@@ -66,7 +66,7 @@ def _film(setup: FileLinkSetup, plan: LinkPlan, everything: LinkPlan) -> _Filmed
         SpikeCamera(each.camera, setup.device, tier=each.tier, row_delay=air.row_delay)
         for each in plans
     ]
-    plane = LinkPatches(setting, setup.sent, setup.scenario.seed).plane
+    plane = LinkPatches(setting, setup.sent, setup.seed).plane
     reference, cut = None, None
     if plane is not None:
         reference = PatchCamera(setting.camera, plane, "reference", row_delay=air.row_delay)
@@ -114,7 +114,7 @@ def _check_time(setup: FileLinkSetup, plan: LinkPlan, progress: Progress) -> lis
     """Returns the time of the check of the plan, from that of one of fewer symbols."""
     if not is_checked(setup):
         return []
-    detector, seed = setup.scenario.link.modem.detector, setup.scenario.seed
+    detector, seed = setup.modem.detector, setup.seed
     whole, part = (
         LinkPatches(setup.setting, setup.sent, seed, detector, most)
         for most in (None, FEWEST)
@@ -151,7 +151,7 @@ def _stages(
 def link_forecast(name: str, setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
     """Returns the document of `viform plan --json` for a link."""
     survey = survey_of(setup)
-    planned = survey.plan(setup.scenario.tolerance, setup.device)
+    planned = survey.plan(setup.tolerance, setup.device)
     everything = survey.plan(0.0, setup.device, tier=planned.tier)
     for warning in setup.warnings():
         progress.note(warning)

@@ -17,7 +17,7 @@ from cosim import BLOCK, Block, InputError
 from cosim.plan.ladder import Row, distinct_plans, fit_rows
 from cosim.run.progress import Progress
 from link.air import ber_units
-from link.setup.setup import LinkSetup
+from link.setup.setup import FileLinkSetup
 from link.trial.check import KIND, compare
 from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LinkPlan, LinkSurvey, half_width
@@ -52,7 +52,7 @@ class _Rung:
         return f"{self.tier} {self.tolerances[0]:g}"
 
 
-def _rungs(setup: LinkSetup, survey: LinkSurvey) -> list[_Rung]:
+def _rungs(setup: FileLinkSetup, survey: LinkSurvey) -> list[_Rung]:
     tiers: list[Tier] = ["exact"] if setup.device is None else ["exact", "fast"]
     return [
         _Rung(tier, tolerances, plan)
@@ -65,7 +65,7 @@ def _rungs(setup: LinkSetup, survey: LinkSurvey) -> list[_Rung]:
 
 
 def _plane_ns(
-    setup: LinkSetup, plans: Sequence[LinkPlan], progress: Progress
+    setup: FileLinkSetup, plans: Sequence[LinkPlan], progress: Progress
 ) -> tuple[dict[frozenset[str] | None, float], dict[tuple[Tier, CameraSetting], float]]:
     """Measures the whole chip, nanoseconds for a pixel-cycle.
 
@@ -103,14 +103,14 @@ def _plane_ns(
     )
 
 
-def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
+def link_ladder(setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
     """Returns the document of `viform accuracy --json` for a link.
 
     Raises:
         InputError: if no bit can be compared.
     """
     setting, camera = setup.setting, setup.setting.camera
-    seed, detector = setup.scenario.seed, setup.scenario.link.modem.detector
+    seed, detector = setup.seed, setup.modem.detector
     patches = LinkPatches(setting, setup.sent, seed, detector)
     if patches.plane is None or not patches.bits:
         raise InputError(
@@ -143,7 +143,7 @@ def link_ladder(setup: LinkSetup, progress: Progress) -> dict[str, Any]:
 
 
 def _reference(
-    setup: LinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, air_ns: float
+    setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, air_ns: float
 ) -> Row:
     """Returns the row of full physics.
 
@@ -160,7 +160,7 @@ def _reference(
 
 
 def _document(
-    setup: LinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, rows: list[Row],
+    setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, rows: list[Row],
     kind: str,
 ) -> dict[str, Any]:  # fmt: skip
     assert patches.plane is not None

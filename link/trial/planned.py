@@ -66,7 +66,7 @@ class PlannedLink:
 
 def _planned(setup: LinkSetup, survey: LinkSurvey, effects: Sequence[str]) -> PlannedLink:
     plan = survey.plan(
-        setup.scenario.tolerance, setup.device,
+        setup.tolerance, setup.device,
         forced=[name for name in effects if name != ARITHMETIC],
         tier="exact" if ARITHMETIC in effects else None,
     )  # fmt: skip
@@ -79,7 +79,7 @@ def survey_of(setup: LinkSetup, patches: LinkPatches | None = None) -> LinkSurve
     compared = None
     if is_checked(setup):
         patches = patches or LinkPatches(
-            setup.setting, setup.sent, setup.scenario.seed, setup.scenario.link.modem.detector
+            setup.setting, setup.sent, setup.seed, setup.modem.detector
         )
         pilots = () if setup.choice is None else setup.choice.rows
         rates = [row.errors for row in pilots if row.mode == setup.mode]
@@ -103,14 +103,14 @@ def check_plan(link: PlannedLink, progress: Progress) -> tuple[PlannedLink, list
     """Checks the plan on patches. Returns the link with the result, and the effect to reinstate, if
     any. See `is_checked`."""
     setup, plan = link.setup, link.plan
-    setting, tolerance = setup.setting, setup.scenario.tolerance
+    setting, tolerance = setup.setting, setup.tolerance
     begin = time.perf_counter()
     if not is_checked(setup):
         check = LinkCheck(None, dict.fromkeys(plan.left_out), None, 0, None)
     else:
         check = check_link(
-            setting, setup.sent, plan, detector=setup.scenario.link.modem.detector,
-            seed=setup.scenario.seed, device=setup.device, progress=progress,
+            setting, setup.sent, plan, detector=setup.modem.detector,
+            seed=setup.seed, device=setup.device, progress=progress,
         )  # fmt: skip
     wall = setup.times.wall
     wall["plan and check"] = wall.get("plan and check", 0.0) + time.perf_counter() - begin

@@ -29,7 +29,6 @@ from link.coding import Inbox
 from link.layout import Layout
 from link.receiving import Receiver
 from link.setup.distances import OTHERS
-from link.setup.modes import fixed_mode
 from link.setup.setup import FileLinkSetup
 from link.trial.amounts import Amounts
 
@@ -132,7 +131,7 @@ def receiver_times(
         recorded: the blocks, in order.
         todo: the run.
     """
-    modem, made = setup.scenario.link.modem, []
+    modem, made = setup.modem, []
 
     def inbox(layout: Layout) -> Inbox:
         made.append(_TimedInbox(layout, interleave=modem.interleave, device=setup.device))
@@ -179,7 +178,7 @@ def recorder_time(todo: Amounts) -> StageTime:
 def evaluation_times(setup: FileLinkSetup, todo: Amounts, arrives: bool) -> list[StageTime]:
     """Returns the times of the closed form, of the figures of merit and of the report. arrives:
     whether data are predicted to be read, which they are computed from."""
-    others = 0 if fixed_mode(setup.scenario) is not None else OTHERS
+    others = 0 if setup.mode_given else OTHERS
     bits = todo.data_symbols * setup.sent.layout.cells if arrives else 0
 
     def row(stage: str, amount: float, unit: str, seconds: float) -> StageTime:

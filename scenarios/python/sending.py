@@ -5,27 +5,43 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, overload
 
 from cosim import InputError
+from link.core import Crossed
+from link.setting import read_payload
 from scenarios.python.finished import Run
+from scenarios.python.link import Link
 from scenarios.python.running import run, source_file
 from scenarios.python.words import in_python
 
 __all__ = ["send"]
 
 
+@overload
+def send(
+    data: bytes | str | os.PathLike[str], *, out: None = None, tolerance: float | None = None,
+    seed: int | None = None, device: str | None = None, resume: bool = False,
+    progress: bool | None = None, **settings: Any,
+) -> Crossed: ...  # fmt: skip
+@overload
+def send(
+    data: bytes | str | os.PathLike[str], *, out: str | os.PathLike[str],
+    tolerance: float | None = None, seed: int | None = None, device: str | None = None,
+    resume: bool = False, progress: bool | None = None, **settings: Any,
+) -> Run: ...  # fmt: skip
 @in_python
 def send(
     data: bytes | str | os.PathLike[str], *, out: str | os.PathLike[str] | None = None,
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,
     resume: bool = False, progress: bool | None = None, **settings: Any,
-) -> Run:  # fmt: skip
-    """Sends bytes from a panel to a spike camera, as `viform run light-link` does.
+) -> Crossed | Run:  # fmt: skip
+    """Sends bytes from a panel to a spike camera, as `viform run light-link` does. Without `out`
+    they stay in memory, see `Link`.
 
     Args:
         data: the bytes, one or more, or the path of a file.
-        out: folder to create, with bytes beside it in OUT.bin; runs/light-link-N if None.
+        out: folder to create, with bytes beside it in OUT.bin; nothing is written if None.
         tolerance: allowed error, half-widths of the bit error rate's interval; that of the scenario
             if None.
         seed: of all random effects; that of the scenario if None.
@@ -33,15 +49,23 @@ def send(
         resume: whether the interrupted run in `out` goes on, with the same arguments; a complete
             one is returned.
         progress: whether progress is shown on standard error; None for on a terminal and in a
-            notebook.
-        **settings: keys of the scenario, such as **{"link.distance": "4 m"}.
+            notebook. Without `out`, none is shown.
+        **settings: keys of the scenario, such as **{"link.distance": "4 m"}; without `out` those of
+            [link] and [sensor].
 
     Returns:
-        The run; `received` has what arrived.
+        What arrived, as of `Link.send`; with `out` the run, whose `received` has it by name.
 
     Raises:
         InputError: the input cannot be used.
     """
+    if out is None:
+        if resume:
+            raise InputError("resume", "given with out", "alone", "add out and the folder")
+        given = data if isinstance(data, bytes) else read_payload(Path(data)).data
+        _check_bytes(len(given), "none")
+        with Link.of(settings, len(given), tolerance, seed, device) as link:
+            return link.send(given)
     with TemporaryDirectory(prefix="viform-") as folder:
         if isinstance(data, bytes):
             _check_bytes(len(data), "none")

@@ -10,6 +10,7 @@ Techniques for Digital Receivers, 1997, chapter 7).
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -68,6 +69,12 @@ class PhaseDetector:
         self._layout, self._name, self._registration = layout, detector, registration
         self.training = training(layout)
         self._decides: Detector | None = None
+
+    def copied(self) -> PhaseDetector:
+        """Returns one that has learned the same, for another thread."""
+        other = copy(self)
+        other._decides = copy(self._decides)
+        return other
 
     def acquire(self, recording: Recording, lit: tuple[int, int]) -> Acquisition | None:
         """Returns the timing of a recording that contains the training; None if its pilots are not

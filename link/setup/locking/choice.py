@@ -4,28 +4,29 @@ from __future__ import annotations
 
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
-from link.mode import Mode
-from link.section import LinkScenario
-from link.setting import LinkSetting, steering_of
+from link.mode import Mode, Modem
+from link.setting import LinkSetting
 from link.setup.choosing import Choice
 from link.setup.locking.loop import Locking
 from link.setup.locking.model import at_lock
 from link.setup.modes import check_reach, choose_mode
 from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
+from sensor.device.steering import ClockSteering
 
 __all__ = ["choose_and_lock"]
 
 
 def choose_and_lock(
-    scenario: LinkScenario, setting: LinkSetting, size: int, device: Device | None,
-    progress: Progress, spent: Spent, adaptive: bool = False,
+    modem: Modem, setting: LinkSetting, steering: ClockSteering | None, size: int,
+    device: Device | None, progress: Progress, spent: Spent, adaptive: bool = False,
 ) -> tuple[Mode, Choice | None, Locking | None]:  # fmt: skip
     """Returns the mode as `choose_mode`, and the loop that has locked the camera's clock; None if
     the clock cannot be steered or no lock is found. A mode is tried at the phase that it will have.
 
     Args:
-        scenario, setting, size, device, progress, adaptive: as in `choose_mode`.
+        modem, setting, size, device, progress, adaptive: as in `choose_mode`.
+        steering: of the camera's clock; None for ticks that keep their length.
         spent: of each stage; that of the pilots and of the loop is added.
 
     Raises:
@@ -34,13 +35,12 @@ def choose_and_lock(
 
     def chosen(setting: LinkSetting) -> tuple[Mode, Choice | None]:
         with spent.on("pilots"):
-            mode, choice = choose_mode(scenario, setting, size, device, progress, adaptive)
+            mode, choice = choose_mode(modem, setting, size, device, progress, adaptive)
         if choice is None:  # there were none
             spent.forget("pilots")
         return mode, choice
 
     check_reach(setting)
-    steering = steering_of(scenario.sensor)
     if steering is None or not panel_in_view(setting):
         return *chosen(setting), None
     mode, choice = chosen(at_lock(setting))
@@ -48,7 +48,7 @@ def choose_and_lock(
     if choice is None or choice.holds:
         with spent.on("phase lock"):
             try:
-                locking = Locking(setting, mode, steering, scenario.link.modem.detector, device)
+                locking = Locking(setting, mode, steering, modem.detector, device)
             except ValueError:  # a strip without room for a frame
                 locking = None
             if locking is not None and not locking.acquire():

@@ -17,6 +17,7 @@ model.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -61,6 +62,10 @@ _SLIP: Final = 0.5
 """Largest move of an edge from the panel's clock, ticks: with a larger one the lock is lost."""
 _IDLING: Final = -(1 << 60)
 """Time of a window before the recording, ps: long before any hidden span."""
+
+
+def _unmeasured(phase: float, growth: float) -> None:
+    """Measures nothing; see `Locking._interval`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,32 +233,49 @@ class Locking:
         return True
 
     def hold(
-        self, setting: LinkSetting, planes: int, progress: Progress
+        self, setting: LinkSetting, planes: int, progress: Progress, measured: bool = True
     ) -> tuple[LinkSetting, ClockLock | None]:
         """Returns a link with the ticks of the loop over its run, and how they were held; the link
-        with the clocks that it had at first, and None, if the lock is lost.
+        with the clocks that it had at first, and None, if the lock is lost. The loop stays as it
+        was at the begin of the run, so that several threads may call this, again and again.
 
         Args:
-            setting: that of `setting`; its hidden spans may be changed.
+            setting: that of `setting`; its hidden spans and its seeds may be changed.
             planes: of the transmission.
             progress: of the ticks.
+            measured: whether the last interval is measured as well, which no tick of the run
+                depends on.
         """
-        aim = replace(self._model.strip.aim, blocked=setting.aim.blocked)
-        self._model.strip = replace(self._model.strip, aim=aim)
+        return self._copied()._held(setting, planes, progress, measured)
+
+    def _copied(self) -> Locking:
+        other = copy(self)
+        other._edges, other._rows = self._edges.copy(), self._rows.copy()
+        other._loop, other._model = copy(self._loop), copy(self._model)
+        other._sees = self._sees.copied()
+        return other
+
+    def _held(
+        self, setting: LinkSetting, planes: int, progress: Progress, measured: bool
+    ) -> tuple[LinkSetting, ClockLock | None]:
+        """`hold`, after which the loop is at the end of the run."""
+        self._model.take(setting)
         begin = len(self._edges) - 1
         cycles = self._panel.cycle_at(setting.first_light) + planes + 1 + TAIL
         ticks = cycles + WORD
         progress.start("ticks of the locked clock", ticks)
         while len(self._edges) - 1 < begin + ticks:
-            self._interval(self._tracked)
+            last = len(self._edges) - 1 + INTERVAL >= begin + ticks
+            self._interval(self._tracked if measured or not last else _unmeasured)
             progress.advance(min(len(self._edges) - 1 - begin, ticks))
         edges = np.array(self._edges[begin:], np.int64)
         mean = np.array([self._panel.edge(k) for k in range(len(edges))], np.int64)
         moves = ClockMoves(edges - edges[0] - mean)
         if moves.most > _SLIP * self._model.period:
-            return replace(self._free, aim=setting.aim), None
-        truth, measured, error = np.array(self._rows).T
+            camera = replace(self._free.camera, seed=setting.camera.seed)
+            return replace(self._free, aim=setting.aim, air=setting.air, camera=camera), None
+        truth, phases, error = np.array(self._rows).T
         lock = ClockLock(
-            begin, self._phases(edges[: cycles + 1].astype(np.float64)), measured, error, truth
+            begin, self._phases(edges[: cycles + 1].astype(np.float64)), phases, error, truth
         )
         return replace(setting, camera=setting.camera.changed(clock_moves=moves)), lock

@@ -84,6 +84,14 @@ class PhaseModel:
         self.period = PS / self.strip.camera.clock.hz
         self.middle = float(timing.start(0, timing.rows / 2)) * self.period
 
+    def take(self, setting: LinkSetting) -> None:
+        """Takes over the hidden spans and the seeds of a link."""
+        strip, self._seed = self.strip, setting.air.seed
+        self.strip = replace(
+            strip, aim=replace(strip.aim, blocked=setting.aim.blocked),
+            camera=replace(strip.camera, seed=setting.camera.seed),
+        )  # fmt: skip
+
     def timing(self, phase: float, growth: float, slope: float) -> Timing:
         """Returns the timing of a window of that phase, ticks, of its growth, ticks a tick, and of
         that slope over the rows, ticks."""

@@ -224,9 +224,7 @@ def make_carrier(stream: CarriedStream, device: str | None, progress: Progress) 
         )  # fmt: skip
     planned, promised = plan_link(setup), 0.0
     for tolerance in _TOLERANCES:
-        planned = plan_link(
-            replace(setup, scenario=link.model_copy(update={"tolerance": tolerance}))
-        )
+        planned = plan_link(replace(setup, chosen=replace(setup.chosen, tolerance=tolerance)))
         promised = _promised(setup, planned.plan)
         if promised <= _SHARE * stream.tolerance:
             break

@@ -1,5 +1,5 @@
-"""Throughput of the camera and the display that are called from Python, beside ten lines of
-numpy."""
+"""Throughput of the camera, the display and the link that are called from Python, beside ten lines
+of numpy."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from cosim.compute.opencl import Device
 from cosim.run.timing import REAL_TIME, Row, least, least_of
 from cosim.spikes.viform import WORD, Words
 from display import FixedEye
-from scenarios.python import Camera, Display
+from scenarios.python import Camera, Display, Link
 
-__all__ = ["core_rows"]
+__all__ = ["core_rows", "send_rows"]
 
 CHIP: Final = (250, 400)
 """Rows and columns of the clip of SpikeOne, and of its chip."""
@@ -25,6 +25,8 @@ FRAMES, RATE = 20, 2000.0
 LARGE, LARGE_FRAMES, LARGE_RATE = (1000, 1000), 64, 1000.0
 """Rows and columns, frames and frames/s of the clip of SpikeTwo: 2560 cycles."""
 CHIPS: Final = {CHIP: "spikeone", LARGE: "spiketwo"}
+BYTES: Final = 100_000
+"""Of a call of the link."""
 WHITE: Final = 0.6
 """Spikes a cycle of white."""
 
@@ -135,7 +137,7 @@ def core_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     ratio = plain * large.size / part.size / spent
     done, pixels = large.size * steps, large[0].size
     rows.append(_row("core.film-large", tiers[0], done, spent, ratio, pixels, ceiling))
-    return rows
+    return rows + send_rows(device, BYTES)
 
 
 def _show_row(camera: Camera, frames: npt.NDArray[np.uint8], ceiling: float | None) -> Row:
@@ -165,3 +167,69 @@ def _row(
         name, tier, value, "pixel-cycles/s", value / (pixels * REAL_TIME),
         None if ceiling is None else value / ceiling, plain,
     )  # fmt: skip
+
+
+def plain_send(
+    data: bytes, planes: int, panel: tuple[int, int], camera: tuple[int, int], cell: int
+) -> bytes:
+    """The plain way to send, in numpy without any noise, lens, search or code: cells become panel
+    pixels, the nearest of which each camera pixel sees; charge is compared and reset, and the
+    camera pixel in the middle of each cell decides.
+
+    Args:
+        data: the bytes, which the planes have room for.
+        planes: planes to show; those after the data are off.
+        panel, camera: (height, width) of both, pixels.
+        cell: panel pixels to a cell's side.
+
+    Returns:
+        The bytes that were decided.
+    """
+    shape = panel[0] // cell, panel[1] // cell
+    bits = np.zeros((planes, *shape), np.uint8)
+    sent = np.unpackbits(np.frombuffer(data, np.uint8))
+    bits.reshape(-1)[: sent.size] = sent
+    sees = [(2 * np.arange(n) + 1) * m // (2 * n) for n, m in zip(camera, panel, strict=True)]
+    rows, columns = (
+        (2 * np.arange(count) + 1) * cell * n // (2 * m)
+        for count, n, m in zip(shape, camera, panel, strict=True)
+    )
+    charge, got = np.zeros(camera, np.float32), np.empty_like(bits)
+    for n, plane in enumerate(bits):
+        light = np.float32(1.4) * plane.repeat(cell, 0).repeat(cell, 1)
+        charge += light[np.ix_(*sees)]
+        fired = charge >= 1
+        charge[fired] = 0
+        got[n] = fired[np.ix_(rows, columns)]
+    return np.packbits(got.reshape(-1)[: sent.size]).tobytes()
+
+
+def send_rows(device: Device | None, size: int, **keys: Any) -> list[Row]:
+    """Rows of a link: its set-up, the first call, which searches for the panel, and later ones,
+    which know it.
+
+    Args:
+        device: OpenCL device, None for the compiled form.
+        size: bytes of a call.
+        **keys: of the link.
+    """
+    data = np.random.Generator(np.random.Philox(key=1)).bytes(size)
+
+    def make() -> Link:
+        return Link(size=size, device=None if device is not None else "numba", **keys)
+
+    link = make()
+    sent = link.send(data, call=1)
+    mode, cycles = sent.mode, round(sent.simulated_s * REAL_TIME)
+    panel = mode.height, mode.width
+    plain, again, first = least_of([
+        lambda: plain_send(data, cycles, panel, link.camera_shape, mode.cell),
+        lambda: link.send(data, call=1), lambda: link.send(data, call=0),
+    ], 3)  # fmt: skip
+    tier = sent.error.tier
+    rows = [Row("core.send-setup", tier, least(make, 1), "s", None, None, None)]
+    for which, spent in (("first call", first), ("later calls", again)):
+        real = sent.simulated_s / spent
+        rows.append(Row("core.send", f"{tier}, {which}", 8 * size / spent, "bit/s", real, None,
+                        plain / spent))  # fmt: skip
+    return rows

@@ -158,7 +158,7 @@ def test_the_panels_light_flickers_and_nothing_else() -> None:
     assert air.flicker.index > 1e-4 and air.patches.count == 1
     plain = make(air=replace(strong, structure=0.0), optics=optics, effects=["surroundings"])
     for symbol in (0, 3):
-        (one,), (two,) = air._symbol_pieces(symbol), plain._symbol_pieces(symbol)
+        (one,), (two,) = air._made([symbol]), plain._made([symbol])
         lit = two.first > two.first.max() * 0.9
         found = one.first[lit] / two.first[lit]
         assert found == pytest.approx(np.full(lit.sum(), air.factors[symbol]), rel=0.02)

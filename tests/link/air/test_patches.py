@@ -147,7 +147,7 @@ def test_light_through_patches_is_the_same_in_any_blocks() -> None:
     again = parts.step(None, Block(0, 8)).pieces
     assert all(np.array_equal(p.first, short[p.start].first) for p in again)
     plain = make(**given | {"effects": []})
-    (one,), (two,) = whole._symbol_pieces(2), plain._symbol_pieces(2)
+    (one,), (two,) = whole._made([2]), plain._made([2])
     lit = two.first > two.first.max() * 0.99
     found = one.first[lit] / two.first[lit]
     factors = whole.factors[2]

@@ -16,7 +16,7 @@ from link.receiving.steering.phase import PhaseDetector
 from link.receiving.synthesis import Levels
 from link.section import LinkScenario
 from link.sending import FileTransmission
-from link.setting import LEAD, LinkSetting, link_setting
+from link.setting import LEAD, LinkSetting, link_setting, steering_of
 from link.setup.locking.choice import choose_and_lock
 from link.setup.locking.loop import INTERVAL, WINDOW, ClockLock, Locking
 from link.setup.locking.model import PhaseModel, at_lock
@@ -137,7 +137,13 @@ def test_a_clock_that_is_not_steered_is_as_it_was(device: Device) -> None:
         )  # fmt: skip
         setting, spent = setting_of(scenario), Spent()
         mode, choice, locking = choose_and_lock(
-            scenario, setting, 1000, device, SilentProgress(), spent
+            scenario.link.modem,
+            setting,
+            steering_of(scenario.sensor),
+            1000,
+            device,
+            SilentProgress(),
+            spent,
         )
         assert (mode, choice, locking, spent) == (MODE, None, None, Spent())
         assert setting.camera.clock_moves is None

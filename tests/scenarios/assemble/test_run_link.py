@@ -313,7 +313,7 @@ def test_a_panel_out_of_view_is_not_filmed_for_long():
     """4 MB take less than 0.1 s of light, not the 3 s of the surest mode."""
     _, scenario = load("light-link", ["link.aim.offset_x=600"])
     mode, choice = choose_mode(
-        scenario, link_setting(scenario, camera_setting(scenario)), 4_000_000, None,
+        scenario.link.modem, link_setting(scenario, camera_setting(scenario)), 4_000_000, None,
         SilentProgress(),
     )  # fmt: skip
     assert choice is None

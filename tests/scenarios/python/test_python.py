@@ -38,7 +38,7 @@ def frames(count: int = 5) -> np.ndarray:
     "example",
     [
         pytest.param(text, id=text.split("viform.")[1][:12],
-                     marks=[pytest.mark.slow] if "viform.send" in text else [])
+                     marks=[pytest.mark.slow] if "viform.send" in text or "Link(" in text else [])
         for text in EXAMPLES
     ],
 )  # fmt: skip

@@ -1,0 +1,83 @@
+"""A receiver that knows a link from an earlier transmission.
+
+A fixed panel before a fixed camera is searched once. From one transmission to the next its image
+shakes by a share of a pixel, and the phase of a clock that is held moves by hundredths of a tick:
+both are measured again, by the tags and by the training. What the detector has learned stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from link.detect.joint import Joint
+from link.layout import TRAINING, training
+from link.receiving.acquiring import Acquired, brightest_ticks, lit_span
+from link.receiving.classes_met import ClassesMet
+from link.receiving.phasing import followed_delay
+from link.receiving.recording import Recording
+from link.receiving.refining import TagArt, shift_of
+from link.timing import Registration, Timing
+
+__all__ = ["Tuned"]
+
+_STEPS: Final = 3
+"""Measurements of the displacement, each from the one before: a single one ends a twentieth of a
+pixel off."""
+_APART: Final = 0.05
+"""Standard deviation of the phase from one transmission to the next, ticks: that of a held clock is
+.01 to .02."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """What a receiver knows of a link.
+
+    Attributes:
+        acquired: the earlier transmission, located and timed.
+        detector: that has learned from its training.
+        met: classes of phase that it has learned.
+        confidence: factor on its soft values.
+    """
+
+    acquired: Acquired
+    detector: Joint
+    met: ClassesMet
+    confidence: float | None
+
+    def found(self, recording: Recording) -> Acquired | None:
+        """Returns the transmission in a recording that contains its training; None if it is not
+        where it was."""
+        was = self.acquired
+        layout, home = was.layout, was.refined
+        lit = lit_span(recording, layout, home.homography)
+        if lit is None:
+            return None
+        rates = recording.rates(*brightest_ticks(recording))
+        at, tags = (0.0, 0.0), TagArt(layout)
+        for _ in range(_STEPS):
+            moved = shift_of(rates, home, tags, at)
+            if moved is None:
+                return None
+            at = moved[0]
+        dx, dy = at
+        move = np.array([[1, 0, dx], [0, 1, dy], [0, 0, 1]])
+        refined = replace(home, homography=move @ home.homography)
+        place = Registration(refined.homography, np.zeros((0, 3)), refined.blur)
+        pace = was.pace
+        pace = replace(pace, covariance=pace.covariance + np.diag([_APART**2, 0.0]))
+        delay = followed_delay(
+            recording, layout, place, pace.timing, was.levels, (0, training(layout))
+        )
+        if delay is not None:
+            pace = pace.measured(pace.at, delay)
+        return replace(was, refined=refined, pace=pace, lit=lit)
+
+    def at(self, registration: Registration, timing: Timing) -> Joint | None:
+        """Returns the detector at a place and time; None if the phase falls into a class that it
+        has not learned."""
+        moved = self.detector.moved(registration, timing)
+        met = ClassesMet(moved, timing, timing.rows, 0, TRAINING)
+        return moved if met.within(self.met) else None
