@@ -55,14 +55,12 @@ _MOVED: Final = 1 / 16
 """Change of the phase after which the detector learns again, ticks."""
 _FRESH: Final = 1 / 64
 """Change of the phase after which a new detector is made: one that learns on keeps what it has
-learned at other phases of the class. At 400 parts per million, where a class lasts 312 ticks, that
-costs less than .004 of a bit while the information is above .94 of a bit, and .12 at .77. Without
-mended decisions it falls as low there: a receiver needs both."""
+learned at other phases of the class. At 400 ppm, where a class lasts 312 ticks, that costs .004 bit
+while the information is above .94 bit, .12 at .77, which it falls to without mended decisions."""
 _SLACK: Final = 4.0
 """Ticks after the tags go dark that may belong to the last symbol."""
 _CUT: Final = 0.1
-"""Ticks of a group that the recording may lack: the timing is not accurate enough to decide that a
-group ends exactly with the recording."""
+"""Ticks of a group that the recording may lack, as the timing is not known more accurately."""
 _STORED: Final = 2048
 """Number of symbols whose decisions are stored."""
 _SOUND: Final = 0.5
@@ -359,8 +357,7 @@ class Session:
             if delay is not None:
                 self.pace = self.pace.measured(now, delay)
                 middle = begin + len(decided) / 2, self.rows / 2
-                shift = float(self.timing.start(*middle) - self._met.timing.start(*middle))
-                if abs(shift) > _SHIFTED:
+                if abs(self.timing.start(*middle) - self._met.timing.start(*middle)) > _SHIFTED:
                     return self._detector(recording, registration, whole)
         if abs(phase - self._made) > _FRESH:
             return self._detector(recording, registration, whole)
@@ -383,8 +380,7 @@ class Session:
                 soft = soft[: n * group]
                 break
             tick = int(np.ceil(self.symbol_ends(first + (n + 1) * group - 1) - _CUT))
-            frames = self.inbox.frames_read - before
-            self.instants.append(Instant(number, tick, right, frames))
+            self.instants.append(Instant(number, tick, right, self.inbox.frames_read - before))
             if self.inbox.file is not None and self.delivered_tick is None:
                 self.delivered_tick = tick
         self.promised += tally(soft, self.quality)
