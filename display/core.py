@@ -159,12 +159,12 @@ class CalledDisplay:
     def __init__(self, renderer: RendererKind = "auto", device: Device | None = None) -> None:
         self._kind, self._device = renderer, device
         self._kept: list[OpenCLRenderer] = []
-        self._lock = Lock()
+        self._lock, self._most = Lock(), _KEPT
 
     def forget(self) -> None:
-        """Gives back what is kept for later calls."""
+        """Gives back what is kept for later calls, and keeps nothing from now on."""
         with self._lock:
-            kept, self._kept = self._kept, []
+            kept, self._kept, self._most = self._kept, [], 0
         for renderer in kept:
             renderer.close()
 
@@ -227,7 +227,7 @@ class CalledDisplay:
         renderer.reset()
         with self._lock:
             self._kept.append(renderer)
-            spare = [self._kept.pop(0)] if len(self._kept) > _KEPT else []
+            spare = [self._kept.pop(0)] if len(self._kept) > self._most else []
         for each in spare:
             each.close()
 

@@ -27,8 +27,6 @@ _PLANE: Final = 32
 """Bytes that each pixel of a stream takes at least while it is read: two words of 32 cycles, their
 copy, and a float64 and what it is computed from."""
 
-_LITTLE: Final = 16 << 20
-"""Bytes for which free memory is not asked."""
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """Numbers of these parameters in glibc's malloc.h."""
 _HEAP: Final = 128 << 20
@@ -115,10 +113,7 @@ def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) ->
 
 
 def check_memory(what: str, need: int, remedy: str) -> None:
-    """Raises InputError if `need` bytes, more than _LITTLE, exceed the free memory. what, remedy:
-    for its message."""
-    if need <= _LITTLE:  # reading the limits would take longer than the work
-        return
+    """Raises InputError if `need` bytes exceed the free memory. what, remedy: for its message."""
     free = free_memory()
     if need > free:
         must = f"small enough for the {free / _GIB:.3g} GiB of memory that is free"

@@ -15,10 +15,11 @@ import subprocess
 import warnings
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from threading import Lock
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,7 @@ from cosim.compute.forks import lose_in_forks, use
 from cosim.compute.kernels import SharedKernel
 from cosim.compute.memory import largest_file
 from cosim.compute.pocl_files import pocl_files
-from cosim.errors import InputError, MissingPackages
+from cosim.errors import InputError, MissingPackages, quote
 
 __all__ = [
     "INSTALL",
@@ -44,6 +45,9 @@ __all__ = [
     "wide_cl",
 ]
 
+_SHARED: Final[dict[str | None, Device | None]] = {}
+"""Devices that are open for the whole process, by what was wanted."""
+_OPENING: Final = Lock()
 _PACKAGES = ("pocl-opencl-icd", "ocl-icd-libopencl1")
 """Debian packages that provide the processor as an OpenCL device."""
 INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
@@ -111,13 +115,26 @@ def _check_cache(folder: Path) -> None:
 
 def choose_device(wanted: str | None) -> Device | None:
     """The selected OpenCL device, or None for "numba", the compiled form on the processor."""
+    _check_text(wanted)
     return None if wanted is not None and wanted.lower() == "numba" else open_device(wanted)
 
 
-@cache
+def _check_text(wanted: Any) -> None:
+    """Raises InputError for what names no device."""
+    if wanted is not None and not isinstance(wanted, str):
+        raise InputError(
+            "device", 'its number or part of its name, as a text, or "numba"', quote(wanted),
+            f'write "{wanted}"' if isinstance(wanted, int) else "give one",
+        )  # fmt: skip
+
+
 def shared_device(wanted: str | None) -> Device | None:
     """The device of `choose_device` that a process shares, with its compiled programs."""
-    return choose_device(wanted)
+    _check_text(wanted)
+    with _OPENING:
+        if wanted not in _SHARED:
+            _SHARED[wanted] = choose_device(wanted)
+        return _SHARED[wanted]
 
 
 def open_device(wanted: str | None = None) -> Device:

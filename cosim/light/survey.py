@@ -44,6 +44,7 @@ class Survey:
         certain: (H, W) bool, whether these limits are proven.
         planes: new planes of light per cycle.
         slope: limit of the change of the light within a cycle, (H, W) lux; None if not known.
+        moved: sum of all changes of the light, (H, W) lux; None if not known.
     """
 
     least: Plane
@@ -51,6 +52,7 @@ class Survey:
     certain: npt.NDArray[np.bool_]
     planes: float
     slope: Plane | None = None
+    moved: Plane | None = None
 
     @property
     def steady(self) -> npt.NDArray[np.bool_]:
@@ -69,7 +71,7 @@ class _Range:
         self._cycle, self.count = cycle, 0
         self._pieces: list[Piece] = []
         self._last: Plane | None = None
-        self._planes: tuple[Plane, Plane, Plane] | None = None
+        self._planes: tuple[Plane, Plane, Plane, Plane] | None = None
 
     def take(self, piece: Piece) -> None:
         """Extends the range by a piece, unless it is one of the last few."""
@@ -80,7 +82,8 @@ class _Range:
         self._pieces, self.count = [*self._pieces[-8:], piece], self.count + 1
         first, last = (np.ascontiguousarray(end, np.float32) for end in (piece.first, piece.last))
         if self._planes is None:
-            self._planes = first.copy(), first.copy(), np.zeros(first.shape, np.float32)
+            none = np.zeros(first.shape, np.float32)
+            self._planes = first.copy(), first.copy(), none, none.copy()
         elif self._last is not None and piece.first is not self._last:
             widen(first, np.ascontiguousarray(self._last), np.float32(np.inf), *self._planes)
         if not piece.constant:
@@ -93,10 +96,10 @@ class _Range:
     def survey(self, cycles: int) -> Survey:
         """The survey of the pieces of a run."""
         assert self._planes is not None  # a run has light
-        least, most, slope = self._planes
+        least, most, slope, moved = self._planes
         np.minimum(slope, most - least, out=slope)
         certain = np.ones(least.shape, bool)
-        return Survey(least, most, certain, (self.count - 1) / cycles, slope)
+        return Survey(least, most, certain, (self.count - 1) / cycles, slope, moved)
 
 
 def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
@@ -154,5 +157,5 @@ def through(light: Survey, relay: Callable[[Light], Light]) -> Survey:
     certain = light.certain
     if not certain.all():
         certain = ~(mapped((~certain).astype(np.float32)) > 0)
-    slope = None if light.slope is None else mapped(light.slope)
-    return Survey(mapped(light.least), mapped(light.most), certain, light.planes, slope)
+    slope, moved = (None if each is None else mapped(each) for each in (light.slope, light.moved))
+    return Survey(mapped(light.least), mapped(light.most), certain, light.planes, slope, moved)

@@ -43,6 +43,7 @@ class Summary:
         timing: RMS of the noise of the sampling instants, cycles.
         slope: limit of the change of light within a cycle, electrons a cycle; infinite if it is not
             known, as with jumps.
+        moved: sum of all changes of light, electrons a cycle; infinite if it is not known.
     """
 
     darkest: Any
@@ -58,6 +59,7 @@ class Summary:
     uneven: float = 0.0
     timing: Any = 0.0
     slope: Any = np.inf
+    moved: Any = np.inf
 
     @property
     def base(self) -> Values:

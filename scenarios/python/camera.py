@@ -30,7 +30,7 @@ from scenarios.assemble.readout import refuse_leftovers
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.frames import array_of, check_frame, check_instants, rate_of
+from scenarios.python.frames import array_of, check_frame, check_instants, is_whole, rate_of
 from scenarios.python.words import in_python
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.fitted import Fit
@@ -169,12 +169,16 @@ class Camera:
         choice = choose_lens(scenario, self._setting)
         return choice.lens, choice.white_rate, choice.notes
 
+    def check_white(self, white_rate: float | None) -> None:
+        """Raises InputError for a rate of white that the camera cannot have."""
+        self._lens(white_rate)
+
     def _number(self, call: int | None) -> int:
         """The number of a call: the next one, or a given one."""
         if self._closed:
             raise InputError("the camera", "open", "closed", "make another Camera")
         if call is not None:
-            if not isinstance(call, (int, np.integer)) or not 0 <= call < 2**64:
+            if not is_whole(call) or not 0 <= call < 2**64:
                 raise InputError("call", "a whole number from 0", quote(call), "change it")
             return int(call)
         with self._lock:
@@ -194,11 +198,6 @@ class Camera:
     ) -> tuple[Filmed, npt.NDArray[np.float32] | None]:  # fmt: skip
         """The spikes of a call, and the truth at cycles, if any are given. spans: see
         `LatchedCamera.film`."""
-        if cycles < 1:
-            raise InputError(
-                "frames", f"at least a cycle of {1e6 / self.clock.hz:g} us long",
-                f"{len(frames)} at {rate:g} frames/s", "give more frames or lower frame_rate",
-            )  # fmt: skip
         lens, white, notes = self._lens(white_rate)
         clip = array_clip(frames, self.shape, self._mosaic, rate)
         relay = lens.relay(self._setting.chip.pitch)
@@ -212,8 +211,14 @@ class Camera:
         return seen, np.stack([source.truth(self.clock.middle(n)) for n in instants])
 
     def _cycles(self, count: int, rate: float) -> int:
-        """Cycles for which frames last."""
-        return self.clock.cycles_in(seconds_to_ps(count / rate))
+        """Cycles for which frames last. Raises InputError for none."""
+        cycles = self.clock.cycles_in(seconds_to_ps(count / rate))
+        if cycles < 1:
+            raise InputError(
+                "frames", f"at least a cycle of {1e6 / self.clock.hz:g} us long",
+                f"{count} at {rate:g} frames/s", "give more frames or lower frame_rate",
+            )  # fmt: skip
+        return cycles
 
     @in_python
     def film(
@@ -241,9 +246,9 @@ class Camera:
         """
         rate = rate_of(frame_rate)
         given = array_of(frames)
-        number = self._number(call)
         cycles = self._cycles(len(given), rate)
-        return self._film(given, rate, cycles, white_rate, number)[0]
+        self._lens(white_rate)  # what is refused has no number
+        return self._film(given, rate, cycles, white_rate, self._number(call))[0]
 
     def film_scenario(self, frames: npt.NDArray[Any], rate: float) -> Filmed:
         """Films frames for as long as the scenario says, whose image window must fit."""
@@ -295,13 +300,12 @@ class Camera:
     ) -> tuple[Filmed, npt.NDArray[np.float32], tuple[int, ...]]:  # fmt: skip
         """Films frames, see `film`, and gives the true light at instants, see `film_many`: the
         spikes, (n, H, W) float32 with white = 1, and the cycles."""
-        rate, number = rate_of(frame_rate), self._number(call)
         check_instants(instants)
-        return self._with_truth(array_of(frames), rate, white_rate, instants, number)
+        return self._with_truth(array_of(frames), rate_of(frame_rate), white_rate, instants, call)
 
     def _with_truth(
         self, frames: npt.NDArray[Any], rate: float, white_rate: float | None,
-        instants: Sequence[int] | None, number: int,
+        instants: Sequence[int] | None, call: int | None,
     ) -> tuple[Filmed, npt.NDArray[np.float32], tuple[int, ...]]:  # fmt: skip
         cycles = self._cycles(len(frames), rate)
         at = (cycles // 2,) if instants is None else tuple(map(int, instants))
@@ -309,7 +313,8 @@ class Camera:
             raise InputError(
                 "instants", f"cycles from 0 to {cycles - 1}", quote(list(at)), "change them"
             )
-        seen, truth = self._film(frames, rate, cycles, white_rate, number, at)
+        self._lens(white_rate)
+        seen, truth = self._film(frames, rate, cycles, white_rate, self._number(call), at)
         assert truth is not None
         return seen, truth, at
 
@@ -326,13 +331,14 @@ class Camera:
         Args:
             frame_rate, white_rate, call: see `film`.
         """
-        rate, number = rate_of(frame_rate), self._number(call)
-        lens, _, notes = self._lens(white_rate)
+        rate = rate_of(frame_rate)
+        lens, white, notes = self._lens(white_rate)
+        number = self._number(call)
         most = self._scenario.scene.illuminance * (self._mosaic.white if self._mosaic else 1.0)
         relay = lens.relay(self._setting.chip.pitch)
         live = self._core.open(most, Clock.from_hz(rate), relay, number)
         fit = Fit(Path("frames"), self.shape, self._mosaic, True, notes)
-        return LiveStream(live, fit, np.float32(most), notes, partial(self._number, 0))
+        return LiveStream(live, fit, np.float32(most), white, notes, partial(self._number, 0))
 
 
 class LiveStream:
@@ -344,11 +350,11 @@ class LiveStream:
     """
 
     def __init__(
-        self, live: LiveCamera, fit: Fit, white: np.float32, notes: list[str],
+        self, live: LiveCamera, fit: Fit, white: np.float32, white_rate: float, notes: list[str],
         check_open: Callable[[], object],
     ) -> None:  # fmt: skip
         self.error, self.notes, self._check_open = live.error, notes, check_open
-        self._live, self._fit, self._white = live, fit, white
+        self._live, self._fit, self._white, self._white_rate = live, fit, white, white_rate
         self._like: tuple[Any, ...] | None = None
 
     @in_python
@@ -371,7 +377,8 @@ class LiveStream:
                 f"{values.shape} {values.dtype}", "make all frames alike",
             )  # fmt: skip
         self._like = like
-        return self._live.push(shown(values, self._fit) * self._white)
+        part = self._live.push(shown(values, self._fit) * self._white)
+        return None if part is None else replace(part, white_rate=self._white_rate)
 
 
 def _in_order(film: Any, clips: Iterable[Any], begin: int) -> Iterator[Any]:

@@ -111,9 +111,14 @@ class Display:
 
     def _set_up(self, scenario: RecordingScenario, device: str | None) -> None:
         assert scenario.display is not None
+        self._made = scenario, device
         self._scenario, self._section = scenario, scenario.display
         self._core = CalledDisplay(self._section.renderer, _opened(device, self._section.renderer))
         self._closed = False
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process the display is made anew."""
+        return Display.of, self._made
 
     @property
     def drive(self) -> str:

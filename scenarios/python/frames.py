@@ -15,21 +15,30 @@ from cosim import InputError
 from cosim.errors import quote
 from cosim.files.whole import whole
 
-__all__ = ["array_of", "check_frame", "check_instants", "rate_of", "write_frames"]
+__all__ = ["array_of", "check_frame", "check_instants", "is_whole", "rate_of", "write_frames"]
 
 
 def rate_of(frame_rate: Any) -> float:
     """A frame rate as a float, frames/s. Raises InputError."""
+    if isinstance(frame_rate, bool):
+        raise InputError("frame_rate", "frames/s as a number", quote(frame_rate), "give a number")
     if isinstance(frame_rate, Real) and 0 < float(frame_rate) < np.inf:
         return float(frame_rate)
     must = "frames/s above 0" if isinstance(frame_rate, Real) else "frames/s as a number"
     raise InputError("frame_rate", must, quote(frame_rate), "give a number above 0")
 
 
+def is_whole(value: Any) -> bool:
+    """Whether a value is a whole number, and no truth value."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
 def check_instants(instants: Sequence[int] | None) -> None:
     """Raises InputError for what are no numbers of cycles."""
     if instants is not None and not (
-        len(instants) > 0 and all(isinstance(n, (int, np.integer)) for n in instants)
+        isinstance(instants, (Sequence, np.ndarray))
+        and len(instants) > 0
+        and all(is_whole(n) for n in instants)
     ):
         raise InputError(
             "instants", "numbers of cycles, one or more", quote(instants), "change them"

@@ -70,6 +70,7 @@ class Link:
         self, settings: dict[str, Any], size: int, tolerance: float | None, seed: int | None,
         device: str | None,
     ) -> None:  # fmt: skip
+        self._made = settings, size, tolerance, seed, device
         for key in settings:
             if key in ("link.file", "link.size", "link.loop") or key.partition(".")[0] not in (
                 "link", "sensor",
@@ -90,6 +91,10 @@ class Link:
             tolerance=scenario.tolerance, duplicated_rows=scenario.sensor.duplicated_rows,
         )  # fmt: skip
         self._chip, self._lock, self._calls, self._closed = scenario.sensor.chip, Lock(), 0, False
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process the link is set up anew; its calls are counted from 0."""
+        return Link.of, self._made
 
     @property
     def mode(self) -> Mode:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cosim import InputError
 from cosim.errors import quote
 from scenarios.python.camera import Camera
-from scenarios.python.frames import rate_of
+from scenarios.python.frames import check_instants, is_whole, rate_of
 from scenarios.python.words import in_python
 
 try:
@@ -37,8 +37,11 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
     tensors where PyTorch is installed, else an iterable of arrays.
 
     Clip n of epoch e has draws of its own, a function of the camera's seed, n and e, whatever the
-    number of workers. A worker that is spawned makes its own camera; so does one that is forked,
-    as long as the process that forks it has filmed nothing.
+    number of workers. Each iteration is the next epoch, from 0. Workers have copies of the stream:
+    call `set_epoch` before each epoch, or let them live (`persistent_workers`).
+
+    A worker that is spawned makes its own camera; so does one that is forked, as long as the
+    process that forks it has filmed nothing.
 
     Args:
         clips: frames of each, see `Camera.film`; anything with a length and items, of which a
@@ -57,16 +60,19 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
         self, clips: Any, camera: Camera, frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None,
     ) -> None:  # fmt: skip
-        if not isinstance(clips, Iterable) and not hasattr(clips, "__getitem__"):
+        items = isinstance(clips, Iterable) or hasattr(clips, "__getitem__")
+        if not items or isinstance(clips, (Mapping, str)):
             raise InputError("clips", "frames of several clips", quote(clips), "give a list")
         if not isinstance(camera, Camera):
             raise InputError("camera", "a viform.Camera", quote(camera), "make one")
+        camera.check_white(white_rate)
+        check_instants(instants)
         self._clips, self._camera, self._rate = clips, camera, rate_of(frame_rate)
         self._white_rate, self._instants, self._epoch = white_rate, instants, 0
 
     def set_epoch(self, epoch: int) -> None:
         """Gives the next iteration the draws of an epoch, from 0."""
-        if not isinstance(epoch, (int, np.integer)) or not 0 <= epoch < 2**32:
+        if not is_whole(epoch) or not 0 <= epoch < 2**32:
             raise InputError("epoch", "a whole number from 0", quote(epoch), "change it")
         self._epoch = int(epoch)
 
@@ -87,8 +93,9 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
         light: (n, H, W) float32, the true light at the instants, white = 1.
         instants: (n,) int64, cycles.
         """
+        epoch, self._epoch = self._epoch, self._epoch + 1
         for number, frames in self._mine():
-            call = (self._epoch << 32) + number
+            call = (epoch << 32) + number
             spikes, light, at = self._camera.film_with_truth(
                 frames, self._rate, white_rate=self._white_rate, instants=self._instants, call=call
             )

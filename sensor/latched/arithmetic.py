@@ -45,8 +45,8 @@ _AFTER: Final = 8
 """Where all pixels of a tile brighten at once, at least one part in so many of the window comes
 after it. An assumption: a window that ends with the change has less."""
 _SWEEPS: Final = 4
-"""Number of times in a run that the light of a pixel sweeps from one end of its range to the
-other."""
+"""Number of times in a run that light whose changes are not known sweeps from one end of its range
+to the other."""
 TABLE_RMS: Final = 1.2e-6
 """RMS error of a threshold from the exact tier's table, in standard deviations of the threshold.
 tests/sensor/latched/test_arithmetic.py measures it for thresholds of 10 to 20 000 electrons."""
@@ -72,11 +72,13 @@ def _dead_shift(
     Light that changes evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light
     that jumps by s after the part f of a cycle is off by d s f for the spikes after the jump, of
     which there are 1 - f in a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f =
-    2/3. With S the limit of s, the sum of s^2 over n cycles is at most n S^2. In one sweep of the
-    light from one end of its range R to the other the sum of s is R, so that of s^2 is at most R S.
-    _SWEEPS of them are assumed in the run. In the exact tier noise t of the sampling instants makes
-    the cycle of a spike longer or shorter, RMS sqrt(2) t, and the light that it loses with it. As
-    more spikes fall into longer cycles, a spike on average loses too much by 2 t^2 of it.
+    2/3. As more spikes fall into the brighter part of a cycle, too little is lost on average: d
+    times the variance of the light within the cycle, s^2 / 12 to s^2 / 4. With S the limit of s,
+    and V the sum of all changes, the sum of s^2 over n cycles is at most n S^2 and V S. If V is not
+    known, _SWEEPS changes by the whole range are assumed in the run. In the exact tier noise t of
+    the sampling instants makes the cycle of a spike longer or shorter, RMS sqrt(2) t, and the light
+    that it loses with it. As more spikes fall into longer cycles, a spike on average loses too much
+    by 2 t^2 of it.
 
     Under the other reset rules dead time begins at the latch, and a spike loses light of the next
     cycle: up to d s more or less. This is a limit rather than an expected size, and counts once.
@@ -90,9 +92,12 @@ def _dead_shift(
     rounding = rounded * high * spikes * cycles
     swept = high - low
     most = np.minimum(np.asarray(scene.slope) / model.mean, swept)
-    squares = np.minimum(cycles * most**2, max(_SWEEPS * cycles / scene.cycles, 1) * swept * most)
+    moved = np.asarray(scene.moved) / model.mean
+    assumed = max(_SWEEPS * cycles / scene.cycles, 1) * swept
+    squares = np.minimum(cycles * most**2, np.where(np.isinf(moved), assumed, moved) * most)
     off = _JUMP if model.reset == "residual" else 1.0
-    lost = model.dead_time * off * np.maximum(high, 1) * np.sqrt(spikes * squares)
+    lost = off * np.sqrt(spikes * squares) + squares / 4
+    lost = model.dead_time * np.maximum(high, 1) * lost
     timing = 0.0 if tier == "fast" else np.asarray(scene.timing)
     walk = np.sqrt(2 * spikes * cycles) * timing + 2 * spikes * cycles * timing**2
     return (

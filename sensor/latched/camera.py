@@ -33,8 +33,7 @@ class SpikeCamera:
         row_delay: (height of the chip,) int64 ps, time by which the light reaches each row later
             than `step` is given it, such as that of a source with a rolling shutter; at most a few
             cycles. It moves the sampling instant of each row. None for 0.
-        like: a camera that differs in its seed only, with which constants are shared; None for
-            none.
+        like: `constants` of a camera that differs in its seed only; None for none.
     """
 
     def __init__(
@@ -46,7 +45,7 @@ class SpikeCamera:
         flags: npt.NDArray[np.uint8] | None = None,
         row_delay: npt.NDArray[np.int64] | None = None,
         fine: FineTiles | None = None,
-        like: SpikeCamera | None = None,
+        like: TierPixels | None = None,
     ) -> None:
         chip = setting.chip
         first, stop = rows or (0, chip.height)
@@ -58,8 +57,13 @@ class SpikeCamera:
         if fine is None or not fine.everywhere:
             self._pixels = tier_pixels(
                 tier, setting, self.shape, numbers, np.arange(first, stop), device, flags,
-                row_delay, None if like is None else like._pixels,
+                row_delay, like,
             )  # fmt: skip
+
+    @property
+    def constants(self) -> TierPixels | None:
+        """What a camera with another seed can share; None for nothing."""
+        return getattr(self._pixels, "constants", lambda: None)()
 
     def step(self, light: Light, block: Block) -> Viform:
         """Latched bits of one block.

@@ -29,7 +29,7 @@ from sensor.latched.levels import error_over_levels, fast_can_follow, planned_ef
 from sensor.latched.patches import PatchCamera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.survey import SceneSurvey
-from sensor.latched.tiers import Tier
+from sensor.latched.tiers import Tier, TierPixels
 
 __all__ = ["ARITHMETIC", "Behind", "CameraPlan", "plan_camera"]
 
@@ -155,8 +155,8 @@ class CameraPlan:
         """(tiles,) bound of the whole error, relative: of what is left out, and of arithmetic."""
         return self.plan.total + self.tier_error
 
-    def camera(self, device: Device | None, like: SpikeCamera | None = None) -> SpikeCamera:
-        """The planned camera. like: one that differs in its seed only; see `SpikeCamera`."""
+    def camera(self, device: Device | None, like: TierPixels | None = None) -> SpikeCamera:
+        """The planned camera. like: see `SpikeCamera`."""
         return SpikeCamera(
             self.setting, device, tier=self.tier, flags=self.flags, fine=self.fine_tiles(device),
             like=like,

@@ -91,7 +91,7 @@ def summarise(
     excess = setting.dark_excess(np.arange(light.least.size, dtype=np.uint32))
     if excess is not None:
         brightest = brightest + grid.reduce(excess.reshape(light.least.shape), np.maximum)
-    slope = _slope(setting, light, grid, per_cycle, brightest)
+    slope, moved = _changes(setting, light, grid, per_cycle, brightest, cycles)
     darkest, brightest = (setting.transfer(electrons) for electrons in (darkest, brightest))
     brightest = brightest * (1 + _SIGMAS * setting.drift)
     darkest = darkest * max(1 - _SIGMAS * setting.drift, 0.0)
@@ -106,7 +106,7 @@ def summarise(
     scene = Summary(
         darkest, brightest, setting.threshold, window, cycles, floor,
         setting.spread, np.where(moving, light.planes, 0.0), setting.slack,
-        setting.dead_time * clock.hz, setting.uneven, timing, slope,
+        setting.dead_time * clock.hz, setting.uneven, timing, slope, moved,
     )  # fmt: skip
     certain = light.certain
     if setting.crosstalk > 0 and not certain.all():
@@ -114,18 +114,22 @@ def summarise(
     return SceneSurvey(light, grid, scene, grid.reduce(certain, np.logical_and))
 
 
-def _slope(
+def _changes(
     setting: CameraSetting, light: Survey, grid: TileGrid, per_cycle: float,
-    brightest: npt.NDArray[np.float64],
-) -> Any:  # fmt: skip
-    """Limit of the change of the light of a tile within a cycle, electrons a cycle, (tiles,);
-    infinite if it is not known. brightest: (tiles,) electrons a cycle, before transfers."""
-    if light.slope is None or setting.model.transfers:
-        return np.inf
-    plane = _around(light.slope, least=False) if setting.crosstalk > 0 else light.slope
-    slope = grid.reduce(plane, np.maximum).astype(float) * per_cycle
+    brightest: npt.NDArray[np.float64], cycles: int,
+) -> tuple[Any, Any]:  # fmt: skip
+    """Limit of the change of the light of a tile within a cycle, and sum of all changes, electrons
+    a cycle, (tiles,) each; infinite if they are not known. brightest: (tiles,) electrons a cycle,
+    before transfers."""
+    if light.slope is None or light.moved is None or setting.model.transfers:
+        return np.inf, np.inf
+    planes = light.slope, light.moved
+    if setting.crosstalk > 0:
+        planes = _around(light.slope, least=False), _around(light.moved, least=False)
+    slope, moved = (grid.reduce(plane, np.maximum).astype(float) * per_cycle for plane in planes)
     # A gain moves by the part STEP / KNOT of the difference of two normal values.
-    return slope + brightest * (2 * _SIGMAS * setting.drift * STEP / KNOT)
+    step = brightest * (2 * _SIGMAS * setting.drift * STEP / KNOT)
+    return slope + step, moved + step * (cycles / STEP + 1)
 
 
 def _around(plane: Plane, *, least: bool) -> Plane:

@@ -49,8 +49,7 @@ _ENTRY: Final = 7 + MOST_PLANES
 
 
 _CONSTANT: Final = (
-    "_firsts", "_numbers", "_table", "_flags", "_together", "_lists", "_gains", "_bank", "_kernels",
-    "_outputs",
+    "_firsts", "_numbers", "_table", "_flags", "_together", "_lists", "_gains", "_bank", "_kernels"
 )  # fmt: skip
 """Attributes of pixels that do not depend on the seed."""
 
@@ -71,6 +70,7 @@ class FastPixels:
     def __init__(self, array: PixelArray, device: Device, like: FastPixels | None = None) -> None:
         self.array = array
         self._device = device
+        self._outputs = Outputs(np.uint32, device.memory)
         self._planes: dict[int, tuple[Plane, Any]] = {}
         self._fault = device.upload(np.zeros(1, np.int32))
         if like is None:
@@ -84,7 +84,6 @@ class FastPixels:
 
     def _set_up(self, array: PixelArray, device: Device) -> None:
         """Makes what does not depend on the seed: _CONSTANT."""
-        self._outputs = Outputs(np.uint32, device.memory)
         numbers = array.padded(array.numbers)
         self._firsts = np.ascontiguousarray(numbers[:, ::LANES])
         self._numbers = device.upload(numbers)
@@ -144,6 +143,13 @@ class FastPixels:
             self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving")
         )
         return steady, moving
+
+    def constants(self) -> FastPixels:
+        """These pixels without state and without memory of results, to make others like them."""
+        kept = FastPixels.__new__(FastPixels)
+        for name in ("array", *_CONSTANT):
+            setattr(kept, name, getattr(self, name))
+        return kept
 
     def _items(self, groups: int, together: bool) -> tuple[int, int]:
         """Work-items that a number of groups need, whole work-groups of them, and the size of a

@@ -33,6 +33,7 @@ def test_the_range_and_the_slope_of_ramps() -> None:
     assert found.least.tolist() == [[2, 7, 4]] and found.most.tolist() == [[10, 7, 5]]
     np.testing.assert_allclose(found.slope, [[0.8, 0, 1 / 20]], rtol=1e-6)
     assert found.steady.tolist() == [[False, True, False]]
+    assert found.moved is not None and found.moved.tolist() == [[12, 0, 1]]
     doubled = through(found, lambda light: Light(tuple(
         Piece(p.start, p.stop, 2 * p.first, 2 * p.last) for p in light.pieces
     )))  # fmt: skip

@@ -130,6 +130,32 @@ def test_a_film_plans_for_the_images_that_are_asked_for(tmp_path: Path) -> None:
     assert viform.film(frames(), frame_rate=2000, **SENSOR, **own) == run
 
 
+def test_a_plan_is_that_of_its_own_light() -> None:
+    """Two clips of one range, of which one changes fast: its plan is not that of the slow one."""
+    level = np.concatenate([np.linspace(0.2, 0.8, 20), np.linspace(0.8, 0.2, 20)])
+    slow, fast = (
+        np.broadcast_to(each[:, None, None], (40, 48, 64)).astype(np.float32)
+        for each in (level, np.where(np.arange(40) % 2, 0.8, 0.2))
+    )
+    keys = {**SMALL, "threshold": "1000 e", "preset": "silicon", "tolerance": 2e-4}
+    camera = viform.Camera(**keys)
+    before, seen = camera.film(slow, 2000), camera.film(fast, 2000, call=0)
+    alone = viform.Camera(**keys).film(fast, 2000, call=0)
+    assert seen == alone and seen.error == alone.error
+    assert before.error is not None and seen.error is not None
+    assert before.error.arithmetic < seen.error.arithmetic
+
+
+def test_a_refused_call_has_no_number() -> None:
+    camera = viform.Camera(**SMALL)
+    for given, keys in ((frames(), {"white_rate": 5}), (frames(), {"frame_rate": 0})):
+        with pytest.raises(viform.InputError):
+            camera.film(given, **({"frame_rate": 2000} | keys))
+    with pytest.raises(viform.InputError):
+        camera.film_with_truth(frames(), 2000, instants=[10**6])
+    assert camera.film(frames(), 2000) == viform.Camera(**SMALL).film(frames(), 2000, call=0)
+
+
 def test_white_fires_at_the_rate_asked_for() -> None:
     camera = viform.Camera(**SMALL, tolerance=1e-2)
     white = np.full((6, 48, 64), 255, np.uint8)

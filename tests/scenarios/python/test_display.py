@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,17 @@ def test_a_call_has_the_bits_of_a_run(
             np.testing.assert_array_equal(images, other)
     assert run.metrics["shown_white_rate"] == pytest.approx(called.white_rate)
     assert sorted(Path().rglob("*")) == before  # nothing is written
+
+
+def test_a_display_goes_to_another_process(spikes: viform.Viform) -> None:
+    display = viform.Display("hold", luminance="20 cd/m²")
+    again = pickle.loads(pickle.dumps(display))
+    assert repr(again) == repr(display)
+    seen = [each.show(spikes, "still").images["still"] for each in (display, again)]
+    np.testing.assert_array_equal(*seen)
+    for device in (0, ["a"], True):
+        with pytest.raises(viform.InputError, match="device must be its number or part"):
+            viform.Display(device=device)  # type: ignore[arg-type]
 
 
 def test_the_film_of_a_camera_has_its_white() -> None:

@@ -31,8 +31,9 @@ def test_clips_have_draws_of_their_own_in_each_epoch() -> None:
     assert np.array_equal(items[3]["spikes"], seen.planes()) and at == (30,)
     assert items[3]["light"].shape == (2, 24, 32) and light.shape == (1, 24, 32)
     assert items[3]["instants"].tolist() == [0, 59]
+    again = next(iter(given))  # the next epoch
     given.set_epoch(1)
-    again = next(iter(given))
+    assert np.array_equal(next(iter(given))["spikes"], again["spikes"])
     assert (again["spikes"] != items[0]["spikes"]).any()
     assert np.array_equal(again["light"], items[0]["light"])
 
@@ -112,6 +113,11 @@ def test_a_fork_after_a_film_says_how_to_start_workers() -> None:
         ({"clips": 3}, "clips must be frames of several clips"),
         ({"camera": 3}, "camera must be a viform.Camera"),
         ({"frame_rate": 0}, "frame_rate must be"),
+        ({"frame_rate": True}, "frame_rate must be"),
+        ({"clips": {0: CLIPS[0]}}, "clips must be frames of several clips"),
+        ({"white_rate": 7}, "white_rate must be above 0"),
+        ({"instants": 5}, "instants must be numbers of cycles"),
+        ({"instants": [True]}, "instants must be numbers of cycles"),
     ],
 )
 def test_what_cannot_be_streamed(given: dict, said: str) -> None:

@@ -91,6 +91,7 @@ def random_scene(seed: int) -> Scene:
         np.array([low.min() * per_lux]), np.array([high.max() * per_lux + dark]), q, width, cycles,
         1 / width, setting.spread, slack=setting.slack, dead=setting.dead_time * CLOCK.hz,
         uneven=setting.uneven, slope=np.array([(high - low).max() * per_lux * PERIOD / changing]),
+        moved=np.array([(high - low).max() * per_lux]),
     )  # fmt: skip
     return Scene(setting, plane, Light(pieces), (start, start + width), cycles, summary)
 

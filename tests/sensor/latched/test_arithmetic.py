@@ -200,6 +200,35 @@ def test_light_without_jumps_is_off_by_less_in_dead_time() -> None:
 
 
 @pytest.mark.parametrize("tier", ["exact", "fast"])
+def test_spikes_fall_into_the_brighter_part_of_a_cycle(tier: Tier, device: Device) -> None:
+    """Light that goes up and down within each cycle: the mean of what dead time is off by is the
+    variance of the light, in closed form, and the bound holds it."""
+    dead, cycles, low, high = 0.08, 400, 0.05, 0.95
+    case = random_scene(7)
+    camera = setting(dead_time=dead / CLOCK.hz, threshold_noise=200.0)  # it mixes the phases
+    lux = 1000 / camera.electrons_per_lux * 40e3
+    dark, lit = (np.full((3 * TILE, 3 * TILE), x * lux, np.float32) for x in (low, high))
+    half = PERIOD // 2
+    light = Light((
+        Piece(-2 * PERIOD, 0, dark, dark),
+        *(Piece(n * half, (n + 1) * half, *((lit, dark) if n % 2 else (dark, lit)))
+          for n in range(2 * cycles)),
+        Piece(2 * cycles * half, 2**60, dark, dark),
+    ))  # fmt: skip
+    tile = replace(
+        scene(camera, low, high), cycles=cycles, window=cycles,
+        moved=2000.0 * cycles * (high - low),
+    )  # fmt: skip
+    case = replace(case, setting=camera, light=light, window=(0, cycles), summary=tile)
+    given = device if tier == "fast" else None
+    off = (rates(case, camera, tier, given) - rates(case, camera, "reference")).mean() * cycles
+    expected = dead * (high - low) ** 2 / 12 * cycles
+    assert 0.6 * expected < off < 1.3 * expected
+    error = exact_error if tier == "exact" else fast_error
+    assert off / cycles / ((low + high) / 2) < error(camera, tile)[0] < 0.2
+
+
+@pytest.mark.parametrize("tier", ["exact", "fast"])
 def test_dead_time_stays_where_the_length_of_a_cycle_has_noise(tier: Tier, device: Device) -> None:
     """The fast tier takes the light of the dead time, the exact one a share of the cycle's."""
     chip = replace(CHIPS["spiketwo"], width=TILE, height=TILE)
