@@ -1,12 +1,27 @@
-"""Which scenarios a camera or a display in memory can do, without a run."""
+"""The camera of a scenario in memory; which scenarios a camera or a display in memory can do,
+without a run."""
 
 from __future__ import annotations
 
+from cosim.compute.opencl import Device
 from cosim.run.inputs import FILE
 from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario, Scenario
 from scenarios.scenes.kinds.film import FilmScene
+from sensor.latched.core import LatchedCamera
+from sensor.latched.setting import CameraSetting
+from sensor.latched.tiers import Tier
 
-__all__ = ["in_memory", "shown_in_memory"]
+__all__ = ["called_camera", "in_memory", "shown_in_memory"]
+
+
+def called_camera(
+    scenario: Scenario, setting: CameraSetting, device: Device | None, tier: Tier | None = None
+) -> LatchedCamera:
+    """The camera of a scenario, to be called. setting: of it; device, tier: see `LatchedCamera`."""
+    return LatchedCamera(
+        setting, device, tolerance=scenario.tolerance, window=scenario.image.window,
+        floor=scenario.image.floor, tier=tier, duplicated_rows=scenario.sensor.duplicated_rows,
+    )  # fmt: skip
 
 
 def in_memory(scenario: AnyScenario) -> Scenario | None:

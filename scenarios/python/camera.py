@@ -22,7 +22,7 @@ from cosim.errors import quote
 from cosim.light.lens import Lens
 from cosim.light.source import Source
 from cosim.plan.paired import Span, windows
-from scenarios.assemble.called import in_memory
+from scenarios.assemble.called import called_camera, in_memory
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import choose_lens, choose_mosaic
@@ -107,11 +107,7 @@ class Camera:
         """The camera in memory. It is made at the first call: before that, nothing has used OpenCL,
         and the process may be forked."""
         scenario, device, tier = self._made
-        return LatchedCamera(
-            self._setting, shared_device(device), tolerance=scenario.tolerance,
-            window=scenario.image.window, floor=scenario.image.floor, tier=tier,
-            duplicated_rows=scenario.sensor.duplicated_rows,
-        )  # fmt: skip
+        return called_camera(scenario, self._setting, shared_device(device), tier)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the camera is made anew; its calls are counted from 0."""
@@ -193,12 +189,13 @@ class Camera:
         )  # fmt: skip
 
     def _film(
-        self, frames: npt.NDArray[Any], rate: float, cycles: int, white_rate: float | None,
-        number: int, instants: Sequence[int] | None = None, spans: Sequence[Span] | None = None,
+        self, frames: npt.NDArray[Any], rate: float, cycles: int,
+        chosen: tuple[Lens, float, list[str]], number: int,
+        instants: Sequence[int] | None = None, spans: Sequence[Span] | None = None,
     ) -> tuple[Filmed, npt.NDArray[np.float32] | None]:  # fmt: skip
-        """The spikes of a call, and the truth at cycles, if any are given. spans: see
-        `LatchedCamera.film`."""
-        lens, white, notes = self._lens(white_rate)
+        """The spikes of a call, and the truth at cycles, if any are given. chosen: see `_lens`;
+        spans: see `LatchedCamera.film`."""
+        lens, white, notes = chosen
         clip = array_clip(frames, self.shape, self._mosaic, rate)
         relay = lens.relay(self._setting.chip.pitch)
         seen = self._core.film(
@@ -247,8 +244,8 @@ class Camera:
         rate = rate_of(frame_rate)
         given = array_of(frames)
         cycles = self._cycles(len(given), rate)
-        self._lens(white_rate)  # what is refused has no number
-        return self._film(given, rate, cycles, white_rate, self._number(call))[0]
+        chosen = self._lens(white_rate)  # what is refused has no number
+        return self._film(given, rate, cycles, chosen, self._number(call))[0]
 
     def film_scenario(self, frames: npt.NDArray[Any], rate: float) -> Filmed:
         """Films frames for as long as the scenario says, whose image window must fit."""
@@ -256,7 +253,7 @@ class Camera:
         image = self._scenario.image
         at = choose_windows(self._scenario, cycles)
         spans = windows(at, image.window, cycles, preceding=image.preceding)
-        return self._film(frames, rate, cycles, None, 0, spans=spans)[0]
+        return self._film(frames, rate, cycles, self._lens(None), 0, spans=spans)[0]
 
     @in_python
     def film_many(
@@ -313,8 +310,8 @@ class Camera:
             raise InputError(
                 "instants", f"cycles from 0 to {cycles - 1}", quote(list(at)), "change them"
             )
-        self._lens(white_rate)
-        seen, truth = self._film(frames, rate, cycles, white_rate, self._number(call), at)
+        chosen = self._lens(white_rate)
+        seen, truth = self._film(frames, rate, cycles, chosen, self._number(call), at)
         assert truth is not None
         return seen, truth, at
 

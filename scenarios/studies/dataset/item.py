@@ -17,13 +17,13 @@ from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
 from cosim.run.result import Metric, dumps
 from cosim.spikes.viform import SpikeStream, count_spikes
+from scenarios.assemble.called import called_camera
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.run import run_scenario
 from scenarios.studies.batch.folder import write_document
 from scenarios.studies.dataset.order import Item
 from scenarios.studies.dataset.places import PARTS, Places, digest_of
 from scenarios.studies.dataset.truth import write_truth
-from sensor.latched.core import LatchedCamera
 
 __all__ = ["make_item"]
 
@@ -115,10 +115,7 @@ def _run(item: Item, device: str | None, parts: Path) -> tuple[SpikeStream, dict
 def _filmed(setup: CameraSetup) -> tuple[SpikeStream, dict[str, Any]]:
     """The stream of a camera in memory, with the bits of a run, and what its plan states."""
     scenario = setup.scenario
-    camera = LatchedCamera(
-        setup.setting, setup.device, tolerance=scenario.tolerance, window=scenario.image.window,
-        floor=scenario.image.floor, duplicated_rows=scenario.sensor.duplicated_rows,
-    )  # fmt: skip
+    camera = called_camera(scenario, setup.setting, setup.device)
     relay = setup.lens.relay(setup.setting.chip.pitch)
     seen = camera.film(setup.source, relay, setup.cycles, spans=setup.spans)
     bounds = seen.error
