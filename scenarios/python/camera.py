@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import islice
 from numbers import Real
 from pathlib import Path
-from threading import Lock
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -30,7 +29,8 @@ from scenarios.assemble.readout import refuse_leftovers
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.frames import array_of, check_frame, check_instants, is_whole, rate_of
+from scenarios.python.calls import Called
+from scenarios.python.frames import array_of, check_frame, check_instants, rate_of
 from scenarios.python.words import in_python
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.fitted import Fit
@@ -43,7 +43,7 @@ _AHEAD: Final = 2
 """Clips that `film_many` has filmed, or is filming, before they are asked for, for each core."""
 
 
-class Camera:
+class Camera(Called):
     """A latched spike camera in memory: frames in, spikes out. Nothing is written.
 
     Its bits are those of `viform run film` with the same keys, frames and seed. It may be called
@@ -98,7 +98,7 @@ class Camera:
         self._setting = camera_setting(scenario)
         self._mosaic = choose_mosaic(scenario)
         self._lens(None)  # a lens that cannot be is refused at once
-        self._lock, self._calls, self._closed = Lock(), 0, False
+        Called.__init__(self)
         if device is not None or tier is not None:  # what cannot be is refused at once
             _ = self._core
 
@@ -123,24 +123,11 @@ class Camera:
         """The clock of the latches."""
         return self._setting.clock
 
-    def close(self) -> None:
-        """Ends the use of the camera; later calls are refused."""
-        self._closed = True
-        if core := self.__dict__.get("_core"):
-            core.forget()
-
-    def __enter__(self) -> Camera:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
-
     def __repr__(self) -> str:
         height, width = self.shape
-        state = ", closed" if self._closed else ""
         return (
             f"Camera: {self._scenario.sensor.chip}, {width} x {height} pixels at "
-            f"{self.clock.hz / 1e3:g} kHz, tolerance {self._scenario.tolerance:g}{state}"
+            f"{self.clock.hz / 1e3:g} kHz, tolerance {self._scenario.tolerance:g}{self._state}"
         )
 
     def _lens(self, white_rate: float | None) -> tuple[Lens, float, list[str]]:
@@ -168,18 +155,6 @@ class Camera:
     def check_white(self, white_rate: float | None) -> None:
         """Raises InputError for a rate of white that the camera cannot have."""
         self._lens(white_rate)
-
-    def _number(self, call: int | None) -> int:
-        """The number of a call: the next one, or a given one."""
-        if self._closed:
-            raise InputError("the camera", "open", "closed", "make another Camera")
-        if call is not None:
-            if not is_whole(call) or not 0 <= call < 2**64:
-                raise InputError("call", "a whole number from 0", quote(call), "change it")
-            return int(call)
-        with self._lock:
-            self._calls += 1
-            return self._calls - 1
 
     def _source(self, clip: Pictures, rate: float, cycles: int) -> Source:
         """The frames as the light of a scene."""
@@ -335,7 +310,7 @@ class Camera:
         relay = lens.relay(self._setting.chip.pitch)
         live = self._core.open(most, Clock.from_hz(rate), relay, number)
         fit = Fit(Path("frames"), self.shape, self._mosaic, True, notes)
-        return LiveStream(live, fit, np.float32(most), white, notes, partial(self._number, 0))
+        return LiveStream(live, fit, np.float32(most), white, notes, self._check_open)
 
 
 class LiveStream:

@@ -28,6 +28,7 @@ from scenarios.assemble.recording.opening import Recording, open_recording, reco
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.schema.settings import assignments_of
+from scenarios.python.calls import Called
 from scenarios.python.streams import as_stream
 from scenarios.python.words import in_python
 from sensor.latched.core import Filmed
@@ -74,7 +75,7 @@ class Seen:
         return encode(for_display(first[len(first) // 2]))
 
 
-class Display:
+class Display(Called):
     """A spike-continuous display in memory: spikes in, images of its observers out. Nothing is
     written.
 
@@ -114,7 +115,7 @@ class Display:
         self._made = scenario, device
         self._scenario, self._section = scenario, scenario.display
         self._core = CalledDisplay(self._section.renderer, _opened(device, self._section.renderer))
-        self._closed = False
+        Called.__init__(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the display is made anew."""
@@ -131,20 +132,8 @@ class Display:
         names = "eye", "pursuit", self._section.observer
         return tuple(eye for eye, name in EYES.items() if name in names)
 
-    def close(self) -> None:
-        """Ends the use of the display; later calls are refused."""
-        self._closed = True
-        self._core.forget()
-
-    def __enter__(self) -> Display:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
-
     def __repr__(self) -> str:
-        state = ", closed" if self._closed else ""
-        return f"Display: {self.drive}, white {self._section.luminance:g} cd/m2{state}"
+        return f"Display: {self.drive}, white {self._section.luminance:g} cd/m2{self._state}"
 
     @in_python
     def show(
@@ -179,8 +168,7 @@ class Display:
     ) -> Seen:  # fmt: skip
         """What `show` gives; the scenario says the instants and the rate of white if they are
         None."""
-        if self._closed:
-            raise InputError("the display", "open", "closed", "make another Display")
+        self._check_open()
         found, section = self._recording(spikes, white_rate), self._section
         instants = _instants(at, found.cycles)
         if instants is None:

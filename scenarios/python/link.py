@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from threading import Lock
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from link.setting import link_setting, steering_of
 from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
 from scenarios.assemble.schema.settings import assignments_of
+from scenarios.python.calls import Called
 from scenarios.python.words import in_python
 
 __all__ = ["Link"]
@@ -26,7 +26,7 @@ _MOST: Final = 1_000_000_000
 """Bytes of a call, at most; those of a run."""
 
 
-class Link:
+class Link(Called):
     """A panel, the air and a spike camera in memory: bytes in, the bytes that arrive out. Nothing
     is written.
 
@@ -90,7 +90,8 @@ class Link:
             steering_of(scenario.sensor), shared_device(device), size=int(size),
             tolerance=scenario.tolerance, duplicated_rows=scenario.sensor.duplicated_rows,
         )  # fmt: skip
-        self._chip, self._lock, self._calls, self._closed = scenario.sensor.chip, Lock(), 0, False
+        Called.__init__(self)
+        self._chip = scenario.sensor.chip
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the link is set up anew; its calls are counted from 0."""
@@ -107,39 +108,15 @@ class Link:
         chip = self._core.chosen.setting.camera.chip
         return chip.height, chip.width
 
-    def close(self) -> None:
-        """Ends the use of the link; later calls are refused."""
-        self._closed = True
-        self._core.forget()
-
-    def __enter__(self) -> Link:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
-
     def __repr__(self) -> str:
         mode, setting = self.mode, self._core.chosen.setting
         lock = ", clock locked" if self._core.chosen.locking is not None else ""
-        state = ", closed" if self._closed else ""
         return (
             f"Link: {self._chip}, {setting.air.distance:g} m from a panel of {mode.width} x "
             f"{mode.height} pixels, cells of {mode.cell} x {mode.cell}, symbols of {mode.ticks} "
             f"{'tick' if mode.ticks == 1 else 'ticks'}, {mode.line} and {mode.word_code}"
-            f"{lock}{state}"
+            f"{lock}{self._state}"
         )
-
-    def _number(self, call: int | None) -> int:
-        """The number of a call: the next one, or a given one."""
-        if self._closed:
-            raise InputError("the link", "open", "closed", "make another Link")
-        if call is not None:
-            if not isinstance(call, (int, np.integer)) or not 0 <= call < 2**64:
-                raise InputError("call", "a whole number from 0", quote(call), "change it")
-            return int(call)
-        with self._lock:
-            self._calls += 1
-            return self._calls - 1
 
     @in_python
     def send(self, data: bytes | bytearray | memoryview, *, call: int | None = None) -> Crossed:

@@ -1,0 +1,57 @@
+"""What objects that are set up once and called again and again have in common."""
+
+from __future__ import annotations
+
+from threading import Lock
+from typing import Any, Self
+
+from cosim import InputError
+from cosim.errors import quote
+from scenarios.python.frames import is_whole
+
+__all__ = ["Called"]
+
+
+class Called:
+    """An object that is called until it is closed, and a context manager. Its `_core`, once it is
+    made, has `forget`."""
+
+    _core: Any
+
+    def __init__(self) -> None:
+        self._lock, self._calls, self._closed = Lock(), 0, False
+
+    def close(self) -> None:
+        """Ends its use; later calls are refused."""
+        self._closed = True
+        core = self.__dict__.get("_core")  # a camera's is made at its first call
+        if core is not None:
+            core.forget()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    @property
+    def _state(self) -> str:
+        """The end of its text."""
+        return ", closed" if self._closed else ""
+
+    def _check_open(self) -> None:
+        """Raises InputError if it is closed."""
+        if self._closed:
+            name = type(self).__name__
+            raise InputError(f"the {name.lower()}", "open", "closed", f"make another {name}")
+
+    def _number(self, call: int | None) -> int:
+        """The number of a call: the next one, or a given one. Raises InputError."""
+        self._check_open()
+        if call is not None:
+            if not is_whole(call) or not 0 <= call < 2**64:
+                raise InputError("call", "a whole number from 0", quote(call), "change it")
+            return int(call)
+        with self._lock:
+            self._calls += 1
+            return self._calls - 1
