@@ -128,10 +128,10 @@ class LinkCore:
     Args:
         setting: panel, lens, air and camera with every effect; its seed is that of call 0.
         modem: how bytes become planes.
-        steering: of the camera's clock; None for ticks that keep their length.
+        steering: Steering of its clock; None for ticks that keep their length.
         device: OpenCL device, or None for the compiled form on the processor.
         size: bytes of a call for which the mode is chosen.
-        tolerance: of the change of the bit error rate, half-widths of its 99.9 % interval; 0 keeps
+        tolerance: Change of the bit error rate, half-widths of its 99.9 % interval, at most; 0 keeps
             every effect.
         duplicated_rows: fault of the readout, pairs (source, target).
 

@@ -96,7 +96,7 @@ class Session:
         delivered_tick: tick at which the file was whole; None before.
         packed: decisions of the last symbols, packed bits.
         promised: number of wrong decisions that all soft values predict.
-        sample: of the soft values.
+        sample: Sample of the soft values.
         watcher: soft values of some cells over the symbols.
         quality: (cells,) sum of the magnitudes of the soft values.
         symbols: number of decoded symbols.

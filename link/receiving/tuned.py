@@ -37,7 +37,7 @@ class Tuned:
 
     Attributes:
         acquired: the earlier transmission, located and timed.
-        detector: that has learned from its training.
+        detector: Detector that has learned from its training.
         met: classes of phase that it has learned.
         confidence: factor on its soft values.
     """

@@ -50,8 +50,8 @@ class ChosenLink:
 
     Attributes:
         modem: how bytes become planes, as asked for.
-        tolerance: of the change of the bit error rate, half-widths of its interval.
-        steering: of the camera's clock; None for ticks that keep their length.
+        tolerance: Limit of the change of the bit error rate, half-widths of its interval.
+        steering: Steering of its clock; None for ticks that keep their length.
         setting: panel, lens, air and camera with every effect.
         mode, choice: the mode, and how it was chosen; None if the modem gives it.
         device: OpenCL device, None for the compiled form on the processor.

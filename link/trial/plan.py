@@ -222,7 +222,7 @@ class LinkSurvey:
         error that the run reports would be the chance of the check.
 
         Args:
-            tolerance: of the change of the bit error rate, half-widths of its interval.
+            tolerance: Limit of the change of the bit error rate, half-widths of its interval.
             device: OpenCL device, None for numba.
             forced: effects to simulate whatever their bound.
             tier: of the camera's pixels; None to choose it by the tolerance.

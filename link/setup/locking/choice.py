@@ -26,7 +26,7 @@ def choose_and_lock(
 
     Args:
         modem, setting, size, device, progress, adaptive: as in `choose_mode`.
-        steering: of the camera's clock; None for ticks that keep their length.
+        steering: Steering of its clock; None for ticks that keep their length.
         spent: of each stage; that of the pilots and of the loop is added.
 
     Raises:
