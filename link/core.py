@@ -131,7 +131,7 @@ class LinkCore:
         steering: Steering of its clock; None for ticks that keep their length.
         device: OpenCL device, or None for the compiled form on the processor.
         size: bytes of a call for which the mode is chosen.
-        tolerance: Change of the bit error rate, half-widths of its 99.9 % interval, at most; 0 keeps
+        tolerance: Change of the bit error rate at most, half-widths of its 99.9 % interval; 0 keeps
             every effect.
         duplicated_rows: fault of the readout, pairs (source, target).
 
