@@ -114,14 +114,29 @@ def _edge_shift(setting: CameraSetting, scene: Summary) -> Values:
     With p spikes a cycle that is the share p of all ends, and the difference of both ends has the
     RMS d s sqrt(2 p (1 - p)). Under `residual` only the part of the dead time after the latch is
     charged later: it is uniform from 0 to d for the share p d of all ends.
+
+    These shares hold for phases that are spread evenly. However, all pixels start with no charge,
+    and their first spikes lie as close together as their thresholds and their light. Thresholds
+    with the relative standard deviation r raise a share x to x / r at most. Constant light from a
+    to b spreads intervals by the part 1 - a / b. Near a ridge of the light the share of pixels
+    within a part y of that range is about sqrt(y), so the share is at most sqrt(x / (1 - a / b)).
+    Light that changes may do so alike for all pixels, and then only r spreads their phases.
     """
     model = setting.model
     low, high = (np.asarray(x, np.float64) / model.mean for x in (scene.darkest, scene.brightest))
     most = np.minimum(high, 1)
+    apart = np.where(np.asarray(scene.planes) == 0, 1 - low / np.maximum(high, 1e-300), 0.0)
+
+    def bunched(share: Values) -> Values:
+        by_light = np.sqrt(share / np.maximum(apart, 1e-12))
+        return np.clip(np.minimum(share / max(setting.spread, 1e-12), by_light), share, 1)
+
     if model.reset == "residual":
-        return np.asarray(model.dead_time * high * np.sqrt(2 * most * model.dead_time / 3))
-    p = np.clip(0.5, np.minimum(low, most), most)
-    return np.asarray(model.dead_time * high * np.sqrt(2 * p * (1 - p)))
+        share = bunched(2 * most * model.dead_time / 3)
+    else:
+        p = np.clip(0.5, np.minimum(low, most), most)
+        share = np.maximum(bunched(np.minimum(2 * most, 1)), 2 * p * (1 - p))
+    return np.asarray(model.dead_time * high * np.sqrt(share))
 
 
 def _reaching(scene: Summary) -> Values:

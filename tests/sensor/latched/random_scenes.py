@@ -68,7 +68,7 @@ def random_scene(seed: int) -> Scene:
     first = (mean * texture).astype(np.float32)
     last = first if rng.random() < 0.5 else (first[:, ::-1] * np.float32(rng.uniform(0.2, 2)))
     cycles = int(rng.integers(60, 300))
-    last = np.ascontiguousarray(last)
+    last = np.ascontiguousarray(last)  # `first` itself where the light is constant
     pieces = (
         Piece(-PERIOD, cycles * PERIOD // 3, first, first),
         Piece(cycles * PERIOD // 3, cycles * PERIOD // 2 + 777, first, last),
@@ -89,8 +89,9 @@ def random_scene(seed: int) -> Scene:
         dark = setting.pattern.dark * float(CLOCK.period) * (1 + 4 * setting.pattern.dsnu)
     summary = Summary(
         np.array([low.min() * per_lux]), np.array([high.max() * per_lux + dark]), q, width, cycles,
-        1 / width, setting.spread, slack=setting.slack, dead=setting.dead_time * CLOCK.hz,
-        uneven=setting.uneven, slope=np.array([(high - low).max() * per_lux * PERIOD / changing]),
+        1 / width, setting.spread, planes=float(last is not first), slack=setting.slack,
+        dead=setting.dead_time * CLOCK.hz, uneven=setting.uneven,
+        slope=np.array([(high - low).max() * per_lux * PERIOD / changing]),
         moved=np.array([(high - low).max() * per_lux]),
     )  # fmt: skip
     return Scene(setting, plane, Light(pieces), (start, start + width), cycles, summary)

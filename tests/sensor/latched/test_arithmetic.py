@@ -195,8 +195,12 @@ def test_light_without_jumps_is_off_by_less_in_dead_time() -> None:
     rms = float(np.sqrt((off**2).mean()))
     # Of each spike, uniform within its cycle: the light half a cycle away, with either sign.
     assert 0 < rms < 1.5 * dead * (high - low) / cycles * np.sqrt(spikes / 12)
-    known, unknown = exact_error(camera, ramp)[0], exact_error(camera, tile)[0]
-    assert rms / spikes < known < unknown / 2
+    assert rms / spikes < exact_error(camera, ramp)[0]
+    # Noise spreads the phases, and spikes at the ends of a window matter less.
+    noisy = setting(dead_time=dead / CLOCK.hz)
+    tile = replace(tile, spread=noisy.spread, window=400, cycles=400)
+    ramp = replace(tile, slope=(high - low) * 1000 / 400)
+    assert exact_error(noisy, ramp)[0] < exact_error(noisy, tile)[0] / 2
 
 
 @pytest.mark.parametrize("tier", ["exact", "fast"])
