@@ -45,8 +45,6 @@ MARGIN: Final = 10.0
 """Minimum extent of the profile on both sides, pixels."""
 FINE: Final = 0.05
 """Distance of the samples of a profile for bright light, pixels."""
-PARTS: Final = 4
-"""Minimum number of positions of the eye in a plane; they are at most FINE apart."""
 PHASES: Final = 4
 """Number of start positions of an edge within a pixel: at 1000 Hz it moves by whole pixels a
 frame."""
@@ -87,43 +85,51 @@ class Blur:
         return cls(display, drive, *edge, width, time, ebet(time), clear)
 
 
-def retina(light: Values, times: Values, at: Values, side: float = 1.0) -> Values:
-    """The light on the retina of an eye that moves at SPEED, (n,): the mean over `times` of the
-    light at the positions at + v t.
+def retina(light: Values, begins: Values, length: float, at: Values, side: float = 1.0) -> Values:
+    """The light on the retina of an eye that moves at SPEED, (n,): the mean over all spans of the
+    light at the positions at + v t, in closed form.
 
     Args:
-        light: (planes, columns), mean over square pixels; column j is [j, j + 1).
-        times: instants, s, (instants,), as many in each plane.
+        light: (spans, columns), mean over square pixels; column j is [j, j + 1).
+        begins: begin of each span, s, (spans,).
+        length: of a span, s.
         at: positions on the retina, pixels, (n,).
         side: side of the square in the centre of a pixel that emits its light, pixels.
 
     Raises:
         ValueError: a position is beyond the columns.
     """
-    reach = at.min() + SPEED * times.min(), at.max() + SPEED * times.max()
+    reach = at.min() + SPEED * begins.min(), at.max() + SPEED * (begins.max() + length)
     if reach[0] < 0 or reach[1] >= light.shape[1]:
         raise ValueError(f"places must stay within {light.shape[1]} columns, not {reach}")
-    total = np.zeros(len(at))
-    planes, each = np.ascontiguousarray(light), len(times) // len(light)
-    for first in range(0, len(times), 512):  # partial sums reduce rounding errors
-        total += _gathered(planes, each, first, times[first : first + 512], at, side)
-    return total / len(times)
+    total, planes = np.zeros(len(at)), np.ascontiguousarray(light)
+    for first in range(0, len(begins), 512):  # partial sums reduce rounding errors
+        some = slice(first, first + 512)
+        total += _gathered(planes[some], begins[some], length, at, side)
+    return total / len(begins)
 
 
 @njit(cache=True, nogil=True)
-def _gathered(light, each, first, times, at, side):  # type: ignore[no-untyped-def]
-    """The sum of the light at each position of the retina over these instants, (positions,): those
-    from number `first` on, of which a plane has `each`."""
+def _passed(place, side):  # type: ignore[no-untyped-def]
+    """The light up to a place within a pixel of light 1, whose square of this side emits it."""
+    return min(max((place - 0.5) / side + 0.5, 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _gathered(light, begins, length, at, side):  # type: ignore[no-untyped-def]
+    """The sum over spans of their mean light at each position of the retina, (positions,)."""
     total = np.zeros(len(at))
-    for n in range(len(times)):
-        row, moved = light[(first + n) // each], SPEED * times[n]
+    moved = SPEED * length
+    for n in range(len(begins)):
+        row, begun = light[n], SPEED * begins[n]
         for k in range(len(at)):
-            place = at[k] + moved
-            column = int(place)
-            if side >= 1:
-                total[k] += row[column]
-            elif abs(place - column - 0.5) < side / 2:
-                total[k] += row[column] / side
+            place = at[k] + begun
+            first, last = int(place), int(place + moved)
+            seen = row[last] * _passed(place + moved - last, side)
+            seen -= row[first] * _passed(place - first, side)
+            for column in range(first, last):
+                seen += row[column]
+            total[k] += seen / moved
     return total
 
 
@@ -179,14 +185,11 @@ def spike_blur(
     first = math.ceil(begin / SPEED * hz)
     planes = np.arange(first, first + round(EXPOSURE * hz))
     side = math.sqrt(panel.fill)
-    count = max(PARTS, math.ceil(SPEED / hz / FINE / side))
     table = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():
         light_of_planes = light_of[planes]
         lit = replace(panel, drive=drive).share if panel.rise == panel.decay == 0 else 1.0
-        parts = (np.arange(count) + 0.5) / count * lit
-        times = ((planes[:, None] + parts) / hz).ravel()
-        profile = retina(light_of_planes, times, x, side)
+        profile = retina(light_of_planes, planes / hz, lit / hz, x, side)
         table.append(Blur.of("spike", drive, edge, _measured(x, profile, edge)))
     return table
 
@@ -256,13 +259,14 @@ def _frame_width(panel: FramePanel | Projector, edge: tuple[float, float]) -> fl
     if count * wide > MOST:
         return math.nan
     columns = np.arange(wide, dtype=np.float64)
-    times = start + (np.arange(count) + 0.5) / (each * rate)
+    begins, length = start + np.arange(count) / (each * rate), 1 / (each * rate)
+    times = begins + length / 2
     if isinstance(panel, Projector):
-        return _measured(x, retina(_planes(panel, edge, times, columns), times, x), edge)
+        return _measured(x, retina(_planes(panel, edge, times, columns), begins, length, x), edge)
     total = np.zeros(len(x))
     for part in np.arange(PHASES) / PHASES:
         light = _frames(panel, edge, times, columns - part)
-        total += retina(light, times, x + part)
+        total += retina(light, begins, length, x + part)
     return _measured(x, total / PHASES, edge)
 
 

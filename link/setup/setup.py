@@ -12,6 +12,7 @@ from typing import Any
 from cosim import InputError, seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
 from cosim.config.amounts import at_least
+from cosim.config.quantity import DAY
 from cosim.run.progress import Progress
 from link.layout import TRAINING, Layout
 from link.mode import EVERY_RATE, Mode, Modem
@@ -90,6 +91,7 @@ class ChosenLink:
         measured: bool = True,
     ) -> tuple[LinkSetting, ClockLock | None]:
         """Returns the link with the ticks of its clock over a transmission, and how they were held.
+        Raises InputError if the transmission takes more than a day.
 
         Args:
             planes: of the transmission.
@@ -99,6 +101,13 @@ class ChosenLink:
             measured: as in `Locking.hold`.
         """
         setting = setting or self.setting
+        clock, days = setting.camera.clock, planes / setting.panel.clock.hz / DAY
+        if days > 1:
+            raise InputError(
+                "sensor.clock",
+                f"at least {at_least(clock.hz * days, 3)} Hz, for a transmission of a day",
+                f"{clock.hz:g} Hz, of {days:.3g} days", "raise it",
+            )  # fmt: skip
         if self.locking is None:
             return setting, None
         with self.times.on("phase lock"):

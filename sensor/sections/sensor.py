@@ -13,7 +13,6 @@ from cosim.config.quantity import (
     Frequency,
     Quantity,
     Section,
-    Time,
     Wavelength,
 )
 from sensor.device.chips import CHIPS, Chip
@@ -143,7 +142,7 @@ class _ChipSection(Section):
     quantum_efficiency: Part | None = Field(
         default=None, examples=[0.7], description=_OWN.format("electrons a photon")
     )
-    row_time: Time | None = Field(
+    row_time: Annotated[float, Quantity("time", least=0, most=0.1)] | None = Field(
         default=None,
         examples=["20 ns"],
         description="time to read a row; states row_skew = row_time x height x clock",

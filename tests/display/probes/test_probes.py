@@ -211,22 +211,29 @@ def test_the_projector_waits_for_a_plane_that_is_on(level):
     assert down.total.mean == pytest.approx(80 + plane / 2)
 
 
-def test_a_still_pattern_on_a_moving_eye_is_drawn_out():
-    light = np.zeros((400, 60))
+def drawn_out(at, side, way):
+    """Light of the column 30, whose middle emits, on an eye that moves by `way` from 0."""
+    low, high = 30.5 - side / 2, 30.5 + side / 2
+    return np.clip(np.minimum(at + way, high) - np.maximum(at, low), 0, None) / way / side
+
+
+@pytest.mark.parametrize("spans", [1, 3, 400])
+@pytest.mark.parametrize("side", [1.0, 0.5, 1e-3])
+def test_a_still_pattern_on_a_moving_eye_is_drawn_out(spans, side):
+    """The mean over an even motion in closed form, in any number of spans."""
+    light, way = np.zeros((spans, 60)), 10.0
     light[:, 30] = 1.0
-    times = (np.arange(400) + 0.5) / 400 * 10 / SPEED  # the eye moves by 10 pixels
-    at = np.arange(10, 49, 0.5) + 0.01
-    expected = np.clip(np.minimum(at - 20, 31 - at), 0, 1) / 10
-    np.testing.assert_allclose(retina(light, times, at), expected, atol=2e-3)
+    at = np.arange(10, 49, 0.3) + 0.01
+    begins, length = np.arange(spans) / spans * way / SPEED, way / spans / SPEED
+    seen = retina(light, begins, length, at, side)
+    np.testing.assert_allclose(seen, drawn_out(at, side, way), atol=1e-9)
 
 
-def test_a_plane_holds_for_all_of_its_instants():
-    """Hardly a pixel that emits from a point has a thousand instants: its light is not copied."""
+def test_spans_are_seen_in_their_own_light():
     light = np.random.default_rng(1).random((3, 60))
-    times, at = np.arange(3000) / 3000 * 10 / SPEED, np.arange(10, 49, 0.5)
-    np.testing.assert_array_equal(
-        retina(light, times, at), retina(np.repeat(light, 1000, axis=0), times, at)
-    )
+    begins, at = np.array([0.0, 1.5e-3, 4e-3]), np.arange(10, 39, 0.5)
+    each = [retina(light[[n]], begins[[n]], 1e-4, at) for n in range(3)]
+    np.testing.assert_allclose(retina(light, begins, 1e-4, at), np.mean(each, axis=0))
 
 
 @pytest.mark.parametrize(("one", "bet"), [(one, one.rate.hz) for one in FRAMES])
@@ -283,13 +290,15 @@ def test_slow_emitters_settle_while_they_are_watched(probe):
 def test_places_of_the_retina_that_leave_the_columns_are_refused():
     for at in (np.array([-0.1]), np.array([5.0])):
         with pytest.raises(ValueError, match="must stay within 5 columns"):
-            retina(np.ones((1, 5)), np.zeros(1), at)
+            retina(np.ones((1, 5)), np.zeros(1), 1e-9, at)
 
 
 def test_a_pixel_that_fills_less_emits_from_its_middle(probe):
     at = np.array([2.1, 2.3, 2.5, 2.7, 2.9, 3.5])
     light = np.array([[0.0, 0.0, 1.0, 0.0, 0.0]])
-    np.testing.assert_allclose(retina(light, np.zeros(1), at, 0.5), [0, 2, 2, 2, 0, 0])
+    np.testing.assert_allclose(
+        retina(light, np.zeros(1), 1e-9, at, 0.5), [0, 2, 2, 2, 0, 0], atol=1e-6
+    )
     (row, *_) = spike_blur(probe, panel(fill=0.25), (0.0, 0.18), 8)
     # A sensor's pixel of 1 and half a panel's one: a trapezoid of sides 1.5 and 0.5, from its 10 %.
     assert row.width == pytest.approx(2 * (0.75 - math.sqrt(0.1)), rel=0.03)
