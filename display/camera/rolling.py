@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Clock, InputError, seconds_to_ps
-from cosim.config.amounts import at_least
+from cosim.config.amounts import at_least, at_most
 from display.camera.section import FramesSection
 from display.panels.panel import SpikePanel
 
@@ -111,13 +111,16 @@ class Shutter:
         return np.maximum(shared, 0).astype(np.float64)
 
 
-def make_shutter(section: FramesSection, panel: SpikePanel, planes: int) -> Shutter:
+def make_shutter(
+    section: FramesSection, panel: SpikePanel, planes: int, recorded: bool = False
+) -> Shutter:
     """The shutter of a section [camera].
 
     Args:
         section: the section.
         panel: panel that is filmed.
         planes: number of planes that the panel shows.
+        recorded: whether they are a recording, which cannot be lengthened.
 
     Raises:
         InputError: a size does not divide that of the panel, or no frame fits into the light.
@@ -137,6 +140,14 @@ def make_shutter(section: FramesSection, panel: SpikePanel, planes: int) -> Shut
     )  # fmt: skip
     if not shutter.frames:
         has = shutter.light[1] - shutter.light[0]
+        if recorded:
+            late = shutter.longest - shutter.exposure
+            key, most = ("exposure", has - late) if late < has else ("readout", has // 2)
+            raise InputError(
+                f"camera.{key}", f"at most {at_most(most / 1e9)} ms with "
+                f"{has / 1e9:.4g} ms of the recording, for a frame of the camera",
+                f"{getattr(shutter, key) / 1e9:.4g} ms", "shorten it, or show more of it",
+            )  # fmt: skip
         whole = panel.clock.cycle_at(shutter.longest - 1) + 1  # a run has whole planes
         need = panel.clock.edge(whole)
         raise InputError(

@@ -131,6 +131,7 @@ def _played(
                 None if scene is None else scene.source(grid),
                 None if scene is None else scene.illuminance, probe,
                 None if device is None else choose_device(device),
+                isinstance(scenario, RecordingScenario),
             )  # fmt: skip
             stack.callback(screen.chain.close)
         if scenario.link is not None:

@@ -94,7 +94,7 @@ class FramesFilmer:
         _, profiles = self.camera.bands()
         for n in self._chosen()[:_DRAWN]:
             profile = profiles[n]
-            if np.isfinite(profile).any():
+            if np.nansum(profile) > 0:
                 ax.plot(profile / np.nanmean(profile), linewidth=1, label=f"frame {n}")
         ax.set_xlabel("row", fontsize=9, color=INK)
         ax.set_ylabel("light over steady light", fontsize=9, color=INK)

@@ -22,6 +22,7 @@ def make_camera(
     cycles: int,
     seed: int,
     device: Device | None = None,
+    recorded: bool = False,
 ) -> Filmer | None:
     """The camera that films a display; None without a section.
 
@@ -32,6 +33,7 @@ def make_camera(
         cycles: length of the run, cycles.
         seed: seed of the noise.
         device: OpenCL device of a spike camera, None for numba; the bits are the same.
+        recorded: whether a recording is shown, which cannot be lengthened.
 
     Raises:
         InputError: the camera does not fit the panel or the run.
@@ -42,5 +44,5 @@ def make_camera(
     mapping = None if panel.shape == stream else fit_words(display.section.fit, stream, panel.shape)
     if isinstance(section, SpikesSection):
         return make_spikes_filmer(section, panel, cycles, seed, device, mapping)
-    shutter = make_shutter(section, panel, cycles)
+    shutter = make_shutter(section, panel, cycles, recorded)
     return FramesFilmer(PanelCamera(section, shutter, seed, mapping))

@@ -167,6 +167,7 @@ def make_screen(
     white: float | None,
     probe: ProbeCamera | None,
     device: Device | None,
+    recorded: bool = False,
 ) -> Screen:
     """The display of a scenario, with every effect.
 
@@ -181,6 +182,7 @@ def make_screen(
         white: illuminance of the scene's white, lux; None without a scene.
         probe: a camera for the probes of the display; None for none.
         device: OpenCL device of the display, None for the default one.
+        recorded: whether the feed is a recording.
 
     Raises:
         InputError: the panel cannot show the stream, the display cannot be rendered, or no frame
@@ -196,7 +198,7 @@ def make_screen(
         [] if scene is None else scene.points(), device,
     )  # fmt: skip
     try:
-        filming = make_camera(camera, chain, feed.shape, feed.cycles, seed)
+        filming = make_camera(camera, chain, feed.shape, feed.cycles, seed, recorded=recorded)
     except BaseException:
         chain.close()
         raise

@@ -25,6 +25,8 @@ __all__ = ["PARTS", "PacedScene", "PacedSource"]
 
 PARTS = 4
 """Number of means in a cycle for windows that split it. Each is a plane in memory."""
+MANY = 1024
+"""Number of pictures of a cycle from which on those of its still parts are left out."""
 
 
 class PacedScene(AnalyticScene, Protocol):
@@ -45,7 +47,9 @@ class PacedSource:
     most the total variation of the light in that cycle over 2 n: between two pictures it is at most
     half of the variation, for their interval. A window that starts within a cycle of m means adds
     at most the variation over 4 m: the error of a share f of a mean is f (1 - f) of the variation
-    in it. The light does not depend on the blocks of a run.
+    in it. The light does not depend on the blocks of a run. A cycle so long that n would exceed
+    MANY is divided where the motion begins, ends, or changes its speed, and each part has its own
+    n.
 
     Args:
         scene: the scene.
@@ -61,12 +65,15 @@ class PacedSource:
         self._parts = 1 if aligned else PARTS
         self._lux = np.float32(illuminance)
         self.shape = scene.shape
+        self._episodes = [(round(a * PS), round(b * PS), v) for a, b, v in scene.episodes()]
         self._steps: dict[int, int] = {}
-        for start, stop, speed in scene.episodes():
+        for start, stop, speed in self._episodes:
             n = max(1, math.ceil(speed / clock.hz / MOTION_STEP))
-            first, last = (clock.cycle_at(round(t * PS)) for t in (start, stop))
-            for cycle in range(first, last + 1):
+            for cycle in range(clock.cycle_at(start), clock.cycle_at(stop) + 1):
                 self._steps[cycle] = max(n, self._steps.get(cycle, 1))
+        self._long = {cycle for cycle, n in self._steps.items() if n > MANY}
+        for cycle in self._long:
+            self._steps[cycle] = len(self._knots(clock.edge(cycle), clock.edge(cycle + 1))) - 1
         self._plane: tuple[int, Plane] = (-1, np.empty(0, np.float32))
         self._pieces: dict[int, list[Piece]] = {}
         self.degraded: list[str] = []
@@ -90,18 +97,32 @@ class PacedSource:
     def _moving(self, cycle: int) -> list[Piece]:
         n = self._steps[cycle]
         start, stop = self._clock.edge(cycle), self._clock.edge(cycle + 1)
-        parts = min(n, self._parts)
-        if n == parts:
+        parts = self._parts if cycle in self._long else min(n, self._parts)
+        if cycle not in self._long and n == parts:
             ends = [start + (stop - start) * k // n for k in range(n + 1)]
             return [Piece(a, b, self._at(a), self._at(b)) for a, b in pairwise(ends)]
         ends = [start + (stop - start) * k // parts for k in range(parts + 1)]
-        return [self._mean(a, b, math.ceil(n / parts)) for a, b in pairwise(ends)]
+        if cycle in self._long:
+            return [self._mean(self._knots(a, b)) for a, b in pairwise(ends)]
+        n = math.ceil(n / parts)
+        return [self._mean([a + (b - a) * k // n for k in range(n + 1)]) for a, b in pairwise(ends)]
 
-    def _mean(self, start: int, stop: int, n: int) -> Piece:
-        """The mean light from `start` to `stop` by the trapezoidal rule over n + 1 pictures."""
-        knots = [start + (stop - start) * k // n for k in range(n + 1)]
+    def _knots(self, start: int, stop: int) -> list[int]:
+        """Instants from `start` to `stop`, ps, between which no edge moves by more than
+        MOTION_STEP."""
+        ends = {t for a, b, _ in self._episodes for t in (a, b) if start < t < stop}
+        knots = [start]
+        for a, b in pairwise(sorted({start, stop, *ends})):
+            speed = max((v for e, f, v in self._episodes if e <= a and b <= f), default=0.0)
+            n = max(1, math.ceil(speed * (b - a) / PS / MOTION_STEP))
+            knots += [a + (b - a) * k // n for k in range(1, n + 1)]
+        return knots
+
+    def _mean(self, knots: list[int]) -> Piece:
+        """The mean light from the first to the last of these instants by the trapezoidal rule."""
+        start, stop = knots[0], knots[-1]
         total = np.zeros(self.shape, np.float64)
-        weights = np.zeros(n + 1)
+        weights = np.zeros(len(knots))
         for k, (a, b) in enumerate(pairwise(knots)):
             weights[k : k + 2] += 0.5 * (b - a) / (stop - start)
         for knot, weight in zip(knots, weights, strict=True):

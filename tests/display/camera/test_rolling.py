@@ -178,3 +178,22 @@ def test_an_exposure_beyond_a_frame_is_refused():
         "--set camera.exposure='16.6666666667 ms', or lower camera.frame_rate"
     )
     frames(frame_rate="60 Hz", exposure="16.6666666667 ms")  # what the line proposes
+
+
+@pytest.mark.parametrize(
+    ("exposure", "readout", "says"),
+    [
+        ("9 ms", "2 ms", "camera.exposure must be at most 7 ms with 8 ms of the recording, for a "),
+        ("1 ms", "40 ms", "camera.readout must be at most 4 ms with 8 ms of the recording, for a "),
+    ],
+)
+def test_a_recording_too_short_for_a_frame_is_refused_by_the_camera(exposure, readout, says):
+    """Its planes cannot be more; the limit given is accepted."""
+    keys = {"frame_rate": "25 Hz", "exposure": exposure, "readout": readout}
+    panel = SpikePanel((2, 8), CLOCK, 1.0)
+    with pytest.raises(InputError) as caught:
+        make_shutter(frames(**keys), panel, 320, recorded=True)
+    assert str(caught.value).startswith(says)
+    key = caught.value.what.removeprefix("camera.")
+    keys[key] = str(caught.value).split("at most ")[1].split(" with")[0]
+    assert make_shutter(frames(**keys), panel, 320, recorded=True).frames >= 1

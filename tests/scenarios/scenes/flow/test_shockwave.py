@@ -374,6 +374,21 @@ def test_light_does_not_depend_on_how_a_run_is_split(aligned):
     assert np.array_equal(late.at(CLOCK.edge(312)), whole.at(CLOCK.edge(312)))
 
 
+@pytest.mark.parametrize("aligned", [True, False])
+def test_a_cycle_of_a_thousand_seconds_is_drawn_where_the_scene_moves(aligned):
+    scene = Shockwave(SMALL)
+    stop = 1000 * PS
+    long = PacedSource(scene, 100.0, Clock(1, 1000), aligned)
+    pictures = sum(PacedSource(scene, 100.0, CLOCK)._steps.values())
+    assert sum(long._steps.values()) <= pictures + 10
+    last = CLOCK.cycle_at(round(scene.episodes()[-1][1] * PS)) + 1
+    settled = CLOCK.edge(last)
+    moving = PacedSource(scene, 100.0, CLOCK).step(None, Block(0, last)).integral(0, settled)
+    still = scene.reflectance(1000.0).astype(np.float64) * 100 * (stop - settled) / PS
+    given = long.step(None, Block(0, 1)).integral(0, stop)
+    np.testing.assert_allclose(given, moving + still, rtol=2e-6, atol=1e-4)
+
+
 # The scenario.
 
 
