@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 from cosim import Clock, InputError, seconds_to_ps
 from cosim.config.amounts import at_least
 from cosim.config.choice import Choice
-from cosim.config.quantity import Quantity, Section, Share, Time
+from cosim.config.quantity import Quantity, Section, Share
 from cosim.spikes.viform import Words
 from display.drives import DRIVES
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
@@ -113,7 +113,7 @@ class DisplaySection(Section):
     row_scan: Share = Field(
         default=1.0, description="share of a cycle in which the rows are driven one after another"
     )
-    transport: Time = Field(
+    transport: Annotated[float, Quantity("time", least=0, most=1.0)] = Field(
         default=1e-6,
         examples=["1 us"],
         description="delay from the output of the chip to the panel",
