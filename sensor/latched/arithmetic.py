@@ -67,8 +67,10 @@ def _dead_shift(
 ) -> Values:
     """RMS phase by which dead time is off after a number of cycles, in spikes, (tiles,).
 
-    In the exact tier dead time d is a multiple of 2^-16 of a cycle. Where light changes by s a
-    cycle, a spike loses the light of the middle of its cycle instead of that of its own instant.
+    In the exact tier dead time d is a multiple of 2^-16 of a cycle. Of n expected spikes a pixel
+    has the whole number below or above, whose mean square is at most n^2 + min(n, 1 / 4). Where
+    light changes by s a cycle, a spike loses the light of the middle of its cycle instead of that
+    of its own instant.
     Light that changes evenly is off by up to d s / 2 with either sign, RMS d s / sqrt(12). Light
     that jumps by s after the part f of a cycle is off by d s f for the spikes after the jump, of
     which there are 1 - f in a cycle: RMS d s f sqrt(1 - f), which is largest, _JUMP d s, at f =
@@ -89,7 +91,8 @@ def _dead_shift(
     low, high = (np.asarray(x, np.float64) / model.mean for x in (scene.darkest, scene.brightest))
     spikes = np.minimum(high, 1)
     rounded = 0.0 if tier == "fast" and model.dead else abs(model.dead / 65536 - model.dead_time)
-    rounding = rounded * high * spikes * cycles
+    count = spikes * cycles
+    rounding = rounded * high * np.sqrt(count**2 + np.minimum(count, 0.25))
     swept = high - low
     most = np.minimum(np.asarray(scene.slope) / model.mean, swept)
     moved = np.asarray(scene.moved) / model.mean
@@ -103,40 +106,6 @@ def _dead_shift(
     return (
         rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0) + walk * model.dead_time * high
     )
-
-
-def _edge_shift(setting: CameraSetting, scene: Summary) -> Values:
-    """RMS light of one dead time that only one of the two ends of a window is charged with, in
-    spikes, (tiles,).
-
-    The tiers charge dead time d in the cycle of the spike. Under a reset at the latch the reference
-    charges it in the next cycle, so an end of a window after a cycle with a spike differs by d s.
-    With p spikes a cycle that is the share p of all ends, and the difference of both ends has the
-    RMS d s sqrt(2 p (1 - p)). Under `residual` only the part of the dead time after the latch is
-    charged later: it is uniform from 0 to d for the share p d of all ends.
-
-    These shares hold for phases that are spread evenly. However, all pixels start with no charge,
-    and their first spikes lie as close together as their thresholds and their light. Thresholds
-    with the relative standard deviation r raise a share x to x / r at most. Constant light from a
-    to b spreads intervals by the part 1 - a / b. Near a ridge of the light the share of pixels
-    within a part y of that range is about sqrt(y), so the share is at most sqrt(x / (1 - a / b)).
-    Light that changes may do so alike for all pixels, and then only r spreads their phases.
-    """
-    model = setting.model
-    low, high = (np.asarray(x, np.float64) / model.mean for x in (scene.darkest, scene.brightest))
-    most = np.minimum(high, 1)
-    apart = np.where(np.asarray(scene.planes) == 0, 1 - low / np.maximum(high, 1e-300), 0.0)
-
-    def bunched(share: Values) -> Values:
-        by_light = np.sqrt(share / np.maximum(apart, 1e-12))
-        return np.clip(np.minimum(share / max(setting.spread, 1e-12), by_light), share, 1)
-
-    if model.reset == "residual":
-        share = bunched(2 * most * model.dead_time / 3)
-    else:
-        p = np.clip(0.5, np.minimum(low, most), most)
-        share = np.maximum(bunched(np.minimum(2 * most, 1)), 2 * p * (1 - p))
-    return np.asarray(model.dead_time * high * np.sqrt(share))
 
 
 def _reaching(scene: Summary) -> Values:
@@ -213,7 +182,6 @@ def _phase_error(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
     # of the pixels reaches the brightest light. The shift of the dead time is a limit already.
     part = _reaching(scene) / ESTIMATE_WEIGHT
     moved_inside = _dead_shift(setting, scene, scene.window, tier)
-    moved_inside = moved_inside + ESTIMATE_WEIGHT * _edge_shift(setting, scene)
     # If all of them brighten at once, it is relative to a window that is partly bright.
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
         scene.darkest, scene.brightest
@@ -269,8 +237,7 @@ def exact_error(setting: CameraSetting, scene: Summary) -> Values:
     interval = 4 * TABLE_RMS * spread + _rounding(mean, scene.cycles)
     charge = interval + _dead_shift(setting, scene, 1)
     moved = _moved_spikes(spread, low / mean, high / mean, charge, scene.cycles)
-    ends = _reaching(scene) * _edge_shift(setting, scene)
-    value = ESTIMATE_WEIGHT * share_of_window(2 * charge + ends, scene)
+    value = ESTIMATE_WEIGHT * share_of_window(2 * charge, scene)
     return value + np.where(saturated_tiles(scene), 0.0, rare_error(scene, moved))
 
 

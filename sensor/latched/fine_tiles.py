@@ -101,7 +101,7 @@ class FineTiles:
         """Writes the stored charge of the tiles into that of the chip, which is changed in place;
         see `SpikeCamera.fraction`."""
         for numbers, _, camera in self._parts:
-            share[numbers] = camera.phase() - camera.bits
+            share[numbers] = camera.fraction()
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next step depends on."""

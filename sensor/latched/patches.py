@@ -14,6 +14,7 @@ from cosim.plan.patches import PatchPlane
 from cosim.spikes.viform import words_for
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, tier_pixels
+from sensor.latched.written import pending_of
 
 __all__ = ["PatchCamera"]
 
@@ -63,8 +64,13 @@ class PatchCamera:
         return words
 
     def phase(self) -> npt.NDArray[np.float64]:
-        """Spikes so far, including the fraction of the current interval, (pixels,)."""
-        return self.bits + self._pixels.fraction()
+        """Spikes so far, including the fraction of the current interval, (pixels,). It is less what
+        a dead time has yet to lose, so that tiers which lose it at once have the same phase."""
+        return self.bits + self._pixels.fraction() - pending_of(self._pixels)
+
+    def fraction(self) -> npt.NDArray[np.float64]:
+        """Stored charge over the threshold of the current interval, (pixels,)."""
+        return self._pixels.fraction()
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next step depends on."""

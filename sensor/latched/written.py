@@ -67,6 +67,13 @@ def join_words(parts: Sequence[tuple[Words, int]]) -> Words:
     return out
 
 
+def pending_of(pixels: object) -> npt.NDArray[np.float64] | float:
+    """Share of a threshold, (n,), that dead times which last beyond the last latch will still lose;
+    0 for tiers that lose it in the cycle of the spike."""
+    pending: Callable[[], npt.NDArray[np.float64]] | None = getattr(pixels, "pending", None)
+    return 0.0 if pending is None else pending()
+
+
 class WrittenPixels:
     """Pixels whose registers are written.
 
@@ -126,6 +133,10 @@ class WrittenPixels:
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (n,); 0 outside the window."""
         return np.where(self._inside(self._phases[self._now]), self._pixels.fraction(), 0.0)
+
+    def pending(self) -> npt.NDArray[np.float64]:
+        """See `pending_of`; 0 outside the window."""
+        return np.where(self._inside(self._phases[self._now]), pending_of(self._pixels), 0.0)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next call depends on."""

@@ -30,7 +30,7 @@ _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _KEYS = {
     "tick": np.int64, "part": np.float64, "charge": np.float64, "goal": np.float64,
     "spikes": np.uint64, "held": np.float64, "phase": np.int64, "volts": np.float64,
-    "wait": np.float64, "cycle": np.int64,
+    "wait": np.float64, "cycle": np.int64, "pending": np.float64,
 }  # fmt: skip
 
 
@@ -112,7 +112,7 @@ class ReferencePixels:
             "tick": np.zeros(n, np.int64), "part": np.zeros(n), "charge": charge, "goal": goal,
             "spikes": np.zeros(n, np.uint64), "held": charge.copy(),
             "phase": np.zeros(n, np.int64), "volts": np.zeros(n), "wait": np.zeros(n),
-            "cycle": np.full(1, -1),
+            "cycle": np.full(1, -1), "pending": np.zeros(n),
         }  # fmt: skip
 
     def _first_goals(self) -> Values:
@@ -259,11 +259,28 @@ class ReferencePixels:
             bank = self._bank
             draws = (bank.values, bank.keys, bank.lanes, start)
             run(*before, *inputs, _RULE[model.reset], dead, *drawn, *draws, words)
+            if dead > 0:
+                state["pending"] = self._pending_after(*course, latches[self._rows, -1])
         else:
             phases = (state["phase"], state["volts"], state["wait"])
             run(*before, *phases, *inputs, self._circuit, *drawn, words)
         state["cycle"] = np.full(1, start + cycles)
         return words
+
+    def _pending_after(
+        self, begins: npt.NDArray[np.int64], ends: npt.NDArray[np.int64], starts: Values,
+        stops: Values, latches: npt.NDArray[np.int64],
+    ) -> Values:  # fmt: skip
+        """The light at their latches, (n,) ps, that dead times which last beyond them will lose,
+        electrons. Course: see `_course`."""
+        pending = np.zeros(latches.size)
+        wait = self._state["tick"] - latches + self._state["part"]
+        late = np.flatnonzero(wait > 0)
+        piece = np.minimum(np.searchsorted(ends, latches[late]), ends.size - 1)
+        share = (latches[late] - begins[piece]) / (ends - begins)[piece]
+        start, stop = starts[late, piece], stops[late, piece]
+        pending[late] = wait[late] * (start + (stop - start) * share)
+        return pending
 
     def _next(
         self, due: npt.NDArray[np.bool_], spikes: npt.NDArray[np.uint64], cycle: Any, crossing: int
@@ -339,6 +356,12 @@ class ReferencePixels:
         the overshoot; at most 1, (n,)."""
         fraction: Values = self._state["held"] / (self._state["goal"] + self._overshoot)
         return np.minimum(fraction, 1.0) if self._overshoot else fraction
+
+    def pending(self) -> Values:
+        """Share of a threshold, (n,), that dead times which last beyond a latch will still lose, at
+        the light of that latch. The other tiers lose it in the cycle of the spike."""
+        lost: Values = self._state["pending"] / (self._state["goal"] + self._overshoot)
+        return lost
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next call depends on, as copies."""
