@@ -21,7 +21,7 @@ from numba import njit
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
-from display.probes.light import MOST, edge_light, settling_cycles
+from display.probes.light import MOST, edge_light, settling_cycles, too_much
 from display.probes.waveform import every_drive
 from display.quality.blur import bet, blur_edge_width, cmr_like, ebet
 from display.references.projector import spread_errors
@@ -160,7 +160,7 @@ def spike_blur(
     camera: ProbeCamera, panel: SpikePanel, edge: tuple[float, float], seed: int
 ) -> list[Blur]:
     """The blur of an edge for every drive of a panel; NaN if it needs more than WIDEST columns (dim
-    light at a slow clock), or its light has more than MOST samples.
+    light at a slow clock), or where `too_much`.
 
     Args:
         camera, panel: camera and panel.
@@ -174,10 +174,10 @@ def spike_blur(
     begin = math.ceil(-x[0]) + 1
     width = begin + math.ceil(SPEED * (EXPOSURE + 1 / hz) + x[-1]) + 2
     cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
-    if width > WIDEST or cycles * width > MOST:
-        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
     rows = min(max(wanted, ROWS[0]), ROWS[1], camera.height)
+    if width > WIDEST or too_much(camera, max(edge), cycles, rows * width, width):
+        return [Blur.of("spike", drive, edge, math.nan) for drive in DRIVES]
     ahead, behind = (camera.lux(rate) for rate in edge)
     light = edge_light((rows, width), ahead, behind, SPEED, camera.clock, cycles + 2)
     stream = camera.film(light, cycles, (camera.height, width), seed, (0, rows))

@@ -32,6 +32,12 @@ class ProbeCamera(Protocol):
         """Illuminance for `rate` thresholds a cycle, lux; above 1 the pixel saturates."""
         ...
 
+    def spikes(self, rate: float) -> float:
+        """Mean number of spikes a second that are simulated one by one for a pixel at this light,
+        thresholds a cycle, with those of its dark current; 0 for pixels that are simulated cycle by
+        cycle."""
+        ...
+
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
         """Delay from a clock edge to the latch of each row for a sensor with `rows` rows, ps,
         (rows,)."""

@@ -20,7 +20,7 @@ from cosim import Viform
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
-from display.probes.light import MOST, settling_cycles, steady_light
+from display.probes.light import settling_cycles, steady_light, too_much
 from display.probes.waveform import every_drive, panel_light
 from display.quality.figures import FlickerFigures, flicker_figures
 from display.quality.flicker import risk_of
@@ -132,8 +132,8 @@ def _film(
 def spike_flicker(
     camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], per_degree: float, seed: int
 ) -> list[Flicker]:
-    """The flicker for every drive of a panel, of patch and pixels; NaN if its light has more than
-    MOST samples.
+    """The flicker for every drive of a panel, of patch and pixels; NaN where
+    `too_much`.
 
     Args:
         camera, panel: camera and panel.
@@ -146,7 +146,7 @@ def spike_flicker(
     rows = []
     for rate in rates:
         planes = _settling(panel, rate) + math.ceil(SECONDS * hz)
-        if planes * (PATCH + 1) * len(DRIVES) > MOST:
+        if too_much(camera, rate, planes, PATCH**2, (PATCH + 1) * len(DRIVES)):
             rows += [
                 Flicker("spike", drive, rate, area, _NONE)
                 for drive in DRIVES for area in AREAS

@@ -38,7 +38,7 @@ from cosim.spikes.viform import unpack_planes
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.probes.camera import ProbeCamera
-from display.probes.light import MOST, phased_light, settling_cycles
+from display.probes.light import phased_light, settling_cycles, too_much
 from display.probes.waveform import panel_light
 from display.quality.latency import fallen, half_way, risen
 
@@ -214,8 +214,8 @@ def _one(edges: _Edges, end: Values, panel: SpikePanel, drive: str) -> Latency:
 def spike_latency(
     camera: ProbeCamera, panel: SpikePanel, rates: Sequence[float], seed: int
 ) -> list[Latency]:
-    """The latency for every drive of a panel, rising and falling; NaN if its light has more than
-    MOST samples.
+    """The latency for every drive of a panel, rising and falling; NaN where
+    `too_much`.
 
     Args:
         camera, panel: camera and panel.
@@ -225,7 +225,8 @@ def spike_latency(
     rows: list[Latency] = []
     for rate in rates:
         for way in WAYS:
-            if _cycles(rate, way, settling_cycles(panel))[1] * SIDE * _phases(rate) > MOST:
+            cycles = _cycles(rate, way, settling_cycles(panel))[1]
+            if too_much(camera, rate, cycles, SIDE * _phases(rate)):
                 nothing = [math.nan] * len(PARTS)
                 rows += [_row("spike", drive, rate, way, nothing) for drive in DRIVES]
                 continue

@@ -10,12 +10,17 @@ import numpy.typing as npt
 
 from cosim import Clock, Light, Piece
 from display.panels.panel import SpikePanel
+from display.probes.camera import ProbeCamera
 
-__all__ = ["MOST", "edge_light", "phased_light", "settling_cycles", "steady_light"]
+__all__ = ["MOST", "edge_light", "phased_light", "settling_cycles", "steady_light", "too_much"]
 
 MOST: Final = 5 * 10**7
 """Maximum number of samples of light that a probe keeps in memory. One that needs more, of a clock
 above some 1 MHz or of a slow panel, has no figure."""
+
+MOST_SPIKES: Final = 16 * 10**6
+"""Maximum number of spikes of asynchronous pixels that a probe simulates, at some microsecond of a
+core each. One that needs more, such as with much dark current, has no figure."""
 
 Places = npt.NDArray[np.int64]
 
@@ -87,3 +92,20 @@ def edge_light(
 def settling_cycles(panel: SpikePanel) -> int:
     """Number of cycles after which the light of the emitter equals its drive within 5e-5."""
     return math.ceil(10 * max(panel.rise, panel.decay) * panel.clock.hz)
+
+
+def too_much(
+    camera: ProbeCamera, rate: float, cycles: int, pixels: int, samples: int | None = None
+) -> bool:
+    """Whether a probe is left out, as it has more light than MOST or more spikes than MOST_SPIKES.
+
+    Args:
+        camera: camera of the probe.
+        rate: its brightest light, thresholds a cycle.
+        cycles: length of the recording, cycles of the camera.
+        pixels: number of pixels.
+        samples: samples of the light that a cycle keeps in memory; those of the pixels if None.
+    """
+    kept = pixels if samples is None else samples
+    spikes = camera.spikes(rate) * cycles / camera.clock.hz * pixels
+    return cycles * kept > MOST or spikes > MOST_SPIKES

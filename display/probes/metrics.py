@@ -113,12 +113,15 @@ def _rows(parts: Sequence[Future[list[_Row]]]) -> tuple[_Row, ...]:
     return tuple(row for part in parts for row in part.result())
 
 
-_NO_DELAY: Final = "the light does not cross half of the step within the recording of the probe"
-_NO_BLUR: Final = (
-    "the light does not settle within the recording of the probe, such as held light "
-    "that never becomes dark"
+_NO_DELAY: Final = (
+    "the light does not cross half of the step within the recording of the probe, or the pixels "
+    "have too many spikes for one"
 )
-_NO_FLICKER: Final = "the patch is dark, or a second at this clock has too many cycles"
+_NO_BLUR: Final = (
+    "the light does not settle within the recording of the probe, such as held light that never "
+    "becomes dark, or the pixels have too many spikes for a probe"
+)
+_NO_FLICKER: Final = "the patch is dark, or a second at this clock has too many cycles or spikes"
 """Why a figure is unknown."""
 
 

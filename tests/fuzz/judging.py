@@ -47,7 +47,7 @@ TIMES: Final = 10
 ENDLESS: Final = -2
 """Code of a scenario that has not ended."""
 IDLE_S: Final = 60.0
-"""Time without any processor time after which a process hangs."""
+"""Time with next to no processor time after which a process hangs."""
 KEPT: Final = 100
 """Scenarios after which a process is replaced, for its memory."""
 _FIELDS: Final = (
@@ -397,7 +397,8 @@ class Worker:
         assert process.stdin is not None and process.stdout is not None
         process.stdin.write(f"{request}\n".encode())
         os.set_blocking(process.stdout.fileno(), False)
-        began, used, moved, answer = _used(process.pid), 0.0, time.monotonic(), b""
+        began, used, answer = _used(process.pid), 0.0, b""
+        marked, spent = time.monotonic(), 0.0
         while True:
             answer += process.stdout.read() or b""
             if answer.endswith(b"\n"):
@@ -405,10 +406,11 @@ class Worker:
             if process.poll() is not None:
                 self._end()
                 return Case(number, wrong=[f"the process ended with {process.returncode}"])
-            now = _used(process.pid) - began
-            if now > used + 0.01:
-                used, moved = now, time.monotonic()
-            if used > limit or time.monotonic() - moved > IDLE_S:
+            used, now = _used(process.pid) - began, time.monotonic()
+            idle = now - marked > IDLE_S and used - spent < 0.01 * IDLE_S
+            if now - marked > IDLE_S:
+                marked, spent = now, used
+            if used > limit or idle:
                 process.send_signal(signal.SIGRTMIN)  # it writes where it is; LLVM takes SIGUSR1
                 time.sleep(1)
                 where = self._stacks.read_text()[-3000:]

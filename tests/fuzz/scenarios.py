@@ -82,6 +82,7 @@ _CAPS: Final[dict[str, float]] = {
     "width": 32, "height": 24, "rows": 16, "columns": 48, "duration": 0.2, "frames": 24,
     "size": 400, "link.panel.width": 192, "link.panel.height": 192, "objects": 12,
     "most_events": 100_000, "most_reports": 100_000, "layers": 8, "bits": 16, "window": 99,
+    "source_timeout": 1.0,
 }  # fmt: skip
 """Largest values of keys that set how long a run takes, by their whole or last name."""
 _RECORDINGS: Final = ("file:recording.npz", "file:recording.dat", "file:recording.events.npz")

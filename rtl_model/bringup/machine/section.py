@@ -23,7 +23,7 @@ class BoardSection(Section):
         default="bytes", description="of a virtual board: the Verilog behind bytes or pins, or the "
         "cycle model, which needs no Verilator",
     )  # fmt: skip
-    baud: Annotated[int, Field(ge=2001, le=12_000_000)] = 115_200
+    baud: Annotated[int, Field(ge=4800, le=12_000_000)] = 115_200
     dtr: Literal["on", "off"] | None = Field(
         default=None, description="DTR of a serial port, which resets some boards; on when absent"
     )

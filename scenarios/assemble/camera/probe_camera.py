@@ -55,6 +55,9 @@ class SpikeProbeCamera:
     def lux(self, rate: float) -> float:
         return rate / self.setting.rate(1.0)
 
+    def spikes(self, rate: float) -> float:
+        return 0.0
+
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
         return row_offsets(self.clock, rows, self.setting.row_skew, 0.0, (0, rows))
 

@@ -49,6 +49,9 @@ class CodedProbeCamera:
     def lux(self, rate: float) -> float:
         return self.camera.lux(rate)
 
+    def spikes(self, rate: float) -> float:
+        return self.camera.spikes(rate)
+
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
         return self.camera.row_delays(rows)
 

@@ -65,6 +65,13 @@ class EventProbeCamera:
     def lux(self, rate: float) -> float:
         return rate * self.model.threshold * self.clock.hz / self.spec.setting.electrons_per_lux
 
+    def spikes(self, rate: float) -> float:
+        pattern, current = self.spec.setting.pattern, rate * self.model.threshold * self.clock.hz
+        if pattern is not None:
+            current += pattern.dark + pattern.hot * pattern.hot_current
+            current += pattern.warm * pattern.warm_current
+        return current / self.model.threshold
+
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
         return np.zeros(rows, np.int64)
 
@@ -166,6 +173,9 @@ class ContinuousProbeCamera:
     def lux(self, rate: float) -> float:
         current = rate * self.spec.white / self.feed.white_rate
         return current / self.spec.setting.electrons_per_lux
+
+    def spikes(self, rate: float) -> float:
+        return 0.0
 
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
         return np.zeros(rows, np.int64)

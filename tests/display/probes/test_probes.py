@@ -431,6 +431,9 @@ class _Fast:
 
     clock, height, seed = Clock(10**8), 1000, 1
 
+    def spikes(self, rate):
+        return 0.0
+
     def lux(self, rate):
         return rate
 

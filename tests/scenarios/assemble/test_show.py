@@ -1,5 +1,6 @@
 """Sources other than a latched chip on the display: what is shown, and that a run goes on."""
 
+import math
 import os
 import signal
 import time
@@ -12,7 +13,10 @@ from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from cosim.spikes.events import only_full
 from cosim.spikes.held import held_events, held_reports
+from display.panels.panel import SpikePanel
 from display.probes import metrics
+from display.probes.blur import spike_blur
+from display.probes.flicker import spike_flicker
 from display.probes.light import steady_light
 from rtl_model.imagers.catalogue import IMAGERS
 from scenarios.assemble.machine import assemble
@@ -93,6 +97,20 @@ def test_a_probe_of_changes_is_filmed_a_part_at_a_time(monkeypatch):
     assert spans[1:] == [(CLOCK.edge(n), CLOCK.edge(min(n + 128, 400))) for n in (0, 128, 256, 384)]
     np.testing.assert_array_equal(parts.words, whole.words)
     assert parts.planes()[128:].any()
+
+
+def test_probes_of_pixels_with_millions_of_dark_spikes_are_left_out():
+    """A second of a patch has 2e6 spikes a second and pixel, minutes of a core."""
+    data = camera("asynchronous")
+    data["sensor"]["pattern"] = {"dark_current": "2e9 e/s"}
+    del data["display"]
+    made = assemble("x", validate(data), Options(), SilentProgress())
+    probe = probes.EventProbeCamera.of(made)
+    assert probe.spikes(0.0) == pytest.approx(2e9 / made.spec.model.threshold)
+    rows = spike_flicker(probe, SpikePanel((4, 4), CLOCK, 0.6), (0.18,), 60.0, 1)
+    assert rows and all(math.isnan(row.figures.svm) for row in rows)
+    blurs = spike_blur(probe, SpikePanel((4, 4), CLOCK, 0.6), (0.0, 0.18), 1)
+    assert all(math.isnan(row.width) for row in blurs)
 
 
 def test_a_report_is_shown_from_its_own_cycle_on_at_its_rate():
