@@ -110,10 +110,15 @@ class Lens:
 
 
 class LensRelay:
-    """Maps scene exitance (lux) on the pixel grid to illuminance of the pixels (lux)."""
+    """Maps scene exitance (lux) on the pixel grid to illuminance of the pixels (lux).
+
+    Attributes:
+        gain: Factor of all light, where the lens does not blur; else None.
+    """
 
     def __init__(self, lens: Lens, pitch_um: float) -> None:
         gain = np.float32(lens.gain)
+        self.gain = gain if lens.psf != "airy" else None
         # The tails of the Airy pattern are unlimited: a change affects the whole plane.
         if lens.psf == "airy":
             self._map = PlaneMap(lambda plane: lens.blur(plane, pitch_um) * gain, None)

@@ -156,11 +156,13 @@ class Camera(Called):
         """Raises InputError for a rate of white that the camera cannot have."""
         self._lens(white_rate)
 
-    def _source(self, clip: Pictures, rate: float, cycles: int) -> Source:
-        """The frames as the light of a scene."""
+    def _source(
+        self, clip: Pictures, rate: float, cycles: int, gain: np.float32 | None = None
+    ) -> Source:
+        """The frames as the light of a scene, or behind a lens of this gain."""
         return FilmSource(
             Path("frames"), self.shape, self._scenario.scene.illuminance, self.clock, cycles,
-            rate=rate, mosaic=self._mosaic, clip=clip,
+            rate=rate, mosaic=self._mosaic, clip=clip, gain=gain,
         )  # fmt: skip
 
     def _film(
@@ -174,7 +176,12 @@ class Camera(Called):
         clip = array_clip(frames, self.shape, self._mosaic, rate)
         relay = lens.relay(self._setting.chip.pitch)
         seen = self._core.film(
-            lambda: self._source(clip, rate, cycles), relay, cycles, number, spans
+            lambda: self._source(clip, rate, cycles),
+            relay,
+            cycles,
+            number,
+            spans,
+            None if relay.gain is None else lambda: self._source(clip, rate, cycles, relay.gain),
         )
         seen = replace(seen, notes=(*notes, *seen.notes), white_rate=white)
         if instants is None:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.light.light import Light
-from cosim.spikes.viform import Viform, words_for
+from cosim.spikes.viform import Viform, Words, words_for
 from cosim.stage import Block
 from sensor.latched.fine_tiles import FineTiles
 from sensor.latched.setting import CameraSetting
@@ -65,6 +65,13 @@ class SpikeCamera:
         """What a camera with another seed can share; None for nothing."""
         return getattr(self._pixels, "constants", lambda: None)()
 
+    def into(self, words: Words) -> None:
+        """Has the next steps write into these words, (words, H, W) uint32, one after another, where
+        the tier can; they return views of what they wrote."""
+        into = getattr(self._pixels, "into", None)
+        if into is not None:
+            into(words.reshape(len(words), -1))
+
     def step(self, light: Light, block: Block) -> Viform:
         """Latched bits of one block.
 
@@ -87,7 +94,7 @@ class SpikeCamera:
                 mapped = self._gain.on(mapped, start, cycles)
             words = self._pixels.expose(mapped, start, cycles)
         if self._fine is not None:
-            words = np.array(words)
+            words = words if words.flags.writeable else np.array(words)
             self._fine.step(light, start, cycles, words)
         return Viform(words.reshape(-1, *self.shape), cycles, self._clock, start)
 

@@ -20,6 +20,7 @@ import numpy as np
 from cosim.clock import Clock
 from cosim.compute.memory import check_memory, keep_freed
 from cosim.compute.opencl import Device
+from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from cosim.errors import InputError
@@ -152,6 +153,7 @@ class LatchedCamera:
         self._duplicated = DuplicatedRows(duplicated_rows) if duplicated_rows else None
         self._plans: dict[bytes, CameraPlan] = {}
         self._chips: list[tuple[tuple[Any, ...], TierPixels]] = []
+        self._outputs = Outputs(np.uint32)
         self._closed = False
         self._lock = Lock()
 
@@ -164,6 +166,7 @@ class LatchedCamera:
         """Gives back what is kept for later calls, and keeps nothing from now on."""
         with self._lock:
             self._plans, self._chips, self._closed = {}, [], True
+            self._outputs = Outputs(np.uint32)
 
     def _lengths(self, cycles: int) -> tuple[int, float]:
         """Window and floor of a call."""
@@ -223,7 +226,7 @@ class LatchedCamera:
 
     def film(
         self, source: Callable[[], Source], relay: Relay, cycles: int, number: int = 0,
-        spans: Sequence[Span] | None = None,
+        spans: Sequence[Span] | None = None, behind: Callable[[], Source] | None = None,
     ) -> Filmed:  # fmt: skip
         """Films a source.
 
@@ -233,6 +236,8 @@ class LatchedCamera:
             cycles: length, cycles of the latch clock.
             number: number of the call, below 2^64.
             spans: windows of images; None for those of five instants, evenly spaced.
+            behind: gives the source as it is behind the lens, for the light; None for one whose
+                light the lens maps.
 
         Returns:
             The spikes of all cycles.
@@ -253,18 +258,17 @@ class LatchedCamera:
             spans = windows(at, survey.scene.window, cycles)
         plan = self.plan(survey, tuple(spans))
         camera = self._exposed(plan, seed_of(self.setting.seed, number))
-        light = source()
+        light = (behind or source)()
         scene = SceneStage(light, self.setting.reach)
-        words = np.empty((0, *self.shape), np.uint32)
+        words = self._outputs.take((words_for(cycles), *self.shape))
+        camera.into(words)
         for start in range(0, cycles, _TOGETHER):
             block = Block(start, min(_TOGETHER, cycles - start))
-            part = camera.step(relay(scene.step(None, block)), block).words
-            if block.cycles == cycles:  # they are those of the call
-                words = part
-                break
-            if not start:
-                words = np.empty((words_for(cycles), *self.shape), np.uint32)
-            words[start // WORD : start // WORD + len(part)] = part
+            given = scene.step(None, block)
+            part = camera.step(given if behind else relay(given), block).words
+            here = words[start // WORD : start // WORD + len(part)]
+            if not np.may_share_memory(part, here):
+                here[:] = part
         if self._duplicated is not None:
             self._duplicated.duplicate(words)
         notes = (*plan.notes, *light.notes, *light.degraded)

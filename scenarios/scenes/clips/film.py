@@ -37,6 +37,8 @@ class FilmSource:
         rate: frame rate, 1/s; None for that of the clip.
         mosaic: filter array on the pixels, which see the colours of the clip; None for none.
         clip: the opened clip in place of that of `path`, which then only names it; None to open it.
+        gain: factor of a lens by which `step` multiplies the light, which then is illuminance; None
+            for exitance.
 
     Attributes:
         coloured: whether the light already is that behind the filters.
@@ -57,8 +59,9 @@ class FilmSource:
         rate: float | None = None,
         mosaic: Mosaic | None = None,
         clip: Clip | Pictures | None = None,
+        gain: np.float32 | None = None,
     ) -> None:
-        self.shape = shape
+        self.shape, self._gain = shape, gain
         self.coloured = mosaic is not None
         self._clip = clip or open_clip(path, shape, mosaic, self._MIXED, rate)
         self._lux = np.float32(illuminance * (1.0 if mosaic is None else mosaic.white))
@@ -128,9 +131,11 @@ class FilmSource:
     def _times(self, n: int, factor: np.float32) -> Plane | None:
         """Frame n times a factor; None if the clip ends before it."""
         if isinstance(self._clip, Pictures) and self._clip.coded:
-            return self._clip.times(n, factor)
+            return self._clip.times(n, factor, self._gain)
         frame = self._frame(n)
-        return None if frame is None else frame * factor
+        if frame is None:
+            return None
+        return frame * factor if self._gain is None else (frame * factor) * self._gain
 
     def _last(self) -> Plane:
         """The last frame of a clip that has ended, or a still image."""

@@ -80,7 +80,7 @@ class Pictures:
             )  # fmt: skip
         self._read, self._frames, self.size, self.notes = read, frames, size, notes
         self._planes: dict[int, Plane] = {}
-        self._times: dict[tuple[int, np.float32], Plane] = {}
+        self._times: dict[tuple[int, np.float32, np.float32 | None], Plane] = {}
         self._kept, self._codes, self.coded = kept, codes, codes is not None
         self.rate = Fraction(repr(rate)) if frames > 1 else Fraction(0)
         self.count = 0
@@ -104,19 +104,22 @@ class Pictures:
             self.count = max(self.count, n + 1)
         return self._planes[n]
 
-    def times(self, n: int, factor: np.float32) -> Plane | None:
-        """Frame n of `codes` times a factor, as a product of float32; None beyond the last."""
+    def times(self, n: int, factor: np.float32, gain: np.float32 | None = None) -> Plane | None:
+        """Frame n of `codes` times a factor, and then a gain, as products of float32; None beyond
+        the last."""
         import cv2
 
         assert self._codes is not None
         if n >= self._frames:
             self.count = self._frames
             return None
-        key = n, factor
+        key = n, factor, gain
         if key not in self._times:
             if len(self._times) >= self._kept:
                 self._times.popitem()
             curve = transfer_curve(SRGB, 255) * factor
+            if gain is not None:
+                curve = curve * gain
             self._times[key] = np.asarray(cv2.LUT(self._codes[n], curve), np.float32)
             self.count = max(self.count, n + 1)
         return self._times[key]

@@ -71,6 +71,7 @@ class FastPixels:
         self.array = array
         self._device = device
         self._outputs = Outputs(np.uint32, device.memory)
+        self._given = np.empty((0, 0), np.uint32)
         self._planes: dict[int, tuple[Plane, Any]] = {}
         self._fault = device.upload(np.zeros(1, np.int32))
         if like is None:
@@ -291,6 +292,17 @@ class FastPixels:
             runs[-1].append(segment)
         return runs
 
+    def into(self, words: npt.NDArray[np.uint32]) -> None:
+        """Has the next calls write into these words, (words, H W), one after another."""
+        self._given = words
+
+    def _room(self, words: int) -> npt.NDArray[np.uint32]:
+        """Memory for the words of a call, (words, H W)."""
+        if words > len(self._given):
+            return self._outputs.take((words, self.array.shape[0] * self.array.shape[1]))
+        out, self._given = self._given[:words], self._given[words:]
+        return out
+
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
         """Latched bits of cycles `start` to `start + cycles` of the clock.
 
@@ -302,7 +314,7 @@ class FastPixels:
                 After negative light the state has no meaning.
         """
         array = self.array
-        out = self._outputs.take((words_for(cycles), array.shape[0] * array.shape[1]))
+        out = self._room(words_for(cycles))
         courses = [
             (
                 start + first, n, array.course(light, start + first, n),
