@@ -31,8 +31,8 @@ class SpikeCamera:
         flags: effects that each group of pixels keeps in the fast tier; see `PixelArray`.
         fine: every effect on some tiles of the whole chip, in a better tier; None for no tile.
         row_delay: (height of the chip,) int64 ps, time by which the light reaches each row later
-            than `step` is given it, such as that of a source with a rolling shutter; at most a few
-            cycles. It moves the sampling instant of each row. None for 0.
+            than `step` is given it, such as that of a source with a rolling shutter. It moves the
+            sampling instant of each row. None for 0.
         like: `constants` of a camera that differs in its seed only; None for none.
     """
 
@@ -53,6 +53,7 @@ class SpikeCamera:
         self._clock = setting.clock
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
         self._light_map, self._gain, self._fine = setting.light_map, setting.common_gain, fine
+        self._late = 0 if row_delay is None else int(row_delay.max())
         self._pixels: TierPixels | None = None
         if fine is None or not fine.everywhere:
             self._pixels = tier_pixels(
@@ -91,7 +92,7 @@ class SpikeCamera:
         else:
             mapped = light if self._light_map is None else self._light_map(light)
             if self._gain is not None:
-                mapped = self._gain.on(mapped, start, cycles)
+                mapped = self._gain.on(mapped, start, cycles, self._late)
             words = self._pixels.expose(mapped, start, cycles)
         if self._fine is not None:
             words = words if words.flags.writeable else np.array(words)

@@ -51,13 +51,14 @@ class PatchCamera:
         self._inner = PlaneMap(plane.inner, None)
         self._light_map: Callable[[Light], Light] = setting.light_map or (lambda light: light)
         self._gain = setting.common_gain
+        self._late = 0 if row_delay is None else int(row_delay.max())
         self.bits = np.zeros(plane.numbers.size, np.int64)
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
         """Words (ceil(cycles / 32), pixels) of the next cycles. light: cut by `PatchPlane.cut`."""
         light = self._inner(self._light_map(light))
         if self._gain is not None:
-            light = self._gain.on(light, start, cycles)
+            light = self._gain.on(light, start, cycles, self._late)
         words = self._pixels.expose(light, start, cycles)
         assert len(words) == words_for(cycles)
         self.bits += np.bitwise_count(words).sum(axis=0, dtype=np.int64)

@@ -73,10 +73,14 @@ class Drift:
         """The instant at which a step begins, ps."""
         return self._clock.edge((step - 1) * STEP + _BEGIN)
 
-    def on(self, light: Light, start: int, cycles: int) -> Light:
-        """The light of these cycles and of two before and after, as far as it is given."""
+    def on(self, light: Light, start: int, cycles: int, late: int = 0) -> Light:
+        """The light of these cycles and of two before and after, as far as it is given.
+
+        late: most time, ps, by which it reaches a row later (`row_delay` of `SpikeCamera`). A row
+        has the gain of the instant at which the light was given.
+        """
         clock = self._clock
-        begin = max(clock.edge(start - 2), light.pieces[0].start)
+        begin = max(clock.edge(start - 2) - late, light.pieces[0].start)
         end = min(clock.edge(start + cycles + 2), light.pieces[-1].stop)
         made: list[Piece] = []
         for piece in light.pieces:

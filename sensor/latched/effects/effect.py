@@ -101,8 +101,9 @@ class Setting(Protocol):
 class CommonGain(Protocol):
     """A gain of all pixels over time."""
 
-    def on(self, light: Light, start: int, cycles: int) -> Light:
-        """The light of these cycles, and of one before and after, times the gain."""
+    def on(self, light: Light, start: int, cycles: int, late: int = 0) -> Light:
+        """The light of these cycles, and of one before and after, times the gain. late: most time,
+        ps, by which it reaches a row later."""
         ...
 
 

@@ -180,6 +180,15 @@ def test_a_late_row_with_noise_finds_its_light() -> None:
         assert chip.step(Light((piece,)), Block(start, 64)).words.any()
 
 
+def test_drift_reaches_rows_whose_light_comes_many_cycles_late() -> None:
+    """As that of a slow panel with a rolling scan: the last row has light of 200 cycles before."""
+    made = camera(drift=5e-3)
+    delay = np.arange(SHAPE[0]) * (200 * PERIOD // SHAPE[0])
+    chip = SpikeCamera(made, None, row_delay=delay)
+    for start in range(0, 384, 64):
+        assert chip.step(steady(made, 0.4), Block(start, 64)).words.any()
+
+
 def test_counts_of_all_pixels_follow_the_drift(device: Device) -> None:
     made = camera(drift=5e-3)
     light = steady(made, np.linspace(0.2, 0.9, SHAPE[1]))
