@@ -124,7 +124,7 @@ def _gathered(light, begins, length, at, side):  # type: ignore[no-untyped-def]
         row, begun = light[n], SPEED * begins[n]
         for k in range(len(at)):
             place = at[k] + begun
-            first, last = int(place), int(place + moved)
+            first, last = int(place), min(int(place + moved), len(row) - 1)
             seen = row[last] * _passed(place + moved - last, side)
             seen -= row[first] * _passed(place - first, side)
             for column in range(first, last):
@@ -172,7 +172,10 @@ def spike_blur(
     x = _places(SPEED / hz / min(dimmest, 1.0), SPEED / hz * settling_cycles(panel))
     # The exposure starts with the edge at column `begin`, so that all positions are on the chip.
     begin = math.ceil(-x[0]) + 1
+    first = math.ceil(begin / SPEED * hz)
+    planes = np.arange(first, first + max(round(EXPOSURE * hz), 1))
     width = begin + math.ceil(SPEED * (EXPOSURE + 1 / hz) + x[-1]) + 2
+    width = max(width, math.ceil(SPEED * (planes[-1] + 1) / hz + x[-1]) + 2)
     cycles = math.ceil((begin / SPEED + EXPOSURE) * hz) + 2
     wanted = math.ceil(SPIKES / (EXPOSURE * hz * min(dimmest, 1.0)))
     rows = min(max(wanted, ROWS[0]), ROWS[1], camera.height)
@@ -182,8 +185,6 @@ def spike_blur(
     light = edge_light((rows, width), ahead, behind, SPEED, camera.clock, cycles + 2)
     stream = camera.film(light, cycles, (camera.height, width), seed, (0, rows))
     columns = np.broadcast_to(np.arange(width), (rows, width))
-    first = math.ceil(begin / SPEED * hz)
-    planes = np.arange(first, first + round(EXPOSURE * hz))
     side = math.sqrt(panel.fill)
     table = []
     for drive, light_of in every_drive(stream, panel, group=columns).items():

@@ -33,9 +33,9 @@ class ProbeCamera(Protocol):
         ...
 
     def spikes(self, rate: float) -> float:
-        """Mean number of spikes a second that are simulated one by one for a pixel at this light,
-        thresholds a cycle, with those of its dark current; 0 for pixels that are simulated cycle by
-        cycle."""
+        """Mean number of firings a second that are simulated one by one for a pixel at this light,
+        thresholds a cycle, at most: with those of its dark current and of its longest width; 0 for
+        pixels that are simulated cycle by cycle."""
         ...
 
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:

@@ -20,7 +20,8 @@ above some 1 MHz or of a slow panel, has no figure."""
 
 MOST_SPIKES: Final = 16 * 10**6
 """Maximum number of spikes of asynchronous pixels that a probe simulates, at some microsecond of a
-core each. One that needs more, such as with much dark current, has no figure."""
+core each. One that needs more has no figure: with much dark current, or of grey at a clock above
+some 300 kHz."""
 
 Places = npt.NDArray[np.int64]
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from cosim import InputError
 from cosim.config.quantity import Section
 
 __all__ = ["BoardSection"]
+
+
+_SLOWEST = 4800
+"""Baud of the cycle model: each bit takes a simulated clock its time, minutes for slower lines."""
 
 
 class BoardSection(Section):
@@ -23,7 +28,7 @@ class BoardSection(Section):
         default="bytes", description="of a virtual board: the Verilog behind bytes or pins, or the "
         "cycle model, which needs no Verilator",
     )  # fmt: skip
-    baud: Annotated[int, Field(ge=4800, le=12_000_000)] = 115_200
+    baud: Annotated[int, Field(ge=2001, le=12_000_000)] = 115_200
     dtr: Literal["on", "off"] | None = Field(
         default=None, description="DTR of a serial port, which resets some boards; on when absent"
     )
@@ -49,3 +54,12 @@ class BoardSection(Section):
     time_scale: Annotated[float, Field(gt=0, le=1e6)] | None = Field(
         default=None, description="seconds of ours to one of a simulated board's clock"
     )
+
+    @model_validator(mode="after")
+    def _model_is_not_slower(self) -> BoardSection:
+        if self.port == "virtual" and self.level == "model" and self.baud < _SLOWEST:
+            raise InputError(
+                "board.baud", f"at least {_SLOWEST} with board.level = model, which has each bit",
+                str(self.baud), "raise it, or write --set board.level=bytes",
+            )  # fmt: skip
+        return self

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Clock, Light, Viform
+from cosim import PS, Clock, Light, Viform
 from cosim.compute.stopping import heed
 from cosim.spikes.clocked import Change, HeldPlanes, Reported, latching_cycles
 from cosim.spikes.events import mark_planes
@@ -70,7 +70,8 @@ class EventProbeCamera:
         if pattern is not None:
             current += pattern.dark + pattern.hot * pattern.hot_current
             current += pattern.warm * pattern.warm_current
-        return current / self.model.threshold
+        forced = PS / self.model.longest if self.model.longest else 0.0
+        return current / self.model.threshold + forced
 
     def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
         return np.zeros(rows, np.int64)

@@ -13,6 +13,7 @@ from cosim.compute.streams import Stream
 from cosim.light.light import Light, Piece, Plane
 from cosim.spikes.viform import words_for
 from sensor.circuit.circuit import Circuit
+from sensor.circuit.phases import RESET
 from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.model import JUMP, ROOM, ExactModel
 from sensor.latched.pixel.thresholds import spike_words
@@ -259,11 +260,11 @@ class ReferencePixels:
             bank = self._bank
             draws = (bank.values, bank.keys, bank.lanes, start)
             run(*before, *inputs, _RULE[model.reset], dead, *drawn, *draws, words)
-            if dead > 0:
-                state["pending"] = self._pending_after(*course, latches[self._rows, -1])
         else:
             phases = (state["phase"], state["volts"], state["wait"])
             run(*before, *phases, *inputs, self._circuit, *drawn, words)
+        if self._circuit is not None or model.dead_time > 0:
+            state["pending"] = self._pending_after(*course, latches[self._rows, -1])
         state["cycle"] = np.full(1, start + cycles)
         return words
 
@@ -271,13 +272,15 @@ class ReferencePixels:
         self, begins: npt.NDArray[np.int64], ends: npt.NDArray[np.int64], starts: Values,
         stops: Values, latches: npt.NDArray[np.int64],
     ) -> Values:  # fmt: skip
-        """The light at their latches, (n,) ps, that dead times which last beyond them will lose,
-        electrons. Course: see `_course`."""
-        pending = np.zeros(latches.size)
-        wait = self._state["tick"] - latches + self._state["part"]
+        """The light at their latches, (n,) ps, that dead times or resets of the circuit which last
+        beyond them will lose, electrons. Course: see `_course`."""
+        pending, state = np.zeros(latches.size), self._state
+        wait = state["tick"] - latches + state["part"]
+        if self._circuit is not None:
+            wait = np.where(state["phase"] == RESET, wait + state["wait"], 0.0)
         late = np.flatnonzero(wait > 0)
         piece = np.minimum(np.searchsorted(ends, latches[late]), ends.size - 1)
-        share = (latches[late] - begins[piece]) / (ends - begins)[piece]
+        share = np.maximum((latches[late] - begins[piece]) / (ends - begins)[piece], 0)
         start, stop = starts[late, piece], stops[late, piece]
         pending[late] = wait[late] * (start + (stop - start) * share)
         return pending

@@ -457,3 +457,23 @@ def test_pst_lm_of_noise_is_small_and_of_a_patch(device):
 def test_light_is_counted_in_thresholds_a_cycle():
     own = setting()
     assert own.rate(SpikeProbeCamera(own, None).lux(0.18)) == pytest.approx(0.18)
+
+
+class _Dark(_Fast):
+    """A camera that sees nothing."""
+
+    height = 8
+
+    def __init__(self, clock):
+        self.clock = clock
+
+    def film(self, light, cycles, shape, seed, rows=None):
+        words = np.zeros((-(-cycles // 32), rows[1] - rows[0], shape[1]), np.uint32)
+        return Viform(words, cycles, self.clock)
+
+
+@pytest.mark.parametrize("hz", [100.0, 170.5, 197.25, 551.34, 890.63])
+@pytest.mark.parametrize("edge", [(0.0, 0.18), (0.0, 1.5)])
+def test_the_eye_of_a_slow_panel_stays_on_the_columns(hz, edge):
+    clock = Clock.from_hz(hz)
+    assert len(spike_blur(_Dark(clock), panel(clock=clock), edge, 1)) == len(DRIVES)

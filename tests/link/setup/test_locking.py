@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from cosim import PS
+from cosim import PS, Clock, InputError
 from cosim.compute.opencl import Device
 from link.layout import TRAINING
 from link.mode import Mode
@@ -21,6 +23,7 @@ from link.setup.locking.choice import choose_and_lock
 from link.setup.locking.loop import INTERVAL, WINDOW, ClockLock, Locking
 from link.setup.locking.model import PhaseModel, at_lock
 from link.setup.modes import _delays
+from link.setup.setup import ChosenLink
 from link.setup.spent import Spent
 from link.setup.truth import true_timing
 from scenarios.assemble.link import link_camera
@@ -55,6 +58,21 @@ def locked(
     held, lock = locking.hold(locking.setting, ticks, SilentProgress())
     assert lock is not None
     return held, lock
+
+
+def test_a_transmission_lasts_a_day_at_most() -> None:
+    """As a scene does: the clock that is proposed suffices."""
+    day = 86_400
+
+    def hold(hz: float) -> None:
+        part = SimpleNamespace(clock=Clock.from_hz(hz))
+        setting = SimpleNamespace(camera=part, panel=part)
+        chosen: Any = SimpleNamespace(setting=setting, locking=None)
+        ChosenLink.held(chosen, day + 3600, SilentProgress())
+
+    with pytest.raises(InputError, match=r"^sensor.clock must be at least 1.05 Hz, for a tr") as it:
+        hold(1.0)
+    hold(float(str(it.value).split()[5]))
 
 
 @pytest.mark.parametrize(("phase", "ppm"), [(0.0, 20), (0.31, 0), (0.5, -100), (0.72, 100)])

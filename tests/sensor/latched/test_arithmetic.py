@@ -12,6 +12,8 @@ from cosim import PS, Block, Clock, Light, Piece, Summary
 from cosim.compute.opencl import Device
 from cosim.plan.tiles import TILE
 from sensor import CHIPS, CameraSetting
+from sensor.circuit.circuit import Circuit
+from sensor.circuit.lumped import lump
 from sensor.device.pattern import DevicePattern
 from sensor.latched.arithmetic import (
     FLOAT_RMS,
@@ -28,7 +30,8 @@ from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.interval import interval_table, threshold
 from sensor.latched.reference.law import draw_all, law_of
 from sensor.latched.row_timing import RowTiming
-from sensor.latched.tiers import Tier
+from sensor.latched.tiers import Tier, tier_pixels
+from sensor.latched.written import pending_of
 from tests.sensor.latched.random_scenes import PERIOD, Scene, random_scene, rates
 
 CLOCK = Clock.from_hz(40e3)
@@ -135,11 +138,11 @@ def test_the_fast_tier_keeps_its_bound_in_a_thousand_scenes(device: Device) -> N
     assert len(_exceeded_by_fast(range(100, 1100), device)) <= 5
 
 
-def _steady(reset: str, light: float, dead_time: float) -> tuple[Scene, float]:
+def _steady(light: float, **more: object) -> tuple[Scene, float]:
     """A tile of full size under uniform light, thresholds a cycle, and the RMS difference of its
     rates between the exact tier and the reference."""
     case = random_scene(7)
-    camera = setting(reset=reset, dead_time=dead_time)
+    camera = setting(**more)
     lux = np.full((3 * TILE, 3 * TILE), light * 1000 / camera.electrons_per_lux * 40e3, np.float32)
     case = replace(
         case, setting=camera, light=Light((Piece(-PS, 2**60, lux, lux),)), window=(15, 56),
@@ -155,10 +158,47 @@ def test_a_dead_time_over_the_end_of_a_window_counts_in_it(reset: str, light: fl
     """Steady light: a dead time that has yet to pass is charged as in the other tiers. Else the
     difference of both ends would be dead x light x sqrt(2 p (1 - p)), with p spikes a cycle."""
     dead = 0.04
-    case, error = _steady(reset, light, dead / CLOCK.hz)
+    case, error = _steady(light, reset=reset, dead_time=dead / CLOCK.hz)
     share = light / (1 + light * dead)
     assert error < dead * light * np.sqrt(2 * share * (1 - share)) / 41 / 20
     assert error < exact_error(case.setting, case.summary).max() * light
+
+
+@pytest.mark.parametrize("light", [0.1, 0.7])
+@pytest.mark.parametrize("trip", [0.0, 0.5])
+def test_a_reset_of_a_circuit_over_the_end_of_a_window_counts_in_it(
+    light: float, trip: float
+) -> None:
+    """The exact tier has it lumped, as a dead time."""
+    circuit = Circuit(1e-14, reset_time=0.3 / CLOCK.hz, trip=trip, gain=1e3, bandwidth=1e10)
+    one = lump(circuit, 1000.0, 40.0, 40e6)
+    case, error = _steady(
+        light, circuit=circuit, dead_time=one.dead_time, overshoot=one.shift, leak=one.dark_current,
+        lumped_error=one.bound,
+    )  # fmt: skip
+    assert error < 1e-5 < exact_error(case.setting, case.summary).max() * light
+
+
+def test_what_a_dead_time_has_yet_to_lose_is_the_light_of_its_latch() -> None:
+    """Hard reset: a pixel that fired in the last cycle loses the dead time at the light of the
+    latch, in each piece of the light and at its end."""
+    dead, chip = 0.5, replace(CHIPS["spiketwo"], width=8, height=8)
+    camera = setting(reset="hard", dead_time=dead / CLOCK.hz, chip=chip)
+    camera = camera.without(["shot noise", "threshold noise"])
+    lux = 1000 / camera.electrons_per_lux * 40e3
+    high, low = (np.full((8, 8), x * lux, np.float32) for x in (0.9, 0.3))
+    light = Light((
+        Piece(-PERIOD, 10 * PERIOD, high, high), Piece(10 * PERIOD, 20 * PERIOD, high, low),
+        Piece(20 * PERIOD, 2**60, low, low),
+    ))  # fmt: skip
+    numbers = np.arange(64, dtype=np.uint32)
+    pixels, counts = tier_pixels("reference", camera, (8, 8), numbers, np.arange(8)), np.zeros(32)
+    for cycle in range(32):
+        level = np.interp(cycle + 1, [10, 20], [0.9, 0.3])
+        fired = pixels.expose(light, cycle, 1)[0] > 0
+        np.testing.assert_allclose(pending_of(pixels), np.where(fired, dead * level, 0), rtol=1e-6)
+        counts[cycle] = fired.sum()
+    assert all(part.any() for part in np.split(counts, [10, 20]))
 
 
 def test_light_that_changes_near_one_spike_a_cycle_is_out_of_reach() -> None:
@@ -240,7 +280,7 @@ def test_dead_time_stays_where_the_length_of_a_cycle_has_noise(tier: Tier, devic
     for each in (tier, "reference"):
         one = SpikeCamera(camera, device if each == "fast" else None, tier=each)
         bits = one.step(light, Block(0, 2000)).planes().sum(axis=0).ravel()
-        phases.append(bits + one.fraction())
+        phases.append(bits + one.fraction() - pending_of(one._pixels))
     off = phases[0] - phases[1]
     # A spike falls into a cycle by its length, whose mean square is 2 x 0.1^2: too much is lost.
     lost = 0.1 * 0.5 * 2 * 0.1**2 * (0.5 / 1.05) * 2000
