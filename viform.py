@@ -9,6 +9,7 @@ The names are those of the parts; each is imported when it is first used.
 
 from __future__ import annotations
 
+import signal
 import sys
 import warnings
 from importlib import import_module
@@ -108,6 +109,8 @@ _HIDDEN = _claim_names()
 
 def main() -> None:
     """Runs the command `viform`."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while it starts: no traceback
     import_module("scenarios.cli").main()
 
 

@@ -13,6 +13,7 @@ a long one asks between its pieces.
 
 from __future__ import annotations
 
+import atexit
 import os
 import select
 import signal
@@ -23,9 +24,12 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 
-__all__ = ["GRACE_S", "Stopped", "end_on_signals", "finishing", "heed", "said", "threads", "undone"]
+__all__ = [
+    "GRACE_S", "Stopped", "end_now", "end_on_signals", "ending", "finishing", "first_signal",
+    "heed", "interrupt", "leave", "said", "threads", "undone",
+]  # fmt: skip
 
 GRACE_S: Final = 1.5
 """Time between a signal and the end of the process, s."""
@@ -79,10 +83,14 @@ class _Ending:
         finishing: number of writes that are not cut off.
         undone: what is lost, and how to resume; the line of a command that is cut off.
         said: whether the command has told the user.
+        hears: whether a thread hears the signals.
+        asked: whether there was one.
+        handled: whether a handler of this process has seen one.
     """
 
     def __init__(self) -> None:
         self.finishing, self.undone, self.said = 0, "interrupted", False
+        self.hears = self.asked = self.handled = False
 
     def listen(self, pipe: int) -> None:
         """Ends the process some time after a signal whose number comes through the pipe."""
@@ -92,7 +100,7 @@ class _Ending:
             if select.select([pipe], [], [], wait)[0]:
                 for number in os.read(pipe, 256):
                     if number in _NUMBERS:
-                        asked += 1
+                        asked, self.asked = asked + 1, True
                         due = time.monotonic() + (GRACE_S if asked == 1 else _AGAIN_S)
             elif self.finishing and asked == 1:
                 if not noted:
@@ -140,12 +148,51 @@ def end_on_signals() -> None:
     read, write = os.pipe()
     os.set_blocking(write, False)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    _ending.hears = True
     # A child would write its own signals into this pipe.
     os.register_at_fork(after_in_child=_forget)
     threading.Thread(target=_ending.listen, args=(read,), name="signals", daemon=True).start()
 
 
+def ending() -> bool:
+    """Whether this process ends after a signal that was heard: errors of what was interrupted are
+    none."""
+    return _ending.hears and _ending.asked
+
+
+def first_signal() -> bool:
+    """For handlers: whether this signal is the first, and interrupts. A further one must not
+    interrupt what is left to do: the thread that hears them ends the process soon. Always true in a
+    process of the user's, which has no such thread."""
+    before, _ending.handled = _ending.handled, True
+    return not (before and _ending.hears)
+
+
+def interrupt(*_: object) -> None:
+    """A handler of SIGINT and SIGTERM: the first signal raises KeyboardInterrupt."""
+    if first_signal():
+        raise KeyboardInterrupt
+
+
+def end_now() -> NoReturn:
+    """Ends this process and its children now, and says what is undone."""
+    _ending.cut()
+    raise AssertionError
+
+
+def leave(code: int) -> NoReturn:
+    """Ends the process as `sys.exit` does, but leaves threads where they are: those of libraries
+    that still run would abort it while the interpreter is taken down."""
+    with suppress(Exception):
+        atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    os._exit(code)
+
+
 def _forget() -> None:
+    _ending.hears = False
     with suppress(ValueError):  # forked by another thread than the main one
         signal.set_wakeup_fd(-1)
 
@@ -167,10 +214,8 @@ def undone(line: str) -> Iterator[None]:
     line: what the user is told then.
     """
     before, _ending.undone = _ending.undone, line
-    try:
-        yield
-    finally:
-        _ending.undone = before
+    yield
+    _ending.undone = before  # an error or an interrupt leaves it undone
 
 
 def said() -> None:

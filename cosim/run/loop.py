@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cosim.archive import load_arrays
-from cosim.compute.stopping import finishing
+from cosim.compute.stopping import finishing, first_signal, interrupt
 from cosim.errors import InputError, Interrupted, shorten
 from cosim.files.whole import whole
 from cosim.run.pipeline import Pipeline
@@ -179,11 +179,13 @@ def open_gate(block: Block, stopping: Callable[[], bool]) -> bool:
 def stop_requests() -> Iterator[threading.Event]:
     """An event that SIGINT and SIGTERM set, so that the current block is always completed.
 
-    A second signal raises KeyboardInterrupt at once.
+    A second signal raises KeyboardInterrupt at once, unless the process ends by itself.
     """
     requested = threading.Event()
 
     def request(*_: object) -> None:
+        if not first_signal():
+            return
         if requested.is_set():
             raise KeyboardInterrupt
         requested.set()
@@ -209,7 +211,7 @@ def noted_interrupts() -> Iterator[threading.Event]:
 
     def request(*_: object) -> None:
         requested.set()
-        raise KeyboardInterrupt
+        interrupt()
 
     with _handlers(request):
         yield requested

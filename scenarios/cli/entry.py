@@ -29,14 +29,23 @@ def main() -> None:
     (invalid input), 130 (interrupted), or 141 (standard output was closed)."""
     # SIGTERM has the effect of Ctrl-C: the state is saved, and a line explains how to resume.
     # SIGINT's current handler is not used: a shell script ignores SIGINT for `viform ... &`.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    from cosim.compute.stopping import (
+        end_now,
+        end_on_signals,
+        ending,
+        interrupt,
+        leave,
+        said,
+    )
+
+    signal.signal(signal.SIGTERM, interrupt)
+    if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_DFL):
+        signal.signal(signal.SIGINT, interrupt)
     if sys.flags.optimize > 1 and os.environ.pop("PYTHONOPTIMIZE", ""):
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # the help is in docstrings
     read_launcher()
     os.umask(os.umask(0o077) & 0o077)  # the user may enter the folders that the command makes
     protect()
-    from cosim.compute.stopping import end_on_signals, said
-
     try:
         end_on_signals()
         code = _main(sys.argv[1:] or ["--help"])
@@ -52,6 +61,8 @@ def main() -> None:
         from cosim.errors import say
 
         line = _of_the_machine(exc)
+        if ending():  # an interrupt within a library leaves it in a state that it takes for a fault
+            end_now()
         if line is None:
             raise
         say(line)
@@ -60,6 +71,8 @@ def main() -> None:
     if code == 130:  # who interrupts once more does not want a traceback of what is left to do
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: os._exit(code))
+    if ending():
+        leave(code)
     gc.freeze()  # otherwise the interpreter searches all objects for dead ones before it ends
     sys.exit(code)
 

@@ -12,7 +12,7 @@ from cosim.config.quantity import Section
 __all__ = ["BoardSection"]
 
 
-_SLOWEST = 4800
+_SLOWEST = 9600
 """Baud of the cycle model: each bit takes a simulated clock its time, minutes for slower lines."""
 
 

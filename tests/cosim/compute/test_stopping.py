@@ -65,6 +65,35 @@ def test_a_checkpoint_that_is_being_written_is_not_cut_off():
     assert said == "viform: interrupted within a step; go on with --resume\n"
 
 
+SAVING = """
+import signal, time
+from cosim.compute.stopping import end_on_signals, interrupt, undone
+
+signal.signal(signal.SIGTERM, interrupt)
+end_on_signals()
+try:
+    with undone("interrupted; go on with --resume"):
+        print("ready", flush=True)
+        time.sleep(600)
+except KeyboardInterrupt:
+    print("saving", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_who_interrupts_again_and_again_is_told_how_to_resume():
+    """A second signal does not interrupt what the first one left to do: it ends the process."""
+    pipe = subprocess.PIPE
+    child = subprocess.Popen([sys.executable, "-c", SAVING], stdout=pipe, stderr=pipe, text=True)
+    assert child.stdout is not None and child.stdout.readline() == "ready\n"
+    child.send_signal(signal.SIGTERM)
+    assert child.stdout.readline() == "saving\n"
+    for _ in range(2):
+        child.send_signal(signal.SIGTERM)
+    _, said = child.communicate(timeout=60)
+    assert (child.returncode, said) == (130, "viform: interrupted; go on with --resume\n")
+
+
 def test_nobody_waits_for_a_pool_after_an_interrupt_and_its_work_is_told():
     began, told, free = threading.Event(), threading.Event(), threading.Event()
 

@@ -287,6 +287,30 @@ has been noted. One from outside came too late where that process did not get th
 first stage is ten of the 13 blocks ahead of the recorder."""
 
 
+LOST_IN_A_LIBRARY = """
+import os, signal, time
+from scenarios.cli import entry
+
+def computes(arguments):
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(60)
+    except KeyboardInterrupt:
+        raise RuntimeError("no compiled object yet") from None
+
+entry._main = computes
+entry.main()
+"""
+
+
+def test_an_interrupt_that_a_library_takes_for_a_fault_is_one():
+    """A compiler that a signal reaches within a callback raises an error of its own."""
+    child = subprocess.run(
+        [sys.executable, "-c", LOST_IN_A_LIBRARY], capture_output=True, text=True, timeout=60
+    )
+    assert (child.returncode, child.stderr) == (130, "viform: interrupted\n")
+
+
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory, make_clip: Callable[..., Path]) -> Path:
     frames = np.random.default_rng(1).integers(0, 256, (25, 250, 400), np.uint8)
