@@ -143,6 +143,7 @@ class DisplaySection(Section):
     beside: tuple[FrameRate, ...] = Field(
         default=(60.0, 120.0, 240.0, 1000.0),
         max_length=8,
+        examples=[["60 Hz", "120 Hz"]],
         description="frame rates of the reference displays",
     )
     persistence: Annotated[float, Field(gt=0, le=1)] = Field(

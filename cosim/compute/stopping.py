@@ -157,7 +157,7 @@ def end_on_signals() -> None:
 def ending() -> bool:
     """Whether this process ends after a signal that was heard: errors of what was interrupted are
     none."""
-    return _ending.hears and _ending.asked
+    return _ending.hears and (_ending.asked or _ending.handled)
 
 
 def first_signal() -> bool:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
-from itertools import pairwise
 from math import ceil
 from typing import Protocol, runtime_checkable
 
@@ -19,8 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS, Clock
-from cosim.compute.cores import cores
-from cosim.compute.stopping import threads
 from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Sketch, Source
 from cosim.stage import BLOCK, Block
@@ -29,8 +26,6 @@ __all__ = ["SAMPLES", "Sketched", "Survey", "limits", "survey", "through"]
 
 SAMPLES = 9
 """Instants at which a rendered scene is sampled."""
-_LARGE = 1 << 19
-"""Pixels from which on all cores survey a plane."""
 
 
 @runtime_checkable
@@ -80,6 +75,8 @@ class _Range:
 
     def take(self, piece: Piece) -> None:
         """Extends the range by a piece, unless it is one of the last few."""
+        from cosim.light.survey_compiled import widen  # numba, which not every start need load
+
         if any(piece is known for known in self._pieces):
             return
         self._pieces, self.count = [*self._pieces[-8:], piece], self.count + 1
@@ -88,31 +85,13 @@ class _Range:
             none = np.zeros(first.shape, np.float32)
             self._planes = first.copy(), first.copy(), none, none.copy()
         elif self._last is not None and piece.first is not self._last:
-            self._widen(first, np.ascontiguousarray(self._last), np.inf)
+            widen(first, np.ascontiguousarray(self._last), np.float32(np.inf), *self._planes)
         if not piece.constant:
             whole = piece.stop - piece.start
             # Of shorter pieces a cycle has several, whose changes may add up.
             share = self._cycle / whole if whole >= self._cycle else np.inf
-            self._widen(last, first, share)
+            widen(last, first, np.float32(share), *self._planes)
         self._last = piece.last
-
-    def _widen(self, plane: Plane, before: Plane, share: float) -> None:
-        """Extends the range by a plane; see `widen`."""
-        from cosim.light.survey_compiled import widen  # numba, which not every start need load
-
-        planes = self._planes
-        assert planes is not None
-
-        def part(rows: slice) -> None:
-            widen(plane[rows], before[rows], np.float32(share), *(each[rows] for each in planes))
-
-        if plane.size < _LARGE:
-            part(slice(None))
-            return
-        height, count = len(plane), cores()
-        with threads(count) as pool:
-            edges = [height * n // count for n in range(count + 1)]
-            list(pool.map(part, (slice(a, b) for a, b in pairwise(edges))))
 
     def survey(self, cycles: int) -> Survey:
         """The survey of the pieces of a run."""

@@ -150,7 +150,7 @@ class _ChipSection(Section):
     duplicated_rows: tuple[tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], ...] = (
         Field(
             default=(),
-            examples=["[[0, 2], [1, 3]]"],
+            examples=[[[0, 2], [1, 3]]],
             description="fault of the readout: pairs [source, target]; the target shows the bits "
             "of the source",
         )
@@ -184,7 +184,9 @@ class SensorSection(_Sections):
         default=None, description="output that asynchronous pixels share; none when absent"
     )
     writes: Writes | None = Field(
-        default=None, description="register writes in mid-run, in their order; none when absent"
+        default=None,
+        examples=[[{"cycle": 400, "threshold_level": 8}]],
+        description="register writes in mid-run, in their order; none when absent",
     )
 
     @model_validator(mode="before")

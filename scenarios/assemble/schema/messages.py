@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, get_args
 
@@ -101,6 +102,21 @@ def _example(name: str) -> Any:
     return (field.get("examples") or field.get("enum") or [field.get("const")])[0]
 
 
+def _listed(name: str, what: str) -> str:
+    """What a value must be, with an example: "a list such as [100, 200]". name: dotted, with the
+    numbers of entries of a list."""
+    parts = name.split(".")
+    count = next((n for n, part in enumerate(parts) if part.isdigit()), len(parts))
+    example = _example(".".join(parts[:count]))
+    if isinstance(example, str):
+        with suppress(ValueError):
+            example = json.loads(example)
+    for _ in parts[count:]:
+        example = example[0] if isinstance(example, list) and example else None
+    shown = isinstance(example, list if what == "a list" else dict)
+    return f"{what} such as {json.dumps(example)}" if shown else what
+
+
 def _remedy(name: str) -> str:
     """An instruction that shows a valid value of a key."""
     example = _example(name)
@@ -137,10 +153,8 @@ def _resolve(node: dict[str, Any]) -> dict[str, Any]:
     return node
 
 
+_NESTED = {"model_type": "a section", "model_attributes_type": "a section", "tuple_type": "a list"}
 _MUST = {
-    "model_type": "a section",
-    "model_attributes_type": "a section",
-    "tuple_type": "a list such as [100, 200]",
     "string_type": "text",
     "string_unicode": "text in UTF-8",
     "int_type": "a whole number",
@@ -177,6 +191,13 @@ def _holder(data: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:
     return data if isinstance(data, Mapping) else {}
 
 
+def _sections_with(key: str, whole: type[BaseModel]) -> Iterator[str]:
+    """The sections of a scenario that have a key of this name."""
+    for name, field in whole.model_fields.items():
+        if any(key in section.model_fields for section in _sections(field.annotation)):
+            yield name
+
+
 def _one_line(error: Any, whole: type[BaseModel], data: Any = None) -> InputError:
     """An error of pydantic for the schema `whole`, with requirement, value and remedy.
 
@@ -200,6 +221,9 @@ def _one_line(error: Any, whole: type[BaseModel], data: Any = None) -> InputErro
         remedy = (
             f"did you mean {f'{section}.' if section else ''}{near[0]}?" if near else "remove it"
         )
+        inside = [] if section or near else [*_sections_with(key, whole)]
+        if inside:  # such as the size of a chip
+            remedy = f"did you mean {' or '.join(f'{name}.{key}' for name in inside[:2])}?"
         # The keys of the section are listed only if none of them resembles the unknown key.
         must = "a key that is known" if near else shorten(f"one of {', '.join(place.keys)}", KEYS)
         return InputError(shorten(place.name), must, "an unknown key", remedy)
@@ -223,8 +247,8 @@ def _one_line(error: Any, whole: type[BaseModel], data: Any = None) -> InputErro
         wanted, tag = error["ctx"]["expected_tags"], quote(error["ctx"]["tag"])
         return InputError(f"{place.name}.kind", f"one of {wanted}", tag, "choose one")
     must = _MUST[kind].format(**error.get("ctx", {})) if kind in _MUST else text.lower()
-    if kind == "tuple_type" and place.name == "display.beside":
-        must = 'a list such as ["60 Hz", "120 Hz"]'
+    if kind in _NESTED:
+        must = _listed(place.name, _NESTED[kind])
     return InputError(place.name, must, value, _remedy(place.name))
 
 

@@ -41,6 +41,7 @@ class ImageSection(Section):
     # The images of an instant take 40 MB of memory and 1 MB of the report; with a display, 100 MB.
     at: tuple[Annotated[int, Field(ge=0)], ...] = Field(
         default=(),
+        examples=[[100, 200]],
         max_length=25,
         description="cycles of the instants; an empty list selects five evenly spaced cycles",
     )

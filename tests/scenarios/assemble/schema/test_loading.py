@@ -76,7 +76,8 @@ def test_the_options_of_seed_and_tolerance_come_last():
          "--set title.x must be a key of a section, which title is, not below a value; "
          "set title itself"),
         ("image.at=[1,",
-         "image.at must be a list such as [100, 200], not '[1,'; see `viform list --keys`"),
+         "image.at must be a list such as [100, 200], not '[1,'; "
+         "write --set image.at='[100, 200]'"),
     ],
 )  # fmt: skip
 def test_a_wrong_assignment_is_told_what_to_write(assignment, said):

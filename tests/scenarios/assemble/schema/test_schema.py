@@ -132,7 +132,13 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("sensor.lens.f_number", 0.1,
          f"sensor.lens.f_number must be at least 0.5, not 0.1; {SCHEMA}"),
         ("sensor.lens.white_rate", 0, f"sensor.lens.white_rate must be above 0, not 0; {SCHEMA}"),
-        ("image.at", 3, f"image.at must be a list such as [100, 200], not 3; {SCHEMA}"),
+        ("image.at", 3, "image.at must be a list such as [100, 200], not 3; "
+         "write --set image.at='[100, 200]'"),
+        ("sensor.writes", [100],
+         'sensor.writes.0 must be a section such as {"cycle": 400, "threshold_level": 8}, not 100; '
+         + SCHEMA),
+        ("sensor.duplicated_rows", [100, 200],
+         f"sensor.duplicated_rows.0 must be a list such as [0, 2], not 100; {SCHEMA}"),
         ("image.at", [1, -2], f"image.at.1 must be at least 0, not -2; {SCHEMA}"),
         ("image.window", 0, f"image.window must be at least 1, not 0; {SCHEMA}"),
         ("sensor.treshold", "5 e",
@@ -147,7 +153,8 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
         ("dispaly", {},
          "dispaly must be a key that is known, not an unknown key; did you mean display?"),
         ("display", {"beside": 60},
-         'display.beside must be a list such as ["60 Hz", "120 Hz"], not 60; ' + SCHEMA),
+         'display.beside must be a list such as ["60 Hz", "120 Hz"], not 60; '
+         """write --set display.beside='["60 Hz", "120 Hz"]'"""),
         ("display", {"projector": "off"},
          "display.projector must be a frequency such as '16 kHz', or none, not 'off'; write --set "
          "display.projector='16 kHz'"),
@@ -490,8 +497,8 @@ _NESTED = {
         ("pattern.dsnu=0.1", "{0}.pattern.dark_current must be above 0 with dsnu = 0.1, which is a "
          "share of it, not 0 e/s; write --set {0}.pattern.dark_current='100 e/s', or leave dsnu "
          "out"),
-        ("row_time=1 s", "{0}.clock must be at most 0.001 Hz for 1000 rows of 1e+09 ns to fit in a "
-         "cycle, not 40000 Hz; lower it, or {0}.row_time"),
+        ("row_time=100 ms", "{0}.clock must be at most 0.01 Hz for 1000 rows of 1e+08 ns to fit in "
+         "a cycle, not 40000 Hz; lower it, or {0}.row_time"),
         ("duplicated_rows=[[0, 0]]", "{0}.duplicated_rows must be pairs"),
         ("preset=none.toml", "{0}.preset must be ideal, silicon, or a TOML file"),
     ],
@@ -522,3 +529,10 @@ def test_every_section_that_stands_in_several_places_is_placed():
     assert SensorSection in several
     for found in several.values():
         assert sum(not placed for _, placed in found) <= 1, found
+
+
+def test_a_key_without_its_section_is_told_where_it_is():
+    with pytest.raises(InputError, match=r"did you mean sensor\.width or display\.width\?$"):
+        load("film", ["width=64"])
+    with pytest.raises(InputError, match=r"did you mean scene\.illuminance\?$"):
+        load("film", ["illuminance=64 lux"])
