@@ -122,7 +122,8 @@ def _range(key: str, parts: list[str]) -> Axis | None:
         raise InputError(
             f"--vary {key}", f"{least}from a lower to a higher number", f"{parts[0]}:{parts[1]}",
             f"write {':'.join([parts[1], parts[0], *parts[2:]])}"
-            if low > high and (high > 0 or not log) else "raise the lower one" if low < high else "write two that differ",
+            if low > high and (high > 0 or not log)
+            else "raise the lower one" if low < high else "write two that differ",
         )  # fmt: skip
     if whole and (low % 1 or high % 1):
         raise InputError(
