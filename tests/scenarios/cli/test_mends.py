@@ -66,7 +66,7 @@ def test_a_run_without_a_stream_says_why_it_has_none(tmp_path):
 @pytest.mark.parametrize(
     ("text", "mend"),
     [
-        ("9:1:4", "write 1:9"), ("-1:9:4log", "raise the lower one"),
+        ("9:1:4", "write 1:9:4"), ("-1:9:4log", "raise the lower one"),
         ("2:2:4", "write two that differ"), ("1:9:1", "write 2 or more, such as 5"),
     ],
 )  # fmt: skip
