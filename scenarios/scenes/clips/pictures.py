@@ -139,7 +139,8 @@ def _array(path: Path, fit: Fit) -> npt.NDArray[Any]:
         raise fit.bad("not a .npy file of numbers") from exc
     if not isinstance(values, np.ndarray):  # an .npz with another name
         raise fit.bad("not a .npy file of one array")
-    if not (values.dtype in (np.uint8, np.uint16) or np.issubdtype(values.dtype, np.floating)):
+    native = values.dtype.newbyteorder("=")
+    if not (native in (np.uint8, np.uint16) or np.issubdtype(values.dtype, np.floating)):
         raise fit.bad(f"values of {values.dtype}: uint8 or uint16 in sRGB, or floats, are accepted")
     if 0 in values.shape:
         raise fit.bad(f"no values in its shape {values.shape}")
@@ -152,7 +153,7 @@ def shown(
 ) -> Plane:  # fmt: skip
     """A picture of an array on the pixels: codes of a transfer characteristic (ITU-T H.273), or
     floats of linear light. opaque: share of each pixel that is, (h, w); the rest is black."""
-    light = np.asarray(values)
+    light = np.asarray(values, values.dtype.newbyteorder("="))  # a file may have the other order
     if np.issubdtype(values.dtype, np.integer):
         curve = transfer_curve(code, int(np.iinfo(values.dtype).max))
         return fit.codes(light, curve, opaque)

@@ -118,6 +118,15 @@ def test_codes_of_an_array_are_those_of_a_picture(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("dtype", ["u2", "f4", "f8"])
+def test_the_order_of_an_arrays_bytes_does_not_matter(tmp_path, dtype):
+    """Files of other programs have the big end first."""
+    values = (LIGHT / 20 * (60_000 if dtype == "u2" else 1)).astype(dtype)
+    np.save(tmp_path / "little.npy", values.astype(f"<{dtype}"))
+    np.save(tmp_path / "big.npy", values.astype(f">{dtype}"))
+    np.testing.assert_array_equal(only(tmp_path / "big.npy"), only(tmp_path / "little.npy"))
+
+
 def test_pictures_of_a_folder_are_frames_in_natural_order(tmp_path: Path) -> None:
     for n in (1, 2, 9, 10, 11):
         cv2.imwrite(str(tmp_path / f"f{n}.pfm"), np.full(SHAPE, n / 8, np.float32))
