@@ -16,10 +16,11 @@ from sensor.latched.sampling import row_offsets
 
 __all__ = ["SpikeProbeCamera"]
 
-NOISY: Final = 1 << 17
+NOISY: Final = 1 << 16
 """Cycles of a recording up to which the sampling instants of its rows are noisy: each cycle then
 takes 0.1 ms. The noise moves single spikes by less than a cycle and does not accumulate, so a
-recording of a minute, for what is slower than 100 Hz, goes without."""
+recording of a minute, for what is slower than 100 Hz, goes without, as does one of a second at a
+clock above 60 kHz."""
 PART: Final = 4096
 """Cycles that are simulated at once, whole words: a noisy camera looks through all pieces of its
 light in each cycle."""
