@@ -118,7 +118,7 @@ class _Ending:
             os.write(2, f"{shown}viform: {text}\n".encode())
         return True
 
-    def cut(self) -> None:
+    def cut(self) -> NoReturn:
         """Ends this process and its children now."""
         if not self.said:
             self.say(self.undone)
@@ -177,7 +177,6 @@ def interrupt(*_: object) -> None:
 def end_now() -> NoReturn:
     """Ends this process and its children now, and says what is undone."""
     _ending.cut()
-    raise AssertionError
 
 
 def leave(code: int) -> NoReturn:
@@ -214,8 +213,11 @@ def undone(line: str) -> Iterator[None]:
     line: what the user is told then.
     """
     before, _ending.undone = _ending.undone, line
-    yield
-    _ending.undone = before  # an error or an interrupt leaves it undone
+    try:
+        yield
+    finally:
+        if not ending():  # after a signal it stays undone while the command unwinds
+            _ending.undone = before
 
 
 def said() -> None:

@@ -92,7 +92,7 @@ def retina(light: Values, begins: Values, length: float, at: Values, side: float
     Args:
         light: (spans, columns), mean over square pixels; column j is [j, j + 1).
         begins: begin of each span, s, (spans,).
-        length: of a span, s.
+        length: length of a span, s.
         at: positions on the retina, pixels, (n,).
         side: side of the square in the centre of a pixel that emits its light, pixels.
 

@@ -135,7 +135,8 @@ class FilmSource:
         frame = self._frame(n)
         if frame is None:
             return None
-        return frame * factor if self._gain is None else (frame * factor) * self._gain
+        lit: Plane = frame * factor
+        return lit if self._gain is None else lit * self._gain
 
     def _last(self) -> Plane:
         """The last frame of a clip that has ended, or a still image."""

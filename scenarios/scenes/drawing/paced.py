@@ -29,6 +29,11 @@ MANY = 1024
 """Number of pictures of a cycle from which on those of its still parts are left out."""
 
 
+def _divided(start: int, stop: int, n: int) -> list[int]:
+    """The n + 1 instants, ps, that divide a time into n equal parts."""
+    return [start + (stop - start) * k // n for k in range(n + 1)]
+
+
 class PacedScene(AnalyticScene, Protocol):
     """An analytic scene that knows when it moves."""
 
@@ -97,15 +102,15 @@ class PacedSource:
     def _moving(self, cycle: int) -> list[Piece]:
         n = self._steps[cycle]
         start, stop = self._clock.edge(cycle), self._clock.edge(cycle + 1)
-        parts = self._parts if cycle in self._long else min(n, self._parts)
-        if cycle not in self._long and n == parts:
-            ends = [start + (stop - start) * k // n for k in range(n + 1)]
-            return [Piece(a, b, self._at(a), self._at(b)) for a, b in pairwise(ends)]
-        ends = [start + (stop - start) * k // parts for k in range(parts + 1)]
         if cycle in self._long:
+            ends = _divided(start, stop, self._parts)
             return [self._mean(self._knots(a, b)) for a, b in pairwise(ends)]
+        parts = min(n, self._parts)
+        ends = _divided(start, stop, parts)
+        if n == parts:
+            return [Piece(a, b, self._at(a), self._at(b)) for a, b in pairwise(ends)]
         n = math.ceil(n / parts)
-        return [self._mean([a + (b - a) * k // n for k in range(n + 1)]) for a, b in pairwise(ends)]
+        return [self._mean(_divided(a, b, n)) for a, b in pairwise(ends)]
 
     def _knots(self, start: int, stop: int) -> list[int]:
         """Instants from `start` to `stop`, ps, between which no edge moves by more than
@@ -115,7 +120,7 @@ class PacedSource:
         for a, b in pairwise(sorted({start, stop, *ends})):
             speed = max((v for e, f, v in self._episodes if e <= a and b <= f), default=0.0)
             n = max(1, math.ceil(speed * (b - a) / PS / MOTION_STEP))
-            knots += [a + (b - a) * k // n for k in range(1, n + 1)]
+            knots += _divided(a, b, n)[1:]
         return knots
 
     def _mean(self, knots: list[int]) -> Piece:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 
 import pytest
 
@@ -92,6 +93,14 @@ def test_who_interrupts_again_and_again_is_told_how_to_resume():
         child.send_signal(signal.SIGTERM)
     _, said = child.communicate(timeout=60)
     assert (child.returncode, said) == (130, "viform: interrupted; go on with --resume\n")
+
+
+def test_work_that_fails_is_not_named_by_a_later_interrupt():
+    """As one point of a sweep that goes on after it."""
+    before = stopping._ending.undone
+    with suppress(ValueError), stopping.undone("go on in the folder of a point"):
+        raise ValueError
+    assert stopping._ending.undone == before
 
 
 def test_nobody_waits_for_a_pool_after_an_interrupt_and_its_work_is_told():
