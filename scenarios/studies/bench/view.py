@@ -17,7 +17,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
 from urllib.parse import parse_qs, urlsplit
@@ -87,6 +87,9 @@ class _Viewer:
         self._token = parse_qs(parts.query)["token"][0]
         self._line = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=600)
 
+    def close(self) -> None:
+        self._line.close()
+
     def ask(self, what: str, **values: object) -> tuple[float, bytes]:
         """Seconds until the answer has arrived, and the answer."""
         query = "&".join([f"token={self._token}", *(f"{k}={v}" for k, v in values.items())])
@@ -118,7 +121,9 @@ def _viewing(stream: Path) -> Iterator[_Viewer]:
         stdout=subprocess.PIPE, encoding="utf-8", errors="replace", env=_without_browser(),
     )  # fmt: skip
     try:
-        yield _Viewer(process, stream)
+        viewer = _Viewer(process, stream)
+        with closing(viewer):
+            yield viewer
     finally:
         process.kill()  # it holds nothing, and would say that it ended
         process.communicate()

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from http.client import HTTPResponse
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,15 @@ def answer(line: socket.socket) -> bytes:
         return line.recv(65_536)
     except ConnectionResetError:
         return b""
+
+
+def status(line: socket.socket) -> int:
+    """The status of the next answer, which is read whole: its head and its body come in as many
+    pieces as the machine likes."""
+    with HTTPResponse(line) as said:
+        said.begin()
+        said.read()
+        return said.status
 
 
 def told(server: ViewServer, given: bytes) -> bytes:
@@ -150,14 +160,14 @@ def test_a_connection_without_a_request_ends(
     monkeypatch.setattr(serving, "_FIRST_S", 0.3)
     with served(server), connected(server) as page, connected(server) as idle:
         page.sendall(get(server, f"/?token={server.token}"))
-        assert answer(page).startswith(b"HTTP/1.1 200")
+        assert status(page) == 200
         with connected(server) as slow, pytest.raises(ConnectionError):
             for byte in get(server, "/" + 1000 * "a"):  # one byte at a time has no other limit
                 slow.sendall(bytes([byte]))
                 time.sleep(0.02)
         assert answer(idle) == b""
         page.sendall(get(server, f"/rates?token={server.token}&at=1&method=tfp&window=1"))
-        assert b"HTTP/1.1 200" in answer(page) + answer(page)  # the browser's waits longer
+        assert status(page) == 200  # the browser's waits longer
 
 
 def test_many_connections_keep_nobody_out(server: ViewServer) -> None:
