@@ -1,9 +1,13 @@
-"""The cache of numba on a disk that takes no more, or with files that are damaged.
+"""The cache of numba: on a disk that takes no more, with files that are damaged, and after changes.
 
 numba raises what a write of its cache raises, and the run would end although its function is
 compiled: here such a function is used and not kept. A file of no bytes, or one that is cut, raises
 what `pickle` raises (EOFError, UnpicklingError), and one with other content is executed: here each
 file ends with the SHA-256 of what stands before, and one without it is compiled again.
+
+numba compiles a function anew where its own file has changed, and not where another file has, from
+which it takes a function or a constant: after an update it would go on with the old ones, without a
+word. Here what a function takes from elsewhere is a part of the key under which it is kept.
 
 numba has no option for this. But it calls the entry point "init" of the group "numba_extensions"
 before it compiles anything (numba's manual, "Registering extensions with entry points"). Ours in
@@ -17,7 +21,10 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
 from typing import IO, Any
+
+import numpy as np
 
 from cosim.compute.compiling import begin_compiling, end_compiling
 
@@ -26,7 +33,8 @@ __all__ = ["tolerate"]
 
 def tolerate() -> None:
     """From now on, a compiled function that the disk does not take is not kept, and one that cannot
-    be read from the disk is compiled again; and what is being compiled is counted."""
+    be read from the disk, or takes what has changed since, is compiled again; and what is being
+    compiled is counted."""
     # It would warn of a /dev/shm that cannot be written. The lock is for processes that are forked
     # while they compile (`forks`).
     warnings.filterwarnings("ignore", "Could not obtain multiprocessing lock")
@@ -42,6 +50,7 @@ def tolerate() -> None:
             end_compiling()
 
     event.register("numba:compile", _Compiling())
+    index_key = FunctionCache._index_key
     keep, find = FunctionCache.save_overload, FunctionCache.load_overload
     write, read_index = IndexDataCacheFile._open_for_write, IndexDataCacheFile._load_index
 
@@ -56,6 +65,11 @@ def tolerate() -> None:
             raise
         except Exception:  # a whole file that names what no longer exists, or cannot be opened
             return None
+
+    def _index_key(self: Any, sig: Any, codegen: Any) -> Any:
+        if not hasattr(self, "taken"):  # once; when a module is read, not all of it is there
+            self.taken = taken(self._py_func)
+        return *index_key(self, sig, codegen), self.taken
 
     @contextmanager
     def _open_for_write(self: Any, path: str) -> Iterator[IO[bytes]]:
@@ -76,11 +90,51 @@ def tolerate() -> None:
         return self._load_data(name)
 
     for owner, function in (
-        (FunctionCache, save_overload), (FunctionCache, load_overload),
+        (FunctionCache, save_overload), (FunctionCache, load_overload), (FunctionCache, _index_key),
         (IndexDataCacheFile, load), (IndexDataCacheFile, _load_index),
         (IndexDataCacheFile, _open_for_write),
     ):  # fmt: skip
         setattr(owner, function.__name__, function)
+
+
+def taken(function: FunctionType) -> str:
+    """Digest of what a function takes from outside itself: the code of compiled functions that it
+    calls, of those that these call, and the constants that they name."""
+    digest, met = hashlib.sha256(), set[int]()
+
+    def add_code(code: CodeType, names: dict[str, Any]) -> None:
+        digest.update(code.co_code)
+        for constant in code.co_consts:
+            if isinstance(constant, CodeType):
+                add_code(constant, names)
+            else:
+                digest.update(repr(constant).encode())
+        for name in code.co_names:
+            digest.update(name.encode())
+            value = names.get(name)
+            if isinstance(value, ModuleType):
+                for attribute in code.co_names:
+                    add_value(getattr(value, attribute, None))
+            add_value(value)
+
+    def add_value(value: Any) -> None:
+        # Of a dispatcher of numba, and of a function that it compiles in place.
+        inner = getattr(value, "py_func", None) or getattr(value, "_defn", None)
+        if isinstance(inner, FunctionType):
+            if id(inner) not in met:
+                met.add(id(inner))
+                add_code(inner.__code__, inner.__globals__)
+        elif isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+        elif isinstance(value, tuple):
+            for each in value:
+                add_value(each)
+        elif isinstance(value, bool | int | float | str | bytes | np.generic):
+            digest.update(repr(value).encode())
+
+    met.add(id(function))
+    add_code(function.__code__, function.__globals__)
+    return digest.hexdigest()
 
 
 def _is_whole(path: Path) -> bool:

@@ -13,36 +13,30 @@ import numpy as np
 from numba import njit, prange
 
 from cosim.compute.cores import all_cores
-from cosim.compute.philox_compiled import word_at
+from cosim.compute.philox_compiled import pick, random_words
 from cosim.compute.streams import Stream
 from sensor.device.charge import crossing, exposure, later
 from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import JUMP, ROOM
 from sensor.latched.reference.bank_draws import bank_entry
-from sensor.latched.reference.course import first_latch, integrate, piece_at, rate_at
+from sensor.latched.reference.course import (
+    first_latch,
+    integrate,
+    latched,
+    often,
+    piece_at,
+    rate_on,
+    slope_on,
+)
 from sensor.latched.reference.law import draw
 
 __all__ = ["expose"]
 
 _STREAM = np.uint64(Stream.SHOT_NOISE)
 _SAME = 2.0**-50
-"""Relative tolerance within which charge counts as at a threshold, and an instant as at a latch."""
-_INSTANT = 2.0**-20
-"""Rounding error of an instant in picoseconds, independent of the interval."""
+"""Relative tolerance within which charge counts as at a threshold."""
 _PILED = float(LARGEST)
 """Most electrons beyond a threshold under `subtract`."""
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def snapped(edges, tick, part, span):  # type: ignore[no-untyped-def]
-    """The instant tick + part, moved to a latch within the rounding error of `span` (ps)."""
-    near = tick + 1 if part > 0.5 else tick
-    c = first_latch(edges, near, 0.0)
-    if c < edges.size - 1 and edges[c + 1] == near:
-        away = abs(part - 1.0) if part > 0.5 else part
-        if away <= span * _SAME + _INSTANT:
-            return near, 0.0
-    return tick, part
 
 
 # Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
@@ -81,8 +75,11 @@ def expose(  # type: ignore[no-untyped-def]
         rate0, rate1, edges = first[p], last[p], latches[rows[p]]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         pixel = np.uint64(pixels[p])
-        stop = edges[cycles]
+        stop, rate_of_latches = edges[cycles], often(edges)
         i, done = np.int64(-1), -1  # a literal would compile `piece_at` a second time
+        slope, end = slope_on(begins, ends, rate0, rate1, i)
+        block = ~np.uint64(0)  # of the random words that are known
+        w0 = w1 = w2 = w3 = np.uint64(0)
         # Cycle of the latest spike, and the spikes before it in that cycle.
         latest, passed = np.int64(-1), np.int64(0)
         if tick < begins[0] and begins[0] > 0:
@@ -93,10 +90,14 @@ def expose(  # type: ignore[no-untyped-def]
                 held[p] = charge
                 break
             need = goal - charge
-            i = piece_at(begins, ends, i, tick)
-            rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
+            j = piece_at(begins, ends, i, tick)
+            if j != i:
+                i = j
+                slope, end = slope_on(begins, ends, rate0, rate1, i)
+            rate = rate_on(begins, rate0, slope, i, tick, part)
             if need <= goal * _SAME:
                 at, at_part = tick, part
+                c = first_latch(edges, rate_of_latches, at, at_part)
             else:
                 if tick == stop:
                     held[p] = charge
@@ -114,11 +115,10 @@ def expose(  # type: ignore[no-untyped-def]
                     held[p] = charge + integrate(begins, ends, rate0, rate1, i, tick, part, stop)
                     break
                 at, at_part = later(tick, part, x)
-                at, at_part = snapped(edges, at, at_part, x)
+                at, at_part, c = latched(edges, rate_of_latches, at, at_part, x)
                 if at > stop or (at == stop and at_part > 0.0):
                     held[p] = charge + integrate(begins, ends, rate0, rate1, i, tick, part, stop)
                     break
-            c = first_latch(edges, at, at_part)
             if rule > 0:
                 c = max(c, done + 1)
                 if c >= cycles:
@@ -136,7 +136,10 @@ def expose(  # type: ignore[no-untyped-def]
             else:
                 k += np.uint64(1)
             if kind > 0 and lanes[p] < 0:
-                word = np.int64(word_at(pixel, k, np.uint64(0), seed, _STREAM))
+                if k >> np.uint64(2) != block:  # four spikes share a counter
+                    block = k >> np.uint64(2)
+                    w0, w1, w2, w3 = random_words(pixel, block, np.uint64(0), seed, _STREAM)
+                word = np.int64(pick(k, w0, w1, w2, w3))
                 fresh = draw(kind, q, sigma, table, functions, word)
             if rule > 0:
                 if rule == 2:
@@ -162,12 +165,15 @@ def expose(  # type: ignore[no-untyped-def]
             tick, part = later(at, at_part, dead)
             # Skip whole intervals of the mean length, threshold / light + dead time, up to the
             # latch or the end of the piece.
-            i = piece_at(begins, ends, i, tick)
-            rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
+            j = piece_at(begins, ends, i, tick)
+            if j != i:
+                i = j
+                slope, end = slope_on(begins, ends, rate0, rate1, i)
             left = float(min(latch, end) - tick) - part
             if left > 0.0:
-                mean = rate + 0.5 * slope * left
-                if mean > 0.0:
+                mean = rate_on(begins, rate0, slope, i, tick, part) + 0.5 * slope * left
+                # The first condition follows from the last, and divides nothing.
+                if mean > 0.0 and left * mean > ROOM * (q + dead * mean):
                     one = q / mean + dead
                     if left > (ROOM + 1) * one:
                         whole = math.floor(left / one) - JUMP - 1.0

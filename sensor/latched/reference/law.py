@@ -6,7 +6,8 @@ Gamma(Q), with threshold noise alone it is normal, and the sum of both has no in
 nodes of the normal score, in which they are nearly linear, and interpolated between them. A word w
 stands for the probability (w + 1/2) / 2^32. Beyond the median the probability is counted from the
 upper end, as in the table of the exact tier (sensor/latched/pixel/interval.py), so both tails keep
-their digits.
+their digits. A draw evaluates a cubic in this probability, in cells of which each octave has as
+many: a normal score for each draw would take longer than all else in the loop of the reference.
 """
 
 from __future__ import annotations
@@ -41,8 +42,10 @@ is less linear."""
 _MISSED: Final = 1e-2
 """Normal score by which no quantile may be off. They are off by 1e-8 at most where they were
 checked, and by 1e-3 where scipy's incomplete gamma function is (interval.py)."""
-_CELLS: Final = 8192
-"""Cells of the lookup table; the cubic in each adds a relative error of 1e-13."""
+_SHARED: Final = 9
+"""Bits of the probability that number the cells of an octave. A cubic in each cell adds an error of
+2e-13 standard deviations of the threshold at most."""
+_OCTAVES: Final = 32
 
 
 def _tails(below: Values, above: Values, small: npt.NDArray[np.bool_]) -> tuple[Values, Values]:
@@ -156,7 +159,8 @@ class Law:
         kind: 0 constant, 1 gamma, 2 normal, 3 tabulated: gamma, or sum of gamma and normal.
         q: mean threshold, electrons.
         sigma: threshold noise, electrons.
-        table: (2, cells + 1) quantiles and their change a cell, for kind 3 only.
+        table: (2, cells, 4) coefficients of a cubic in each cell of the probability, counted from
+            the lower and from the upper end, for kind 3 only.
         functions: (3,) int64, addresses of gammaincinv, gammainccinv and ndtri.
     """
 
@@ -167,15 +171,29 @@ class Law:
     functions: npt.NDArray[np.int64]
 
 
-def _table(q: float, sigma: float) -> Values:
-    """`Law.table` of Gamma(q) + Normal(0, sigma)."""
-    from scipy.interpolate import make_interp_spline
-
+def _quantiles(q: float, sigma: float) -> Values:
+    """Quantiles of Gamma(q) + Normal(0, sigma) at the nodes of `_table`, (nodes,) electrons."""
     nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
-    values = mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
-    spline = make_interp_spline(nodes, values, k=7)
-    fine = np.linspace(-_SCORE, _SCORE, _CELLS + 1)
-    return np.stack([spline(fine), spline(fine, 1) * (2 * _SCORE / _CELLS)])
+    return mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
+
+
+def _table(quantiles: Values) -> Values:
+    """`Law.table` of a distribution, from its quantiles at nodes of the normal score."""
+    from scipy.interpolate import make_interp_spline
+    from scipy.special import ndtri
+
+    spline = make_interp_spline(np.linspace(-_SCORE, _SCORE, quantiles.size), quantiles, k=7)
+    octave = 2.0 ** (np.arange(_OCTAVES)[:, None] - 33)
+    edges = octave * (1 + np.arange(1 << _SHARED) / (1 << _SHARED))
+    score = ndtri(np.append(edges, 0.5))
+    steep = np.sqrt(2 * np.pi) * np.exp(score * score / 2)  # change of the score
+    width = np.broadcast_to(octave / (1 << _SHARED), edges.shape).ravel()
+    table = np.empty((2, width.size, 4))
+    for upper, sign in enumerate((1, -1)):
+        value, change = spline(sign * score), sign * spline(sign * score, 1) * steep
+        (a, b), (c, d) = (value[:-1], value[1:]), (change[:-1] * width, change[1:] * width)
+        table[upper] = np.stack([a, c, 3 * (b - a) - 2 * c - d, c + d - 2 * (b - a)], axis=1)
+    return table
 
 
 @lru_cache(maxsize=8)
@@ -183,14 +201,14 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) 
     """Distribution of G + Normal(0, sigma) + shift; G is Gamma(q) with shot noise, else the
     constant q."""
     functions = np.array([address(f) for f in ("gammaincinv", "gammainccinv", "ndtri")], np.int64)
-    table = np.zeros((2, 1))
+    table = np.zeros((2, 0, 4))
     if shot:
         kind = _TABLE if sigma > 0 or shift or q >= _LEAST_TABLED else _GAMMA
     else:
         kind = _NORMAL if sigma > 0 else _FIXED
     if kind == _TABLE:
-        table = kept("law", (q, sigma), (__file__,), lambda: _table(q, sigma))
-        table = table + np.array([[shift], [0.0]])
+        table = _table(kept("law", (q, sigma), (__file__,), lambda: _quantiles(q, sigma)))
+        table[..., 0] += shift
     return Law(kind, q + shift, sigma, table, functions)
 
 
@@ -199,25 +217,20 @@ def draw(kind, q, sigma, table, functions, word):  # type: ignore[no-untyped-def
     """Threshold in electrons of a random word below 2^32. Arguments: see `Law`."""
     if kind == 0:
         return max(q, 2.0**-40)
-    upper = word >= 0x80000000
-    p = ((0xFFFFFFFF - word if upper else word) + 0.5) * 2.0**-32
+    upper = word >> 31
+    near = 0xFFFFFFFF - word if upper else word
+    if kind == 3:
+        # 2^33 times the probability from the nearer end, as a float: its exponent and the next bits
+        # number the cell, and the others are the place in it.
+        bits = np.float64(2 * near + 1).view(np.int64)
+        cell = table[upper, (bits >> (52 - _SHARED)) - (1023 << _SHARED)]
+        u = (bits & ((1 << (52 - _SHARED)) - 1)) * 2.0 ** (_SHARED - 52)
+        return max(cell[0] + u * (cell[1] + u * (cell[2] + u * cell[3])), 2.0**-40)
+    p = (near + 0.5) * 2.0**-32
     if kind == 1:
         return max(call_two(functions[1 if upper else 0], q, p), 2.0**-40)
     score = call_one(functions[2], p)
-    if upper:
-        score = -score
-    if kind == 2:
-        return max(q + sigma * score, 2.0**-40)
-    cells = table.shape[1] - 1
-    at = (score + 6.5) * (cells / 13.0)
-    i = min(max(int(at), 0), cells - 1)
-    u = at - i
-    a, b = table[0, i], table[0, i + 1]
-    value = a + u * (table[1, i] + u * (
-        3.0 * (b - a) - 2.0 * table[1, i] - table[1, i + 1]
-        + u * (table[1, i] + table[1, i + 1] - 2.0 * (b - a))
-    ))  # fmt: skip
-    return max(value, 2.0**-40)
+    return max(q + sigma * (-score if upper else score), 2.0**-40)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

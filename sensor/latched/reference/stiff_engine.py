@@ -16,8 +16,7 @@ from cosim.compute.streams import Stream
 from sensor.circuit.phases import DELAY, INTEGRATE, RESET, steady_interval, within
 from sensor.device.charge import later
 from sensor.latched.pixel.model import JUMP, ROOM
-from sensor.latched.reference.course import first_latch, piece_at, rate_at
-from sensor.latched.reference.engine import snapped
+from sensor.latched.reference.course import first_latch, latched, often, piece_at, rate_at
 from sensor.latched.reference.law import draw
 
 __all__ = ["expose_circuit"]
@@ -78,7 +77,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         phase, volts, wait = phases[p], outputs[p], waits[p]
         pixel = np.uint64(pixels[p])
-        stop = edges[cycles]
+        stop, rate_of_latches = edges[cycles], often(edges)
         i = np.int64(-1)  # a literal would compile `piece_at` a second time
         while True:
             i = piece_at(begins, ends, i, tick)
@@ -106,7 +105,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
                     at = stop + 1
                 else:
                     at, at_part = later(tick, part, t)
-                    at, at_part = snapped(edges, at, at_part, t)
+                    at, at_part, _ = latched(edges, rate_of_latches, at, at_part, t)
             if at > stop or (at == stop and at_part > 0.0):
                 held[p] = _stored(
                     begins, ends, rate0, rate1, i, tick, part, stop, phase, charge, volts, wait,
@@ -118,7 +117,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
                 phase, volts = DELAY, 0.0
                 continue
             if phase == DELAY:
-                c = first_latch(edges, tick, part)
+                c = first_latch(edges, rate_of_latches, tick, part)
                 words[c >> 5, p] |= np.uint32(1 << (c & 31))
                 k += np.uint64(1)
                 goal = q
@@ -133,7 +132,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
             # the end of the piece.
             i = piece_at(begins, ends, i, tick)
             rate, slope, end = rate_at(begins, ends, rate0, rate1, i, tick, part)
-            c = first_latch(edges, tick, part)
+            c = first_latch(edges, rate_of_latches, tick, part)
             if c >= cycles:
                 continue
             left = float(min(edges[c + 1], end) - tick) - part

@@ -1,0 +1,80 @@
+"""What numba keeps of a function is not used where the function takes what has changed since."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cosim.compute.numba_cache import taken
+from sensor.latched.reference.engine import expose
+
+CALLER = """
+from numba import njit
+import viform_kept_constants as constants
+from viform_kept_callee import added
+
+@njit(cache=True)
+def total(x):
+    return added(x) + constants.MORE
+"""
+CALLEE = """
+from numba import njit
+
+@njit(cache=True)
+def {name}(x):
+    return x + {amount}
+added = {name}
+"""
+
+
+@pytest.fixture
+def total(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Reads the modules anew, whose callee and constant are given, and returns total(1)."""
+    names = ("viform_kept_callee", "viform_kept_constants", "viform_kept_caller")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # sources of one second look alike to it
+    (tmp_path / f"{names[2]}.py").write_text(CALLER)
+
+    def run(amount: int, more: int) -> tuple[int, int]:
+        """The result, and how often the caller was found on the disk."""
+        (tmp_path / f"{names[0]}.py").write_text(CALLEE.format(name="plus", amount=amount))
+        (tmp_path / f"{names[1]}.py").write_text(f"MORE = {more}\n")
+        for name in names:
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        function = importlib.import_module(names[2]).total
+        found = function(1)
+        return found, sum(function.stats.cache_hits.values())
+
+    yield run
+    for name in names:
+        sys.modules.pop(name, None)
+
+
+def test_a_changed_callee_or_constant_is_compiled_anew(total: Any) -> None:
+    assert total(10, 100) == (111, 0)
+    assert total(10, 100) == (111, 1)
+    assert total(20, 100) == (121, 0)
+    assert total(20, 300) == (321, 0)
+    assert total(10, 100) == (111, 1)
+
+
+def test_what_a_function_takes_is_the_same_in_each_process() -> None:
+    """No address and no order of a set is a part of it: what is kept would never be found."""
+    code = (
+        "from cosim.compute.numba_cache import taken\n"
+        "from sensor.latched.reference.engine import expose\n"
+        "print(taken(expose.__wrapped__.py_func))"
+    )
+    other = os.environ | {"PYTHONHASHSEED": "7"}
+    said = subprocess.run(
+        [sys.executable, "-c", code], env=other, capture_output=True, encoding="utf-8", check=True
+    )
+    function: Any = expose
+    assert said.stdout.strip() == taken(function.__wrapped__.py_func)
