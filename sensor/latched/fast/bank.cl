@@ -263,7 +263,19 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     const int16 whole = adds[i];                                                                  \
     const uint16 add = as_uint16(whole), lost = as_uint16(LOST(whole));                           \
     adds[i] += slopes[i];
-// Light of several planes, or with a map, or beyond CAP.
+// Light of several planes of which none may reach CAP.
+#define SUM_LIGHT(i)                                                                              \
+    const float16 base = levels[i][first];                                                        \
+    float16 level = base;                                                                         \
+    for (uint j = 0; j < others; j++)                                                             \
+        level = level + weight[j] * (levels[i][segment[5 + j]] - base);                           \
+    const int16 whole = rounded(lit(level));                                                      \
+    const uint16 add = as_uint16(whole), lost = as_uint16(LOST_NOW(whole, weight, others));
+// The same of two planes, whose differences from the base are known.
+#define PAIR_LIGHT(i)                                                                             \
+    const int16 whole = rounded(lit(bases[i] + weight[0] * steps_of[i] + weight[1] * darks_of[i])); \
+    const uint16 add = as_uint16(whole), lost = as_uint16(LOST_NOW(whole, weight, 2));
+// The same, or with a map, or beyond CAP.
 #define ANY_LIGHT(i)                                                                              \
     int16 whole = adds[i];                                                                        \
     if (!ramps[i]) {                                                                              \
@@ -313,6 +325,20 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
         STORE_WORDS(row, x[i])                                                                    \
     KEEP_GROUPS
 
+// Cycles of planes of light below CAP. With noise of the instants there are mostly two, of which the
+// second gathers nothing.
+#define BY_COUNT(STEP)                                                                            \
+    if (others == 2) {                                                                            \
+        float16 bases[GROUPS], steps_of[GROUPS], darks_of[GROUPS];                                \
+        EACH                                                                                      \
+        {                                                                                         \
+            bases[i] = levels[i][first];                                                          \
+            steps_of[i] = levels[i][final] - bases[i];                                            \
+            darks_of[i] = levels[i][segment[6]] - bases[i];                                       \
+        }                                                                                         \
+        LOOP(PAIR_LIGHT, STEP)                                                                    \
+    } else                                                                                        \
+        LOOP(SUM_LIGHT, STEP)
 // Cycles of any light.
 #define BY_LIGHT                                                                                  \
     const int way = max(ways[first], ways[final]);                                                \
@@ -353,13 +379,27 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     GROUP_STATE
     const uint at_row = rows > 1 ? row - y0 : 0;
     const int highest = way_of(top, shortest);
-    int easy = LINEAR && !TIMED && !highest;
-    for (uint s = 0; s < n_segments; s++)
-        easy &= !segments[s * SEGMENT + 4] || segments[s * SEGMENT + 5 + PLANES];
-    if (easy) { // ramps below one threshold a cycle: alone, this loop fits in the registers
-        COURSE(LOOP(RAMP_LIGHT, ONCE))
+    if (LINEAR && !TIMED && !highest) { // below one threshold a cycle: it fits in the registers
+        COURSE(if (!others || ramp) LOOP(RAMP_LIGHT, ONCE) else LOOP(SUM_LIGHT, ONCE))
         return;
     }
+#if TIMED
+    // The longest cycle, in cycles without noise.
+    float longest = 1.0f;
+    for (uint s = 0; s < n_segments; s++)
+        longest = max(longest, as_float(segments[s * SEGMENT + 6 + PLANES]));
+    const int timed = LINEAR ? way_of(top * longest, shortest) : 3;
+    if (timed == 0) {
+        COURSE(BY_COUNT(ONCE))
+        return;
+    }
+#ifdef TWICE
+    if (timed == 1) {
+        COURSE(BY_COUNT(TWICE))
+        return;
+    }
+#endif
+#endif
     int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP
     for (uint p = 0; p < n_planes; p++) {
         float16 most = 0.0f;

@@ -145,7 +145,8 @@ inline int16 rounded(const float16 x)
 
 // A segment of the course of light (course.py): first cycle within the call, number of cycles, index
 // of its first weight, base plane, number of other planes, these planes, index of its first anchor
-// or 0, and the change of the weight in a cycle (float).
+// or 0, and the change of the weight in a cycle, or with noise of the instants the longest cycle over
+// one without noise (float).
 #define SEGMENT (7 + PLANES)
 #define PLANE_PARAMETERS                                                                          \
     __global const float *a0, __global const float *a1, __global const float *a2,                 \

@@ -252,7 +252,8 @@ class FastPixels:
             begin += segment.weights.size
             entry += [0] * (_ENTRY - 2 - len(entry))
             if segment.anchors is None:
-                entry += [0, 0]
+                longest = 1 / segment.weights[..., -1].min() if timing else 0.0
+                entry += [0, int(np.float32(longest).view(np.int32))]
             else:
                 entry += [begin, int(np.float32(segment.slope).view(np.int32))]
                 values.append(segment.anchors.ravel())
