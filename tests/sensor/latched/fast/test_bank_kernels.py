@@ -108,6 +108,24 @@ def test_with_every_other_effect_too(device: Device, seed: int) -> None:
     same(pixels, device, light_between(WIDE, KNOTS, True), [0, 3, 32, 33, 100, 190])
 
 
+@pytest.mark.parametrize("brightest", [0.35, 0.75, 2.5])
+@pytest.mark.parametrize("dead", [0.0, 0.1])
+@pytest.mark.parametrize("reset", ["residual", "hard"])
+def test_noisy_rows_of_any_light_agree_with_numpy(
+    device: Device, brightest: float, dead: float, reset: Reset
+) -> None:
+    """Light that crosses one threshold a cycle at most, two, and more."""
+    model = ExactModel(400.0, 5, ALL, dead_time=dead, reset=reset)
+    pattern = DevicePattern(prnu=0.02, dark=400.0, dsnu=0.2, dead=0.05, device_seed=3).at(
+        np.arange(WIDTH * HEIGHT, dtype=np.uint32)
+    )
+    timing = RowTiming(0.1, 0.01, 0.5, 5.0).on(np.arange(HEIGHT), HEIGHT, CLOCK, 2)
+    offsets = row_offsets(CLOCK, HEIGHT, 0.8, 1e-5, (0, HEIGHT))
+    for fixed in (pattern, None):
+        pixels = array(model, WIDE, brightest, pattern=fixed, offsets=offsets, timing=timing)
+        same(pixels, device, light_between(WIDE, KNOTS, True), [0, 3, 32, 100, 190])
+
+
 def test_light_that_does_not_change_is_the_same_inside_a_box_and_outside(device: Device) -> None:
     model = ExactModel(1000.0, 1, ALL)
     plane = level(WIDE, 5, 700.0)
