@@ -50,9 +50,21 @@ class TileGrid:
     def reduce(self, plane: npt.NDArray[Any], how: np.ufunc) -> npt.NDArray[Any]:
         """`how` (np.minimum, np.maximum, np.logical_and, ...) over the pixels of each tile,
         (tiles,)."""
-        rows = how.reduceat(plane, np.arange(0, self.height, TILE), axis=0)
-        return np.asarray(how.reduceat(rows, np.arange(0, self.width, TILE), axis=1)).ravel()
+        # Whole tiles as one array, which numpy reduces row by row; the rest as `reduceat` does it,
+        # which takes pixel by pixel.
+        rows = _reduced(plane, how)
+        return np.ascontiguousarray(_reduced(rows.T, how).T).ravel()
 
     def groups(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Values of tiles, (tiles,), as values of work-items, (height, columns of tiles)."""
         return np.repeat(values.reshape(self.shape), TILE, axis=0)[: self.height]
+
+
+def _reduced(plane: npt.NDArray[Any], how: np.ufunc) -> npt.NDArray[Any]:
+    """`how` over each TILE rows of a plane, (rows of tiles, columns)."""
+    height, width = plane.shape
+    whole = height // TILE
+    parts = [how.reduce(plane[: whole * TILE].reshape(whole, TILE, width), axis=1)]
+    if height > whole * TILE:
+        parts.append(how.reduce(plane[whole * TILE :], axis=0, keepdims=True))
+    return np.concatenate(parts)

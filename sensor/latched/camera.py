@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -87,17 +88,32 @@ class SpikeCamera:
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
         start, cycles = block.start, block.cycles
-        if self._pixels is None:
-            words = np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
-        else:
-            mapped = light if self._light_map is None else self._light_map(light)
-            if self._gain is not None:
-                mapped = self._gain.on(mapped, start, cycles, self._late)
-            words = self._pixels.expose(mapped, start, cycles)
-        if self._fine is not None:
-            words = words if words.flags.writeable else np.array(words)
-            self._fine.step(light, start, cycles, words)
+        wait = self._begun(light, start, cycles)
+        fine: list[tuple[Any, Any]] = []
+        try:
+            if self._fine is not None:
+                fine = self._fine.step(light, start, cycles)
+        finally:  # the device writes until then
+            words = wait()
+        if fine and not words.flags.writeable:
+            words = np.array(words)
+        for numbers, some in fine:
+            words[:, numbers] = some
         return Viform(words.reshape(-1, *self.shape), cycles, self._clock, start)
+
+    def _begun(self, light: Light, start: int, cycles: int) -> Callable[[], Any]:
+        """Begins the pixels of a block, where their tier can: the result waits for their words,
+        (words, pixels)."""
+        pixels = self._pixels
+        if pixels is None:
+            return lambda: np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
+        mapped = light if self._light_map is None else self._light_map(light)
+        if self._gain is not None:
+            mapped = self._gain.on(mapped, start, cycles, self._late)
+        if hasattr(pixels, "launch"):
+            wait: Callable[[], Any] = pixels.launch(mapped, start, cycles)
+            return wait
+        return lambda: pixels.expose(mapped, start, cycles)
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,)."""

@@ -86,16 +86,22 @@ class FineTiles:
                 camera = PatchCamera(setting, plane, tier, device, row_delay=row_delay)
                 self._parts.append((plane.numbers, PlaneMap(plane.cut, None), camera))
 
-    def step(self, light: Light, start: int, cycles: int, words: Words) -> None:
-        """Writes the words of the tiles into those of the chip.
+    def step(
+        self, light: Light, start: int, cycles: int
+    ) -> list[tuple[npt.NDArray[np.uint32], Words]]:
+        """Simulates the tiles.
 
         Args:
             light: on the chip, before the map of the light (cross-talk).
             start, cycles: cycles to simulate.
-            words: (ceil(cycles / 32), pixels of the chip); changed in place.
+
+        Returns:
+            Numbers of pixels on the chip, (n,), and their words, (ceil(cycles / 32), n).
         """
-        for numbers, cut, camera in self._parts:
-            words[:, numbers] = camera.step(cut(light), start, cycles)
+        return [
+            (numbers, camera.step(cut(light), start, cycles))
+            for numbers, cut, camera in self._parts
+        ]
 
     def fraction(self, share: npt.NDArray[np.float64]) -> None:
         """Writes the stored charge of the tiles into that of the chip, which is changed in place;

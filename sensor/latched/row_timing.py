@@ -127,25 +127,28 @@ class PlaneTiming:
         return self._profile > 0
 
     def moves(self, edge: int, count: int) -> npt.NDArray[np.int64]:
-        first, last = edge // _BLOCK, (edge + count - 1) // _BLOCK
-        blocks = np.concatenate([self._block(n) for n in range(first, last + 1)])
+        first, last = edge // _BLOCK, (edge + count - 1) // _BLOCK + 1
+        missing = [n for n in range(first, last) if n not in self._blocks]
+        if missing:  # all at once, with few calls of numpy
+            drawn = self._drawn(missing[0], missing[-1] + 1)
+            blocks = drawn.reshape(-1, _BLOCK, self._rows.size)
+            self._blocks |= {missing[0] + n: block for n, block in enumerate(blocks)}
+        moves = np.concatenate([self._blocks[n] for n in range(first, last)])
+        self._blocks = dict(list(self._blocks.items())[-4:])
         begin = edge - first * _BLOCK
-        return blocks[begin : begin + count]
+        return moves[begin : begin + count]
 
-    def _block(self, number: int) -> npt.NDArray[np.int64]:
-        """Moves of _BLOCK instants."""
-        if number not in self._blocks:
-            edges = np.arange(number * _BLOCK, (number + 1) * _BLOCK)
-            knots = np.arange(edges[0] // KNOT, edges[-1] // KNOT + 2)
-            ends, part = self._normal(knots, 1), (edges % KNOT / KNOT)[:, None]
-            at = edges // KNOT - knots[0]
-            slow = ends[at] * (1 - part) + ends[at + 1] * part
-            moved = self._noise.jitter * self._normal(edges, 0) + self._noise.slow * slow
-            moved = np.clip(moved * self._profile, -LIMIT, LIMIT)
-            moved[edges <= 0] = 0.0
-            kept = dict(list(self._blocks.items())[-3:])
-            self._blocks = kept | {number: np.rint(moved * self._period).astype(np.int64)}
-        return self._blocks[number]
+    def _drawn(self, first: int, stop: int) -> npt.NDArray[np.int64]:
+        """Moves of the instants of blocks, (instants, rows) ps."""
+        edges = np.arange(first * _BLOCK, stop * _BLOCK)
+        knots = np.arange(edges[0] // KNOT, edges[-1] // KNOT + 2)
+        ends, part = self._normal(knots, 1), (edges % KNOT / KNOT)[:, None]
+        at = edges // KNOT - knots[0]
+        slow = ends[at] * (1 - part) + ends[at + 1] * part
+        moved = self._noise.jitter * self._normal(edges, 0) + self._noise.slow * slow
+        moved = np.clip(moved * self._profile, -LIMIT, LIMIT)
+        moved[edges <= 0] = 0.0
+        return np.rint(moved * self._period).astype(np.int64)
 
     def _normal(self, index: npt.NDArray[np.int64], part: int) -> Values:
         """Normal numbers, (indices, rows)."""

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
-from sensor.latched.fast.course import Course, course_of, parts_of
+from sensor.latched.fast.course import Course, check_covered, course_of, parts_of
 from sensor.latched.fast.units import (
     BANK,
     DEAD_TIME,
@@ -201,11 +201,14 @@ class PixelArray:
         charge = self.padded(first_charge(self.model, self.units, self.numbers, self.pixel_flags))
         return charge, np.zeros(charge.shape, np.uint64)
 
-    def course(self, light: Light, start: int, cycles: int) -> Course:
-        """Course of the light over a call. Raises ValueError if the light has another shape or does
-        not cover the cycles."""
+    def check(self, light: Light, start: int, cycles: int) -> None:
+        """Raises ValueError if the light has another shape or does not cover the cycles."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
+        check_covered(light, self.clock, self.row_offsets, start, cycles, self.timing)
+
+    def course(self, light: Light, start: int, cycles: int) -> Course:
+        """Course of the light over a call, which `check` allows."""
         return course_of(
             light, self.clock, self.row_offsets, start, cycles, self._most, anchored=self._ramps
         )

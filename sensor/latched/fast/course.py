@@ -29,7 +29,7 @@ from cosim.spikes.viform import WORD
 from sensor.latched.fast.joints import Joint, Weights, merged, weighed
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["MOST_PLANES", "Course", "Segment", "course_of", "parts_of"]
+__all__ = ["MOST_PLANES", "Course", "Segment", "check_covered", "course_of", "parts_of"]
 
 MOST_PLANES: Final = 16
 """Most planes of a segment, including its base, and of a launch of a kernel."""
@@ -70,12 +70,15 @@ class Course:
         box: rows and columns in which the light changes, None if it is constant everywhere.
         segments: light inside the box.
         pieces: all pieces of the call, whose planes must be checked.
+        longest: with noise of the sampling instants, an upper limit of the length of a cycle over
+            that of one without noise.
     """
 
     steady: Plane
     box: Box | None
     segments: list[Segment]
     pieces: tuple[Piece, ...]
+    longest: float = 1.0
 
 
 def _box(met: tuple[Piece, ...]) -> Box | None:
@@ -268,6 +271,27 @@ def _segments(
     return segments
 
 
+def _reach(offsets: npt.NDArray[np.int64], timing: RowMoves | None) -> tuple[int, int]:
+    """Earliest and latest instant of a row from an edge, ps, with the noise of the instants."""
+    earliest, latest = _ends_of(offsets)
+    slack = 0 if timing is None else timing.most
+    return earliest - slack, latest + slack
+
+
+def check_covered(
+    light: Light, clock: Clock, offsets: npt.NDArray[np.int64], start: int, cycles: int,
+    timing: RowMoves | None = None,
+) -> None:  # fmt: skip
+    """Raises ValueError if the light does not cover the cycles; arguments: see `course_of`."""
+    earliest, latest = _reach(offsets, timing)
+    begin, end = max(clock.edge(start) + earliest, 0), clock.edge(start + cycles) + latest
+    if light.pieces[0].start > begin or light.pieces[-1].stop < end:
+        raise ValueError(
+            f"light must cover {begin} to {end} ps, not "
+            f"{light.pieces[0].start} to {light.pieces[-1].stop} ps"
+        )
+
+
 def course_of(
     light: Light,
     clock: Clock,
@@ -299,15 +323,9 @@ def course_of(
     Raises:
         ValueError: the light does not cover the cycles.
     """
-    slack = 0 if timing is None else timing.most
-    earliest, latest = _ends_of(offsets)
-    earliest, latest = earliest - slack, latest + slack
+    check_covered(light, clock, offsets, start, cycles, timing)
+    earliest, latest = _reach(offsets, timing)
     begin, end = clock.edge(start) + earliest, clock.edge(start + cycles) + latest
-    if light.pieces[0].start > max(begin, 0) or light.pieces[-1].stop < end:
-        raise ValueError(
-            f"light must cover {max(begin, 0)} to {end} ps, not "
-            f"{light.pieces[0].start} to {light.pieces[-1].stop} ps"
-        )
     met = _met(light, begin, end)
     box = _box(met) if timing is None else (timing.first, timing.stop, 0, light.shape[1])
     if box is None:
@@ -343,4 +361,7 @@ def course_of(
                 weights = weights[:, :0] if dark is None else weights[:, -1:]
             parts[n] = Segment(part.cycle - start, 1, base, planes, weights[None])
     segments = _segments(parts, clock, (start, stop), rows, ends, dark, anchored)
-    return Course(met[0].first, box, segments, met)
+    longest = 1.0
+    if ends is not None:
+        longest += float((ends[1:] - ends[:-1]).max() * clock.num / (PS * clock.den)) + 1e-6
+    return Course(met[0].first, box, segments, met, longest)

@@ -8,6 +8,7 @@ flags has its own kernels.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import files
 from typing import Any, Final
 
@@ -21,7 +22,8 @@ from cosim.compute.streams import Stream
 from cosim.light.light import Box, Light, Plane
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
-from sensor.latched.fast.course import MOST_PLANES, Course, Segment
+from sensor.latched.fast.course import MOST_PLANES, Course
+from sensor.latched.fast.runs import Run, runs_of
 from sensor.latched.fast.taking_over import taken_over
 from sensor.latched.fast.units import (
     BANK,
@@ -44,8 +46,6 @@ once: those of a few fit in the cache, those of thousands overflow the stack."""
 _TOGETHER: Final = 4
 """Groups that a work-item steps together if it does so cycle by cycle, to hide the latency of each.
 On a GPU it is one: there, other work-items hide it, and the state of four fills the registers."""
-_ENTRY: Final = 7 + MOST_PLANES
-"""Integers that describe a segment to a kernel."""
 
 
 _CONSTANT: Final = (
@@ -198,22 +198,22 @@ class FastPixels:
             np.int32(units.top if flags & NOISE else units.one),
         )  # fmt: skip
 
-    def _share(self, *courses: Course) -> None:
-        """Shares each new plane of a call with the device, and releases other planes."""
-        planes: dict[int, tuple[Plane, Any]] = {}
-        for piece in (piece for course in courses for piece in course.pieces):
+    def _share(self, course: Course, before: dict[int, tuple[Plane, Any]]) -> None:
+        """Shares each new plane of a course with the device. before: those of the last call."""
+        planes = self._planes
+        for piece in course.pieces:
             for plane in (piece.first, piece.last):
-                known = self._planes.get(id(plane)) or planes.get(id(plane))
-                if known is None:
-                    shared = np.ascontiguousarray(plane, np.float32)
-                    known = (plane, self._device.share(shared))
-                planes[id(plane)] = known
+                if id(plane) not in planes:
+                    shared = before.get(id(plane))
+                    if shared is None:
+                        kept = np.ascontiguousarray(plane, np.float32)
+                        shared = plane, self._device.share(kept)
+                    planes[id(plane)] = shared
         # Planes that a course computed for a single cycle, and those without light.
-        for segment in (segment for course in courses for segment in course.segments):
+        for segment in course.segments:
             for plane in (segment.base, *segment.planes):
                 if id(plane) not in planes:
                     planes[id(plane)] = (plane, self._device.share(plane))
-        self._planes = planes
 
     def _steady(self, course: Course, start: int, cycles: int, words: Any) -> None:
         """One launch for the pixels outside the box of changing light. Rows whose sampling instants
@@ -235,37 +235,14 @@ class FastPixels:
                 self._fault, *self._gains,
             )  # fmt: skip
 
-    def _moving(
-        self, segments: list[Segment], box: Box, start: int, words: Any, timing: int
-    ) -> None:
-        """One launch for segments that together use at most sixteen planes, for the groups whose
-        flag TIMING is this one. start: first cycle of the call."""
-        slots: dict[int, int] = {}
-        table: list[list[int]] = []
-        begin = 1  # weight 0 is for segments without planes
-        values = [np.zeros(1, np.float32)]
-        for segment in segments:
-            used = [slots.setdefault(id(p), len(slots)) for p in (segment.base, *segment.planes)]
-            at = begin if segment.weights.size else 0
-            entry = [segment.first, segment.cycles, at, used[0], len(segment.planes), *used[1:]]
-            values.append(segment.weights.ravel())
-            begin += segment.weights.size
-            entry += [0] * (_ENTRY - 2 - len(entry))
-            if segment.anchors is None:
-                longest = 1 / segment.weights[..., -1].min() if timing else 0.0
-                entry += [0, int(np.float32(longest).view(np.int32))]
-            else:
-                entry += [begin, int(np.float32(segment.slope).view(np.int32))]
-                values.append(segment.anchors.ravel())
-                begin += segment.anchors.size
-            table.append(entry)
-        entries, weights = np.array(table, np.int32), np.concatenate(values)
-        rows = max(s.weights.shape[1] for s in segments)
-        planes = [self._planes[key][1] for key in slots]
+    def _moving(self, run: Run, course: Course, start: int, words: Any, timing: int) -> None:
+        """One launch for segments of a course that together use at most sixteen planes, for the
+        groups whose flag TIMING is this one. start: first cycle of the call."""
+        planes = [self._planes[key][1] for key in run.planes]
         planes += planes[:1] * (MOST_PLANES - len(planes))
-        y0, y1, g0, g1 = _groups(box)
+        y0, y1, g0, g1 = _groups(course.box)
         (height, width), device = self.array.shape, self._device
-        shared = device.upload(entries), device.upload(weights)
+        shared = device.upload(run.entries), device.upload(run.weights)
         for flags in self._lists:
             if flags & TIMING != timing:
                 continue
@@ -273,25 +250,12 @@ class FastPixels:
             first = () if flags else (np.uint32(start % PERIOD),)
             self._kernels[flags][1](
                 device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start), *first,
-                self._flags, shared[0], np.uint32(len(segments)), shared[1], np.uint32(rows),
-                words, np.uint32(height * width), np.uint32(width),
+                self._flags, shared[0], np.uint32(len(run.entries)), shared[1],
+                np.uint32(run.rows), words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self.array.groups[1]), self.array.brightest,
-                np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(slots)),
+                np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(run.planes)),
                 self._fault, *self._gains, *planes,
             )  # fmt: skip
-
-    def _launches(self, segments: list[Segment]) -> list[list[Segment]]:
-        """Splits segments into launches that use at most MOST_PLANES planes each."""
-        runs: list[list[Segment]] = []
-        met: set[int] = set()
-        for segment in segments:
-            needs = {id(p) for p in (segment.base, *segment.planes)}
-            if not runs or len(met | needs) > MOST_PLANES:
-                runs.append([])
-                met = set()
-            met |= needs
-            runs[-1].append(segment)
-        return runs
 
     def into(self, words: npt.NDArray[np.uint32]) -> None:
         """Has the next calls write into these words, (words, H W), one after another."""
@@ -314,36 +278,56 @@ class FastPixels:
             ValueError: the light has another shape, is negative, or does not cover the cycles.
                 After negative light the state has no meaning.
         """
+        return self.launch(light, start, cycles)()
+
+    def launch(
+        self, light: Light, start: int, cycles: int
+    ) -> Callable[[], npt.NDArray[np.uint32]]:
+        """Begins what `expose` does. The result waits for it and returns its words; it must be
+        called, as the device writes into memory of the host until then."""
         array = self.array
+        array.check(light, start, cycles)
         out = self._room(words_for(cycles))
-        courses = [
-            (
-                start + first, n, array.course(light, start + first, n),
-                array.timed_course(light, start + first, n),
-                out[first // WORD : words_for(first + n)],
-            )
-            for first, n in array.parts(light, start, cycles)
-        ]  # fmt: skip
-        self._share(*(one for each in courses for one in each[2:4] if one is not None))
-        targets = []
-        for begin, n, course, timed, part in courses:
-            words = self._device.target(part)
-            self._steady(course, begin, n, words)
-            for each, flag in ((course, 0), (timed, TIMING)):
-                if each is not None and each.box is not None:
-                    for run in self._launches(each.segments):
-                        self._moving(run, each.box, begin, words, flag)
-            targets.append((words, part))
+        before, self._planes = self._planes, {}
+        targets: list[tuple[Any, npt.NDArray[np.uint32]]] = []
         fault = np.empty(1, np.int32)
-        fetched = self._device.fetch(self._fault, fault)  # while the kernels run
-        for words, part in targets:
-            self._device.settle(words, part)
-        del fetched
-        if fault[0]:
-            self._fault = self._device.upload(np.zeros(1, np.int32))
-            least = np.min([(piece.first.min(), piece.last.min()) for piece in light.pieces])
-            raise ValueError(f"light must be 0 or more, not {float(least):g}")
-        return out
+
+        def wait() -> npt.NDArray[np.uint32]:
+            fetched = self._device.fetch(self._fault, fault)
+            for words, part in targets:
+                self._device.settle(words, part)
+            del fetched
+            if fault[0]:
+                self._fault = self._device.upload(np.zeros(1, np.int32))
+                least = np.min([(piece.first.min(), piece.last.min()) for piece in light.pieces])
+                raise ValueError(f"light must be 0 or more, not {float(least):g}")
+            return out
+
+        try:
+            for first, n in array.parts(light, start, cycles):
+                begin, part = start + first, out[first // WORD : words_for(first + n)]
+                words = self._device.target(part)
+                targets.append((words, part))
+                self._run(array.course(light, begin, n), before, begin, n, words)
+                timed = array.timed_course(light, begin, n)  # while the kernels of others run
+                if timed is not None:
+                    self._run(timed, before, begin, n, words, TIMING)
+        except BaseException:
+            self._device.finish()
+            raise
+        return wait
+
+    def _run(
+        self, course: Course, before: dict[int, tuple[Plane, Any]], begin: int, cycles: int,
+        words: Any, timing: int = 0,
+    ) -> None:  # fmt: skip
+        """Launches all kernels of a course; see `_moving` and `_share`."""
+        self._share(course, before)
+        if not timing:
+            self._steady(course, begin, cycles, words)
+        if course.box is not None:
+            for run in runs_of(course):
+                self._moving(run, course, begin, words, timing)
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,)."""

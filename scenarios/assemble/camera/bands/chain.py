@@ -151,7 +151,9 @@ class BandedCamera:
         first, stop = block.start // WORD, words_for(block.stop)
         words = np.concatenate([part[first:stop] for part in self._open], axis=1)
         if self._fine is not None:
-            self._fine.step(light, block.start, block.cycles, words.reshape(len(words), -1))
+            chip = words.reshape(len(words), -1)
+            for numbers, some in self._fine.step(light, block.start, block.cycles):
+                chip[:, numbers] = some
         return Viform(words, block.cycles, self._clock, block.start)
 
     def state(self) -> State:

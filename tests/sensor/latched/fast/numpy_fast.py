@@ -219,6 +219,7 @@ class NumpyFast:
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
         """Words (ceil(cycles / 32), H W) of cycles `start` to `start + cycles`."""
+        self._array.check(light, start, cycles)
         course = self._array.course(light, start, cycles)
         words = np.zeros((words_for(cycles), self._charge.size), np.uint32)
         model, most = self._array.model, self._array.brightest
