@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 from math import ceil
 from typing import Protocol, runtime_checkable
 
@@ -22,7 +23,7 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Sketch, Source
 from cosim.stage import BLOCK, Block
 
-__all__ = ["SAMPLES", "Sketched", "Survey", "limits", "survey", "through"]
+__all__ = ["SAMPLES", "Coded", "Codes", "Sketched", "Survey", "limits", "survey", "through"]
 
 SAMPLES = 9
 """Instants at which a rendered scene is sampled."""
@@ -33,6 +34,30 @@ class Sketched(Protocol):
     """A source that provides samples, because rendering all of it would take long."""
 
     def sketch(self, cycles: int, samples: int) -> Sketch: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Codes:
+    """Frames of 8-bit codes between which light is linear, from the first frame of a run on.
+
+    Attributes:
+        frames: (T, H, W) uint8, all that the run shows.
+        curve: (256,) float32, lux of a code.
+        edges: (T,) instants of the frames, ps.
+        pieces: number of pieces of light in the run.
+    """
+
+    frames: npt.NDArray[np.uint8]
+    curve: npt.NDArray[np.float32]
+    edges: tuple[int, ...]
+    pieces: int
+
+
+@runtime_checkable
+class Coded(Protocol):
+    """A source that may have its frames as codes, from which the survey is made in one pass."""
+
+    def codes(self, cycles: int) -> Codes | None: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,19 +112,39 @@ class _Range:
         elif self._last is not None and piece.first is not self._last:
             widen(first, np.ascontiguousarray(self._last), np.float32(np.inf), *self._planes)
         if not piece.constant:
-            whole = piece.stop - piece.start
-            # Of shorter pieces a cycle has several, whose changes may add up.
-            share = self._cycle / whole if whole >= self._cycle else np.inf
-            widen(last, first, np.float32(share), *self._planes)
+            widen(last, first, _share(self._cycle, piece.stop - piece.start), *self._planes)
         self._last = piece.last
 
     def survey(self, cycles: int) -> Survey:
         """The survey of the pieces of a run."""
         assert self._planes is not None  # a run has light
-        least, most, slope, moved = self._planes
-        np.minimum(slope, most - least, out=slope)
-        certain = np.ones(least.shape, bool)
-        return Survey(least, most, certain, (self.count - 1) / cycles, slope, moved)
+        return _survey(*self._planes, self.count, cycles)
+
+
+def _share(cycle: int, whole: int) -> np.float32:
+    """Part of the change of a piece of `whole` ps that a cycle may have. Of shorter pieces a cycle
+    has several, whose changes may add up."""
+    return np.float32(cycle / whole if whole >= cycle else np.inf)
+
+
+def _survey(
+    least: Plane, most: Plane, slope: Plane, moved: Plane, pieces: int, cycles: int
+) -> Survey:
+    """The survey of a number of pieces with these ranges."""
+    np.minimum(slope, most - least, out=slope)
+    return Survey(least, most, np.ones(least.shape, bool), (pieces - 1) / cycles, slope, moved)
+
+
+def _survey_of_codes(codes: Codes, clock: Clock, cycles: int) -> Survey:
+    """The exact survey of frames of codes."""
+    from cosim.light.survey_compiled import widen_by_codes
+
+    cycle = ceil(PS * clock.period)
+    shares = [_share(cycle, b - a) for a, b in pairwise(codes.edges)]
+    planes = [np.empty(codes.frames.shape[1:], np.float32) for _ in range(4)]
+    widen_by_codes(codes.frames, codes.curve, np.array(shares, np.float32), *planes)
+    least, most, slope, moved = planes
+    return _survey(least, most, slope, moved, codes.pieces, cycles)
 
 
 def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
@@ -116,6 +161,9 @@ def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
 
 def survey(source: Source, clock: Clock, cycles: int) -> Survey:
     """The survey of a run of `cycles` cycles. It consumes the source."""
+    codes = source.codes(cycles) if isinstance(source, Coded) else None
+    if codes is not None:
+        return _survey_of_codes(codes, clock, cycles)
     if not isinstance(source, Sketched):
         return _exact_survey(source, clock, cycles)
     sketch = source.sketch(cycles, SAMPLES)

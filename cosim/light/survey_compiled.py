@@ -1,11 +1,11 @@
-"""Compiled kernel of the survey (survey.py)."""
+"""Compiled kernels of the survey (survey.py)."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-__all__ = ["widen"]
+__all__ = ["widen", "widen_by_codes"]
 
 
 @njit(cache=True, nogil=True)
@@ -20,3 +20,34 @@ def widen(plane, before, share, least, most, slope, moved):  # type: ignore[no-u
             most[y, x] = max(most[y, x], level)
             moved[y, x] += change
             slope[y, x] = max(slope[y, x], change * share if change > 0 else np.float32(0))
+
+
+@njit(cache=True, nogil=True)
+def widen_by_codes(codes, curve, shares, least, most, slope, moved):  # type: ignore[no-untyped-def]
+    """Fills the ranges with those of frames that follow each other: `widen` for one after another,
+    from their codes, row by row, so that what a row has so far stays in the cache.
+
+    Args:
+        codes: (T, H, W) uint8.
+        curve: (256,) float32, light of a code.
+        shares: (T - 1,) float32, part of the change to the next frame that a cycle may have.
+        least, most, slope, moved: (H, W) float32; outputs.
+    """
+    count, height, width = codes.shape
+    lit, before = np.empty((1, width), np.float32), np.empty((1, width), np.float32)
+    for y in range(height):
+        _look_up(codes[0, y], curve, before)
+        here = slice(y, y + 1)
+        least[here], most[here] = before, before
+        slope[here], moved[here] = 0.0, 0.0
+        for n in range(1, count):
+            _look_up(codes[n, y], curve, lit)
+            widen(lit, before, shares[n - 1], least[here], most[here], slope[here], moved[here])
+            lit, before = before, lit
+
+
+@njit(cache=True, nogil=True)
+def _look_up(codes, curve, out):  # type: ignore[no-untyped-def]
+    """Fills a row, (1, W), with the light of its codes."""
+    for x in range(codes.size):
+        out[0, x] = curve[codes[x]]

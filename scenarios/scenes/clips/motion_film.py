@@ -219,6 +219,9 @@ class MotionFilm(FilmSource):
             )
         return (n, k), self._parts[n, k]
 
+    def codes(self, cycles: int) -> None:
+        """None: the light between frames is none of theirs."""
+
     def step(self, data: None, block: Block) -> Light:
         start, stop = self._clock.edge(block.start), self._clock.edge(block.stop)
         first, piece = self._part(start)

@@ -57,7 +57,7 @@ class Pictures:
         codes: frames of uint8 whose pixels are those of the grid, (T, H, W); None if they are not.
 
     Attributes:
-        coded: whether `times` takes frames from a table of their codes.
+        codes: as given; `times` takes frames from a table of them.
         notes: notes for the user.
         size: as given.
         rate: frame rate, 1/s; 0 for a still image.
@@ -81,7 +81,7 @@ class Pictures:
         self._read, self._frames, self.size, self.notes = read, frames, size, notes
         self._planes: dict[int, Plane] = {}
         self._times: dict[tuple[int, np.float32, np.float32 | None], Plane] = {}
-        self._kept, self._codes, self.coded = kept, codes, codes is not None
+        self._kept, self.codes = kept, codes
         self.rate = Fraction(repr(rate)) if frames > 1 else Fraction(0)
         self.count = 0
         if codes is None:
@@ -109,7 +109,7 @@ class Pictures:
         the last."""
         import cv2
 
-        assert self._codes is not None
+        assert self.codes is not None
         if n >= self._frames:
             self.count = self._frames
             return None
@@ -117,12 +117,16 @@ class Pictures:
         if key not in self._times:
             if len(self._times) >= self._kept:
                 self._times.popitem()
-            curve = transfer_curve(SRGB, 255) * factor
-            if gain is not None:
-                curve = curve * gain
-            self._times[key] = np.asarray(cv2.LUT(self._codes[n], curve), np.float32)
+            table = self.curve(factor, gain)
+            self._times[key] = np.asarray(cv2.LUT(self.codes[n], table), np.float32)
             self.count = max(self.count, n + 1)
         return self._times[key]
+
+    @staticmethod
+    def curve(factor: np.float32, gain: np.float32 | None) -> npt.NDArray[np.float32]:
+        """Light of each of `codes`, (256,): see `times`."""
+        curve = transfer_curve(SRGB, 255) * factor
+        return curve if gain is None else curve * gain
 
     def last(self) -> Plane:
         """The last frame of those read."""

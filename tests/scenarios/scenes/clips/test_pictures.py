@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import fields
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from cosim import Clock, InputError
+from cosim.light.survey import survey
 from cosim.run.inputs import digest
 from scenarios.scenes.charts.target import target_plane
 from scenarios.scenes.clips.film import FilmSource
@@ -219,8 +221,35 @@ def test_frames_are_read_in_any_order() -> None:
 def test_frames_of_codes_times_a_factor_are_rounded_as_products() -> None:
     codes = np.random.default_rng(1).integers(0, 256, (5, *SHAPE), dtype=np.uint8)
     clip = array_clip(codes, SHAPE, None, 10.0)
-    assert clip.coded and not array_clip(codes, (2, 2), None, 10.0).coded
+    assert clip.codes is codes and array_clip(codes, (2, 2), None, 10.0).codes is None
     for n in (3, 0, 4):
         expected = clip.frame(n) * np.float32(700.3)  # type: ignore[operator]
         assert np.array_equal(clip.times(n, np.float32(700.3)), expected)  # type: ignore[arg-type]
     assert clip.times(5, np.float32(1)) is None and clip.ended
+
+
+@pytest.mark.parametrize(
+    ("count", "rate", "cycles"),
+    [(20, 2000, 400), (20, 2000, 100), (3, 2000, 400), (1, 1000, 7), (30, 100_000, 40),
+     (5, 39_999.5, 9), (12, 3333.3, 130)],
+)  # fmt: skip
+@pytest.mark.parametrize("gain", [None, np.float32(0.0123)])
+def test_a_survey_of_codes_is_that_of_their_pieces_of_light(count, rate, cycles, gain):
+    """Clips that end within the run, and frames shorter than a cycle, too."""
+    frames = np.random.default_rng(1).integers(0, 256, (count, 20, 37), dtype=np.uint8)
+    clock = Clock(40_000)
+
+    class Plain(FilmSource):
+        def codes(self, cycles):
+            return None
+
+    one, two = (
+        survey(
+            kind(Path("frames"), (20, 37), 700.0, clock, cycles, rate=rate, gain=gain,
+                 clip=array_clip(frames, (20, 37), None, rate)),
+            clock, cycles,
+        )
+        for kind in (FilmSource, Plain)
+    )  # fmt: skip
+    for each in fields(one):
+        assert np.array_equal(getattr(one, each.name), getattr(two, each.name)), each.name
