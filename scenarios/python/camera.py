@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import cached_property
 from numbers import Real
 from pathlib import Path
@@ -220,8 +219,7 @@ class Camera(Called, Generic[S]):
             return self._source(clip, rate, cycles, gain)
 
         seen = self._readout.film(self._core, source, lens, length, number, check, spans)
-        stated = self._readout.stated(lens, white)
-        seen = replace(seen, notes=(*notes, *seen.notes), **stated)
+        vars(seen).update(self._readout.stated(lens, white), notes=(*notes, *seen.notes))
         if instants is None:
             return seen, None
         scene = source()

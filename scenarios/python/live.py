@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -65,4 +64,6 @@ class LiveStream(Generic[S]):
             )  # fmt: skip
         self._like = like
         part: Any = self._live.push(shown(values, self._fit) * self._white)
-        return None if part is None else replace(part, **self._stated)
+        if part is not None:  # it is ours: a copy would check its arrays again
+            vars(part).update(self._stated)
+        return part
