@@ -21,6 +21,7 @@ import numpy as np
 
 from cosim.compute.memory import check_memory
 from cosim.compute.opencl import Device
+from cosim.compute.philox import seed_of
 from cosim.plan.effects import Kind
 from cosim.run.progress import QuietProgress
 from cosim.spikes.viform import WORD, Viform, words_for
@@ -38,7 +39,6 @@ from link.trial.plan import LinkPlan, LinkSurvey
 from link.trial.planned import PlannedLink, plan_link
 from link.verdict import Verdict
 from sensor.device.steering import ClockSteering
-from sensor.latched.core import seed_of
 from sensor.latched.readout import DuplicatedRows
 from sensor.latched.tiers import Tier
 

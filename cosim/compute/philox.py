@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import wide_cl
+from cosim.compute.streams import Stream
 
-__all__ = ["philox4x32", "philox_cl"]
+__all__ = ["philox4x32", "philox_cl", "seed_of"]
 
 _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = 0x9E3779B9, 0xBB67AE85
@@ -65,6 +66,15 @@ def philox4x32(
         c2.astype(np.uint32),
         c3.astype(np.uint32),
     )
+
+
+def seed_of(seed: int, number: int) -> int:
+    """Seed of the temporal noise of a call: that of the camera in call 0, and a word of Philox for
+    the others."""
+    if number == 0:
+        return seed
+    low, high = number & 0xFFFFFFFF, number >> 32
+    return int(philox4x32((low, high, 0, 0), (seed, Stream.CALL))[0])
 
 
 def philox_cl() -> str:

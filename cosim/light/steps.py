@@ -1,15 +1,17 @@
-"""Light in steps as long as the scene allows, for pixels without a common clock."""
+"""Light as it comes: in steps as long as the scene allows, for pixels without a common clock, and
+frame by frame, for cameras that are live."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
 from cosim.clock import Clock
-from cosim.light.light import Light
+from cosim.errors import InputError
+from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.stage import BLOCK, Block
 
-__all__ = ["light_steps"]
+__all__ = ["PushedLight", "light_steps"]
 
 
 def light_steps(
@@ -41,3 +43,53 @@ def light_steps(
         until = min(stop, clock.edge(cycle))
         yield light, start, until
         start = until
+
+
+class PushedLight:
+    """Light that comes frame by frame, and is linear in time between two frames.
+
+    Args:
+        most: brightest light of the scene, lux, that is taken.
+        frames: clock of the frames.
+        relay: map from the light of the scene to the light on the pixels.
+    """
+
+    def __init__(self, most: float, frames: Clock, relay: Callable[[Light], Light]) -> None:
+        self._most, self._frames, self._relay = most, frames, relay
+        self._count = 0
+        self._last: Plane | None = None
+        self._pieces: list[Piece] = []
+
+    def push(self, plane: Plane) -> int | None:
+        """Takes the next frame.
+
+        Args:
+            plane: (H, W) float32, lux of the scene at the instant of the frame.
+
+        Returns:
+            That instant, ps, up to which the light is known; None for the first frame.
+
+        Raises:
+            InputError: light outside 0 to `most`.
+        """
+        top = float(plane.max(initial=0))
+        if not (plane.min(initial=0) >= 0 and top <= self._most * (1 + 1e-6)):
+            raise InputError(
+                "the light of a frame", f"from 0 to the {self._most:g} lux that was planned for",
+                f"up to {top:g} lux", "open another camera with a larger white",
+            )  # fmt: skip
+        before, self._last = self._last, plane
+        number, self._count = self._count, self._count + 1
+        if before is None:
+            return None
+        begin, end = self._frames.edge(number - 1), self._frames.edge(number)
+        self._pieces.append(Piece(begin, end, before, plane))
+        return end
+
+    def light(self) -> Light:
+        """The light on the pixels since the instant that was forgotten last."""
+        return self._relay(Light(tuple(self._pieces)))
+
+    def forget(self, needed: int) -> None:
+        """Gives back the light before an instant, ps, from which on it is needed."""
+        self._pieces = [piece for piece in self._pieces if piece.stop > needed]

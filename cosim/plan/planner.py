@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.plan.effects import Effect, Kind, Summary
+from cosim.plan.paired import Measured
 
-__all__ = ["ESTIMATE_WEIGHT", "SHARE", "Plan", "Row", "accepted_error", "make_plan"]
+__all__ = ["ESTIMATE_WEIGHT", "SHARE", "Bounds", "Plan", "Row", "accepted_error", "make_plan"]
 
 SHARE = 0.5
 """Share of the tolerance for the bounds of all effects that are left out."""
@@ -39,6 +40,29 @@ def accepted_error(tolerance: float) -> float:
     limit of the default tolerance.
     """
     return tolerance if tolerance > 0 else FINEST
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """What a plan promises of the error of a simulation against full physics, and what a check has
+    measured of it.
+
+    Attributes:
+        bound: Limit of the relative error of the rates of a tile, in the worst tile.
+        kind: "proof", or "estimate".
+        left_out: Limit for each effect that some tile leaves out, by name.
+        kept: Effects that some tile keeps.
+        tolerance: Tolerance of the plan.
+        measured: The error on patches, with its 99.9 % limits, of which the upper one holds for all
+            tiles; None without a check.
+    """
+
+    bound: float
+    kind: Kind
+    left_out: dict[str, float]
+    kept: tuple[str, ...]
+    tolerance: float
+    measured: Measured | None = None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,8 @@ from cosim.clock import Clock
 from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, unpack_planes, words_for
 
 __all__ = [
-    "COLUMNS", "Events", "event_blocks", "events_of", "mark_planes", "only_full", "viform_of",
+    "COLUMNS", "Events", "event_blocks", "events_of", "mark_planes", "only_full", "time_order",
+    "viform_of",
 ]  # fmt: skip
 
 _PIXELS = 2**20
@@ -104,6 +106,23 @@ class Events:
         return all(np.array_equal(getattr(self, n), getattr(other, n)) for n in arrays)
 
     __hash__ = None  # type: ignore[assignment]  # compares by content, which is mutable
+
+
+def time_order(time: Ticks, pixel: npt.NDArray[Any]) -> Ticks:
+    """Indices that order events by their time, and those of one time by the number of the pixel,
+    (n,); pixel: 0 or more. No pixel has two at a time."""
+    if time.size < 2:
+        return np.arange(time.size)
+    begin, bits = int(time.min()), int(pixel.max()).bit_length()
+    if (int(time.max()) - begin).bit_length() + bits > 64:
+        return np.lexsort((pixel, time))
+    # One key, which no two share, is sorted by vectors: in a quarter of the time of lexsort.
+    key = (time - begin).astype(np.uint64)
+    key <<= np.uint64(bits)
+    key |= pixel.astype(np.uint64)
+    if (key[1:] > key[:-1]).all():
+        return np.arange(time.size)
+    return np.argsort(key)
 
 
 def event_blocks(stream: SpikeStream) -> Iterator[tuple[Places, Places, Ticks, Ticks]]:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import Clock
+from cosim.spikes.events import time_order
 
 __all__ = ["Intensities", "intensity_image", "join_intensities", "last_reports"]
 
@@ -120,7 +121,7 @@ def join_intensities(parts: Sequence[Intensities]) -> Intensities:
                 f"not {two.start}"
             )
     time = np.concatenate([p.time for p in parts])
-    order = np.lexsort((np.concatenate([p.pixel for p in parts]), time))
+    order = time_order(time, np.concatenate([p.pixel for p in parts]))
     row, column, value = (
         np.concatenate([getattr(p, name) for p in parts])[order]
         for name in ("row", "column", "value")

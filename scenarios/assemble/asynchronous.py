@@ -13,11 +13,11 @@ from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.asynchronous.run import EventSpec
-from sensor.asynchronous.setting import channel_model, event_model
+from sensor.asynchronous.setting import event_camera
 from sensor.asynchronous.study.study import AsynchronousStudy
 from sensor.sections.asynchronous import AsynchronousSection
 
-__all__ = ["assemble_asynchronous", "study_asynchronous", "with_defaults"]
+__all__ = ["assemble_asynchronous", "event_setting", "study_asynchronous", "with_defaults"]
 
 
 def with_defaults(scenario: Scenario) -> Scenario:
@@ -37,13 +37,12 @@ def study_asynchronous(name: str, scenario: Scenario) -> AsynchronousStudy:
 
 def _spec(name: str, scenario: Scenario) -> EventSpec:
     scenario = with_defaults(scenario)
-    setting = _setting(scenario)
-    model = event_model(scenario.sensor, setting)
-    channel_model(scenario.sensor)  # raises InputError for a channel that cannot be built
-    stop = seconds_to_ps(scenario.duration)
-    if stop < model.tick:
+    setting = event_setting(scenario)
+    camera = event_camera(scenario.sensor, setting, scenario.tolerance)
+    stop, tick = seconds_to_ps(scenario.duration), camera.model.tick
+    if stop < tick:
         raise InputError(
-            "duration", f"at least one period of the timing clock, {model.tick} ps", f"{stop} ps",
+            "duration", f"at least one period of the timing clock, {tick} ps", f"{stop} ps",
             "lengthen it",
         )  # fmt: skip
     cycles = setting.clock.cycle_at(stop - 1) + 1
@@ -60,7 +59,7 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
         tolerance=scenario.tolerance,
         section=scenario.sensor,
         setting=setting,
-        model=model,
+        camera=camera,
         lens=lens,
         relay=make_relay(lens, setting),
         illuminance=scenario.scene.illuminance,
@@ -72,8 +71,9 @@ def _spec(name: str, scenario: Scenario) -> EventSpec:
     )
 
 
-def _setting(scenario: Scenario) -> CameraSetting:
-    """Chip, light and device as for any camera; the array has the size that the scenario sets."""
+def event_setting(scenario: Scenario) -> CameraSetting:
+    """Chip, light and device as for any camera; the array has the size that the scenario sets.
+    Raises InputError for keys that only latched pixels have."""
     sensor = scenario.sensor
     section = sensor.asynchronous or AsynchronousSection()
     refuse_keys(

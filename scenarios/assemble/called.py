@@ -25,8 +25,8 @@ def called_camera(
 
 
 def in_memory(scenario: AnyScenario) -> Scenario | None:
-    """The scenario, if all it asks for is a simulated latched camera before frames that are given
-    to it; else None."""
+    """The scenario, if all it asks for is a simulated camera before frames that are given to it;
+    else None."""
     if not isinstance(scenario, Scenario):
         return None
     sensor, scene = scenario.sensor, scenario.scene
@@ -35,8 +35,7 @@ def in_memory(scenario: AnyScenario) -> Scenario | None:
         sensor.source, sensor.sub_threshold,
     )  # fmt: skip
     plain = scene == FilmScene.model_construct(illuminance=scene.illuminance)
-    simulated = sensor.readout == "synchronous" and all(part is None for part in parts)
-    return scenario if plain and simulated else None
+    return scenario if plain and all(part is None for part in parts) else None
 
 
 def shown_in_memory(scenario: AnyScenario) -> RecordingScenario | None:

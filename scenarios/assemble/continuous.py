@@ -13,12 +13,12 @@ from scenarios.assemble.readout import refuse_keys, with_section
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
-from sensor.continuous.from_section import continuous_setting, longest_step
+from sensor.continuous.from_section import intensity_camera
 from sensor.continuous.machine import ContinuousMachine
 from sensor.continuous.run import ContinuousSpec
 from sensor.sections.continuous import ContinuousSection
 
-__all__ = ["assemble_continuous", "with_defaults"]
+__all__ = ["assemble_continuous", "continuous_chip", "with_defaults"]
 
 
 def with_defaults(scenario: Scenario) -> Scenario:
@@ -31,9 +31,9 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
     scenario = with_defaults(scenario)
     section = scenario.sensor.continuous
     assert section is not None
-    camera = _camera(scenario, section)
-    setting = continuous_setting(section, camera)
-    clock, chip = setting.clock, setting.chip
+    camera = continuous_chip(scenario)
+    pixels = intensity_camera(section, camera, scenario.tolerance)
+    clock, chip = pixels.setting.clock, pixels.setting.chip
     cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
     if not cycles and clock.hz * DAY < 1:
         raise InputError(
@@ -58,23 +58,22 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
             inputs=to_toml(scenario.model_copy(update={"title": ""})),
             section=scenario.sensor,
             camera=camera,
-            setting=setting,
+            pixels=pixels,
             lens=lens,
             relay=make_relay(lens, camera),
             illuminance=scenario.scene.illuminance,
             source=source,
             cycles=cycles,
-            step=longest_step(setting, cycles),
-            most_reports=section.most_reports,
             instants=instants,
         )
     )
 
 
-def _camera(scenario: Scenario, section: ContinuousSection) -> CameraSetting:
+def continuous_chip(scenario: Scenario) -> CameraSetting:
     """Chip, light and device as for any camera; the array has the size that the scenario sets.
     Raises InputError for keys that only spiking pixels have."""
     sensor = scenario.sensor
+    section = sensor.continuous or ContinuousSection()
     refuse_keys(
         "continuous",
         (

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from threading import Lock
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from cosim import InputError
+from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from cosim.errors import quote
 from scenarios.python.frames import is_whole
 
-__all__ = ["Called"]
+__all__ = ["Called", "in_order"]
+
+_AHEAD: Final = 2
+"""Results that `in_order` has, or is making, before they are asked for, for each core."""
 
 
 class Called:
@@ -55,3 +62,21 @@ class Called:
         with self._lock:
             self._calls += 1
             return self._calls - 1
+
+
+def in_order(call: Callable[[int, Any], Any], items: Iterable[Any], begin: int) -> Iterator[Any]:
+    """The results of `call(number, item)` in the order of the items, numbered from `begin`, by a
+    thread for each core; a few of them are made ahead."""
+    count = cores()
+    with threads(count) as pool:
+        rest = enumerate(items, begin)
+        ahead = islice(rest, _AHEAD * count)
+        waiting = [pool.submit(call, number, item) for number, item in ahead]
+        try:
+            while waiting:
+                done = waiting.pop(0).result()
+                waiting += [pool.submit(call, number, item) for number, item in islice(rest, 1)]
+                yield done
+        finally:
+            for each in waiting:
+                each.cancel()

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy.typing as npt
 
-from cosim import InputError, Viform
+from cosim import Events, InputError, Intensities, Viform
 from cosim.spikes.viform import part_of
 from scenarios.assemble.called import in_memory
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.camera import Camera
+from scenarios.python.finished import Run
 from scenarios.python.frames import array_of, rate_of, write_frames
 from scenarios.python.running import run, source_file
 from scenarios.python.words import in_python
@@ -30,7 +31,7 @@ def film(
     seed: int | None = None, device: str | None = None,
     out: str | os.PathLike[str] | None = None, resume: bool = False, progress: bool | None = None,
     **settings: Any,
-) -> Viform:  # fmt: skip
+) -> Viform | Any:  # fmt: skip
     """Films a source with a spike camera: the bits of `viform run`. Frames without `out` stay in
     memory, see `Camera`.
 
@@ -52,7 +53,8 @@ def film(
             Frames are filmed for as long as they last.
 
     Returns:
-        The spikes, in memory. For a stream that does not fit: `run("film", ...).stream`.
+        The spikes, in memory; `Events` with sensor.readout = asynchronous, and `Intensities` with
+        continuous, as of a `Camera`. For a stream that does not fit: `run("film", ...).stream`.
 
     Raises:
         InputError: the input cannot be used.
@@ -90,4 +92,13 @@ def film(
             seed=seed, device=device, store="raw" if out is None else "fast", resume=resume,
             progress=progress, **(own | settings),
         )  # fmt: skip
-        return part_of(done.stream)
+        return _recorded(done)
+
+
+def _recorded(done: Run) -> Viform | Events | Intensities:
+    """What the camera of a run has recorded, in memory; with a display, its planes."""
+    if "stream" not in done.streams:
+        for kept in (done.events, done.intensities):
+            if kept is not None:
+                return kept
+    return part_of(done.stream)

@@ -12,7 +12,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cosim import InputError
+from cosim import Events, InputError, Intensities
+from cosim.files.event_file import ENDING, read_events
+from cosim.files.intensities import read_intensities
 from scenarios.python.streams import Stream, open_stream
 
 __all__ = ["Run"]
@@ -79,6 +81,23 @@ class Run:
                 "take it from Run.streams" if kept else "run a scenario of a spike camera",
             )  # fmt: skip
         return self.streams["stream"]
+
+    @property
+    def events(self) -> Events | None:
+        """The events of asynchronous pixels, in memory; None for other runs."""
+        path = self._file(ENDING)
+        return None if path is None else read_events(path)
+
+    @property
+    def intensities(self) -> Intensities | None:
+        """The reports of continuous pixels, in memory; None for other runs."""
+        path = self._file(".intensities.npz")
+        return None if path is None else read_intensities(path)
+
+    def _file(self, ending: str) -> Path | None:
+        """The recording of the camera with this ending."""
+        name = f"stream{ending}"
+        return self.folder / name if name in self.result["files"] else None
 
     @cached_property
     def images(self) -> dict[str, npt.NDArray[np.uint8]]:

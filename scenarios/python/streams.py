@@ -7,9 +7,10 @@ from operator import index
 from pathlib import Path
 from typing import Any
 
-from cosim import Clock, InputError
+from cosim import Clock, Events, InputError, Intensities
 from cosim.errors import quote
-from cosim.files import write_stream
+from cosim.files import write_events, write_stream
+from cosim.files.intensities import write_intensities
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
 from scenarios.python.words import in_python
 from sensor.codec.files import open_any
@@ -77,9 +78,12 @@ def as_stream(given: Any) -> SpikeStream:
 
 
 @in_python
-def save_stream(stream: SpikeStream, path: str | os.PathLike[str]) -> list[str]:
-    """Writes a stream in the format of the name's ending: .npz, .zarr, .dat, .raw, .events.npz. An
-    existing file is replaced, once the new one is complete.
+def save_stream(
+    stream: SpikeStream | Events | Intensities, path: str | os.PathLike[str]
+) -> list[str]:
+    """Writes a stream in the format of the name's ending: .npz, .zarr, .dat, .raw, .events.npz;
+    events as .events.npz, and intensities as .intensities.npz. An existing file is replaced, once
+    the new one is complete.
 
     Returns:
         A line for each property of the stream that the format cannot hold.
@@ -87,4 +91,15 @@ def save_stream(stream: SpikeStream, path: str | os.PathLike[str]) -> list[str]:
     Raises:
         InputError: another ending, or the file cannot be written.
     """
-    return write_stream(as_stream(stream), Path(path))
+    if not isinstance(stream, Events | Intensities):
+        return write_stream(as_stream(stream), Path(path))
+    ending = ".events.npz" if isinstance(stream, Events) else ".intensities.npz"
+    if not Path(path).name.lower().endswith(ending):
+        raise InputError(
+            "the path", f"a name that ends in {ending}", quote(str(path)), "change the ending"
+        )
+    if isinstance(stream, Events):
+        write_events(stream, Path(path))
+    else:
+        write_intensities(stream, Path(path))
+    return []

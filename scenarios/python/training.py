@@ -14,6 +14,7 @@ from cosim.errors import quote
 from scenarios.python.camera import Camera
 from scenarios.python.frames import check_instants, is_whole, rate_of
 from scenarios.python.words import in_python
+from sensor.latched.core import Filmed
 
 try:
     from torch import from_numpy
@@ -57,7 +58,7 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
 
     @in_python
     def __init__(
-        self, clips: Any, camera: Camera, frame_rate: float, *,
+        self, clips: Any, camera: Camera[Filmed], frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None,
     ) -> None:  # fmt: skip
         items = isinstance(clips, Iterable) or hasattr(clips, "__getitem__")
@@ -65,6 +66,11 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
             raise InputError("clips", "frames of several clips", quote(clips), "give a list")
         if not isinstance(camera, Camera):
             raise InputError("camera", "a viform.Camera", quote(camera), "make one")
+        if camera.readout != "synchronous":
+            raise InputError(
+                "camera", "one with readout = synchronous, whose planes are tensors",
+                camera.readout, "use Camera.film_many",
+            )  # fmt: skip
         camera.check_white(white_rate)
         check_instants(instants)
         self._clips, self._camera, self._rate = clips, camera, rate_of(frame_rate)

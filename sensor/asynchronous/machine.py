@@ -22,18 +22,14 @@ from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_ver
 from cosim.run.steps import StepChain
 from sensor.asynchronous.plan.cost import reference_cost
 from sensor.asynchronous.plan.plan import EventPlan
-from sensor.asynchronous.plan.planned import PlannedPixels
 from sensor.asynchronous.plan.verify import KIND, Checked, check_plan
-from sensor.asynchronous.readout.channel import Channel
-from sensor.asynchronous.readout.recorder import STREAM, Output, gather_events
+from sensor.asynchronous.readout.recorder import STREAM, Output
 from sensor.asynchronous.readout.recover import dynamic_range, recover, unheard
 from sensor.asynchronous.readout.shots import first_instants, take_event_shots
 from sensor.asynchronous.report.page import events_page
 from sensor.asynchronous.run import EventRun, EventSpec, EventStart, EventViews
-from sensor.asynchronous.setting import channel_model
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import write_images
-from sensor.sections.asynchronous import AsynchronousSection
 
 __all__ = ["AsynchronousMachine"]
 
@@ -105,16 +101,9 @@ class AsynchronousMachine:
         return replace(self, plan=self.plan.keeping(effects))
 
     def chain(self, folder: Path) -> StepChain:
-        spec, view = self.spec, self.start.view
-        section, bus = spec.section.asynchronous, channel_model(spec.section)
-        most = (section or AsynchronousSection()).most_events
-        pixels = PlannedPixels(self.plan, view.pattern, spec.shape, view.gain, most=most)
-        channel = spec.section.channel
-        late = channel is not None and channel.timestamp == "channel"
+        spec = self.spec
+        pixels, output = spec.camera.pixels(self.plan), spec.camera.output(spec.stop)
         height, width = spec.shape
-        output = Output(
-            None if bus is None else Channel(bus, spec.shape), spec.stop, height * width, late
-        )
         return StepChain(
             f"{spec.name}: {width} x {height} asynchronous pixels", folder, spec.setting.clock,
             spec.cycles, self._steps(), {"sensor": pixels, "channel": output}, output,
@@ -180,10 +169,8 @@ class AsynchronousMachine:
         begin = time.perf_counter()
         spec, seconds = self.spec, recording.seconds
         output: Output = recording.chain.sink
-        sent, leaves = output.crossed()
+        events, sent, leaves = spec.camera.sent(output)
         delay = None if output.channel is None else leaves - sent.instant
-        stamps = leaves if output.stamped_late else sent.instant
-        events = gather_events(sent, stamps, spec.model, spec.shape, spec.stop)
         write_events(events, recording.folder / STREAM)
         seconds["recorder"] = time.perf_counter() - begin
         begin = time.perf_counter()

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS, Clock
+from cosim.spikes.events import time_order
 
 __all__ = ["EventModel", "Firings", "latched", "least_electrons"]
 
@@ -113,6 +114,10 @@ class Firings:
             self.pixel[chosen], self.instant[chosen], self.width[chosen], self.exact[chosen],
             self.level[chosen], self.work,
         )  # fmt: skip
+
+    def ordered(self) -> Firings:
+        """Those in any order, in that of the class."""
+        return self.take(time_order(self.instant, self.pixel))
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The columns, for a checkpoint."""

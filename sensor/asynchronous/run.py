@@ -11,10 +11,9 @@ import numpy.typing as npt
 from cosim import Events, Lens, Light, seconds_to_ps
 from cosim.light.source import Source, Target
 from cosim.run.machine import Run
+from sensor.asynchronous.core import EventCamera
 from sensor.asynchronous.model import EventModel, Firings
-from sensor.asynchronous.pixel.closed import is_steady
-from sensor.asynchronous.plan.effects import summarise
-from sensor.asynchronous.plan.plan import EventPlan, make_plan
+from sensor.asynchronous.plan.plan import EventPlan
 from sensor.asynchronous.plan.verify import Checked, View
 from sensor.asynchronous.readout.recover import Recovered
 from sensor.asynchronous.readout.shots import EventShot
@@ -35,7 +34,7 @@ class EventSpec:
         tolerance: relative error allowed.
         section: of the sensor, as the user wrote it.
         setting: chip, light and device.
-        model: rules of a pixel.
+        camera: the pixels and their way out.
         lens: in front of the chip.
         relay: from the scene's light to what each pixel receives.
         illuminance: of the scene, lux; white reflects all of it.
@@ -52,7 +51,7 @@ class EventSpec:
     tolerance: float
     section: SensorSection
     setting: CameraSetting
-    model: EventModel
+    camera: EventCamera
     lens: Lens
     relay: Callable[[Light], Light]
     illuminance: float
@@ -63,7 +62,12 @@ class EventSpec:
 
     @property
     def shape(self) -> tuple[int, int]:
-        return self.setting.chip.height, self.setting.chip.width
+        return self.camera.shape
+
+    @property
+    def model(self) -> EventModel:
+        """Rules of a pixel."""
+        return self.camera.model
 
     @property
     def stop(self) -> int:
@@ -101,21 +105,11 @@ class EventStart:
     @classmethod
     def under(cls, spec: EventSpec, light: Light, until: int) -> EventStart:
         """light: on the pixels. until: ps up to which it is known."""
-        setting = spec.setting
-        return cls(
-            spec,
-            View(
-                light, until, spec.shape, setting.electrons_per_lux, setting.pattern, setting.seed
-            ),
-        )
+        return cls(spec, spec.camera.view(light, until))
 
     def plan(self, tolerance: float) -> EventPlan:
         """The plan of the whole run, from the light that it begins with."""
-        spec, light = self.spec, self.view.light
-        rate = light.pieces[0].first.ravel().astype(np.float64) * self.view.gain
-        steady = is_steady(light, spec.stop)
-        scene = summarise(spec.model, self.view.pattern, rate, spec.shape, spec.stop, steady)
-        return make_plan(scene, self.view.pattern, tolerance)
+        return self.spec.camera.plan(self.view, self.spec.stop, tolerance)
 
     @property
     def cycles(self) -> int:

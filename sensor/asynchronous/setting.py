@@ -5,13 +5,22 @@ from __future__ import annotations
 from cosim import PS, Clock, InputError, seconds_to_ps
 from cosim.config.amounts import at_least
 from cosim.config.quantity import DAY
+from sensor.asynchronous.core import EventCamera, Sending
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.channel import ChannelModel
 from sensor.latched.setting import CameraSetting
 from sensor.sections.asynchronous import AsynchronousSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["channel_model", "event_model"]
+__all__ = ["channel_model", "event_camera", "event_model"]
+
+
+def event_camera(sensor: SensorSection, setting: CameraSetting, tolerance: float) -> EventCamera:
+    """The camera, ready to be called. setting, and raises: see `event_model`."""
+    section, channel = sensor.asynchronous or AsynchronousSection(), sensor.channel
+    late = channel is not None and channel.timestamp == "channel"
+    sending = Sending(channel_model(sensor), late, section.most_events)
+    return EventCamera(setting, event_model(sensor, setting), sending, tolerance=tolerance)
 
 
 def event_model(sensor: SensorSection, setting: CameraSetting) -> EventModel:

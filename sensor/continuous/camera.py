@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from cosim.clock import PS, seconds_to_ps
 from cosim.light.light import Light, Piece, Plane
+from cosim.spikes.events import time_order
 from cosim.spikes.intensities import Intensities
 from sensor.continuous.crossing import jump
 from sensor.continuous.normal import quantile_table
@@ -225,7 +226,7 @@ class ContinuousCamera:
             np.concatenate([getattr(part, name) for part in parts] or [np.zeros(0)])
             for name in names
         )
-        order = np.lexsort((pixel, tick))
+        order = time_order(tick, pixel)
         row, column = np.divmod(pixel[order].astype(np.int64), self.shape[1])
         converter = self.setting.converter
         return Intensities(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from cosim import BLOCK, PS, InputError
+from cosim import InputError
 from sensor.continuous.converter import Converter
+from sensor.continuous.core import IntensityCamera
 from sensor.continuous.setting import ContinuousSetting, quiet_floor
+from sensor.continuous.shots import effect_names
 from sensor.latched.setting import CameraSetting
 from sensor.sections.continuous import ContinuousSection
 
-__all__ = ["continuous_setting", "longest_step"]
+__all__ = ["continuous_setting", "intensity_camera"]
 
 
 def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> ContinuousSetting:
@@ -50,15 +52,10 @@ def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> Con
     )
 
 
-def longest_step(setting: ContinuousSetting, cycles: int) -> int:
-    """Upper limit of a step of the simulation, cycles: a block with noise, whose reports may be
-    many; else as many as the exact arithmetic of its ticks has room for. Raises InputError."""
-    if setting.noise:
-        return BLOCK
-    room = 2**60 // (PS * setting.clock.den)
-    if not room:
-        raise InputError(
-            "sensor.clock", "a frequency of fewer digits without shot noise",
-            f"{setting.clock.num}/{setting.clock.den} Hz", "round it",
-        )  # fmt: skip
-    return min(cycles, room)
+def intensity_camera(
+    section: ContinuousSection, camera: CameraSetting, tolerance: float
+) -> IntensityCamera:
+    """The camera, ready to be called. camera, and raises: see `continuous_setting`."""
+    setting = continuous_setting(section, camera)
+    kept = tuple(effect_names(setting, camera))
+    return IntensityCamera(setting, kept, tolerance=tolerance, most=section.most_reports)

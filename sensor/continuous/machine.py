@@ -5,27 +5,25 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from cosim import Clock, InputError, Intensities, Light, join_intensities
+from cosim import Clock, Intensities, Light, join_intensities
 from cosim.files.intensities import write_intensities
-from cosim.light.steps import light_steps
 from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
 from cosim.run.steps import StepChain
 from cosim.stage import State
-from sensor.continuous.camera import ContinuousCamera
+from sensor.continuous.core import Collected
 from sensor.continuous.report import continuous_page
 from sensor.continuous.run import STREAM, ContinuousRun, ContinuousSpec, ContinuousViews
 from sensor.continuous.shots import (
     PixelLight,
-    effect_names,
     notes_of,
     report_ages,
     report_metrics,
@@ -33,7 +31,6 @@ from sensor.continuous.shots import (
 )
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import write_images
-from sensor.sections.sensor import SPIKING
 
 __all__ = ["ContinuousMachine"]
 
@@ -43,30 +40,17 @@ _DRAWN: Final = 10
 """Pixels whose reports are drawn."""
 
 
-@dataclass
-class _Sink:
-    """Collects the reports; beyond `most` it raises InputError.
+@dataclass(kw_only=True)
+class _Sink(Collected):
+    """Collects the reports, with checkpoints.
 
     Attributes:
         light: of the pixels drawn.
     """
 
-    most: int
     shape: tuple[int, int]
     clock: Clock
     light: PixelLight
-    parts: list[Intensities] = field(default_factory=list)
-    count: int = 0
-
-    def step(self, reports: Intensities, start: int, stop: int) -> None:
-        self.parts.append(reports)
-        self.count += len(reports)
-        if self.count > self.most:
-            raise InputError(
-                "the reports", f"at most {self.most:,}", "more",
-                "shorten duration, simulate fewer pixels, or raise sensor.continuous.contrast, "
-                "floor or most_reports",
-            )  # fmt: skip
 
     def state(self) -> State:
         """The recording so far."""
@@ -106,20 +90,9 @@ class ContinuousMachine:
 
     @property
     def notes(self) -> list[str]:
-        spec, notes = self.spec, []
-        if spec.section.lens.f_number is None:
-            notes.append(
-                f"f/{spec.lens.f_number:.3g}, with which white would fire at "
-                f"{spec.section.lens.white_rate:.3g} a cycle in a spike camera of "
-                f"{spec.camera.threshold:g} e; nothing else here has that threshold"
-            )
-        if spec.section.preset == "silicon":
-            spiking = ", ".join(name.replace("_", " ") for name in SPIKING)
-            notes.append(f"left out of the preset silicon, since no pixel spikes: {spiking}")
-        if not spec.setting.noise:
-            notes.append("shot noise is off")
-        notes.append("these pixels have one tier, with every effect, so no error is measured")
-        return [*notes, *notes_of(spec.setting, spec.white), *spec.source.notes]
+        spec = self.spec
+        notes = notes_of(spec.section, spec.camera, spec.setting, spec.lens, spec.white)
+        return [*notes, *spec.source.notes]
 
     @property
     def length(self) -> int:
@@ -135,23 +108,23 @@ class ContinuousMachine:
     def chain(self, folder: Path) -> StepChain:
         spec, chip = self.spec, self.spec.setting.chip
         sink = _Sink(
-            spec.most_reports,
-            (chip.height, chip.width),
-            spec.setting.clock,
-            PixelLight(spec.source.points()[:_DRAWN]),
+            most=spec.pixels.most,
+            shape=(chip.height, chip.width),
+            clock=spec.setting.clock,
+            light=PixelLight(spec.source.points()[:_DRAWN]),
         )
         return StepChain(
             f"{spec.name}: {chip.width} x {chip.height} continuous pixels", folder,
             spec.setting.clock, spec.cycles, self._steps(sink.light),
-            {"sensor": ContinuousCamera(spec.setting), "recorder": sink}, sink,
+            {"sensor": spec.pixels.pixels(), "recorder": sink}, sink,
             hashlib.sha256((add_digests(spec.inputs) + viform_version()).encode()).hexdigest(),
         )  # fmt: skip
 
     def _steps(self, drawn: PixelLight) -> Iterator[tuple[Light, int, int]]:
         """The light; that of the pixels that are drawn is kept."""
-        spec, clock = self.spec, self.spec.setting.clock
-        stop = clock.edge(spec.cycles)
-        for light, start, until in light_steps(spec.source, spec.relay, clock, stop, spec.step):
+        spec = self.spec
+        stop = spec.setting.clock.edge(spec.cycles)
+        for light, start, until in spec.pixels.steps(spec.source, spec.relay, spec.cycles):
             drawn.take(light, stop)
             yield light, start, until
 
@@ -183,7 +156,7 @@ class ContinuousMachine:
             outcome="degraded" if spec.source.degraded else "ok",
             simulated_s=spec.cycles / clock.hz,
             error=Error(None, "a continuous readout leaves nothing out", None),
-            kept=effect_names(spec.setting, spec.camera),
+            kept=list(spec.pixels.error.kept),
             metrics={
                 **metrics,
                 **report_metrics(reports, spec.setting),

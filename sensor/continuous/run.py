@@ -9,6 +9,7 @@ from typing import Final
 from cosim import Intensities, Lens, Light
 from cosim.light.source import Source
 from cosim.run.machine import Run
+from sensor.continuous.core import IntensityCamera
 from sensor.continuous.setting import ContinuousSetting
 from sensor.continuous.shots import ContinuousShot, PixelLight
 from sensor.latched.setting import CameraSetting
@@ -30,14 +31,12 @@ class ContinuousSpec:
         inputs: the same without its title, which decides nothing of the result.
         section: of the sensor, as the user wrote it.
         camera: chip, light and device.
-        setting: the pixels.
+        pixels: the pixels, ready to be called.
         lens: in front of the chip.
         relay: from the scene's light to what each pixel receives.
         illuminance: of the scene, lux; white reflects all of it.
         source: scene.
         cycles: length of the run.
-        step: upper limit of a step of the simulation, cycles.
-        most_reports: number of reports beyond which the run ends.
         instants: cycles whose images are made.
     """
 
@@ -47,15 +46,18 @@ class ContinuousSpec:
     inputs: str
     section: SensorSection
     camera: CameraSetting
-    setting: ContinuousSetting
+    pixels: IntensityCamera
     lens: Lens
     relay: Callable[[Light], Light]
     illuminance: float
     source: Source
     cycles: int
-    step: int
-    most_reports: int
     instants: list[int]
+
+    @property
+    def setting(self) -> ContinuousSetting:
+        """The setting of the pixels."""
+        return self.pixels.setting
 
     @property
     def white(self) -> float:

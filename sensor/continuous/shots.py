@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cosim import Clock, Intensities, Light, Plane, last_reports
+from cosim import Clock, Intensities, Lens, Light, Plane, last_reports
 from cosim.light.source import Source
 from cosim.run.result import Metric
 from sensor.continuous.setting import ContinuousSetting
 from sensor.latched.effects import EFFECTS
 from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.fidelity import Estimate, to_white
+from sensor.sections.sensor import SPIKING, SensorSection
 
 __all__ = [
     "ContinuousShot", "PixelLight", "effect_names", "notes_of", "report_ages", "report_metrics",
@@ -116,9 +117,25 @@ def effect_names(setting: ContinuousSetting, camera: CameraSetting) -> list[str]
     return names + [e.name for e in camera.acting_effects if e.name not in EFFECTS]
 
 
-def notes_of(setting: ContinuousSetting, white: float) -> list[str]:
-    """What a user must know of the sensor as it is set. white: electrons a second."""
+def notes_of(
+    section: SensorSection, camera: CameraSetting, setting: ContinuousSetting, lens: Lens,
+    white: float,
+) -> list[str]:  # fmt: skip
+    """What a user must know of the sensor as it is set. lens: its f-number is chosen where the
+    section has none. white: electrons a second."""
     notes, electrons = [], white * setting.time_constant
+    if section.lens.f_number is None:
+        notes.append(
+            f"f/{lens.f_number:.3g}, with which white would fire at "
+            f"{section.lens.white_rate:.3g} a cycle in a spike camera of "
+            f"{camera.threshold:g} e; nothing else here has that threshold"
+        )
+    if section.preset == "silicon":
+        spiking = ", ".join(name.replace("_", " ") for name in SPIKING)
+        notes.append(f"left out of the preset silicon, since no pixel spikes: {spiking}")
+    if not setting.noise:
+        notes.append("shot noise is off")
+    notes.append("these pixels have one tier, with every effect, so no error is measured")
     if setting.floor > setting.contrast * white:
         notes.append(
             f"at any light only changes of {setting.floor / white:.2g} of white or more are "

@@ -1,8 +1,9 @@
 """A latched camera that is called: light in, words out, in memory.
 
 The camera is set up once. A call surveys its light, plans which effects that light needs for the
-tolerance, exposes the chip, and states the bound of the plan. It writes nothing. A run does the
-same around it with a recorder and a check of the plan, so both give the same bits.
+tolerance, exposes the chip, and states the bound of the plan; where it is asked to, it checks the
+plan on patches. It writes nothing. A run does the same around it with a recorder, and always with
+the check, so both give the same bits.
 
 The draws of a call are a function of the seed and of the number of the call alone.
 """
@@ -21,25 +22,29 @@ from cosim.clock import Clock
 from cosim.compute.memory import check_memory, keep_freed
 from cosim.compute.opencl import Device
 from cosim.compute.outputs import Outputs
-from cosim.compute.philox import philox4x32
-from cosim.compute.streams import Stream
+from cosim.compute.philox import seed_of
 from cosim.errors import InputError
 from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
+from cosim.light.steps import PushedLight
 from cosim.light.survey import Survey
-from cosim.plan.effects import Kind
-from cosim.plan.paired import Span, windows
-from cosim.spikes.viform import WORD, Viform, words_for
+from cosim.plan.paired import Measured, Span, windows
+from cosim.plan.patches import PatchPlane
+from cosim.plan.planner import Bounds
+from cosim.run.machine import BrokenPromise, Finding
+from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block
 from sensor.latched.camera import SpikeCamera
-from sensor.latched.planning import CameraPlan, plan_camera
+from sensor.latched.check.plan_check import PlanCheck
+from sensor.latched.check.samples import sample_tiles
+from sensor.latched.planning import ARITHMETIC, CameraPlan, plan_camera
 from sensor.latched.readout import DuplicatedRows
 from sensor.latched.setting import CameraSetting
 from sensor.latched.stages import SceneStage
 from sensor.latched.survey import SceneSurvey, summarise, survey_scene
 from sensor.latched.tiers import Tier, TierPixels
 
-__all__ = ["Bounds", "Filmed", "LatchedCamera", "LiveCamera", "seed_of"]
+__all__ = ["Filmed", "LatchedBounds", "LatchedCamera", "LiveCamera"]
 
 WINDOW: Final = 41
 """Cycles of the window of an image, by default."""
@@ -55,54 +60,35 @@ _CHIPS: Final = 4
 Relay = Callable[[Light], Light]
 
 
-def seed_of(seed: int, number: int) -> int:
-    """Seed of the temporal noise of a call: that of the camera in call 0, and a word of Philox for
-    the others."""
-    if number == 0:
-        return seed
-    low, high = number & 0xFFFFFFFF, number >> 32
-    return int(philox4x32((low, high, 0, 0), (seed, Stream.CALL))[0])
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """What a plan promises of the error of a simulation against full physics, before anything is
-    measured.
+@dataclass(frozen=True, kw_only=True)
+class LatchedBounds(Bounds):
+    """The bounds of a latched camera.
 
     Attributes:
-        bound: Limit of the relative error of the spike rates of a tile, in the worst tile.
-        kind: "proof", or "estimate".
-        left_out: Limit for each effect that some tile leaves out, by name.
-        kept: Effects that some tile keeps.
         arithmetic: Limit for the arithmetic of the tier.
         tier: Tier of most tiles.
         better: Share of tiles that a better tier simulates, 0 to 1.
-        tolerance: Tolerance of the plan.
     """
 
-    bound: float
-    kind: Kind
-    left_out: dict[str, float]
-    kept: tuple[str, ...]
     arithmetic: float
     tier: Tier
     better: float
-    tolerance: float
 
     @classmethod
-    def of(cls, plan: CameraPlan) -> Bounds:
-        """The bounds of a plan."""
+    def of(cls, plan: CameraPlan, measured: Measured | None = None) -> LatchedBounds:
+        """The bounds of a plan, and what its check has measured."""
         gone = set(plan.plan.left_out)
         return cls(
-            float(np.max(plan.promised)),
+            bound=float(np.max(plan.promised)),
             # The bounds of the arithmetic are estimates; those of the effects may be proofs.
-            plan.plan.kind if not plan.tier_error.any() else "estimate",
-            {row.effect: row.bound for row in plan.plan.rows if row.effect in gone},
-            plan.plan.everywhere,
-            float(np.max(plan.tier_error)),
-            plan.tier,
-            float(plan.fine.mean()),
-            plan.plan.tolerance,
+            kind=plan.plan.kind if not plan.tier_error.any() else "estimate",
+            left_out={row.effect: row.bound for row in plan.plan.rows if row.effect in gone},
+            kept=plan.plan.everywhere,
+            tolerance=plan.plan.tolerance,
+            measured=measured,
+            arithmetic=float(np.max(plan.tier_error)),
+            tier=plan.tier,
+            better=float(plan.fine.mean()),
         )
 
 
@@ -117,7 +103,7 @@ class Filmed(Viform):
         white_rate: Spikes a cycle of the scene's white; None if it is not known.
     """
 
-    error: Bounds | None = None
+    error: LatchedBounds | None = None
     notes: tuple[str, ...] = ()
     degraded: tuple[str, ...] = ()
     white_rate: float | None = None
@@ -177,11 +163,21 @@ class LatchedCamera:
         """Survey of a source, which it may consume; `relay` is the lens."""
         return survey_scene(self.setting, source, relay, cycles, *self._lengths(cycles))
 
-    def plan(self, survey: SceneSurvey, spans: Sequence[Span] = ()) -> CameraPlan:
-        """The plan for a survey; equal ones share it. spans: windows of images, which bounds of a
-        run with register writes depend on."""
+    def plan(
+        self, survey: SceneSurvey, spans: Sequence[Span] = (), reinstated: Sequence[str] = ()
+    ) -> CameraPlan:
+        """The plan for a survey; equal ones share it.
+
+        Args:
+            survey: of the scene.
+            spans: windows of images, which bounds of a run with register writes depend on.
+            reinstated: what a check has put back: effects that are kept, and ARITHMETIC for the
+                exact tier.
+        """
         scene, mixed = survey.scene, self._tier is None
-        digest = hashlib.blake2b(repr(spans).encode())
+        forced = [name for name in reinstated if name != ARITHMETIC]
+        tier: Tier | None = "exact" if len(forced) < len(reinstated) else self._tier
+        digest = hashlib.blake2b(repr((spans, reinstated)).encode())
         for part in (*(getattr(scene, each.name) for each in fields(scene)), survey.certain):
             digest.update(np.ascontiguousarray(part).tobytes())
         key = digest.digest()
@@ -190,7 +186,7 @@ class LatchedCamera:
         if known is None:
             known = plan_camera(
                 survey, self.setting, self._tolerance, spans, self._device,
-                tier=self._tier, mixed=mixed,
+                forced=forced, tier=tier, mixed=mixed,
             )  # fmt: skip
             with self._lock:
                 if self._closed:
@@ -205,12 +201,16 @@ class LatchedCamera:
             return
         check_memory(f"the spikes of {cycles:,} cycles", need, "film fewer frames at once")
 
-    def _exposed(self, plan: CameraPlan, seed: int) -> SpikeCamera:
-        """The planned camera with the noise of a seed."""
-        if seed != self.setting.seed:
-            plan = replace(
-                plan, setting=replace(plan.setting, seed=seed), full=replace(plan.full, seed=seed)
-            )
+    def _seeded(self, plan: CameraPlan, seed: int) -> CameraPlan:
+        """The plan of a camera with the noise of a seed."""
+        if seed == self.setting.seed:
+            return plan
+        return replace(
+            plan, setting=replace(plan.setting, seed=seed), full=replace(plan.full, seed=seed)
+        )
+
+    def _exposed(self, plan: CameraPlan) -> SpikeCamera:
+        """The planned camera."""
         # Cameras that differ in their seed alone share what does not depend on it.
         flags = b"" if plan.flags is None else plan.flags.tobytes()
         key = replace(plan.setting, seed=0), plan.tier, flags, plan.fine.all()
@@ -227,17 +227,21 @@ class LatchedCamera:
     def film(
         self, source: Callable[[], Source], relay: Relay, cycles: int, number: int = 0,
         spans: Sequence[Span] | None = None, behind: Callable[[], Source] | None = None,
+        *, check: bool = False,
     ) -> Filmed:  # fmt: skip
         """Films a source.
 
         Args:
-            source: gives the source anew; it is asked twice, for the survey and for the light.
+            source: gives the source anew; it is asked for the survey, and for the light as often
+                as that is filmed.
             relay: the lens.
             cycles: length, cycles of the latch clock.
             number: number of the call, below 2^64.
             spans: windows of images; None for those of five instants, evenly spaced.
             behind: gives the source as it is behind the lens, for the light; None for one whose
                 light the lens maps.
+            check: whether the plan is checked on patches, as a run does: an effect whose bound is
+                exceeded is put back, and the light is filmed again.
 
         Returns:
             The spikes of all cycles.
@@ -256,25 +260,60 @@ class LatchedCamera:
         if spans is None:
             at = sorted({cycles * (2 * n + 1) // 10 for n in range(5)})
             spans = windows(at, survey.scene.window, cycles)
-        plan = self.plan(survey, tuple(spans))
-        camera = self._exposed(plan, seed_of(self.setting.seed, number))
-        light = (behind or source)()
+        seed, found = seed_of(self.setting.seed, number), list[Finding]()
+        while True:
+            plan = self.plan(survey, tuple(spans), [finding.effect for finding in found])
+            checking = self._check(self._seeded(plan, seed)) if check else None
+            light = (behind or source)()
+            try:
+                words = self._words(
+                    self._seeded(plan, seed), light, None if behind else relay, cycles, checking
+                )
+                new = [] if checking is None else checking.shortfall(plan.tier)
+            except BrokenPromise as exc:
+                new = exc.findings
+            if self._tier is not None:  # all pixels have the tier that was asked for
+                new = [finding for finding in new if finding.effect != ARITHMETIC]
+            if not new:
+                break
+            found += new
+        if self._duplicated is not None:
+            self._duplicated.duplicate(words)
+        measured = None if checking is None else checking.error()
+        beyond = () if checking is None else checking.beyond()
+        put_back = [finding.message for finding in found]
+        notes = (*plan.notes, *light.notes, *put_back, *light.degraded, *beyond)
+        bounds = LatchedBounds.of(plan, measured)
+        return Filmed(words, cycles, self.setting.clock, 0, bounds, notes, tuple(light.degraded))
+
+    def _check(self, plan: CameraPlan) -> PlanCheck:
+        """The stage that checks a plan, on the patches and samples of a run with its seed."""
+        seed = plan.full.seed
+        tiles = plan.patches(seed)
+        samples = sample_tiles(plan, tiles, self._device, seed)
+        patches = PatchPlane(plan.survey.grid, sorted(tiles))
+        return PlanCheck(plan, plan.full, patches, self._device, samples)
+
+    def _words(
+        self, plan: CameraPlan, light: Source, relay: Relay | None, cycles: int,
+        checking: PlanCheck | None,
+    ) -> Words:  # fmt: skip
+        """The spikes of all cycles. relay: None for light that is behind the lens."""
+        camera = self._exposed(plan)
         scene = SceneStage(light, self.setting.reach)
         words = self._outputs.take((words_for(cycles), *self.shape))
         camera.into(words)
         for start in range(0, cycles, _TOGETHER):
             block = Block(start, min(_TOGETHER, cycles - start))
             given = scene.step(None, block)
-            part = camera.step(given if behind else relay(given), block).words
+            given = given if relay is None else relay(given)
+            if checking is not None:
+                checking.step(given, block)
+            part = camera.step(given, block).words
             here = words[start // WORD : start // WORD + len(part)]
             if not np.may_share_memory(part, here):
                 here[:] = part
-        if self._duplicated is not None:
-            self._duplicated.duplicate(words)
-        notes = (*plan.notes, *light.notes, *light.degraded)
-        return Filmed(
-            words, cycles, self.setting.clock, 0, Bounds.of(plan), notes, tuple(light.degraded)
-        )
+        return words
 
     def open(self, most: float, frames: Clock, relay: Relay, number: int = 0) -> LiveCamera:
         """A camera whose light comes frame by frame. All pixels have one tier: the bound of the
@@ -307,8 +346,8 @@ class LatchedCamera:
         plan = plan_camera(
             survey, self.setting, self._tolerance, (), self._device, tier=tier, mixed=False
         )
-        camera = self._exposed(plan, seed_of(self.setting.seed, number))
-        return LiveCamera(self.setting, camera, Bounds.of(plan), most, frames, relay,
+        camera = self._exposed(self._seeded(plan, seed_of(self.setting.seed, number)))
+        return LiveCamera(self.setting, camera, LatchedBounds.of(plan), most, frames, relay,
                           self._duplicated, self._check_room)  # fmt: skip
 
 
@@ -320,16 +359,13 @@ class LiveCamera:
     """
 
     def __init__(
-        self, setting: CameraSetting, camera: SpikeCamera, error: Bounds, most: float,
+        self, setting: CameraSetting, camera: SpikeCamera, error: LatchedBounds, most: float,
         frames: Clock, relay: Relay, readout: DuplicatedRows | None,
         check_room: Callable[[int], None],
     ) -> None:  # fmt: skip
         self.error, self._check_room = error, check_room
         self._setting, self._camera, self._readout = setting, camera, readout
-        self._most, self._frames, self._relay = most, frames, relay
-        self._count = self._cycle = 0
-        self._last: Plane | None = None
-        self._pieces: list[Piece] = []
+        self._light, self._cycle = PushedLight(most, frames, relay), 0
 
     def push(self, plane: Plane) -> Filmed | None:
         """Takes the next frame.
@@ -344,28 +380,16 @@ class LiveCamera:
         Raises:
             InputError: light beyond the range that the plan holds for, or memory is short.
         """
-        top = float(plane.max(initial=0))
-        if not (plane.min(initial=0) >= 0 and top <= self._most * (1 + 1e-6)):
-            raise InputError(
-                "the light of a frame", f"from 0 to the {self._most:g} lux that was planned for",
-                f"up to {top:g} lux", "open another camera with a larger white",
-            )  # fmt: skip
-        before, self._last = self._last, plane
-        number, self._count = self._count, self._count + 1
-        if before is None:
-            return None
-        begin, end = self._frames.edge(number - 1), self._frames.edge(number)
-        self._pieces.append(Piece(begin, end, before, plane))
+        end = self._light.push(plane)
         clock, (back, ahead) = self._setting.clock, self._setting.reach
-        stop = clock.cycle_at(end) - ahead
+        stop = 0 if end is None else clock.cycle_at(end) - ahead
         if stop <= self._cycle:
             return None
         block = Block(self._cycle, stop - self._cycle)
         self._check_room(block.cycles)
-        part = self._camera.step(self._relay(Light(tuple(self._pieces))), block)
+        part = self._camera.step(self._light.light(), block)
         if self._readout is not None:
             part = self._readout.step(part, block)
         self._cycle = stop
-        needed = clock.edge(max(stop - back, 0))
-        self._pieces = [piece for piece in self._pieces if piece.stop > needed]
+        self._light.forget(clock.edge(max(stop - back, 0)))
         return Filmed(np.array(part.words), part.cycles, clock, part.start, self.error)

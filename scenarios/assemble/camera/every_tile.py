@@ -20,9 +20,9 @@ from cosim.run.machine import BrokenPromise
 from cosim.run.progress import Progress
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
 from scenarios.assemble.camera.planning import RunPlan
-from scenarios.assemble.camera.samples import sample_tiles
 from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.camera.verifier import Verifier
+from sensor.latched.check.samples import sample_tiles
 from sensor.latched.patches import PatchCamera
 
 __all__ = ["TOLERANCES", "every_tile"]

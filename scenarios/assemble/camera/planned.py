@@ -6,10 +6,10 @@ from scenarios.assemble.camera.bands import BandedCamera, Bands
 from scenarios.assemble.camera.boards import BoardCamera, Boards
 from scenarios.assemble.camera.dim import reading_camera
 from scenarios.assemble.camera.planning import RunPlan
-from scenarios.assemble.camera.samples import sample_tiles
 from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.camera.verifier import Verifier
 from sensor import SpikeCamera
+from sensor.latched.check.samples import sample_tiles
 from sensor.latched.reading import ReadingCamera
 
 __all__ = ["PlannedCamera", "planned_camera"]

@@ -115,8 +115,7 @@ class AsynchronousPixels:
 
     def step(self, light: Light, start: int, stop: int) -> Firings:
         """Firings after start, up to stop (ps). Raises InputError where they are too many."""
-        firings = self.unordered(light, start, stop)
-        return firings.take(np.lexsort((firings.pixel, firings.instant)))
+        return self.unordered(light, start, stop).ordered()
 
     def unordered(self, light: Light, start: int, stop: int) -> Firings:
         """The same in any order."""

@@ -109,5 +109,4 @@ class PlannedPixels:
         self._fired += sum(len(part) for part in parts)
         if self._fired > self._most:
             raise InputError("the events", f"at most {self._most:,}", "more", FEWER)
-        firings = Firings.join(parts)
-        return firings.take(np.lexsort((firings.pixel, firings.instant)))
+        return Firings.join(parts).ordered()

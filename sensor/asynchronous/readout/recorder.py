@@ -146,9 +146,11 @@ class Output:
 
 
 def gather_events(
-    firings: Firings, stamps: Instants, model: EventModel, shape: tuple[int, int], stop: int
-) -> Events:
-    """The stream as it is read out, stamped with `stamps` (ps)."""
+    firings: Firings, stamps: Instants, model: EventModel, shape: tuple[int, int], stop: int,
+    begin: int = 0,
+) -> Events:  # fmt: skip
+    """The stream as it is read out, stamped with `stamps` (ps), from the tick that begins at
+    `begin` to `stop`, ps."""
     ticks = latched(stamps, model.tick)
     ordered = firings
     if (ticks[1:] < ticks[:-1]).any():
@@ -160,8 +162,9 @@ def gather_events(
         ticks,
         ordered.width,
         shape,
-        -(-stop // model.tick),
+        -(-stop // model.tick) - begin // model.tick,
         model.clock,
+        begin // model.tick,
         level=ordered.level if model.longest else None,
         levels=model.levels,
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Events, Viform
-from cosim.spikes.events import events_of, viform_of
+from cosim.spikes.events import events_of, time_order, viform_of
 
 CLOCK = Clock(40_000)
 
@@ -72,3 +72,16 @@ def test_equal_by_content():
     assert made() != made(start=-1)
     assert made() != made(level=np.array([1, 1, 1], np.uint16))
     assert made() != "events"
+
+
+@pytest.mark.parametrize("latest", [9, 2**30, 2**62])
+def test_events_are_ordered_by_time_and_pixel(latest: int) -> None:
+    """Also where time and pixel do not fit into one key."""
+    rng = np.random.default_rng(2)
+    time, pixel = rng.integers(latest // 3, latest, 5000), rng.permutation(2**20)[:5000]
+    time[0] = latest
+    order = np.lexsort((pixel, time))
+    assert np.array_equal(time_order(time, pixel.astype(np.uint32)), order)
+    assert np.array_equal(time_order(time[order], pixel[order]), np.arange(5000))
+    for few in (0, 1):
+        assert np.array_equal(time_order(time[:few], pixel[:few]), np.arange(few))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import viform
+from cosim import Bound, Events
 from scenarios.cli.entry import _main
+from sensor.latched.effects.fixed_pattern import PRNU
 
 SMALL = {"width": 64, "height": 48, "threshold": "100 e"}
 SENSOR = {f"sensor.{key}": value for key, value in SMALL.items()}
@@ -46,6 +50,16 @@ KINDS = {
     ),
     "rows": ({"duplicated_rows": "[[0, 2]]"}, ["sensor.duplicated_rows=[[0, 2]]"]),
 }
+ASYNCHRONOUS = {"readout": "asynchronous", "preset": "silicon"}
+UNLATCHED = {
+    "asynchronous": ASYNCHRONOUS,
+    "shared channel": {
+        "readout": "asynchronous", "channel.rate": "20 MHz", "channel.timestamp": "channel",
+        "asynchronous.change": 3,
+    },
+    "continuous": {"readout": "continuous", "preset": "silicon"},
+    "continuous, no noise": {"readout": "continuous", "continuous.shot_noise": False},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -55,11 +69,73 @@ def test_a_call_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
     run = filmed_by_a_run(tmp_path, given, *sets, device=keys.get("device"))
     with viform.Camera(**{**SMALL, **keys}) as camera:
         seen = camera.film(given, frame_rate=2000)
-    assert seen.cycles == 120 and seen == run and run.words.any()
+        checked = camera.film(given, frame_rate=2000, call=0, check=True)
+    assert seen.cycles == 120 and seen == run == checked and run.words.any()
     assert seen.error is not None and 0 <= seen.error.bound < 0.6
+    assert checked.error is not None and seen.error == replace(checked.error, measured=None)
+    stated = viform.Run(tmp_path / "run").result["error"]
+    assert vars(checked.error.measured) == dict(
+        zip(("value", "low", "high"), (stated["value"], *stated["ci"]), strict=True)
+    )
+    assert (seen.error.better > 0) == (kind in ("silicon", "exact", "writes"))
     assert (seen.error.tier == "exact") == (kind in ("exact", "writes"))
     assert any("f/4" in note for note in seen.notes)
     assert any("sensor.writes" in note for note in seen.notes) == (kind == "writes")
+
+
+@pytest.mark.parametrize("kind", UNLATCHED)
+def test_a_call_of_pixels_without_a_latch_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
+    keys, checks = UNLATCHED[kind], kind == "asynchronous"
+    own = {f"sensor.{key}": value for key, value in {**SMALL, **keys}.items()}
+    run = viform.film(frames(), frame_rate=2000, out=tmp_path / "run", **own)
+    camera = viform.Camera(**SMALL, **keys)
+    seen = camera.film(frames(), 2000, check=checks)
+    assert seen == run == viform.film(frames(), frame_rate=2000, **own) and len(run) > 500
+    assert seen != camera.film(frames(), 2000) or kind == "continuous, no noise"
+    assert seen.error is not None and seen.error.bound == 0 and seen.white_rate == 0.6
+    result = viform.Run(tmp_path / "run").result
+    assert list(seen.error.kept) == result["plan"]["kept"]
+    if checks:
+        stated = result["error"]
+        measured = seen.error.measured
+        assert measured is not None and measured.value == stated["value"]
+        assert [measured.low, measured.high] == stated["ci"]
+    ending = "events" if isinstance(seen, Events) else "intensities"
+    viform.save(seen, tmp_path / f"seen.{ending}.npz")
+    with pytest.raises(viform.InputError, match=f"ends in .{ending}.npz"):
+        viform.save(seen, tmp_path / "seen.npz")
+
+
+def test_an_effect_whose_bound_is_false_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    keys = {**SMALL, "pattern.prnu": 0.05}
+    with viform.Camera(**keys) as camera:
+        honest = camera.film(frames(), 2000)
+    none = Bound(np.float64(1e-9), "proof")
+    monkeypatch.setattr(PRNU, "bound", lambda setting, scene: none, raising=False)
+    camera = viform.Camera(**keys)
+    wrong, seen = camera.film(frames(), 2000, check=2, call=1), camera.film(frames(), 2000, check=2)
+    assert wrong.error is not None and "PRNU" in wrong.error.left_out
+    assert wrong.error.measured is None  # call 1 of every second
+    assert seen == honest and seen.error is not None and "PRNU" in seen.error.kept
+    assert sum("PRNU kept: its absence changes" in note for note in seen.notes) == 1
+    assert seen.error.measured is not None and seen.error.measured.high < 1e-3
+
+
+def test_pixels_that_send_once_leave_out_what_their_light_does_not_need() -> None:
+    """Light that does not change; a tile that is checked is one that leaves something out."""
+    still = np.repeat(frames(1), 4, axis=0)
+    keys = {
+        "readout": "asynchronous",
+        "asynchronous.change": 8,
+        "threshold": "10 ke",
+        "illuminance": "50 klx",
+    }
+    camera = viform.Camera(**{**SMALL, **keys}, tolerance=0.1)
+    seen = camera.film(still[:1], 10, check=True)
+    assert seen.error is not None and seen.error.left_out and seen.error.bound > 0
+    assert seen.error.measured is not None and 0 < seen.error.measured.high < 0.1
+    exact = viform.Camera(**{**SMALL, **keys}, tolerance=0).film(still[:1], 10)
+    assert exact.error is not None and not exact.error.left_out and exact.error.bound == 0
 
 
 def test_every_tier_films_the_same_light() -> None:
@@ -88,6 +164,44 @@ def test_calls_have_draws_of_their_own_whatever_the_threads() -> None:
     assert len(many) == 9 and many[0][0] == one and many[1][0] == two and many[5][0] == seen[2]
     truth = many[0][1]
     assert truth.shape == (1, 48, 64) and truth.dtype == np.float32 and truth.min() >= 0
+
+
+@pytest.mark.parametrize("kind", ["asynchronous", "continuous", "continuous, no noise"])
+def test_frames_pushed_to_pixels_without_a_latch_become_the_stream_of_the_whole(kind: str) -> None:
+    camera = viform.Camera(**SMALL, **UNLATCHED[kind])
+    given, rate = frames(7), 1234.5
+    whole, stream = camera.film(given, rate, call=3), camera.open(rate, call=3)
+    parts = [stream.push(frame) for frame in given]
+    assert parts[0] is None and stream.error.bound == 0
+    first, columns = 0, ("row", "column", "time", "value" if "cont" in kind else "width")
+    for part in parts[1:]:
+        assert part is not None and part.start == first and part.white_rate == 0.6
+        first += part.ticks
+    until = int(np.searchsorted(whole.time, first))
+    for name in columns:
+        joined = np.concatenate([getattr(part, name) for part in parts[1:] if part is not None])
+        assert np.array_equal(joined, getattr(whole, name)[:until]), name
+    assert first >= 6 / rate * whole.clock.hz - 1 and until > 3000
+    camera.close()
+    with pytest.raises(viform.InputError, match="the camera must be open"):
+        stream.push(given[0])
+
+
+@pytest.mark.parametrize("kind", ["asynchronous", "continuous"])
+def test_calls_without_a_latch_have_draws_of_their_own_whatever_the_threads(kind: str) -> None:
+    keys = {**SMALL, "readout": kind, "seed": 7}
+    given, camera = frames(), viform.Camera(**keys)
+    many = list(camera.film_many((given for _ in range(5)), 2000))
+    again = pickle.loads(pickle.dumps(camera))
+    with ThreadPoolExecutor(4) as pool:
+        calls = [pool.submit(again.film, given, 2000, call=n) for n in (0, 1, 4, 0)]
+        seen = [each.result() for each in calls]
+    assert [many[n][0] for n in (0, 1, 4, 0)] == seen and seen[0] != seen[1]
+    spikes, truth, at = again.film_with_truth(given, 2000, instants=[0, 119], call=1)
+    assert spikes == seen[1] and truth.shape == (2, 48, 64) and at == (0, 119)
+    assert many[0][1].shape == (1, 48, 64)
+    dark = camera.film(np.zeros((2, 48, 64)), 2000)  # each continuous pixel reports once
+    assert len(dark) == (0 if kind == "asynchronous" else 48 * 64)
 
 
 @pytest.mark.parametrize("tier", ["exact", "fast"])
@@ -178,7 +292,11 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         "sensor.threshold must be": lambda: viform.Camera(threshold="1000 s"),
         "tier must be one of fast, exact": lambda: viform.Camera(tier="slow"),
         "tier must be exact or reference": lambda: viform.Camera(tier="fast", device="numba"),
-        "a Camera must be a simulated one": lambda: viform.Camera(readout="continuous"),
+        "a Camera must be a simulated one": lambda: viform.Camera(
+            **{"sub_threshold.limit": "5 ms"}
+        ),
+        "sensor.readout must be": lambda: viform.Camera(readout="slow"),
+        "check must be True, False or a whole": lambda: camera.film(frames(), 2000, check=-1),
         "the camera must be open, not closed": lambda: closed.film(frames(), 2000),
         "frame_rate must be frames/s above 0": lambda: camera.film(frames(), 0),
         "frame_rate must be frames/s as": lambda: camera.film(frames(), None),
@@ -208,3 +326,47 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         assert "\n" not in str(raised.value) and "--" not in str(raised.value)
     text = repr(camera)
     assert "64 x 48 pixels at 40 kHz" in text and "closed" in repr(closed)
+
+
+@pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
+def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None:
+    keys = {**SMALL, "readout": readout}
+    camera, closed = viform.Camera(**keys), viform.Camera(**keys)
+    closed.close()
+    stream = camera.open(2000)
+    stream.push(frames()[0])
+    section = f"{readout}.most_{'events' if readout == 'asynchronous' else 'reports'}"
+    calls = {
+        "sensor.reset must be residual": lambda: viform.Camera(**keys, reset="hard"),
+        "sensor.colour must be given with": lambda: viform.Camera(
+            **keys, **{"colour.filter": "rggb"}
+        ),
+        "tier must be absent with readout": lambda: viform.Camera(**keys, tier="exact"),
+        "device must be numba with readout": lambda: viform.Camera(**keys, device="0"),
+        "the camera must be open, not closed": lambda: closed.film(frames(), 2000),
+        "frame_rate must be frames/s as": lambda: camera.film(frames(), None),
+        "a frame must be .* not .6, 48. int64": lambda: camera.film(np.zeros((2, 6, 48), int), 9),
+        "from 0 to 1, a share of white, not -1 to 0": lambda: camera.film(
+            np.full((2, 4, 4), -1.0), 25
+        ),
+        "a share of white, not nan": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
+        "frames must be at least a cycle of": lambda: camera.film(frames(1), 1e11),
+        "must be at most 100, not more": lambda: viform.Camera(**keys, **{section: 100}).film(
+            frames(), 2000
+        ),
+        "a frame must be as the first": lambda: stream.push(frames()[0, 1:]),
+        "a share of white, not nan .*": lambda: camera.open(9).push(np.full((4, 4), np.nan)),
+        "camera must be one with readout = sync": lambda: viform.SpikeStream(
+            [frames()], camera, 2000
+        ),
+    }
+    if readout == "continuous":
+        calls["check must be False"] = lambda: camera.film(frames(), 2000, check=True)
+    else:
+        shared = viform.Camera(**keys, **{"channel.rate": "1 MHz"})
+        calls["channel must be absent for a live camera"] = lambda: shared.open(2000)
+    for says, call in calls.items():
+        with pytest.raises(viform.InputError, match=says) as raised:
+            call()
+        assert "\n" not in str(raised.value) and "--" not in str(raised.value)
+    assert f"64 x 48 pixels at 40 kHz, {readout}" in repr(camera) and "closed" in repr(closed)

@@ -52,7 +52,7 @@ def test_an_example_of_the_documentation_runs(
 def test_the_documentation_names_every_name() -> None:
     text = (ROOT / "docs/python.md").read_text()
     assert all(f"`{name}" in text or f"{name}(" in text for name in viform.__all__)
-    assert len(EXAMPLES) == 7
+    assert len(EXAMPLES) == 8
 
 
 def test_importing_loads_nothing_else() -> None:

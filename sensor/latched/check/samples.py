@@ -18,9 +18,9 @@ from cosim.compute.opencl import Device
 from cosim.plan.paired import Paired, Values
 from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TILE, TileGrid
-from scenarios.assemble.camera.planning import RunPlan
 from sensor.latched.effects.costs import REFERENCE_CIRCUIT, reference_cost
 from sensor.latched.patches import PatchCamera
+from sensor.latched.planning import CameraPlan
 
 __all__ = ["TileSamples", "sample_tiles"]
 
@@ -63,7 +63,7 @@ def _sample_grid(grid: TileGrid, rows: int, columns: int, seed: int) -> _SampleG
     return _SampleGrid(grid.height, grid.width, np.array(boxes, np.int64).reshape(-1, 4))
 
 
-def _affordable(run: RunPlan, tiles: int) -> tuple[tuple[int, int], int]:
+def _affordable(run: CameraPlan, tiles: int) -> tuple[tuple[int, int], int]:
     """The largest box for which the samples of all tiles take the time that they may, and the
     number of tiles: fewer than all if even one pixel a tile takes longer."""
     scene, grid = run.survey.scene, run.survey.grid
@@ -84,7 +84,7 @@ class TileSamples(Paired):
         tiles: (n,) numbers of the sampled tiles.
     """
 
-    def __init__(self, run: RunPlan, plane: PatchPlane, device: Device | None) -> None:
+    def __init__(self, run: CameraPlan, plane: PatchPlane, device: Device | None) -> None:
         self.tiles = np.array(plane.tiles)
         self._floor = run.survey.scene.floor
         cameras = {
@@ -108,7 +108,7 @@ class TileSamples(Paired):
 
 
 def sample_tiles(
-    run: RunPlan, checked: list[int], device: Device | None, seed: int
+    run: CameraPlan, checked: list[int], device: Device | None, seed: int
 ) -> TileSamples | None:
     """Samples of the tiles that are neither `checked` as a whole nor simulated by a better tier;
     None if there is no such tile.
