@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cosim.light.demosaic import balanced
 from cosim.light.mosaic import Mosaic
-from cosim.report.png import coloured, write_linear_png, write_png
+from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from display.chain.display import SPIKE, DisplayChain
 from display.panels.panel import metric_key
@@ -126,8 +126,10 @@ def write_observer_images(
     in colour too: images/colour-eye-60hz.png, ... The panel emits what the camera's pixels see, so
     these are the camera's colours, balanced to white.
     """
+    names: list[str] = []
+    if not pictures_wanted():
+        return names
     (folder / "images").mkdir(exist_ok=True)
-    names = []
     for display, by_observer in outcome.images.items():
         for observer, images in by_observer.items():
             names.append(f"images/{observer}-{metric_key(display)}.png")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy.typing as npt
 
 from cosim import InputError, Viform
+from cosim.run.machine import NO_REPORT
 from cosim.spikes.viform import part_of
 from scenarios.assemble.called import in_memory
 from scenarios.assemble.schema.loading import load, shipped
@@ -28,8 +29,8 @@ def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = "film", *,
     frame_rate: float | None = None, chip: str | None = None, tolerance: float | None = None,
     seed: int | None = None, device: str | None = None,
-    out: str | os.PathLike[str] | None = None, resume: bool = False, progress: bool | None = None,
-    **settings: Any,
+    out: str | os.PathLike[str] | None = None, resume: bool = False, report: str = "page",
+    progress: bool | None = None, **settings: Any,
 ) -> Viform:  # fmt: skip
     """Films a source with a spike camera: the bits of `viform run`. Frames without `out` stay in
     memory, see `Camera`.
@@ -46,6 +47,7 @@ def film(
             if None.
         resume: whether the interrupted run in `out` goes on, with the same arguments; that of a
             complete one is opened.
+        report: of the run in `out`: page, or none for the result and the stream alone.
         progress: whether progress is shown on standard error; None for on a terminal and in a
             notebook.
         **settings: keys of the scenario, such as duration="64 ms" or **{"sensor.width": 400}.
@@ -88,6 +90,6 @@ def film(
         done = run(
             scenario, out=Path(folder) / "run" if out is None else out, tolerance=tolerance,
             seed=seed, device=device, store="raw" if out is None else "fast", resume=resume,
-            progress=progress, **(own | settings),
+            report=NO_REPORT if out is None else report, progress=progress, **(own | settings),
         )  # fmt: skip
         return part_of(done.stream)

@@ -16,7 +16,7 @@ from cosim.compute.stopping import threads
 from cosim.files.whole import whole
 from cosim.light.demosaic import delta_e, in_colour
 from cosim.light.mosaic import Mosaic
-from cosim.report.png import coloured, write_linear_png, write_png
+from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from sensor.reconstruct.fidelity import Estimate, Imaged, to_white
 from sensor.reconstruct.intervals import interval_rate, isi
@@ -130,7 +130,9 @@ def take_shots(
 def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) -> list[str]:
     """Writes truth and estimates of each instant, linear, 8-bit grey; and, as 8 bits round and cut
     it at white, the truth as floats too: truth-CYCLE.npy, (H, W) float32, white = 1. Returns their
-    names in the folder."""
+    names in the folder; writes none if the run wants none."""
+    if not pictures_wanted():
+        return []
     if shots:
         (folder / "images").mkdir(exist_ok=True)
     pictures = {
@@ -148,8 +150,11 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
 
 
 def write_colour(folder: Path, shots: Sequence[Imaged], mosaic: Mosaic) -> list[str]:
-    """Writes truth, TFP and TFI of each instant in colour, 8-bit sRGB. Returns their names."""
-    names = []
+    """Writes truth, TFP and TFI of each instant in colour, 8-bit sRGB. Returns their names; none if
+    the run wants none."""
+    names: list[str] = []
+    if not pictures_wanted():
+        return names
     for shot in shots:
         for method in ("truth", *LATCHED):
             names.append(f"images/colour-{method}-{shot.cycle:05d}.png")

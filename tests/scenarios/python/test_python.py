@@ -280,7 +280,7 @@ def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:
     out = tmp_path / "run"
     done = viform.run("film", out=out, tolerance=1e-2, duration="2 ms", **SMALL)
     assert done.outcome == "ok" and done.error is not None and done.error < 1e-2
-    assert done.stream.shape == (48, 64) and done.report.is_file()
+    assert done.stream.shape == (48, 64) and done.report is not None and done.report.is_file()
     assert done.images and all(image.shape[:2] == (48, 64) for image in done.images.values())
     assert done.metrics["spike_rate"] == pytest.approx(float(done.stream.rate().mean()), rel=0.01)
     assert "Run of film: ok" in repr(done)
@@ -288,6 +288,15 @@ def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:
     again = viform.run("film", out=out, tolerance=1e-2, duration="2 ms", resume=True, **SMALL)
     assert again == done and (out / "result.json").stat().st_mtime_ns == before
     assert viform.Run(str(out)) == done
+    bare = viform.run(
+        "film", out=tmp_path / "bare", tolerance=1e-2, duration="2 ms", report="none", **SMALL
+    )
+    assert bare.report is None and not bare.images
+    for name, value in done.metrics.items():
+        assert bare.metrics[name] == value or name in ("camera", "full_physics")
+    with pytest.raises(viform.InputError, match="report must be one of page, none"):
+        viform.film("step", out=tmp_path / "no", report="pages")
+    assert not (tmp_path / "no").exists()
 
 
 def test_what_is_in_memory_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
