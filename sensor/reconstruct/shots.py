@@ -29,7 +29,7 @@ __all__ = [
 ]  # fmt: skip
 
 _THREADS: Final = 2
-"""That encode images: each holds one in float64."""
+"""That make and encode images: each holds several planes."""
 LATCHED: Final = ("tfp", "tfi")
 """Estimates of a latched stream."""
 
@@ -105,11 +105,9 @@ def take_shots(
         dim_light: how both estimates have dim pixels; None for from spikes alone.
         registers: thresholds and windows of a run with register writes; None without them.
     """
-    shots = []
-    for cycle in instants:
+
+    def shot(cycle: int, truth: Plane, dim: Dim | None) -> Shot:
         tau = isi(stream, cycle, None if registers is None else registers.untouched(cycle))
-        truth = source.truth(stream.clock.middle(cycle))
-        dim = None if dim_light is None else dim_light.at(stream, cycle)
         span = tfp_span(stream, cycle, window, preceding=preceding)
         rows = (0, stream.shape[0]) if registers is None else registers.rows(*span)
         white, now = (
@@ -123,8 +121,17 @@ def take_shots(
                 (interval_rate(tau) * (now > 0), now),
             )
         )  # fmt: skip
-        shots.append(Shot(cycle, truth, mean, instant, tau, dim, float(np.max(white)), rows))
-    return shots
+        return Shot(cycle, truth, mean, instant, tau, dim, float(np.max(white)), rows)
+
+    with threads(_THREADS) as pool:
+        parts = [
+            pool.submit(
+                shot, cycle, source.truth(stream.clock.middle(cycle)),
+                None if dim_light is None else dim_light.at(stream, cycle),
+            )
+            for cycle in instants
+        ]  # fmt: skip
+        return [part.result() for part in parts]
 
 
 def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) -> list[str]:
