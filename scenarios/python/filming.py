@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from cosim import InputError, Viform
 from cosim.run.machine import NO_REPORT
+from cosim.run.shown import progress_in_python
 from cosim.spikes.viform import part_of
-from scenarios.assemble.called import in_memory
+from scenarios.assemble.called import film_in_memory, filmed_in_memory, in_memory
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.camera import Camera
@@ -32,8 +33,8 @@ def film(
     out: str | os.PathLike[str] | None = None, resume: bool = False, report: str = "page",
     progress: bool | None = None, **settings: Any,
 ) -> Viform:  # fmt: skip
-    """Films a source with a spike camera: the bits of `viform run`. Frames without `out` stay in
-    memory, see `Camera`.
+    """Films a source with a spike camera: the bits of `viform run`. Without `out`, a latched camera
+    films in memory, see `Camera`; the bounds of its plan are not checked on patches.
 
     Args:
         source: a scenario of `viform list` or a TOML file; a clip or image; or frames, as an array
@@ -87,6 +88,16 @@ def film(
                 own["scene.path"] = source
             if rate is not None:
                 own["scene.frame_rate"] = f"{rate!r} Hz"
+        if out is None:
+            assignments = assignments_of(own | settings)
+            _, loaded = load(str(scenario), assignments, tolerance=tolerance, seed=seed)
+            filmed = filmed_in_memory(loaded)
+            if filmed is not None:
+                with progress_in_python(progress) as shown:
+                    seen = film_in_memory(filmed, device)
+                    for note in seen.notes:
+                        shown.note(note)
+                return seen
         done = run(
             scenario, out=Path(folder) / "run" if out is None else out, tolerance=tolerance,
             seed=seed, device=device, store="raw" if out is None else "fast", resume=resume,
