@@ -21,6 +21,7 @@ from cosim.files import NOT_KEPT, storing
 from cosim.files.durable import sync_tree
 from cosim.files.whole import whole
 from cosim.report.figures import load_matplotlib
+from cosim.report.png import pictures
 from cosim.run.folder import (
     REINSTATED,
     begin_folder,
@@ -31,7 +32,16 @@ from cosim.run.folder import (
 )
 from cosim.run.foresight import Foresight
 from cosim.run.loop import discard_checkpoints, noted_interrupts
-from cosim.run.machine import BrokenPromise, Finding, Machine, Options, Outcome, Recording, Run
+from cosim.run.machine import (
+    NO_REPORT,
+    BrokenPromise,
+    Finding,
+    Machine,
+    Options,
+    Outcome,
+    Recording,
+    Run,
+)
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, dumps, write_result
 from scenarios.assemble.machine import assemble
@@ -78,27 +88,30 @@ def run_scenario(
         options: options of the command line.
         progress: receives progress and notes.
         began: time.perf_counter() at the start of the command.
-        report: writes figures and report.html and returns their names; REPORT by default.
+        report: writes figures and report.html and returns their names, where options.report asks
+            for a page; REPORT by default.
 
     Raises:
         InputError: the input cannot be used; nothing has been written.
         Interrupted: the user interrupted the run.
     """
     place = output_folder(name, out, options.resume)
+    paged = options.report != NO_REPORT
     with ExitStack() as stack:
+        stack.enter_context(pictures(paged))
         machine = assemble(name, scenario, options, progress)
         stack.callback(lambda: machine.close())  # the last machine: `_record` may replace it
         check_room(place, machine.bits)
         folder = stack.enter_context(claim_folder(name, out, options.resume))
         stack.enter_context(storing(options.store))
         stack.enter_context(undone(f"interrupted within a step; {how_to_resume(folder)}"))
-        if report is None:
+        if report is None and paged:
             load_matplotlib()
         machine, recording, reinstated = _record(machine, folder, options, progress)
         interrupted = stack.enter_context(noted_interrupts())
         finished = False
         try:
-            progress.start("images and report", 2)
+            progress.start("images and report" if paged else "figures of merit", 2)
             outcome = machine.judge(recording, progress)
             if recording.resumed:
                 outcome = _without_speeds(outcome)
@@ -109,7 +122,8 @@ def run_scenario(
             messages = [finding.message for finding in reinstated]
             notes = [*machine.notes, *messages, *outcome.notes]
             run = Run(folder, result, recording, outcome, notes, reinstated, began)
-            result.files += (report or REPORT)(machine, run)
+            if paged:
+                result.files += (report or REPORT)(machine, run)
             streams = [name for name in result.files if name.endswith(".zarr")]
             if options.store == NOT_KEPT:
                 result.files = [name for name in result.files if name not in streams]

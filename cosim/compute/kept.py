@@ -10,8 +10,12 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from fractions import Fraction
+from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -21,12 +25,53 @@ import numpy.typing as npt
 
 from cosim.compute.cache_folder import cache_folder
 
-__all__ = ["kept"]
+__all__ = ["described", "kept", "sources_of"]
 
 _MOST: Final = 256
 """Number of files that are kept; beyond it the oldest are removed."""
 _DIGEST: Final = 32
 """Bytes of a SHA-256 digest."""
+_SOURCES: Final = {".py", ".cl", ".glsl"}
+"""Endings of files with source code."""
+
+
+def described(value: Any) -> str:
+    """A text that two values share only if they are the same, as an argument of `kept`.
+
+    Args:
+        value: a number, a text, an array, a collection, a dataclass or an object without state, or
+            any of these within each other.
+
+    Raises:
+        TypeError: another object.
+    """
+    if value is None or isinstance(value, str | bytes | int | float | Fraction | np.generic):
+        return f"{type(value).__name__} {value!r}"
+    if isinstance(value, np.ndarray):
+        digest = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return f"{value.dtype.str} {value.shape} {digest}"
+    if isinstance(value, Mapping):
+        value = [f"{described(key)}: {described(of)}" for key, of in value.items()]
+        return f"{{{', '.join(sorted(value))}}}"
+    if isinstance(value, Set):
+        return f"{{{', '.join(sorted(map(described, value)))}}}"
+    if isinstance(value, tuple | list):
+        return f"({', '.join(map(described, value))})"
+    kind = f"{type(value).__module__}.{type(value).__qualname__}"
+    if is_dataclass(value):
+        parts = {field.name: getattr(value, field.name) for field in fields(value)}
+        return f"{kind}{described(parts)}"
+    if getattr(value, "__dict__", None) == {}:
+        return kind
+    raise TypeError(f"a value must be described by its content, not {kind}")
+
+
+@cache
+def sources_of(*packages: str) -> tuple[str, ...]:
+    """Paths of all source files of these packages."""
+    folders = [Path(str(import_module(name).__file__)).parent for name in packages]
+    found = (path for folder in folders for path in folder.rglob("*") if path.suffix in _SOURCES)
+    return tuple(sorted(map(str, found)))
 
 
 def kept(

@@ -19,6 +19,8 @@ LARGEST: Final = 48_000
 """Length of the CSV of a figure from which on points are left out, characters."""
 _CELLS: Final = 5_000
 """Cells of a drawn map from which on it is a picture, not data."""
+_QUICK: Final = {"compress_level": 1}
+"""How Pillow encodes figures: a quarter larger than by default, in a third of the time."""
 Value = float | str | None
 """A cell."""
 
@@ -72,7 +74,7 @@ def write_figure(figure: Any, path: Path, dpi: int = 110, **options: Any) -> Non
     options: of `Figure.savefig`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole(path) as part:
-        figure.savefig(part, dpi=dpi, format="png", **options)
+        figure.savefig(part, dpi=dpi, format="png", pil_kwargs=_QUICK, **options)
 
 
 def save_figure(figure: Any, path: Path) -> Data:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,6 @@ __all__ = [
     "INK",
     "LINE",
     "MARK",
-    "QUICK",
     "canvas_of",
     "load_matplotlib",
     "overview_figure",
@@ -35,8 +34,6 @@ DOTS = 130
 """Dots an inch of figures with pictures."""
 PANEL = 416
 """Width of a picture in the overview, dots."""
-QUICK: Final = {"compress_level": 1}
-"""How Pillow encodes pictures: a tenth larger than by default, in a third of the time."""
 GAP = 5
 """Dots between two pictures."""
 Picture = npt.NDArray[np.uint8]

@@ -1,7 +1,11 @@
-"""Picture files with linear values for programs, or with the sRGB curve for display."""
+"""Picture files with linear values for programs, or with the sRGB curve for display; and whether a
+run makes any."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -13,14 +17,31 @@ from cosim.errors import InputError
 from cosim.files.whole import whole
 
 __all__ = [
-    "LARGEST_PICTURE", "Levels", "coloured", "encode", "for_display", "reduced", "to_linear_bytes",
-    "write_linear_png", "write_png",
+    "LARGEST_PICTURE", "Levels", "coloured", "encode", "for_display", "pictures", "pictures_wanted",
+    "reduced", "to_linear_bytes", "write_linear_png", "write_png",
 ]  # fmt: skip
 
 Grey = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.floating[Any]]
 LARGEST_PICTURE: Final = 2000
 """Longer side of the pictures of a report, pixels; larger ones are reduced."""
+_WANTED: ContextVar[bool] = ContextVar("pictures of a run", default=True)
+
+
+@contextmanager
+def pictures(wanted: bool) -> Iterator[None]:
+    """Within it, in this thread, the images of a run are files as well, or are not."""
+    before = _WANTED.set(wanted)
+    try:
+        yield
+    finally:
+        _WANTED.reset(before)
+
+
+def pictures_wanted() -> bool:
+    """Whether the images of the run that is made are files as well. Its figures of merit are
+    measured all the same."""
+    return _WANTED.get()
 
 
 def to_linear_bytes(x: Levels, scale: float = 1.0) -> Grey:

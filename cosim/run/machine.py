@@ -10,18 +10,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Result, Throughput
 
 __all__ = [
-    "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options", "Outcome", "Page",
-    "Recording", "Run", "Study",
+    "NO_REPORT", "REPORTS", "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options",
+    "Outcome", "Page", "Recording", "Run", "Study",
 ]  # fmt: skip
 
 UNKNOWN = Error(None, None, None)
 """The error of a run without a comparison."""
+NO_REPORT: Final = "none"
+REPORTS: Final = ("page", NO_REPORT)
+"""What is made beside the recordings and result.json: images, figures and a page, or nothing."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,7 @@ class Options:
         store: how streams are compressed, one of `cosim.files.STORES`; the bits are the same.
         workers: processes on this machine that simulate the chip in bands of rows; None for none.
         scheduler: address of a Dask scheduler, whose workers do so; None for none.
+        report: what is made of the recordings, one of `REPORTS`; the result is the same.
     """
 
     device: str | None = None
@@ -43,6 +47,7 @@ class Options:
     store: str = "fast"
     workers: int | None = None
     scheduler: str | None = None
+    report: str = REPORTS[0]
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from display.observe.views import Observer
 from display.panels.fit import fit_words
 from display.panels.panel import SpikePanel
 from display.probes.camera import ProbeCamera
-from display.probes.metrics import Probes, probe_display
+from display.probes.metrics import Probes, kept_probes
 from display.references.stage import TRUTH, ReferenceStage
 from display.render.factory import make_renderer
 from display.section import DisplaySection
@@ -117,7 +117,7 @@ class DisplayChain:
                 f"images and report: probes of blur, flicker and delay, {done} of {total}"
             )
 
-        return probe_display(
+        return kept_probes(
             camera, self.panel, self.section.reference_panels(), camera.seed,
             per_degree=self.section.distance, pst_lm=pst_lm, told=told,
         )  # fmt: skip

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.stopping import threads
 from cosim.light.demosaic import balanced
 from cosim.light.mosaic import Mosaic
-from cosim.report.png import coloured, write_linear_png, write_png
+from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from display.chain.display import SPIKE, DisplayChain
 from display.panels.panel import metric_key
@@ -126,14 +128,18 @@ def write_observer_images(
     in colour too: images/colour-eye-60hz.png, ... The panel emits what the camera's pixels see, so
     these are the camera's colours, balanced to white.
     """
+    if not pictures_wanted():
+        return []
     (folder / "images").mkdir(exist_ok=True)
-    names = []
-    for display, by_observer in outcome.images.items():
-        for observer, images in by_observer.items():
-            names.append(f"images/{observer}-{metric_key(display)}.png")
-            image = images[len(images) // 2]
-            write_linear_png(folder / names[-1], image)
-            if mosaic is not None and observer != "pursuit":
-                names.append(f"images/colour-{observer}-{metric_key(display)}.png")
-                write_png(folder / names[-1], coloured(balanced(mosaic, image)))
-    return names
+    made: dict[str, Future[None]] = {}
+    with threads(2) as pool:
+        for display, by_observer in outcome.images.items():
+            for observer, images in by_observer.items():
+                name, image = f"{observer}-{metric_key(display)}.png", images[len(images) // 2]
+                path = folder / "images" / name
+                made[f"images/{name}"] = pool.submit(write_linear_png, path, image)
+                if mosaic is not None and observer != "pursuit":
+                    path = path.with_name(f"colour-{name}")
+                    colours = balanced(mosaic, image)
+                    made[f"images/{path.name}"] = pool.submit(write_png, path, coloured(colours))
+        return [name for name, each in made.items() if each.result() is None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,8 @@ class ProbeCamera(Protocol):
         clock: latch clock.
         height: number of rows of the whole sensor.
         seed: seed of the camera's noise.
+        identity: all on which its streams depend, see `described`; an object that is none if that
+            is not known.
     """
 
     @property
@@ -27,6 +29,8 @@ class ProbeCamera(Protocol):
     def height(self) -> int: ...
     @property
     def seed(self) -> int: ...
+    @property
+    def identity(self) -> Any: ...
 
     def lux(self, rate: float) -> float:
         """Illuminance for `rate` thresholds a cycle, lux; above 1 the pixel saturates."""

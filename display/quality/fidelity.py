@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from cosim.compute.cores import cores
+from cosim.compute.stopping import threads
 from cosim.light.ssim import Likeness, inside_mean
 from cosim.run.result import Metric
 from display.panels.panel import metric_key
@@ -111,7 +114,7 @@ def _by_band(band, image, truth, alike, bands):  # type: ignore[no-untyped-def]
     return sums[0] + sums[1]
 
 
-def _compare(display: str, observer: str, images: Images, truths: Sequence[_Truth]) -> Fidelity:
+def _compare(display: str, images: Images, *, observer: str, truths: list[_Truth]) -> Fidelity:
     total, structure = [], []
     sums = np.zeros((len(BANDS) - 1, 5))
     for image, truth in zip(images, truths, strict=True):
@@ -144,11 +147,12 @@ def _compare(display: str, observer: str, images: Images, truths: Sequence[_Trut
 
 def display_fidelity(images: ImagesByObserver, observers: Sequence[str]) -> list[Fidelity]:
     """Fidelity of every display except the truth, for these observers."""
-    fidelity = []
-    for observer in observers:
-        truths = [_Truth(image) for image in images["truth"][observer]]
-        fidelity += [
-            _compare(display, observer, views[observer], truths)
-            for display, views in images.items() if display != "truth"
-        ]  # fmt: skip
+    fidelity: list[Fidelity] = []
+    shown = [display for display in images if display != "truth"]
+    with threads(cores()) as pool:
+        for observer in observers:
+            truths = list(pool.map(_Truth, images["truth"][observer]))
+            compare = partial(_compare, observer=observer, truths=truths)
+            views = (images[display][observer] for display in shown)
+            fidelity += pool.map(compare, shown, views)
     return fidelity

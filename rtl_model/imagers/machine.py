@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.config.amounts import number
-from cosim.report.png import write_png
+from cosim.report.png import pictures_wanted, write_png
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput
@@ -202,8 +202,9 @@ def _picture(n: int) -> str:
 
 
 def _write_pictures(folder: Path, count: int, planned: PlannedRun) -> list[int]:
-    """Writes chosen frames as 8-bit grey pictures. Returns their numbers."""
-    if not count:
+    """Writes chosen frames as 8-bit grey pictures. Returns their numbers; none if the run wants
+    none."""
+    if not count or not pictures_wanted():
         return []
     (folder / "images").mkdir(exist_ok=True)
     for old in (folder / "images").glob("frame-*.png"):

@@ -3,15 +3,19 @@ without a run."""
 
 from __future__ import annotations
 
-from cosim.compute.opencl import Device
+from dataclasses import replace
+
+from cosim.compute.opencl import Device, shared_device
 from cosim.run.inputs import FILE
 from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario, Scenario
 from scenarios.scenes.kinds.film import FilmScene
-from sensor.latched.core import LatchedCamera
+from sensor.latched.core import Filmed, LatchedCamera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-__all__ = ["called_camera", "in_memory", "shown_in_memory"]
+__all__ = [
+    "called_camera", "film_in_memory", "filmed_in_memory", "in_memory", "shown_in_memory",
+]  # fmt: skip
 
 
 def called_camera(
@@ -24,18 +28,52 @@ def called_camera(
     )  # fmt: skip
 
 
-def in_memory(scenario: AnyScenario) -> Scenario | None:
-    """The scenario, if all it asks for is a simulated camera before frames that are given to it;
-    else None."""
+def _alone(scenario: AnyScenario) -> Scenario | None:
+    """The scenario, if all it asks for is a simulated camera; else None."""
     if not isinstance(scenario, Scenario):
         return None
-    sensor, scene = scenario.sensor, scenario.scene
+    sensor = scenario.sensor
     parts = (
         scenario.display, scenario.link, scenario.code, scenario.camera, scenario.readout,
         sensor.source, sensor.sub_threshold,
     )  # fmt: skip
-    plain = scene == FilmScene.model_construct(illuminance=scene.illuminance)
-    return scenario if plain and all(part is None for part in parts) else None
+    return scenario if all(part is None for part in parts) else None
+
+
+def filmed_in_memory(scenario: AnyScenario) -> Scenario | None:
+    """The scenario, if all it asks for is a simulated latched camera; else None."""
+    found = _alone(scenario)
+    return found if found is not None and found.sensor.readout == "synchronous" else None
+
+
+def in_memory(scenario: AnyScenario) -> Scenario | None:
+    """The scenario, if all it asks for is a simulated camera before frames that are given to it;
+    else None."""
+    found = _alone(scenario)
+    if found is None:
+        return None
+    plain = FilmScene.model_construct(illuminance=found.scene.illuminance)
+    return found if found.scene == plain else None
+
+
+def film_in_memory(scenario: Scenario, device: str | None) -> Filmed:
+    """The stream of the scenario's run, without its check, folder and report.
+
+    Args:
+        scenario: one of `filmed_in_memory`.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
+
+    Raises:
+        InputError: it cannot be filmed.
+    """
+    from scenarios.assemble.camera.setup import set_up_camera  # a display needs none of it
+
+    setup = replace(set_up_camera(scenario, device), device=shared_device(device))
+    camera = called_camera(scenario, setup.setting, setup.device)
+    relay = setup.lens.relay(setup.setting.chip.pitch)
+    seen = camera.film(setup.source, relay, setup.cycles, spans=setup.spans)
+    notes = (*setup.choice.notes, *seen.notes)
+    return replace(seen, notes=notes, white_rate=setup.white_rate)
 
 
 def shown_in_memory(scenario: AnyScenario) -> RecordingScenario | None:

@@ -10,7 +10,7 @@ from cosim import InputError
 from cosim.config.toml import to_toml
 from cosim.files import STORES
 from cosim.run.inputs import PIPE
-from cosim.run.machine import Machine, Options, Study
+from cosim.run.machine import REPORTS, Machine, Options, Study
 from cosim.run.progress import Progress
 from cosim.run.workers import check_workers, workers_for
 from scenarios.assemble.memory import check_need
@@ -34,6 +34,8 @@ def check_options(scenario: AnyScenario, options: Options) -> None:
         refuse_leftovers(scenario)
     if options.store not in STORES:
         raise InputError("--store", f"one of {', '.join(STORES)}", options.store, "choose one")
+    if options.report not in REPORTS:
+        raise InputError("--report", f"one of {', '.join(REPORTS)}", options.report, "choose one")
     _check_workers(scenario, options)
     piped = isinstance(scenario, RecordingScenario) and scenario.sensor.source.startswith(PIPE)
     if piped and options.resume:

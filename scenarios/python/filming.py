@@ -11,8 +11,10 @@ from typing import Any
 import numpy.typing as npt
 
 from cosim import Events, InputError, Intensities, Viform
+from cosim.run.machine import NO_REPORT
+from cosim.run.shown import progress_in_python
 from cosim.spikes.viform import part_of
-from scenarios.assemble.called import in_memory
+from scenarios.assemble.called import film_in_memory, filmed_in_memory, in_memory
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.camera import Camera
@@ -29,11 +31,12 @@ def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = "film", *,
     frame_rate: float | None = None, chip: str | None = None, tolerance: float | None = None,
     seed: int | None = None, device: str | None = None,
-    out: str | os.PathLike[str] | None = None, resume: bool = False, progress: bool | None = None,
-    **settings: Any,
+    out: str | os.PathLike[str] | None = None, resume: bool = False, report: str = "page",
+    progress: bool | None = None, **settings: Any,
 ) -> Viform | Any:  # fmt: skip
-    """Films a source with a spike camera: the bits of `viform run`. Frames without `out` stay in
-    memory, see `Camera`.
+    """Films a source with a spike camera: the bits of `viform run`. Without `out`, frames and what
+    a latched camera sees are filmed in memory, see `Camera`; the bounds of its plan are not checked
+    on patches.
 
     Args:
         source: a scenario of `viform list` or a TOML file; a clip or image; or frames, as an array
@@ -47,6 +50,7 @@ def film(
             if None.
         resume: whether the interrupted run in `out` goes on, with the same arguments; that of a
             complete one is opened.
+        report: of the run in `out`: page, or none for the result and the stream alone.
         progress: whether progress is shown on standard error; None for on a terminal and in a
             notebook.
         **settings: keys of the scenario, such as duration="64 ms" or **{"sensor.width": 400}.
@@ -87,10 +91,20 @@ def film(
                 own["scene.path"] = source
             if rate is not None:
                 own["scene.frame_rate"] = f"{rate!r} Hz"
+        if out is None:
+            assignments = assignments_of(own | settings)
+            _, loaded = load(str(scenario), assignments, tolerance=tolerance, seed=seed)
+            filmed = filmed_in_memory(loaded)
+            if filmed is not None:
+                with progress_in_python(progress) as shown:
+                    seen = film_in_memory(filmed, device)
+                    for note in seen.notes:
+                        shown.note(note)
+                return seen
         done = run(
             scenario, out=Path(folder) / "run" if out is None else out, tolerance=tolerance,
             seed=seed, device=device, store="raw" if out is None else "fast", resume=resume,
-            progress=progress, **(own | settings),
+            report=NO_REPORT if out is None else report, progress=progress, **(own | settings),
         )  # fmt: skip
         return _recorded(done)
 

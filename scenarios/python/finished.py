@@ -118,9 +118,9 @@ class Run:
         return {Path(name).name: (self.folder / name).read_bytes() for name in names}
 
     @property
-    def report(self) -> Path:
-        """The page of the run."""
-        return self.folder / "report.html"
+    def report(self) -> Path | None:
+        """The page of the run; None if it was made without."""
+        return self.folder / "report.html" if "report.html" in self.result["files"] else None
 
     def __repr__(self) -> str:
         error = "unknown" if self.error is None else f"{self.error:.2g}"

@@ -42,7 +42,8 @@ def run(
     scenario: str | os.PathLike[str] = "glass", *, out: str | os.PathLike[str] | None = None,
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,
     store: str = "fast", resume: bool = False, workers: int | None = None,
-    scheduler: str | None = None, progress: bool | None = None, **settings: Any,
+    scheduler: str | None = None, report: str = "page", progress: bool | None = None,
+    **settings: Any,
 ) -> Run:  # fmt: skip
     """Runs a scenario as `viform run` does: the same bits, files and report.
 
@@ -57,6 +58,7 @@ def run(
         workers: processes that simulate the rows of a latched chip in bands; None for none. A
             script that gives more than 1 starts with `if __name__ == "__main__":`.
         scheduler: address of a Dask scheduler, whose workers do so.
+        report: page, or none: no images, figures and page, only the result and the streams.
         progress: whether progress is shown on standard error; None for on a terminal and in a
             notebook.
         **settings: keys of the scenario, such as **{"scene.path": "clip.mp4", "duration": "64 ms"}.
@@ -66,7 +68,7 @@ def run(
     """
     began = time.perf_counter()
     name, loaded = load(str(scenario), assignments_of(settings), tolerance=tolerance, seed=seed)
-    options = Options(device, resume, None, store, workers, scheduler)
+    options = Options(device, resume, None, store, workers, scheduler, report)
     check_options(loaded, options)
     if resume and out is not None and done_before(name, loaded, Path(out)) is not None:
         return Run(Path(out))

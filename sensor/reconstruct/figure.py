@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cosim import SpikeStream
 from cosim.report.drawn import Data, Value, write_figure
-from cosim.report.figures import INK, LINE, MARK, QUICK, canvas_of, subplots
+from cosim.report.figures import INK, LINE, MARK, canvas_of, subplots
 from sensor.reconstruct.intervals import spike_cycles
 
 __all__ = ["interval_figure"]
@@ -107,5 +107,5 @@ def interval_figure(
     right = 1 - 0.1 / wide
     left = (widest + 0.1 + 0.04 * wide * right) / (1.04 * wide)
     figure.subplots_adjust(left, 0.6 / tall, right, 1 - 0.35 / tall)
-    write_figure(figure, path, _DOTS, pil_kwargs=QUICK)
+    write_figure(figure, path, _DOTS)
     return Data(("pixel", "curve", "time, ms", "spikes/cycle"), rows_of)

@@ -16,7 +16,7 @@ from cosim.compute.stopping import threads
 from cosim.files.whole import whole
 from cosim.light.demosaic import delta_e, in_colour
 from cosim.light.mosaic import Mosaic
-from cosim.report.png import coloured, write_linear_png, write_png
+from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from sensor.reconstruct.fidelity import Estimate, Imaged, to_white
 from sensor.reconstruct.intervals import interval_rate, isi
@@ -29,7 +29,7 @@ __all__ = [
 ]  # fmt: skip
 
 _THREADS: Final = 2
-"""That encode images: each holds one in float64."""
+"""That make and encode images: each holds several planes."""
 LATCHED: Final = ("tfp", "tfi")
 """Estimates of a latched stream."""
 
@@ -105,11 +105,9 @@ def take_shots(
         dim_light: how both estimates have dim pixels; None for from spikes alone.
         registers: thresholds and windows of a run with register writes; None without them.
     """
-    shots = []
-    for cycle in instants:
+
+    def shot(cycle: int, truth: Plane, dim: Dim | None) -> Shot:
         tau = isi(stream, cycle, None if registers is None else registers.untouched(cycle))
-        truth = source.truth(stream.clock.middle(cycle))
-        dim = None if dim_light is None else dim_light.at(stream, cycle)
         span = tfp_span(stream, cycle, window, preceding=preceding)
         rows = (0, stream.shape[0]) if registers is None else registers.rows(*span)
         white, now = (
@@ -123,14 +121,25 @@ def take_shots(
                 (interval_rate(tau) * (now > 0), now),
             )
         )  # fmt: skip
-        shots.append(Shot(cycle, truth, mean, instant, tau, dim, float(np.max(white)), rows))
-    return shots
+        return Shot(cycle, truth, mean, instant, tau, dim, float(np.max(white)), rows)
+
+    with threads(_THREADS) as pool:
+        parts = [
+            pool.submit(
+                shot, cycle, source.truth(stream.clock.middle(cycle)),
+                None if dim_light is None else dim_light.at(stream, cycle),
+            )
+            for cycle in instants
+        ]  # fmt: skip
+        return [part.result() for part in parts]
 
 
 def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) -> list[str]:
     """Writes truth and estimates of each instant, linear, 8-bit grey; and, as 8 bits round and cut
     it at white, the truth as floats too: truth-CYCLE.npy, (H, W) float32, white = 1. Returns their
-    names in the folder."""
+    names in the folder; writes none if the run wants none."""
+    if not pictures_wanted():
+        return []
     if shots:
         (folder / "images").mkdir(exist_ok=True)
     pictures = {
@@ -148,8 +157,11 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
 
 
 def write_colour(folder: Path, shots: Sequence[Imaged], mosaic: Mosaic) -> list[str]:
-    """Writes truth, TFP and TFI of each instant in colour, 8-bit sRGB. Returns their names."""
-    names = []
+    """Writes truth, TFP and TFI of each instant in colour, 8-bit sRGB. Returns their names; none if
+    the run wants none."""
+    names: list[str] = []
+    if not pictures_wanted():
+        return names
     for shot in shots:
         for method in ("truth", *LATCHED):
             names.append(f"images/colour-{method}-{shot.cycle:05d}.png")

@@ -174,6 +174,23 @@ def test_a_stream_that_is_not_kept_leaves_the_same_images(film, tmp_path, step_r
         assert (folder / "images" / image.name).read_bytes() == image.read_bytes()
 
 
+def test_a_run_without_a_report_has_its_result_and_stream_alone(viform, tmp_path, step_run):
+    given = step_run.folder / "scenario.toml"
+    answer = viform("run", given, "--report", "none", "--out", tmp_path / "run")
+    assert answer.code == 0
+    assert answer.out.split()[-2:] == ["result", str(tmp_path / "run" / "result.json")]
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {
+        "scenario.toml", "stream.zarr", "result.json",
+    }  # fmt: skip
+    result = json.loads((tmp_path / "run" / "result.json").read_text(encoding="utf-8"))
+    assert set(result["files"]) == {"scenario.toml", "stream.zarr", "result.json"}
+    page = json.loads((step_run.folder / "result.json").read_text(encoding="utf-8"))
+    for document in (result, page):
+        for timed in ("camera", "full_physics"):
+            del document["metrics"][timed]
+    assert all(result[name] == page[name] for name in ("error", "plan", "metrics", "latency"))
+
+
 def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):
     text = (step_run.folder / "result.json").read_text(encoding="utf-8")
     document = json.loads(text)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from cosim import BLOCK
 from cosim.compute.memory import check_program
 from cosim.files import kept_bytes
+from scenarios.scenes.clips.kept import KEPT_BYTES
 
 if TYPE_CHECKING:
     from scenarios.assemble.camera.setup import CameraSetup
@@ -45,11 +46,14 @@ def peak_memory(setup: CameraSetup, planes: float = 0.0) -> int:
         planes: new planes of light a cycle, from the survey of the scene.
     """
     pixels = setup.shape[0] * setup.shape[1]
+    clip = 0
+    if getattr(setup.scenario.scene, "path", None) is not None:
+        clip = min(KEPT_BYTES, round(4 * planes * setup.cycles * pixels))
     if setup.display is not None:
-        return SHOWN + (DISPLAY + SEEN * len(setup.instants)) * pixels
+        return SHOWN + (DISPLAY + SEEN * len(setup.instants)) * pixels + clip
     light = PLANE + (CHARGE if setup.device is None else 0)
     each = IMAGES + INSTANT * len(setup.instants) + light * planes * min(setup.cycles, BLOCK)
-    return PROGRAM + kept_bytes(setup.cycles * pixels // 8) + round(each * pixels)
+    return PROGRAM + kept_bytes(setup.cycles * pixels // 8) + round(each * pixels) + clip
 
 
 def check_run_memory(setup: CameraSetup, planes: float = 0.0) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -52,6 +52,10 @@ class SpikeProbeCamera:
     @property
     def seed(self) -> int:
         return self.setting.seed
+
+    @property
+    def identity(self) -> Any:
+        return self.setting  # the bits are those of any device
 
     def lux(self, rate: float) -> float:
         return rate / self.setting.rate(1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +46,10 @@ class CodedProbeCamera:
     @property
     def seed(self) -> int:
         return self.camera.seed
+
+    @property
+    def identity(self) -> Any:
+        return object()  # its probes are computed in each run
 
     def lux(self, rate: float) -> float:
         return self.camera.lux(rate)

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.config.amounts import count, number
 from cosim.files import Recorder, ZarrStream, ending_of
 from cosim.report.explorer import explorer_part
-from cosim.report.png import write_linear_png
+from cosim.report.png import pictures_wanted, write_linear_png
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Run
@@ -177,8 +177,10 @@ class RecordingMachine:
 
 def _write(folder: Path, shots: dict[int, tuple[Estimate, Estimate]]) -> list[str]:
     """Writes the images, linear, 8-bit grey; their names in the folder."""
+    names: list[str] = []
+    if not pictures_wanted():
+        return names
     (folder / "images").mkdir(exist_ok=True)
-    names = []
     for cycle, images in shots.items():
         for method, image in zip(("tfp", "tfi"), images, strict=True):
             names.append(f"images/{method}-{cycle:05d}.png")

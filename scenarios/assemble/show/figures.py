@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.report.drawn import Data, Value, write_figure
-from cosim.report.figures import INK, LINE, MARK, QUICK, subplots
+from cosim.report.figures import INK, LINE, MARK, subplots
 from display.chain.outcome import SPIKE, DisplayOutcome
 from display.chain.tap import panel_waves, spike_waves
 from display.probes.latency import PARTS
@@ -110,7 +110,7 @@ def wave_figure(shown: Shown, path: Path) -> tuple[str, Data]:
     figure.subplots_adjust(
         1.5 / wide, 0.5 / tall, 1 - 0.1 / wide, 1 - 0.35 / tall, wspace=0.12
     )  # fmt: skip
-    write_figure(figure, path, pil_kwargs=QUICK)
+    write_figure(figure, path)
     return (
         "Light that each display emits at two pixels of the image (blue) and the true light there "
         "(line), white = 1. Values above the frame are cut off.",
@@ -171,7 +171,7 @@ def latency_figure(outcome: DisplayOutcome, path: Path) -> Data:
     figure.legend(handles, PARTS, loc="lower center", ncols=4, frameon=False, fontsize=8.5)
     wide, tall = size
     figure.subplots_adjust(1.25 / wide, 0.75 / tall, 1 - 0.15 / wide, 1 - 0.35 / tall, wspace=0.12)
-    write_figure(figure, path, pil_kwargs=QUICK)
+    write_figure(figure, path)
     ends_of = ("5 % of the total, ms", "median, ms", "95 %, ms")
     head = ("display", "light, spikes/cycle", *(f"{part}, mean, ms" for part in PARTS), *ends_of)
     return Data(head, rows_of)

@@ -11,7 +11,7 @@ from cosim.config.amounts import amount, number, percent
 from cosim.report.drawn import Data, save_figure
 from cosim.report.figures import INK, LINE, subplots
 from cosim.report.parts import Card, figure, plot
-from cosim.report.png import for_display, write_linear_png
+from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.result import Metric
 from display.camera.law import pulse_banding
 from display.camera.stage import PanelCamera
@@ -49,8 +49,11 @@ class FramesFilmer:
 
     def write(self, folder: Path, at: list[int]) -> list[str]:
         """Writes chosen frames, evenly spaced; the instants are not used."""
+        names: list[str] = []
+        if not pictures_wanted():
+            return names
         (folder / "images").mkdir(exist_ok=True)
-        pictures, names = self.camera.pictures(), []
+        pictures = self.camera.pictures()
         for n in self._chosen():
             names.append(f"images/filmed-{n:05d}.png")
             write_linear_png(folder / names[-1], np.clip(pictures[n], 0, 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -61,6 +62,10 @@ class EventProbeCamera:
     @property
     def seed(self) -> int:
         return self.spec.setting.seed
+
+    @property
+    def identity(self) -> Any:
+        return object()  # its probes are computed in each run
 
     def lux(self, rate: float) -> float:
         return rate * self.model.threshold * self.clock.hz / self.spec.setting.electrons_per_lux
@@ -170,6 +175,10 @@ class ContinuousProbeCamera:
     @property
     def seed(self) -> int:
         return self.spec.camera.seed
+
+    @property
+    def identity(self) -> Any:
+        return object()  # its probes are computed in each run
 
     def lux(self, rate: float) -> float:
         current = rate * self.spec.white / self.feed.white_rate

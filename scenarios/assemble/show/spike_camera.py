@@ -16,7 +16,7 @@ from cosim.config.amounts import count, number
 from cosim.errors import section_at
 from cosim.files import Recorder, ZarrStream
 from cosim.report.parts import Card, figure
-from cosim.report.png import for_display, write_linear_png
+from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.result import Metric
 from cosim.spikes.viform import WORD, Viform
 from cosim.stage import section
@@ -192,9 +192,11 @@ class SpikesFilmer:
         return to_white(tfp(self.stream, cycle, window), self.choice.white_rate)
 
     def write(self, folder: Path, at: list[int]) -> list[str]:
-        (folder / "images").mkdir(exist_ok=True)
         clock, names = self.setting.clock, [CAMERA]
         self._at = sorted({min(clock.cycle_at(instant), self.cycles - 1) for instant in at})
+        if not pictures_wanted():
+            return names
+        (folder / "images").mkdir(exist_ok=True)
         for cycle in self._at:
             names.append(f"images/filmed-{cycle:05d}.png")
             write_linear_png(folder / names[-1], self.picture(cycle))

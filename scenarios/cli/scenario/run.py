@@ -61,16 +61,20 @@ def run(
         typer.Option(help="processes that simulate the rows of a latched chip in bands [none]"),
     ] = None,
     scheduler: Scheduler = None,
+    report: Annotated[
+        str,
+        typer.Option(help="page: images, figures and report.html; none: result and streams alone"),
+    ] = "page",
     json: Json = False,
 ) -> None:
     """Run a scenario, and write its stream, images and report."""
-    from cosim.run.machine import Options
+    from cosim.run.machine import NO_REPORT, Options
     from scenarios.assemble.machine import check_options
     from scenarios.cli.start import BEGAN
     from scenarios.run import run_scenario
 
     name, loaded = options.load(scenario, tolerance)
-    run_options = Options(options.device, resume, trace, store, workers, scheduler)
+    run_options = Options(options.device, resume, trace, store, workers, scheduler, report)
     check_options(loaded, run_options)
     if resume and out is not None:
         from scenarios.assemble.resuming import done_before
@@ -84,7 +88,8 @@ def run(
         done = run_scenario(name, loaded, out, options=run_options, progress=progress, began=BEGAN)
     finally:
         progress.close()
-    print_result(done.result, done.folder, done.outcome.table, done.outcome.verdict, json)
+    lines = done.outcome.table, done.outcome.verdict
+    print_result(done.result, done.folder, *lines, json, paged=report != NO_REPORT)
     _end(done.result)
 
 
@@ -111,13 +116,15 @@ def _print_done(result: Result, folder: Path, trace: Path | None, json: bool) ->
     if json:
         print_json((folder / "result.json").read_text(encoding="utf-8"))
     else:
-        print_result(result, folder, [], verdict_before(folder), json)
+        paged = "report.html" in result.files
+        print_result(result, folder, [], verdict_before(folder), json, paged=paged)
     _end(result)
 
 
 def print_result(
-    result: Result, folder: Path, table: list[str], verdict: list[str], json: bool
-) -> None:
+    result: Result, folder: Path, table: list[str], verdict: list[str], json: bool, *,
+    paged: bool = True,
+) -> None:  # fmt: skip
     """Prints the document of a result, or its figures as text.
 
     Args:
@@ -126,6 +133,7 @@ def print_result(
         table: lines of a display, which replace most metrics.
         verdict: lines of a link, printed first; its unknown metrics share one line.
         json: whether the document is printed.
+        paged: whether the run has a page.
     """
     from cosim.config.amounts import amount, elapsed
 
@@ -159,7 +167,8 @@ def print_result(
     tell(f"{'run time':<{wide}} {elapsed(result.run_time_s)} for {light} of light")
     if not verdict:
         tell(f"{'outcome':<{wide}} {result.outcome}")
-    tell(f"{'report':<{wide}} {folder / 'report.html'}")
+    name_of, file = ("report", "report.html") if paged else ("result", "result.json")
+    tell(f"{name_of:<{wide}} {folder / file}")
 
 
 def _checked(result: Result) -> list[tuple[str, str]]:

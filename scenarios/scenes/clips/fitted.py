@@ -40,6 +40,9 @@ class Fit:
         mosaic: filter array on the pixels; None for one colour.
         mixed: whether each pixel takes the colour of its filter.
         notes: takes notes for the user.
+
+    Attributes:
+        told: the notes since somebody has cleared it, also those that the user has.
     """
 
     def __init__(
@@ -48,9 +51,11 @@ class Fit:
     ) -> None:  # fmt: skip
         self._path, self._shape, self._notes = path, shape, notes
         self._mosaic, self._mixed = mosaic, mixed
+        self.told: dict[str, None] = {}
 
     def note(self, text: str) -> None:
         """A note for the user, once."""
+        self.told[text] = None
         if text not in self._notes:
             self._notes.append(text)
 

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from cosim.files import NOT_KEPT
-from cosim.run.machine import Options
+from cosim.run.machine import NO_REPORT, Options
 from cosim.run.progress import QuietProgress
 from cosim.run.result import dumps
 from scenarios.assemble.schema.scenario import AnyScenario
@@ -31,8 +31,9 @@ def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str,
     """
     with TemporaryDirectory(prefix="viform-point-") as folder:
         done = run_scenario(
-            name, scenario, Path(folder) / "run", options=Options(device, False, None, NOT_KEPT),
-            progress=QuietProgress(), began=time.perf_counter(), report=lambda machine, run: [],
+            name, scenario, Path(folder) / "run",
+            options=Options(device, store=NOT_KEPT, report=NO_REPORT),
+            progress=QuietProgress(), began=time.perf_counter(),
         )  # fmt: skip
         document: dict[str, Any] = json.loads(dumps(done.result.document()))
     return document

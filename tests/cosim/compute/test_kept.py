@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cosim.compute import kept as module
-from cosim.compute.kept import kept
+from cosim.compute.kept import described, kept, sources_of
 
 
 @pytest.fixture(autouse=True)
@@ -72,3 +74,32 @@ def test_old_files_are_removed(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(list(folder.iterdir())) == 3
     kept("law", (5,), (), make)
     assert make.calls == 6
+
+
+def test_a_description_tells_apart_all_that_may_differ() -> None:
+    @dataclass(frozen=True)
+    class Part:
+        values: np.ndarray
+        names: frozenset[str]
+        rate: Fraction = Fraction(1, 3)
+
+    ramp = np.arange(2000.0)
+    one = {"part": Part(ramp, frozenset("ab")), "tau": (1, 1.0, None, b"1", "1", True)}
+    same = {"tau": (1, 1.0, None, b"1", "1", True), "part": Part(ramp.copy(), frozenset("ba"))}
+    assert described(one) == described(same)
+    other = ramp.copy()
+    other[1000] += 1e-12  # within what the text of an array leaves out
+    for changed in (
+        {"part": Part(other, frozenset("ab")), "tau": one["tau"]},
+        {"part": Part(ramp, frozenset("a")), "tau": one["tau"]},
+        {"part": Part(ramp, frozenset("ab"), Fraction(1, 4)), "tau": one["tau"]},
+        {"part": one["part"], "tau": (1.0, 1, None, b"1", "1", True)},
+    ):
+        assert described(changed) != described(one)
+    with pytest.raises(TypeError, match="described by its content"):
+        described([object()])
+
+
+def test_sources_are_those_of_all_folders_of_a_package() -> None:
+    found = sources_of("cosim")
+    assert module.__file__ in found and any(path.endswith("philox.cl") for path in found)

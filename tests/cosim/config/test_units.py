@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from cosim.config import units
 from cosim.config.units import KINDS, format_quantity, parse_quantity
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -189,3 +190,18 @@ def test_values_are_those_of_pints_own_table(kind) -> None:
             assert parse_quantity(text, kind) == pytest.approx(
                 full.Quantity(3.3, prefix + unit).to(kind.unit).magnitude, rel=1e-15
             )
+
+
+COMMON = [
+    (kind, unit)
+    for kind in KINDS.values()
+    for unit in (kind.unit, *units._COMMON.get(kind.unit, {}))
+]
+
+
+@pytest.mark.parametrize(("kind", "unit"), COMMON, ids=lambda each: getattr(each, "name", each))
+def test_common_units_have_pints_own_factors_to_the_last_bit(kind, unit, monkeypatch) -> None:
+    texts = [f"{number} {unit}" for number in ("1", "0.1", "-7", "64", "1.7e-5", "123456789.123")]
+    read = [parse_quantity(text, kind) for text in texts]
+    monkeypatch.setattr(units, "_factor", lambda text, kind: None)
+    assert [value.hex() for value in read] == [parse_quantity(text, kind).hex() for text in texts]

@@ -12,6 +12,7 @@ from cosim.spikes.viform import pack_planes
 from display import SpikePanel
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector
+from display.probes import metrics
 from display.probes.blur import SPEED, frame_blur, retina, spike_blur
 from display.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
 from display.probes.latency import SIDE, frame_latency, spike_latency
@@ -393,6 +394,40 @@ def test_the_whole_table_has_its_metrics(device):
     assert metrics["ebet_ms_spike"] == metrics["ebet_ms_causal"]
     again = probe_display(own, panel(), [], 1, rates=(0.18,), edges=())
     assert again.latency == probes.latency[: len(again.latency)] and len(again.latency) == 6
+
+
+def test_probes_of_the_same_camera_and_display_are_kept_between_runs(tmp_path, monkeypatch):
+    """All that they depend on tells them apart, and each number comes back as it was."""
+    monkeypatch.setenv("VIFORM_CACHE", str(tmp_path))
+    made = []
+
+    def probe_display(camera, panel, references, seed, **options):
+        made.append((camera, panel, references, seed))
+        light = panel.white_rate
+        return metrics.Probes(
+            panel.drive, tuple(frame_latency(FRAMES[0], light, [0.18, 1 / 3])),
+            tuple(frame_blur(FRAMES[0], light, [(0.0, 0.18)])),
+            tuple(frame_flicker(FRAMES[1], light, 300.0, [0.18, 0.0], 60.0)), 0.1 + seed,
+        )  # fmt: skip
+
+    monkeypatch.setattr(metrics, "probe_display", probe_display)
+
+    def found(camera, shown, seed=1):
+        return metrics.kept_probes(
+            camera, shown, FRAMES[:2], seed, per_degree=60.0, pst_lm=True,
+            told=lambda done, total: None,
+        )  # fmt: skip
+
+    noisy = setting(effects=tuple(EFFECTS.values()), row_timing=NOISY_ROWS)
+    quiet = SpikeProbeCamera(setting(), None)
+    for camera in (quiet, SpikeProbeCamera(noisy, None)):
+        assert repr(found(camera, panel())) == repr(found(camera, panel()))
+    assert len(made) == 2 and "nan" in repr(found(quiet, panel()))
+    found(quiet, panel(decay=1e-5))
+    found(quiet, panel(), seed=2)
+    assert len(made) == 4
+    found(replace(quiet, setting=setting(threshold=999.0)), panel())
+    assert len(made) == 5
 
 
 def test_a_recording_in_parts_has_the_same_bits_and_looks_at_few_pieces_of_light(monkeypatch):

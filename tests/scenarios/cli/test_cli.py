@@ -425,6 +425,8 @@ def test_a_run_stores_its_stream_as_it_is_told(viform, refused, tmp_path):
     np.testing.assert_array_equal(words(tmp_path / "raw"), words(tmp_path / "small"))
     said = refused("run", "step", "--store", "tiny", "--out", tmp_path / "no")
     assert said == "--store must be one of raw, fast, small, none, not tiny; choose one"
+    said = refused("run", "step", "--report", "pdf", "--out", tmp_path / "no")
+    assert said == "--report must be one of page, none, not pdf; choose one"
     assert not (tmp_path / "no").exists()
 
 

@@ -117,7 +117,9 @@ def test_a_program_finds_what_it_needs_in_any_folder(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "") and "light-link" in done.stdout
 
 
-def test_film_gives_the_bits_of_the_command_line(tmp_path: Path) -> None:
+def test_film_gives_the_bits_of_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     clip = tmp_path / "clip.npy"
     assert write_frames(frames(), clip) == 5
     spikes = viform.film(
@@ -136,8 +138,9 @@ def test_film_gives_the_bits_of_the_command_line(tmp_path: Path) -> None:
     stream = open_stream(out)
     assert spikes.cycles == stream.cycles == 200 and spikes.clock == stream.clock
     assert (spikes.words == stream.read_words(0, 7)).all() and spikes.words.any()
+    monkeypatch.setattr("scenarios.python.running.run_scenario", None)  # none is made
     again = viform.film(clip, frame_rate=1000, duration="5 ms", tolerance=1e-2, **SMALL)
-    assert again == spikes
+    assert again == spikes and any("f/" in note for note in again.notes)
 
 
 @pytest.mark.parametrize("kind", ["colour", "grey", "float"])
@@ -280,7 +283,7 @@ def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:
     out = tmp_path / "run"
     done = viform.run("film", out=out, tolerance=1e-2, duration="2 ms", **SMALL)
     assert done.outcome == "ok" and done.error is not None and done.error < 1e-2
-    assert done.stream.shape == (48, 64) and done.report.is_file()
+    assert done.stream.shape == (48, 64) and done.report is not None and done.report.is_file()
     assert done.images and all(image.shape[:2] == (48, 64) for image in done.images.values())
     assert done.metrics["spike_rate"] == pytest.approx(float(done.stream.rate().mean()), rel=0.01)
     assert "Run of film: ok" in repr(done)
@@ -288,6 +291,15 @@ def test_a_run_tells_its_results_and_is_resumed(tmp_path: Path) -> None:
     again = viform.run("film", out=out, tolerance=1e-2, duration="2 ms", resume=True, **SMALL)
     assert again == done and (out / "result.json").stat().st_mtime_ns == before
     assert viform.Run(str(out)) == done
+    bare = viform.run(
+        "film", out=tmp_path / "bare", tolerance=1e-2, duration="2 ms", report="none", **SMALL
+    )
+    assert bare.report is None and not bare.images
+    for name, value in done.metrics.items():
+        assert bare.metrics[name] == value or name in ("camera", "full_physics")
+    with pytest.raises(viform.InputError, match="report must be one of page, none"):
+        viform.film("step", out=tmp_path / "no", report="pages")
+    assert not (tmp_path / "no").exists()
 
 
 def test_what_is_in_memory_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
