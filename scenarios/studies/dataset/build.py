@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import InputError, Interrupted
+from cosim.files.durable import sync_tree
 from cosim.run.folder import claim_folder, how_to_resume
 from cosim.run.inputs import digest
 from cosim.run.progress import Progress
@@ -66,6 +67,7 @@ def build_dataset(
         write_annotations(places, made, documents)
         write_card(order, folder, items, documents, failed)
         places.set_times(made)
+        sync_tree(folder)  # what the sums state outlasts a loss of power
         sums = write_sums(places)
     return {
         "folder": str(folder), "items": len(items), "failed": len(failed),

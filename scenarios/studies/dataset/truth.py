@@ -74,8 +74,8 @@ def _dense(
             for k in range(len(names)) if found[k, 4]
         ]  # fmt: skip
     moved = []
-    for (a, b), (start, stop) in zip(pairwise(instants), pairwise(seconds), strict=True):
-        uv, occlusion = flow(scene, start, stop)
+    for n, (a, b) in enumerate(pairwise(instants)):
+        uv, occlusion = flow(scene, seconds[n], seconds[n + 1], seen[n])
         write_flo(folder / f"flow-{a:06}-{b:06}.flo", uv)
         write_grey(folder / f"occlusion-{a:06}-{b:06}.png", occlusion)
         moved.append((uv, occlusion))
