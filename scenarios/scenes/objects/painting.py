@@ -31,7 +31,7 @@ HERE: Final = 2**-0.5
 THERE: Final = 3 * 2**-0.5
 """The same for the four pixels between which a value is interpolated: a diagonal more."""
 _BEYOND: Final = 1e9
-"""Distance of a point that is beyond the reach of `_distance`, pixels."""
+"""Distance of a point that is far from a plate, pixels."""
 _MARGIN: Final = 4.0
 """Pixels around the box of a plate in which its edge is sought."""
 _ROUND: Final = 1.5 * 2.0**52
@@ -104,29 +104,41 @@ def _seen(x, y, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _distance(u, v, depth, h, s, reach):  # type: ignore[no-untyped-def]
-    """Signed distance from the outline, pixels, negative inside, of the point of the picture that
-    shows (u, v) at this depth; BEYOND, or less than 0 by as much, where it surely exceeds `reach`.
-
-    With m = max(|p|, |q|), the norm is m to 2^(1/n) m, and each part of its gradient is at most 1;
-    petals change both by factors. Powers and angles of most pixels of a plate are saved by this.
-    """
-    a, b, n, petals, petal = s[0], s[1], s[2], s[3], s[4]
-    p, q = u / a, v / b
+def _slopes(u, v, depth, h):  # type: ignore[no-untyped-def]
+    """Changes of u and v with x and y, m a pixel, at the point that shows (u, v) at this depth."""
     ux, uy = (h[0, 0] - u * h[2, 0]) * depth, (h[0, 1] - u * h[2, 1]) * depth
     vx, vy = (h[1, 0] - v * h[2, 0]) * depth, (h[1, 1] - v * h[2, 1]) * depth
-    sx, sy = abs(ux) / a + abs(vx) / b, abs(uy) / a + abs(vy) / b
-    steepest = (1.0 + petal * petals / (1.0 - petal)) / (1.0 - petal)
-    band = 1.001 * reach * steepest * math.sqrt(sx * sx + sy * sy)
-    m = max(abs(p), abs(q))
-    if m / (1.0 + petal) - 1.0 > band:
-        return _BEYOND
-    if m * 2.0 ** (1.0 / n) / (1.0 - petal) - 1.0 < -band:
-        return -_BEYOND
-    g, gp, gq = _outline(p, q, s)
-    gu, gv = gp / a, gq / b
+    return ux, uy, vx, vy
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _distance(u, v, depth, h, s):  # type: ignore[no-untyped-def]
+    """Signed distance from the outline, pixels, negative inside, of the point of the picture that
+    shows (u, v) at this depth."""
+    ux, uy, vx, vy = _slopes(u, v, depth, h)
+    g, gp, gq = _outline(u / s[0], v / s[1], s)
+    gu, gv = gp / s[0], gq / s[1]
     gx, gy = gu * ux + gv * vx, gu * uy + gv * vy
     return g / (math.sqrt(gx * gx + gy * gy) + 1e-12)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _side(u, v, depth, h, s, reach):  # type: ignore[no-untyped-def]
+    """BEYOND where the distance surely exceeds `reach`, -BEYOND where it is surely below -reach,
+    else 0. This saves the powers and angles of most pixels of a plate.
+
+    With m = max(|p|, |q|), the norm is m to 2^(1/n) m, and each part of its gradient is at most 1;
+    petals change both by factors.
+    """
+    a, b, petal = 1.0 / s[0], 1.0 / s[1], s[4]
+    widest, steepest = 2.0 ** (1.0 / s[2]), 1.0 + petal * s[3] / (1.0 - petal)
+    ux, uy, vx, vy = _slopes(u, v, depth, h)
+    x, y = abs(ux) * a + abs(vx) * b, abs(uy) * a + abs(vy) * b
+    band = 1.001 * reach * steepest / (1.0 - petal) * math.sqrt(x * x + y * y)
+    m = max(abs(u) * a, abs(v) * b)
+    outside = m / (1.0 + petal) - 1.0 > band
+    inside = m * widest / (1.0 - petal) - 1.0 < -band
+    return _BEYOND if outside else (-_BEYOND if inside else 0.0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -157,6 +169,15 @@ def _rays(left, y, h, us, vs, depth):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def _distances(us, vs, depth, h, s, reach, d):  # type: ignore[no-untyped-def]
+    for j in range(us.size):
+        d[j] = _side(us[j], vs[j], depth[j], h, s, reach)
+    for j in range(us.size):
+        if d[j] == 0.0:
+            d[j] = _distance(us[j], vs[j], depth[j], h, s)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def _texture(us, vs, waves, tone):  # type: ignore[no-untyped-def]
     tone[:] = 1.0
     for k in range(waves.shape[0]):
@@ -166,50 +187,54 @@ def _texture(us, vs, waves, tone):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _lay(row, part, tone, albedo):  # type: ignore[no-untyped-def]
+def _lay(row, d, tone, albedo):  # type: ignore[no-untyped-def]
     for j in range(row.size):
-        row[j] += part[j] * (albedo * tone[j] - row[j])
+        part = min(max(0.5 - d[j], 0.0), 1.0)
+        row[j] += part * (albedo * tone[j] - row[j])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _rows(size):  # type: ignore[no-untyped-def]
+    """Space for the values of a row. Rows of one array would not be known to be apart."""
+    return np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _paint(image, boxes, inverses, bounded, outlines, waves):  # type: ignore[no-untyped-def]
-    across = image.shape[1]
-    # Rows of one array would not be known to be apart.
-    us, vs, part, tone = np.empty(across), np.empty(across), np.empty(across), np.empty(across)
+    us, vs, depth, d, tone = _rows(image.shape[1])
     for n in range(boxes.shape[0]):
-        h, s, left = inverses[n], outlines[n], boxes[n, 2]
+        h, s, left, size = inverses[n], outlines[n], boxes[n, 2], boxes[n, 3] - boxes[n, 2]
         for i in range(boxes[n, 0], boxes[n, 1]):
-            first, stop = 0, boxes[n, 3] - left
-            _rays(left, i + 0.5, h, us[:stop], vs[:stop], part[:stop])
+            first, stop = 0, size
+            _rays(left, i + 0.5, h, us[:size], vs[:size], depth[:size])
             if bounded[n]:
-                first, stop = stop, 0
-                for j in range(boxes[n, 3] - left):
-                    d = _distance(us[j], vs[j], part[j], h, s, 0.5)
-                    part[j] = min(max(0.5 - d, 0.0), 1.0)
-                    if part[j] > 0.0:
+                _distances(us[:size], vs[:size], depth[:size], h, s, 0.5, d[:size])
+                first, stop = size, 0
+                for j in range(size):
+                    if d[j] < 0.5:
                         first, stop = min(first, j), j + 1
             else:
-                part[:] = 1.0
+                d[:] = -_BEYOND
             if first < stop:
                 _texture(us[first:stop], vs[first:stop], waves[n], tone[first:stop])
-                row = image[i, left + first : left + stop]
-                _lay(row, part[first:stop], tone[first:stop], s[5])
+                _lay(image[i, left + first : left + stop], d[first:stop], tone[first:stop], s[5])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _surfaces(boxes, inverses, outlines, labels, edge, depth):  # type: ignore[no-untyped-def]
+    us, vs, away, d, _ = _rows(labels.shape[1])
     for n in range(1, boxes.shape[0]):
-        h, s = inverses[n], outlines[n]
+        h, s, left, size = inverses[n], outlines[n], boxes[n, 2], boxes[n, 3] - boxes[n, 2]
         for i in range(boxes[n, 0], boxes[n, 1]):
-            for j in range(boxes[n, 2], boxes[n, 3]):
-                u, v, away = _seen(j + 0.5, i + 0.5, h)
-                d = _distance(u, v, away, h, s, HERE)
-                if d <= 0.0:
-                    labels[i, j] = n
-                if d <= -HERE:  # a plate hides the edges behind it
-                    edge[i, j] = False
-                elif d < HERE:
-                    edge[i, j] = True
+            _rays(left, i + 0.5, h, us[:size], vs[:size], away[:size])
+            _distances(us[:size], vs[:size], away[:size], h, s, HERE, d[:size])
+            for j in range(size):
+                if d[j] <= 0.0:
+                    labels[i, left + j] = n
+                if d[j] <= -HERE:  # a plate hides the edges behind it
+                    edge[i, left + j] = False
+                elif d[j] < HERE:
+                    edge[i, left + j] = True
     for i in range(labels.shape[0]):
         for j in range(labels.shape[1]):
             depth[i, j] = _seen(j + 0.5, i + 0.5, inverses[labels[i, j]])[2]
@@ -230,11 +255,12 @@ def _flow(labels, edge, befores, afters, boxes, inverses, outlines, moved, occlu
             hidden = x < 0.0 or x >= width or y < 0.0 or y >= height
             mixed = edge[i, j] or x < 0.5 or x > width - 0.5 or y < 0.5 or y > height - 0.5
             for n in range(max(own, 1), boxes.shape[0]):  # its own plate, and those before it
-                y0, y1, x0, x1 = boxes[n]
                 d = _BEYOND
-                if y0 <= y <= y1 and x0 <= x <= x1:
+                if boxes[n, 0] <= y <= boxes[n, 1] and boxes[n, 2] <= x <= boxes[n, 3]:
                     u, v, away = _seen(x, y, inverses[n])
-                    d = _distance(u, v, away, inverses[n], outlines[n], THERE)
+                    d = _side(u, v, away, inverses[n], outlines[n], THERE)
+                    if d == 0.0:
+                        d = _distance(u, v, away, inverses[n], outlines[n])
                 if n == own:
                     mixed |= d > -THERE
                 else:
@@ -313,7 +339,7 @@ def flow(
     between two homographies of the plates."""
     moved = np.empty((*labels.shape, 2), np.float32)
     occlusion = np.empty(labels.shape, np.uint8)
-    boxes = _boxes(tables, after, labels.shape, _MARGIN)
+    boxes = _boxes(tables, after, labels.shape, _MARGIN).astype(np.float64)
     inverses = np.linalg.inv(np.stack([before, after]))
     _flow(
         labels, edge, inverses[0], after, boxes, inverses[1], tables.outlines, moved, occlusion
