@@ -48,7 +48,8 @@ def write_truth(setup: CameraSetup, folder: Path, image: Path) -> dict[str, Any]
         dense, boxes = _dense(closed_form(setup.shape), instants, (ps / PS).tolist(), folder)
         arrays |= dense
         told |= {"truth": "dense", "objects": boxes}
-    write_arrays(folder / "truth.npz", arrays)
+    # Compressed, light would be a fifth of the time of an item, for a tenth of its size.
+    write_arrays(folder / "truth.npz", arrays, stored="light")
     return told
 
 
