@@ -75,9 +75,9 @@ def tabulate(plates: Sequence[Plate]) -> Tables:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _outline(p, q, s):  # type: ignore[no-untyped-def]
-    """g and its gradient along p = u / a and q = v / b. s: row of `Tables.outlines`."""
-    n, m, petal = s[2], s[3], s[4]
+def _outline(p, q, row):  # type: ignore[no-untyped-def]
+    """g and its gradient along p = u / a and q = v / b. row: of `Tables.outlines`."""
+    n, m, petal = row[2], row[3], row[4]
     if n == 2.0:
         r = math.sqrt(p * p + q * q) + 1e-12
         gp, gq = p / r, q / r
@@ -88,9 +88,14 @@ def _outline(p, q, s):  # type: ignore[no-untyped-def]
         gq = math.copysign((aq / r) ** (n - 1.0), q)
     if petal == 0.0:
         return r - 1.0, gp, gq
-    angle = math.atan2(q, p)
-    rim = 1.0 + petal * math.cos(m * angle)
-    slope = r * petal * m * math.sin(m * angle) / (rim * rim)  # along the angle
+    # cos(m φ) and sin(m φ) are those of the power (cos φ + i sin φ)^m, without an angle.
+    length = math.sqrt(p * p + q * q)
+    c, s = (p / length, q / length) if length > 0.0 else (1.0, 0.0)
+    cosine, sine = c, s
+    for _ in range(int(m) - 1):
+        cosine, sine = cosine * c - sine * s, cosine * s + sine * c
+    rim = 1.0 + petal * cosine
+    slope = r * petal * m * sine / (rim * rim)  # along the angle
     return r / rim - 1.0, gp / rim - slope * q / (r * r), gq / rim + slope * p / (r * r)
 
 
