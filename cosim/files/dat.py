@@ -144,7 +144,7 @@ def write_dat(stream: SpikeStream, path: Path, head: bool = False) -> None:
     with whole(path) as part, part.open("wb") as file:
         for w in range(words_for(stream.cycles)):
             n = min(WORD, stream.cycles - w * WORD)
-            planes = unpack_planes(stream.read_words(w, w + 1), 0, n)[:, ::-1]
+            planes = unpack_planes(stream.read_words(w, w + 1)[:, ::-1], 0, n)
             if head:
                 planes = np.pad(planes, ((0, 0), (0, 0), (0, columns - width)))
             file.write(np.packbits(planes.reshape(n, -1), axis=1, bitorder="little").tobytes())

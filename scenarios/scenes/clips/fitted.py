@@ -166,12 +166,18 @@ class Fit:
             return light @ LUMINANCE if light.ndim == 3 else light
         return np.repeat(light[..., None], 3, axis=2) if light.ndim == 2 else light
 
+    _passed = (0, 0)
+    """The size of the picture before, for which free memory was asked."""
+
     def check_size(self, height: int, width: int) -> None:
         """Raises InputError for a picture of too many pixels, or if memory is short."""
+        if (height, width) == self._passed:  # reading the limits takes as long as decoding
+            return
         if height * width > MOST_PIXELS:
             raise self.bad(f"{width} x {height} pixels: {MOST_PIXELS:,} at most are accepted")
         what = f"scene.path, {self._path} of {width} x {height} pixels,"
         check_memory(what, _BYTES * height * width, "scale it down")
+        self._passed = height, width
 
 
 def _part(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -108,16 +109,18 @@ class Plate:
             self.z + deep,
         )  # fmt: skip
 
-    def axes(self, t: float) -> Matrix:
-        """The first two columns of R at t, (3, 2): a turn in the plane, then the tilt (formula of
-        Rodrigues)."""
-        angle = self.turn + math.fmod(self.spin * t, 2 * math.pi)
-        cos, sin = math.cos(angle), math.sin(angle)
-        flat = np.array([[cos, -sin], [sin, cos], [0.0, 0.0]])
+    @cached_property
+    def slant(self) -> Matrix:
+        """The tilt, (3, 3), by the formula of Rodrigues."""
         kx, ky = math.cos(self.tilt_axis), math.sin(self.tilt_axis)
         cross = np.array([[0, 0, ky], [0, 0, -kx], [-ky, kx, 0.0]])
-        tilt = np.eye(3) + math.sin(self.tilt) * cross + (1 - math.cos(self.tilt)) * cross @ cross
-        return tilt @ flat
+        return np.eye(3) + math.sin(self.tilt) * cross + (1 - math.cos(self.tilt)) * cross @ cross
+
+    def axes(self, t: float) -> Matrix:
+        """The first two columns of R at t, (3, 2): a turn in the plane, then the tilt."""
+        angle = self.turn + math.fmod(self.spin * t, 2 * math.pi)
+        cos, sin = math.cos(angle), math.sin(angle)
+        return self.slant @ np.array([[cos, -sin], [sin, cos], [0.0, 0.0]])
 
     def homography(self, t: float, shape: tuple[int, int]) -> Matrix:
         """H at t, (3, 3): H (u, v, 1) = Pz (x, y, 1)."""

@@ -11,7 +11,7 @@ from cosim import Box, Plane
 from scenarios.scenes.drawing.canvas import check_instant
 from scenarios.scenes.drawing.points import spread_points
 from scenarios.scenes.objects.arrangement import arrange
-from scenarios.scenes.objects.painting import paint
+from scenarios.scenes.objects.painting import Tables, paint, tabulate
 from scenarios.scenes.objects.plate import Matrix, Plate
 
 __all__ = ["Objects"]
@@ -41,15 +41,19 @@ class Objects:
             self.layout, self.count, self.pace, self.shape[1] / side, self.shape[0] / side
         )
 
-    def homographies(self, t: float) -> list[Matrix]:
-        """That of each plate at t, s."""
-        return [plate.homography(check_instant(t), self.shape) for plate in self.plates]
+    @cached_property
+    def tables(self) -> Tables:
+        """The plates for compiled loops."""
+        return tabulate(self.plates)
+
+    def homographies(self, t: float) -> Matrix:
+        """That of each plate at t, s, (n, 3, 3)."""
+        instant = check_instant(t)
+        return np.stack([plate.homography(instant, self.shape) for plate in self.plates])
 
     def reflectance(self, t: float) -> Plane:
         """Reflectance at t, s, (H, W) float32 in [0, 1]."""
-        image = np.zeros(self.shape, np.float32)
-        for plate, homography in zip(self.plates, self.homographies(t), strict=True):
-            paint(image, plate, homography)
+        image: Plane = paint(self.tables, self.homographies(t), self.shape)
         return image
 
     def speed(self) -> float:

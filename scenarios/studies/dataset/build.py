@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import time
 from pathlib import Path
 from typing import Any
 
 from cosim import InputError, Interrupted
+from cosim.files.durable import sync_tree
 from cosim.run.folder import claim_folder, how_to_resume
 from cosim.run.inputs import digest
-from cosim.run.progress import Progress
+from cosim.run.progress import Pace, Progress
 from scenarios.studies.batch.folder import begin_batch, read_document
 from scenarios.studies.batch.workers import run_jobs
 from scenarios.studies.dataset.card import write_annotations, write_card, write_sums
@@ -58,7 +60,7 @@ def build_dataset(
             _remove_empty(folder)
             raise
         made = [item for item in items if item.name not in failed]
-        documents = [read_document(places.document(item), "dataset") for item in made]
+        documents = [_slim(places, item) for item in made]
         for item in {places.root(item): item for item in items}.values():
             (folder / places.root(item)).mkdir(exist_ok=True)
             write_config(folder / places.root(item), places.size(item))
@@ -66,7 +68,9 @@ def build_dataset(
         write_annotations(places, made, documents)
         write_card(order, folder, items, documents, failed)
         places.set_times(made)
-        sums = write_sums(places)
+        sync_tree(folder)  # what the sums state outlasts a loss of power
+        known = {name: digest for each in documents for name, digest in each["files"].items()}
+        sums = write_sums(places, known)
     return {
         "folder": str(folder), "items": len(items), "failed": len(failed),
         "sha256": sums,
@@ -76,6 +80,12 @@ def build_dataset(
         },
         "errors": [{"item": name, "error": str(exc)} for name, exc in failed.items()],
     }  # fmt: skip
+
+
+def _slim(places: Places, item: Item) -> dict[str, Any]:
+    """The document of an item without its masks and its scenario, which take most of its space."""
+    document = read_document(places.document(item), "dataset")
+    return {key: value for key, value in document.items() if key not in ("objects", "scenario")}
 
 
 def _remove_empty(folder: Path) -> None:
@@ -118,8 +128,9 @@ def _make(
         for n, item in enumerate(items)
         if not _is_there(item, places)
     ]
-    progress.start(f"{places.folder.name}: {len(items)} items", len(items))
-    done = len(items) - len(jobs)
+    title = f"{places.folder.name}: {len(items)} items"
+    progress.start(title, len(items))
+    pace, done = Pace(len(items)), len(items) - len(jobs)
     progress.advance(done)
     failed: dict[str, InputError] = {}
     said: set[tuple[str, str]] = set()
@@ -137,6 +148,9 @@ def _make(
                 for note in held:
                     progress.note(note)
                 held.clear()
+            left = pace.step(done, time.monotonic())
+            if left:
+                progress.tell(f"{title}, {(len(items) - done) / left:.2g} a second")
             progress.advance(done)
     except (KeyboardInterrupt, Interrupted):  # between items, or within one
         raise Interrupted(done, len(items), how_to_resume(places.folder), "items") from None

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from cosim.files.whole import whole
-from cosim.run.result import viform_version
+from cosim.run.result import dumps, viform_version
 from scenarios.scenes.objects.plate import CATEGORIES
-from scenarios.studies.batch.folder import write_document
+from scenarios.studies.batch.folder import read_document
 from scenarios.studies.dataset.order import Item, Order
 from scenarios.studies.dataset.places import Places, digest_of
 from scenarios.studies.dataset.reading import SPLITS, SUMS
@@ -25,41 +25,62 @@ def write_annotations(
     places: Places, items: Sequence[Item], documents: Sequence[dict[str, Any]]
 ) -> None:
     """Writes a `coco.json` for each split that has scenes with dense truth. An image is the light
-    of an item at an instant; a track is an object of a view, the same for all cameras."""
-    files: dict[str, dict[str, Any]] = {}
+    of an item at an instant; a track is an object of a view, the same for all cameras. Masks are
+    read item by item: those of a large data set would not fit into memory."""
+    files: dict[str, list[Item]] = {}
     for item, document in zip(items, documents, strict=True):
-        if "objects" not in document:
-            continue
-        coco = files.setdefault(places.coco(item), {
-            "info": {"description": f"{item.split}, drawn objects"},
+        if document["truth"] == "dense":
+            files.setdefault(places.coco(item), []).append(item)
+    stated = {item.name: document for item, document in zip(items, documents, strict=True)}
+    for name, chosen in files.items():
+        images = [
+            {
+                "file_name": f"truth/{item.name}/light-{cycle:06}.png", "item": item.name,
+                "cycle": cycle, **{side: stated[item.name][side] for side in ("width", "height")},
+            }
+            for item in chosen for cycle in stated[item.name]["instants"]
+        ]  # fmt: skip
+        head = dumps({
+            "info": {"description": f"{chosen[0].split}, drawn objects"},
             "categories": [{"id": n + 1, "name": name} for n, name in enumerate(CATEGORIES)],
-            "images": [], "annotations": [],
+            "images": [{"id": n + 1, **image} for n, image in enumerate(images)],
+            "annotations": [],
         })  # fmt: skip
-        size = {"width": document["width"], "height": document["height"]}
-        numbers = {}
-        for cycle in document["instants"]:
-            numbers[cycle] = len(coco["images"]) + 1
-            coco["images"].append({
-                "id": numbers[cycle], "file_name": f"truth/{item.name}/light-{cycle:06}.png",
-                "item": item.name, "cycle": cycle, **size,
-            })  # fmt: skip
+        before, after = head.rsplit("[]", 1)
+        with whole(places.folder / name) as part, part.open("w", encoding="utf-8") as file:
+            file.write(f"{before}[")
+            count = 0
+            for count, row in enumerate(_annotations(places, chosen), 1):
+                text = dumps({"id": count, **row}).replace("\n", "\n    ")
+                file.write(f"{',' if count > 1 else ''}\n    {text}")
+            file.write(("\n  ]" if count else "]") + after)
+
+
+def _annotations(places: Places, items: Sequence[Item]) -> Iterator[dict[str, Any]]:
+    """The annotations of items, whose images are numbered from 1 on."""
+    first = 1
+    for item in items:
+        document = read_document(places.document(item), "dataset")
+        numbers = {cycle: first + n for n, cycle in enumerate(document["instants"])}
+        first += len(numbers)
         for row in document["objects"]:
-            coco["annotations"].append({
-                "id": len(coco["annotations"]) + 1, "image_id": numbers[row["cycle"]],
+            yield {
+                "image_id": numbers[row["cycle"]],
                 "category_id": CATEGORIES.index(row["category"]) + 1, "bbox": row["bbox"],
                 "area": row["area"], "iscrowd": 0,
                 "track_id": _TRACKS * item.view + row["object"],
                 "segmentation": {
                     "counts": row["counts"], "size": [document["height"], document["width"]]
                 },
-            })  # fmt: skip
-    for name, coco in files.items():
-        write_document(places.folder / name, coco)
+            }  # fmt: skip
 
 
-def write_sums(places: Places) -> str:
-    """Writes SHA256SUMS, which `sha256sum -c` reads; returns the SHA-256 of it."""
-    lines = [f"{digest_of(places.folder / name)}  {name}\n" for name in places.files()]
+def write_sums(places: Places, known: Mapping[str, str]) -> str:
+    """Writes SHA256SUMS, which `sha256sum -c` reads; returns the SHA-256 of it. known: sums of
+    files that the documents of their items state; the other files are read."""
+    lines = [
+        f"{known.get(name) or digest_of(places.folder / name)}  {name}\n" for name in places.files()
+    ]
     text = "".join(lines)
     with whole(places.folder / SUMS) as part:
         part.write_text(text, encoding="utf-8")

@@ -12,7 +12,7 @@ from __future__ import annotations
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
-from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import cv2
 import numpy as np
@@ -52,14 +52,15 @@ def write_grey(path: Path, image: npt.NDArray[np.uint8]) -> None:
     path.write_bytes(cv2.imencode(".png", image)[1].tobytes())
 
 
-def write_arrays(path: Path, arrays: dict[str, npt.NDArray[Any]]) -> None:
+def write_arrays(path: Path, arrays: dict[str, npt.NDArray[Any]], stored: str = "") -> None:
     """Writes arrays as a compressed `.npz`, the same bytes for the same arrays. NumPy's own form
-    compresses three times as long, for a few per cent of the size."""
+    compresses three times as long, for a few per cent of the size. stored: name of the one that is
+    not compressed."""
     with ZipFile(path, "w") as archive:
         for name, array in arrays.items():
-            file = BytesIO()
+            file, kind = BytesIO(), ZIP_STORED if name == stored else ZIP_DEFLATED
             write_array(file, np.ascontiguousarray(array), allow_pickle=False)
-            archive.writestr(ZipInfo(f"{name}.npy"), file.getbuffer(), ZIP_DEFLATED, 1)
+            archive.writestr(ZipInfo(f"{name}.npy"), file.getbuffer(), kind, 1)
 
 
 def run_lengths(mask: npt.NDArray[np.bool_]) -> list[int]:

@@ -55,6 +55,7 @@ def make_item(
         for part, name in made.items():
             place = places.folder / name
             place.parent.mkdir(parents=True, exist_ok=True)
+            rmtree(place, ignore_errors=True)  # an item that was damaged has a folder of truth
             put(part, place)
         write_document(places.document(item), document)
     finally:
@@ -65,7 +66,7 @@ def make_item(
 def _make(
     item: Item, places: Places, device: str | None, checked: bool, parts: Path
 ) -> tuple[dict[Path, str], dict[str, Any]]:
-    """Files of an item, with the places for them, and its document."""
+    """Files of an item and its folder of truth, with the places for them, and its document."""
     setup = replace(set_up_camera(item.scenario, device), device=shared_device(device))
     size = setup.cycles * setup.shape[0] * setup.shape[1] // 8
     parts.mkdir(parents=True)
@@ -79,8 +80,12 @@ def _make(
     truth.mkdir()
     told = write_truth(setup, truth, parts / "gt.png")
     made = {
-        parts / "stream.dat": places.recording(item), parts / "gt.png": places.image(item)
-    } | {path: f"{places.truth(item)}/{path.name}" for path in sorted(truth.iterdir())}  # fmt: skip
+        parts / "stream.dat": places.recording(item), parts / "gt.png": places.image(item),
+        truth: places.truth(item),
+    }  # fmt: skip
+    files = {name: part for part, name in made.items() if part != truth} | {
+        f"{places.truth(item)}/{path.name}": path for path in sorted(truth.iterdir())
+    }
     clip = getattr(item.scenario.scene, "path", None)
     scenario = item.scenario.model_dump(mode="json", exclude_none=True)
     if clip is not None:  # not where it stands on this machine
@@ -93,7 +98,7 @@ def _make(
         "cycles": stream.cycles, "height": stream.shape[0], "width": stream.shape[1],
         "clock_hz": stream.clock.hz, "recording": places.recording(item),
         "image": places.image(item), "truth_folder": places.truth(item), **told, **found,
-        "files": {name: digest_of(part) for part, name in made.items()},
+        "files": {name: digest_of(part) for name, part in files.items()},
     }  # fmt: skip
     return made, document
 

@@ -46,18 +46,16 @@ class Places:
     """
 
     def __init__(self, folder: Path, items: Sequence[Item]) -> None:
-        self.folder = folder
-        self._sizes = {item.name: item.scenario.sensor.own_chip for item in items}
-        self._several = len({(c.width, c.height) for c in self._sizes.values()}) > 1
+        self.folder = folder  # and nothing of all items: each worker is sent this with each item
+        self._several = len({self.size(item) for item in items}) > 1
 
     def root(self, item: Item) -> str:
         """Folder of the items of one size, with a slash behind it; "" for that of the data set."""
-        chip = self._sizes[item.name]
-        return f"{chip.width}x{chip.height}/" if self._several else ""
+        return "{}x{}/".format(*self.size(item)) if self._several else ""
 
     def size(self, item: Item) -> tuple[int, int]:
         """Width and height of an item."""
-        chip = self._sizes[item.name]
+        chip = item.scenario.sensor.own_chip
         return chip.width, chip.height
 
     def recording(self, item: Item) -> str:

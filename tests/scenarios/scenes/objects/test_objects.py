@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 
-from scenarios.scenes.objects.painting import edges
 from scenarios.scenes.objects.plate import CATEGORIES, FOCAL, Plate, Wave
 from scenarios.scenes.objects.scene import Objects
 from scenarios.scenes.objects.truth import HIDDEN, SEEN, Surfaces, flow, surfaces
@@ -118,6 +117,45 @@ def test_the_texture_is_the_mean_over_pixels() -> None:
     assert np.ptp(mean) < 0.9 * np.ptp(fine)
 
 
+def distance(plate: Plate, homography: np.ndarray) -> np.ndarray:
+    """g / |grad g| of all pixels, with g of the plate's docstring and its gradient by differences
+    of 2^-10 pixels."""
+
+    def g(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        u, v, w = np.tensordot(np.linalg.inv(homography), np.stack([x, y, np.ones_like(x)]), 1)
+        p, q = u / w / plate.a, v / w / plate.b
+        norm = (abs(p) ** plate.power + abs(q) ** plate.power) ** (1 / plate.power)
+        return norm / (1 + plate.petal * np.cos(plate.petals * np.arctan2(q, p))) - 1
+
+    y, x = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]] + 0.5
+    e = 2.0**-10
+    slope = np.hypot(g(x + e, y) - g(x - e, y), g(x, y + e) - g(x, y - e)) / (2 * e)
+    return g(x, y) / (slope + 1e-12)
+
+
+@pytest.mark.parametrize("layout", [3, 8])
+def test_the_loops_give_what_the_formulas_say(layout: int) -> None:
+    """Loops leave out what is surely far from an edge, and have a sine of their own."""
+    scene, t = Objects(SHAPE, layout, count=12, pace=20.0), 0.004
+    assert {plate.category for plate in scene.plates} == {None, 0, 1, 2}
+    y, x = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]] + 0.5
+    light, labels, edge = np.zeros(SHAPE), np.zeros(SHAPE, int), np.zeros(SHAPE, bool)
+    for n, plate in enumerate(scene.plates):
+        h = plate.homography(t, SHAPE)
+        d = np.full(SHAPE, -1e9) if plate.category is None else distance(plate, h)
+        labels[d <= 0] = n
+        edge = (edge & (d > -(2**-0.5))) | (abs(d) < 2**-0.5)
+        u, v, w = np.tensordot(np.linalg.inv(h), np.stack([x, y, np.ones_like(x)]), 1)
+        tone = np.ones(SHAPE)
+        for wave in plate.waves:  # the mean over a pixel is within a few percent of its centre
+            tone += wave.share * np.sin(2 * np.pi * (wave.p * u + wave.q * v) / w + wave.phase)
+        light += np.clip(0.5 - d, 0, 1) * (plate.tone * tone - light)
+    seen = surfaces(scene, t)
+    assert np.count_nonzero(seen.labels != labels) <= 2
+    assert np.count_nonzero(seen.edge != edge) <= 2
+    assert abs(scene.reflectance(t) - light).max() < 0.02
+
+
 def warped(scene: Objects, a: float, b: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The light at b brought to a by the flow, the light at a, and the occlusion."""
     moved, occlusion = flow(scene, a, b)
@@ -140,6 +178,14 @@ def test_light_of_two_instants_comes_together_by_the_flow(layout: int) -> None:
         assert psnr > 45 and still < 35
 
 
+def test_a_texture_has_the_sine_of_the_library() -> None:
+    for phase in (*np.linspace(-8, 8, 65).tolist(), 1e4, -12345.678, 7e6):
+        scene = showing(shape=(8, 8))
+        vars(scene)["plates"] = (replace(WALL, waves=(Wave(0.0, 0.0, phase, 0.4),)),)
+        expected = np.float32(0.5 * (1 + 0.4 * math.sin(phase)))
+        np.testing.assert_allclose(scene.reflectance(0.0), expected, rtol=1e-7)
+
+
 def test_occlusion_is_what_the_closed_form_covers() -> None:
     """A disc that moves to the right by d pixels covers the wall beside it."""
     plate = replace(PLAIN, a=0.3, b=0.3, swing=0.2, rate=10.0)
@@ -151,8 +197,7 @@ def test_occlusion_is_what_the_closed_form_covers() -> None:
     lens = 2 * r * r * math.acos(d / (2 * r)) - d / 2 * math.sqrt(4 * r * r - d * d)
     covered = np.count_nonzero(occlusion[:, 100:300] == HIDDEN)
     assert abs(covered - (math.pi * r * r - lens)) < 2 * math.pi * r / 6
-    inside = edges(plate, plate.homography(0, SHAPE), *np.array([[200.5], [125.5]])) < 0
-    assert inside.all()
+    assert surfaces(showing(plate), 0.0).labels[125, 200] == 1
     np.testing.assert_allclose(moved[125, 200], (d, 0), atol=1e-5)
     np.testing.assert_allclose(moved[5, 5], (0, 0), atol=1e-9)
     assert occlusion[125, 200] == SEEN

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
 import importlib.util
 import json
 import os
+import pickle
 import re
 import shutil
 import signal
@@ -26,12 +28,14 @@ import viform as api
 from cosim import InputError, Interrupted
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
+from cosim.run.result import dumps
 from scenarios.run import run_scenario
 from scenarios.scenes.objects.plate import CATEGORIES
 from scenarios.studies.dataset import build, item
 from scenarios.studies.dataset.formats import read_flo, run_lengths, write_flo
 from scenarios.studies.dataset.making import order_of
 from scenarios.studies.dataset.order import Order, read_split
+from scenarios.studies.dataset.places import Places
 from tests.survival.forked import copied
 
 ROOT = Path(api.__file__).parent
@@ -179,7 +183,9 @@ def unpacked(counts: list[int], size: list[int]) -> np.ndarray:
 
 
 def test_boxes_are_those_of_coco(whole: Path) -> None:
-    coco = json.loads((whole / "train" / "coco.json").read_text())
+    text = (whole / "train" / "coco.json").read_text()
+    coco = json.loads(text)
+    assert text == dumps(coco)  # it is written annotation by annotation
     assert [each["name"] for each in coco["categories"]] == list(CATEGORIES)
     images = {each["id"]: each for each in coco["images"]}
     assert len(images) == 6 and all((whole / "train" / i["file_name"]).is_file()
@@ -322,10 +328,87 @@ def test_a_killed_process_goes_on_with_the_same_bits(
     assert (tmp_path / "d" / "SHA256SUMS").read_text() == (whole / "SHA256SUMS").read_text()
 
 
+class Told(QuietProgress):
+    """A progress that keeps its texts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+
+    def tell(self, what: str) -> None:
+        self.texts.append(what)
+
+
+def test_the_pace_is_told_in_items(cameras: list[str], tmp_path: Path) -> None:
+    told = Told()
+    made(order(cameras[:1], samples=6), tmp_path / "d", progress=told)
+    assert told.texts and all(
+        re.fullmatch(r"d: 6 items, [0-9.e+]+ a second", text) for text in told.texts
+    )
+
+
+def test_what_a_worker_is_sent_does_not_grow_with_the_data_set(cameras: list[str]) -> None:
+    sizes = [
+        len(pickle.dumps(Places(Path("d"), order(cameras, samples=n).items()))) for n in (1, 20)
+    ]
+    assert sizes[0] == sizes[1] < 1000
+
+
+def spent(pid: int) -> dict[int, float]:
+    """Memory of a process and of its children, MB by number."""
+    threads = Path(f"/proc/{pid}/task").glob("*/children")
+    found = {}
+    for each in (pid, *(int(child) for path in threads for child in path.read_text().split())):
+        with contextlib.suppress(OSError):  # it has ended
+            pages = int(Path(f"/proc/{each}/statm").read_text().split()[1])
+            found[each] = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return found
+
+
 @pytest.mark.slow
-def test_two_workers_make_the_same_bits(whole: Path, cameras: list[str], tmp_path: Path) -> None:
-    made(order(cameras), tmp_path / "d", workers=2)
-    assert (tmp_path / "d" / "SHA256SUMS").read_text() == (whole / "SHA256SUMS").read_text()
+def test_a_long_data_set_that_is_stopped_has_the_same_files_and_takes_no_more_memory(
+    cameras: list[str], tmp_path: Path
+) -> None:
+    """Stopped by SIGTERM after 15 of 120 items, and a worker killed after 25, against one worker
+    that nobody stops. Memory is that of each process over the last half of the items."""
+    frames = np.random.default_rng(1).integers(0, 256, (4, 40, 56), dtype=np.uint8)
+    np.save(tmp_path / "clip.npy", frames)
+    words = ["--samples", "120", "--check", "0", "--split", ".5,0,.5", "--tolerance", "1e-2"]
+    given = ("scene.frame_rate=1 kHz", "scene.illuminance=900 lux", *SMALL)
+    words += [word for each in given for word in ("--set", each)]
+    words += ["--vary", "sensor.threshold=500 e:1500 e", "--camera", cameras[0]]
+    command = [sys.executable, "-c", "from scenarios.cli import main; main()", "dataset",
+               str(tmp_path / "clip.npy"), *words, "--out"]  # fmt: skip
+    once = subprocess.run([*command, str(tmp_path / "once")], cwd=ROOT, capture_output=True)
+    assert once.returncode == 0, once.stderr
+    folder = tmp_path / "often"
+    command += [str(folder), "--workers", "2"]
+
+    def count() -> int:
+        return len([*folder.glob("items/*.json")])
+
+    running = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE)
+    while running.poll() is None and count() < 15:
+        time.sleep(0.01)
+    running.send_signal(signal.SIGTERM)
+    said = running.communicate()[1]
+    assert running.returncode == 130 and b"--resume" in said and count() < 120
+    running = subprocess.Popen([*command, "--resume"], cwd=ROOT, stderr=subprocess.DEVNULL)
+    killed, least, most = False, dict[int, float](), dict[int, float]()
+    while running.poll() is None:
+        memory, done = spent(running.pid), count()
+        if done >= 25 and len(memory) == 3 and not killed:
+            os.kill(max(memory), signal.SIGKILL)
+            killed = True
+        if done >= 60:
+            for pid, size in memory.items():
+                least.setdefault(pid, size)
+                most[pid] = max(most.get(pid, 0.0), size)
+        time.sleep(0.02)
+    assert running.returncode == 0 and killed and len(most) == 3
+    assert max(most[pid] - least[pid] for pid in most) < 24, (least, most)
+    sums = [(place / "SHA256SUMS").read_text() for place in (tmp_path / "once", folder)]
+    assert sums[0] == sums[1] and count() == 120
 
 
 def test_a_clip_that_is_none_is_left_out_in_one_line(
