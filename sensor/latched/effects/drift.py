@@ -33,6 +33,8 @@ STEP: Final = 128
 """Cycles of one gain."""
 _BEGIN: Final = 16
 """Cycle at which the second step begins; the first one extends to before the run."""
+_LARGE: Final = 1 << 18
+"""Pixels from which a plane is computed on all cores."""
 _SIGMAS: Final = 4.0
 """Deviations within which the drift of a run is taken to lie."""
 
@@ -111,11 +113,13 @@ class Drift:
             return self._scaled(piece.first, step)
         if at == piece.stop:  # the first plane of the next piece
             return self._scaled(piece.last, step)
-        from sensor.latched.effects.gained import gained  # numba, which other starts need not load
+        # numba, which other starts need not load
+        from sensor.latched.effects.gained import gained, gained_on_all_cores
 
         first, last = (np.ascontiguousarray(end, np.float32) for end in (piece.first, piece.last))
         level, gain = np.empty(first.shape, np.float32), np.float32(self.gain(step))
-        gained(first.reshape(-1), last.reshape(-1), piece.part(at), gain, level.reshape(-1))
+        fill: Any = gained_on_all_cores if first.size >= _LARGE else gained
+        fill(first.reshape(-1), last.reshape(-1), piece.part(at), gain, level.reshape(-1))
         return level
 
     def _scaled(self, plane: Plane, step: int) -> Plane:
@@ -123,7 +127,14 @@ class Drift:
         known = self._planes.get((id(plane), step))
         if known is not None and known[0] is plane:
             return known[1]
-        made = plane * np.float32(self.gain(step))
+        gain = np.float32(self.gain(step))
+        if plane.size < _LARGE:
+            made = plane * gain
+        else:
+            from sensor.latched.effects.gained import scaled_on_all_cores
+
+            made, whole = np.empty(plane.shape, np.float32), np.ascontiguousarray(plane, np.float32)
+            scaled_on_all_cores(whole.reshape(-1), gain, made.reshape(-1))
         self._planes = dict(list(self._planes.items())[-7:]) | {(id(plane), step): (plane, made)}
         return made
 
