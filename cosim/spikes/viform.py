@@ -73,7 +73,7 @@ def _mask(first: int, stop: int, w: int) -> np.uint32:
 
 def spikes_beyond(last: npt.NDArray[np.uint32], cycles: int) -> bool:
     """Whether the last words of `cycles` cycles have bits set beyond the last cycle."""
-    return bool(cycles % WORD and (last >> np.uint32(cycles % WORD)).any())
+    return bool(cycles % WORD and last.size and int(last.max()) >> cycles % WORD)
 
 
 def count_spikes(stream: SpikeStream, first: int, stop: int) -> npt.NDArray[np.uint32]:
