@@ -215,6 +215,19 @@ def test_no_module_of_the_user_comes_before_ours(box):
     assert done.returncode == 0
     kept = {"PYTHONSAFEPATH", "PYTHONNOUSERSITE", "PYTHONUTF8"}
     assert set((box.root / "exported").read_text().split()) == kept
+    for seed, known in (("7", True), ("abc", False)):  # over the second, Python ends
+        assert box.run("list", PYTHONHASHSEED=seed).returncode == 0
+        assert ("PYTHONHASHSEED" in (box.root / "exported").read_text()) == known
+
+
+def test_a_path_without_the_programs_of_the_system_is_named(box):
+    box.python()
+    (box.bin / "mktemp").unlink()
+    done = box.run("list")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(
+        f"viform: PATH must name the folders of the system's programs, not '{box.bin}'"
+    )
 
 
 def test_test_adds_its_own_and_covers_run(box):
