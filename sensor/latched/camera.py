@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -85,35 +86,77 @@ class SpikeCamera:
         Raises:
             ValueError: the light has another shape or does not cover these cycles.
         """
+        return self._begin(light, self._gathered(light, block), block)()
+
+    def each(
+        self, blocks: Sequence[Block], light: Callable[[Block], Light],
+        seen: Callable[[Light, Block], Any] | None = None,
+    ) -> Iterator[Viform]:  # fmt: skip
+        """`step` for blocks that follow each other.
+
+        Args:
+            blocks: the blocks.
+            light: gives the light of a block; it is asked for that of the next one while a device
+                works.
+            seen: is given each block's light before it is simulated; None for nothing.
+        """
+        given = light(blocks[0])
+        gathered = self._gathered(given, blocks[0])
+        for block, following in zip_longest(blocks, blocks[1:]):
+            if seen is not None:
+                seen(given, block)
+            end = self._begin(given, gathered, block)
+            try:
+                if following is not None:
+                    given = light(following)
+                    gathered = self._gathered(given, following)
+            finally:
+                part = end()
+            yield part
+
+    def _gathered(self, light: Light, block: Block) -> Light:
+        """The light that pixels gather in a block: after cross-talk and drift. Blocks follow each
+        other."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        start, cycles = block.start, block.cycles
-        wait = self._begun(light, start, cycles)
-        fine: list[tuple[Any, Any]] = []
-        try:
-            if self._fine is not None:
-                fine = self._fine.step(light, start, cycles)
-        finally:  # the device writes until then
-            words = wait()
-        if fine and not words.flags.writeable:
-            words = np.array(words)
-        for numbers, some in fine:
-            words[:, numbers] = some
-        return Viform(words.reshape(-1, *self.shape), cycles, self._clock, start)
-
-    def _begun(self, light: Light, start: int, cycles: int) -> Callable[[], Any]:
-        """Begins the pixels of a block, where their tier can: the result waits for their words,
-        (words, pixels)."""
-        pixels = self._pixels
-        if pixels is None:
-            return lambda: np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
-        mapped = light if self._light_map is None else self._light_map(light)
+        if self._pixels is None:  # better tiers map their own
+            return light
+        light = light if self._light_map is None else self._light_map(light)
         if self._gain is not None:
-            mapped = self._gain.on(mapped, start, cycles, self._late)
-        if hasattr(pixels, "launch"):
-            wait: Callable[[], Any] = pixels.launch(mapped, start, cycles)
-            return wait
-        return lambda: pixels.expose(mapped, start, cycles)
+            light = self._gain.on(light, block.start, block.cycles, self._late)
+        return light
+
+    def _begin(self, light: Light, gathered: Light, block: Block) -> Callable[[], Viform]:
+        """Begins a block, where the tier can. The result ends it and returns the bits; it must be
+        called, as a device writes into memory of the host until then."""
+        start, cycles = block.start, block.cycles
+        pixels: Any = self._pixels
+        if pixels is not None and hasattr(pixels, "launch"):
+            wait = pixels.launch(gathered, start, cycles)
+        elif pixels is not None:
+
+            def wait() -> Any:
+                return pixels.expose(gathered, start, cycles)
+
+        else:
+
+            def wait() -> Any:
+                return np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
+
+        def end() -> Viform:
+            fine: list[tuple[Any, Any]] = []
+            try:
+                if self._fine is not None:
+                    fine = self._fine.step(light, start, cycles)
+            finally:
+                words = wait()
+            if fine and not words.flags.writeable:
+                words = np.array(words)
+            for numbers, some in fine:
+                words[:, numbers] = some
+            return Viform(words.reshape(-1, *self.shape), cycles, self._clock, start)
+
+        return end
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,)."""

@@ -303,16 +303,19 @@ class LatchedCamera:
         scene = SceneStage(light, self.setting.reach)
         words = self._outputs.take((words_for(cycles), *self.shape))
         camera.into(words)
-        for start in range(0, cycles, _TOGETHER):
-            block = Block(start, min(_TOGETHER, cycles - start))
+
+        def lit(block: Block) -> Light:
             given = scene.step(None, block)
-            given = given if relay is None else relay(given)
-            if checking is not None:
-                checking.step(given, block)
-            part = camera.step(given, block).words
-            here = words[start // WORD : start // WORD + len(part)]
-            if not np.may_share_memory(part, here):
-                here[:] = part
+            return given if relay is None else relay(given)
+
+        blocks = [
+            Block(start, min(_TOGETHER, cycles - start)) for start in range(0, cycles, _TOGETHER)
+        ]
+        seen = None if checking is None else checking.step
+        for block, part in zip(blocks, camera.each(blocks, lit, seen), strict=True):
+            here = words[block.start // WORD :][: len(part.words)]
+            if not np.may_share_memory(part.words, here):
+                here[:] = part.words
         return words
 
     def open(self, most: float, frames: Clock, relay: Relay, number: int = 0) -> LiveCamera:

@@ -280,9 +280,7 @@ class FastPixels:
         """
         return self.launch(light, start, cycles)()
 
-    def launch(
-        self, light: Light, start: int, cycles: int
-    ) -> Callable[[], npt.NDArray[np.uint32]]:
+    def launch(self, light: Light, start: int, cycles: int) -> Callable[[], npt.NDArray[np.uint32]]:
         """Begins what `expose` does. The result waits for it and returns its words; it must be
         called, as the device writes into memory of the host until then."""
         array = self.array

@@ -6,6 +6,7 @@ import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import pytest
 import viform
 from cosim import Bound, Events
 from scenarios.cli.entry import _main
+from sensor.latched import core
 from sensor.latched.effects.fixed_pattern import PRNU
 
 SMALL = {"width": 64, "height": 48, "threshold": "100 e"}
@@ -147,6 +149,21 @@ def test_every_tier_films_the_same_light() -> None:
     for tier, spikes in seen.items():
         assert spikes.error is not None and spikes.error.tier == tier
         assert np.sqrt(((spikes.rate() - truth) ** 2).mean()) < 0.01 * truth.mean()
+
+
+@pytest.mark.parametrize("tier", [None, "exact"])
+def test_the_blocks_in_which_a_call_is_exposed_change_no_bit(
+    monkeypatch: pytest.MonkeyPatch, tier: Literal["exact"] | None
+) -> None:
+    """The light of a block is made while the one before it is exposed, tiles of a better tier
+    too."""
+    found = []
+    for cycles in (1024, 32, 96):
+        monkeypatch.setattr(core, "_TOGETHER", cycles)
+        camera = viform.Camera(**SMALL | {"threshold": "400 e"}, preset="silicon", tier=tier)
+        found.append(camera.film(frames(12), 2500, call=0))
+    assert found[0] == found[1] == found[2] and found[0].cycles > 96
+    assert tier is not None or found[0].error.better > 0
 
 
 def test_calls_have_draws_of_their_own_whatever_the_threads() -> None:
