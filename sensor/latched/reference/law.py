@@ -171,29 +171,31 @@ class Law:
     functions: npt.NDArray[np.int64]
 
 
-def _quantiles(q: float, sigma: float) -> Values:
-    """Quantiles of Gamma(q) + Normal(0, sigma) at the nodes of `_table`, (nodes,) electrons."""
-    nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
-    return mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
-
-
-def _table(quantiles: Values) -> Values:
-    """`Law.table` of a distribution, from its quantiles at nodes of the normal score."""
+def _edges(q: float, sigma: float) -> Values:
+    """Quantiles of Gamma(q) + Normal(0, sigma) at the edges of the cells of `Law.table`, and their
+    change in a unit of probability, (2 ends, 2, edges) electrons."""
     from scipy.interpolate import make_interp_spline
     from scipy.special import ndtri
 
-    spline = make_interp_spline(np.linspace(-_SCORE, _SCORE, quantiles.size), quantiles, k=7)
-    octave = 2.0 ** (np.arange(_OCTAVES)[:, None] - 33)
-    edges = octave * (1 + np.arange(1 << _SHARED) / (1 << _SHARED))
-    score = ndtri(np.append(edges, 0.5))
+    nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
+    values = mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
+    spline = make_interp_spline(nodes, values, k=7)
+    score = ndtri(np.append(np.cumsum(np.append(2.0**-33, _widths()[:-1])), 0.5))
     steep = np.sqrt(2 * np.pi) * np.exp(score * score / 2)  # change of the score
-    width = np.broadcast_to(octave / (1 << _SHARED), edges.shape).ravel()
-    table = np.empty((2, width.size, 4))
-    for upper, sign in enumerate((1, -1)):
-        value, change = spline(sign * score), sign * spline(sign * score, 1) * steep
-        (a, b), (c, d) = (value[:-1], value[1:]), (change[:-1] * width, change[1:] * width)
-        table[upper] = np.stack([a, c, 3 * (b - a) - 2 * c - d, c + d - 2 * (b - a)], axis=1)
-    return table
+    ends = [[spline(z), sign * spline(z, 1) * steep] for sign in (1, -1) for z in (sign * score,)]
+    return np.array(ends)
+
+
+def _widths() -> Values:
+    """Probability of each cell of an end, from 2^-33 to the median."""
+    return np.repeat(2.0 ** (np.arange(_OCTAVES) - 33 - _SHARED), 1 << _SHARED)
+
+
+def _table(edges: Values) -> Values:
+    """`Law.table` from `_edges`."""
+    value, change, width = edges[:, 0], edges[:, 1], _widths()
+    (a, b), (c, d) = (value[:, :-1], value[:, 1:]), (change[:, :-1] * width, change[:, 1:] * width)
+    return np.stack([a, c, 3 * (b - a) - 2 * c - d, c + d - 2 * (b - a)], axis=2)
 
 
 @lru_cache(maxsize=8)
@@ -207,7 +209,7 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) 
     else:
         kind = _NORMAL if sigma > 0 else _FIXED
     if kind == _TABLE:
-        table = _table(kept("law", (q, sigma), (__file__,), lambda: _quantiles(q, sigma)))
+        table = _table(kept("law", (q, sigma), (__file__,), lambda: _edges(q, sigma)))
         table[..., 0] += shift
     return Law(kind, q + shift, sigma, table, functions)
 
