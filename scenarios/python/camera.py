@@ -94,7 +94,7 @@ class Camera(Called, Generic[S]):
         tolerance: float = ..., seed: int = ..., device: str | None = ..., illuminance: str = ...,
         **keys: Any,
     ) -> None: ...  # fmt: skip
-    @in_python
+    @in_python(section="sensor")
     def __init__(
         self, chip: str = "spiketwo", *, readout: str | None = None, tolerance: float = 1e-3,
         seed: int = 1, device: str | None = None, tier: Tier | None = None,

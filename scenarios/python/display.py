@@ -92,7 +92,7 @@ class Display(Called):
         InputError: A key or value that the display does not have.
     """
 
-    @in_python
+    @in_python(section="display")
     def __init__(self, drive: str = "causal", *, device: str | None = None, **keys: Any) -> None:
         given = {f"display.{key}": value for key, value in {"drive": drive, **keys}.items()}
         _, scenario = load("playback", assignments_of(given))

@@ -48,7 +48,7 @@ class Link(Called):
         InputError: A key or value that the link does not have, or a link that cannot be simulated.
     """
 
-    @in_python
+    @in_python(section="link")
     def __init__(
         self, *, size: int = SIZE, tolerance: float | None = None, seed: int | None = None,
         device: str | None = None, **keys: Any,

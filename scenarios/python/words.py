@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar, overload
 
 from cosim import InputError, Interrupted
 
@@ -32,6 +32,7 @@ _RULES: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
         lambda found: found[1].replace("-", "_"),
     ),
 )
+_KEY = re.compile(r'\*\*\{"([\w.]+)": ("[^"]*")\}')
 _COMMAND = re.compile(r"(viform [a-z][^,;`]*)")
 
 
@@ -48,8 +49,36 @@ def python_words(text: str) -> str:
     return "".join(parts)
 
 
-def in_python(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """The function, whose InputError and Interrupted speak of arguments."""
+def _in_section(text: str, section: str) -> str:
+    """A text in `python_words` for an object that takes the keys of a section without its name."""
+
+    def own(found: re.Match[str]) -> str:
+        key, value = found[1].removeprefix(f"{section}."), found[2]
+        if key == "scene.illuminance":
+            key = "illuminance"
+        return f"{key}={value}" if key.isidentifier() else f'**{{"{key}": {value}}}'
+
+    return _KEY.sub(own, text)
+
+
+@overload
+def in_python(function: Callable[_P, _R], /) -> Callable[_P, _R]: ...
+@overload
+def in_python(*, section: str) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]: ...
+def in_python(
+    function: Callable[_P, _R] | None = None, /, *, section: str = ""
+) -> Callable[_P, _R] | Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+    """Decorator of a function whose InputError and Interrupted speak of arguments. section: that
+    whose keys are its arguments, without its name; "" for whole keys."""
+    if function is None:
+        return lambda function: _speaking(function, section)
+    return _speaking(function, section)
+
+
+def _speaking(function: Callable[_P, _R], section: str) -> Callable[_P, _R]:
+    def words(text: str) -> str:
+        text = python_words(text)
+        return _in_section(text, section) if section else text
 
     @wraps(function)
     def called(*args: _P.args, **kwargs: _P.kwargs) -> _R:
@@ -57,11 +86,11 @@ def in_python(function: Callable[_P, _R]) -> Callable[_P, _R]:
             return function(*args, **kwargs)
         except InputError as exc:
             # What was given is the user's own text.
-            exc.what, exc.must, exc.remedy = map(python_words, (exc.what, exc.must, exc.remedy))
+            exc.what, exc.must, exc.remedy = map(words, (exc.what, exc.must, exc.remedy))
             exc.args = (exc.what, exc.must, exc.actual, exc.remedy, *exc.args[4:])
             raise
         except Interrupted as exc:
-            exc.remedy = python_words(exc.remedy)
+            exc.remedy = words(exc.remedy)
             exc.args = (exc.done, exc.total, exc.remedy, exc.unit)
             raise
 

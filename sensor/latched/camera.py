@@ -110,9 +110,10 @@ class SpikeCamera:
                 if following is not None:
                     given = light(following)
                     gathered = self._gathered(given, following)
-            finally:
-                part = end()
-            yield part
+            except BaseException:
+                self._finish()
+                raise
+            yield end()
 
     def _gathered(self, light: Light, block: Block) -> Light:
         """The light that pixels gather in a block: after cross-talk and drift. Blocks follow each
@@ -130,26 +131,23 @@ class SpikeCamera:
         """Begins a block, where the tier can. The result ends it and returns the bits; it must be
         called, as a device writes into memory of the host until then."""
         start, cycles = block.start, block.cycles
-        pixels: Any = self._pixels
-        if pixels is not None and hasattr(pixels, "launch"):
-            wait = pixels.launch(gathered, start, cycles)
-        elif pixels is not None:
-
-            def wait() -> Any:
-                return pixels.expose(gathered, start, cycles)
-
-        else:
-
-            def wait() -> Any:
-                return np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
+        launch = getattr(self._pixels, "launch", None)
+        launched = None if launch is None else launch(gathered, start, cycles)
 
         def end() -> Viform:
             fine: list[tuple[Any, Any]] = []
             try:
                 if self._fine is not None:
                     fine = self._fine.step(light, start, cycles)
-            finally:
-                words = wait()
+            except BaseException:
+                self._finish()
+                raise
+            if launched is not None:
+                words = launched()
+            elif self._pixels is not None:
+                words = self._pixels.expose(gathered, start, cycles)
+            else:
+                words = np.zeros((words_for(cycles), self.shape[0] * self.shape[1]), np.uint32)
             if fine and not words.flags.writeable:
                 words = np.array(words)
             for numbers, some in fine:
@@ -157,6 +155,12 @@ class SpikeCamera:
             return Viform(words.reshape(-1, *self.shape), cycles, self._clock, start)
 
         return end
+
+    def _finish(self) -> None:
+        """Waits until a device no longer writes what `_begin` has begun."""
+        finish = getattr(self._pixels, "finish", None)
+        if finish is not None:
+            finish()
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,)."""

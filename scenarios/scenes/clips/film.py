@@ -74,7 +74,7 @@ class FilmSource:
         self._timeline = self._clip.timeline if rate is None else None
         self._planes: dict[int, Plane] = {}
         self._pieces: dict[int, Piece] = {}
-        self._held = False
+        self._held, self._given = False, clip is not None
         self.degraded: list[str] = []
         self.notes = list(self._clip.notes) if clip else self._clip.notes
         if not clip_rate:
@@ -162,7 +162,7 @@ class FilmSource:
             begin = self._edge(n) if self._rate else -self._start
             last = self._lit(n + 1) if self._rate else None
             if last is None:
-                self._note_end(begin)
+                self._note_end(n, begin)
                 last, stop = first, _FOREVER
             else:
                 stop = self._edge(n + 1)
@@ -170,8 +170,10 @@ class FilmSource:
             self._pieces[n] = Piece(begin, stop, first, last)
         return self._pieces[n]
 
-    def _note_end(self, begin: int) -> None:
-        if self._rate and self._stop > begin and not self._held:
+    def _note_end(self, n: int, begin: int) -> None:
+        # Frames that were given last as long as they say: the last one as any other.
+        until = self._edge(n + 1) if self._given and self._rate else begin
+        if self._rate and self._stop > until and not self._held:
             self._held = True
             if begin <= 0:
                 self.degraded.append(

@@ -291,9 +291,13 @@ class FastPixels:
         fault = np.empty(1, np.int32)
 
         def wait() -> npt.NDArray[np.uint32]:
-            fetched = self._device.fetch(self._fault, fault)
-            for words, part in targets:
-                self._device.settle(words, part)
+            try:
+                fetched = self._device.fetch(self._fault, fault)
+                for words, part in targets:
+                    self._device.settle(words, part)
+            except BaseException:
+                self._device.finish()
+                raise
             del fetched
             if fault[0]:
                 self._fault = self._device.upload(np.zeros(1, np.int32))
@@ -314,6 +318,10 @@ class FastPixels:
             self._device.finish()
             raise
         return wait
+
+    def finish(self) -> None:
+        """Waits for what `launch` has begun, whose words are dropped."""
+        self._device.finish()
 
     def _run(
         self, course: Course, before: dict[int, tuple[Plane, Any]], begin: int, cycles: int,

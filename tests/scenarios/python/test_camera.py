@@ -387,3 +387,23 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
             call()
         assert "\n" not in str(raised.value) and "--" not in str(raised.value)
     assert f"64 x 48 pixels at 40 kHz, {readout}" in repr(camera) and "closed" in repr(closed)
+
+
+@pytest.mark.parametrize(
+    ("keys", "remedy"),
+    [
+        ({"readout": "async"}, 'write readout="synchronous"'),
+        ({"threshold": "1000"}, 'write threshold="1000 e"'),
+        ({"illuminance": "50"}, 'write illuminance="700 lux"'),
+    ],
+)
+def test_what_an_error_says_to_write_is_an_argument(keys: dict[str, str], remedy: str) -> None:
+    with pytest.raises(viform.InputError) as refused:
+        viform.Camera(**keys)  # type: ignore[call-overload]
+    assert refused.value.remedy == remedy
+
+
+def test_frames_last_as_long_as_they_say() -> None:
+    """The last one as any other: nothing is lacking."""
+    seen = viform.Camera(**SMALL).film(frames(), 2000)
+    assert seen.degraded == () and not any("held" in note for note in seen.notes)
