@@ -22,7 +22,6 @@ DECODING: Final = {"max_pixels": str(MOST_PIXELS)}
 CONVERTING: Final = {"threads": 1}
 """Options of the conversion of a frame. With more, each frame that is kept would keep threads of
 its own; a forked process has none of them, and would wait for ever to free the frame."""
-
 _BYTES: Final = 40
 """Bytes that a picture takes for each pixel while it is read, at most: decoded, with 16 bits of
 three colours, and as three float32 twice."""
