@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from scenarios.scenes.clips.fitted import LUMINANCE, Fit
+from scenarios.scenes.clips.fitted import CONVERTING, LUMINANCE, Fit
 
 __all__ = ["GREY_OF_TIFF", "SRGB", "Coded", "float_values", "is_of_floats", "transfer_curve"]
 
@@ -184,10 +184,10 @@ class Coded:
         weights = LUMINANCE if matrix is None else LUMINANCE @ matrix
         clear = None
         if frame.format.name == "pal8" or any(part.is_alpha for part in parts):
-            rgba = frame.to_ndarray(format="rgba")
+            rgba = frame.to_ndarray(format="rgba", **CONVERTING)
             clear = rgba if rgba[..., 3].min(initial=255) < 255 else None
         if deep or self._coloured:
-            light = curve[frame.to_ndarray(format="rgb48le" if deep else "rgb24")]
+            light = curve[frame.to_ndarray(format="rgb48le" if deep else "rgb24", **CONVERTING)]
             if not self._coloured:
                 light = light @ weights
             elif matrix is not None:
@@ -196,7 +196,9 @@ class Coded:
                 alpha = clear[..., 3] / np.float32(255)
                 light *= alpha[..., None] if self._coloured else alpha
         else:
-            picture = frame.to_ndarray(format="rgb24") if clear is None else clear
+            picture = clear
+            if picture is None:
+                picture = frame.to_ndarray(format="rgb24", **CONVERTING)
             light = _luminance(picture, curve, weights)
         if clear is not None:
             self._note(f"{self._name}: transparent parts are black")

@@ -13,12 +13,15 @@ from cosim.compute.memory import check_memory
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.filtered import AS_STORED, Pose, upright
 
-__all__ = ["DECODING", "LUMINANCE", "MOST_PIXELS", "Fit"]
+__all__ = ["CONVERTING", "DECODING", "LUMINANCE", "MOST_PIXELS", "Fit"]
 
 MOST_PIXELS: Final = 1 << 26
 """Pixels of a picture, at most: twice those of 8K video (7680 x 4320)."""
 DECODING: Final = {"max_pixels": str(MOST_PIXELS)}
 """Options of FFmpeg: it refuses larger pictures when it has read their size."""
+CONVERTING: Final = {"threads": 1}
+"""Options of the conversion of a frame. With more, each frame that is kept would keep threads of
+its own; a forked process has none of them, and would wait for ever to free the frame."""
 _BYTES: Final = 40
 """Bytes that a picture takes for each pixel while it is read, at most: decoded, with 16 bits of
 three colours, and as three float32 twice."""

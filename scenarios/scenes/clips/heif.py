@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from scenarios.scenes.clips.coded import Coded
 from scenarios.scenes.clips.filtered import AS_STORED, Pose, pose_of
-from scenarios.scenes.clips.fitted import DECODING, Fit
+from scenarios.scenes.clips.fitted import CONVERTING, DECODING, Fit
 
 __all__ = ["Still", "decoded_still", "still_in"]
 
@@ -253,7 +253,9 @@ def decoded_still(
     items = dict.fromkeys(still.colours.items)
     light = _composed(still.colours, {item: coded.light(frames[item]) for item in items}, fit)
     if still.alpha is not None:
-        share = {item: frames[item].to_ndarray(format="gray") for item in still.alpha.items}
+        share = {
+            item: frames[item].to_ndarray(format="gray", **CONVERTING) for item in still.alpha.items
+        }
         alpha = _composed(still.alpha, share, fit) / np.float32(255)
         if alpha.shape == light.shape[:2] and alpha.min(initial=1) < 1:
             light = light * (alpha[..., None] if light.ndim == 3 else alpha)

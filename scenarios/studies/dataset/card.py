@@ -50,29 +50,34 @@ def write_annotations(
         with whole(places.folder / name) as part, part.open("w", encoding="utf-8") as file:
             file.write(f"{before}[")
             count = 0
-            for count, row in enumerate(_annotations(places, chosen), 1):
+            for count, (row, lengths) in enumerate(_annotations(places, chosen), 1):
                 text = dumps({"id": count, **row}).replace("\n", "\n    ")
+                # Most of the text, in a tenth of the time of `dumps`.
+                counts = ",".join(f"\n          {length}" for length in lengths)
+                text = text.replace('"counts": []', f'"counts": [{counts}\n        ]')
                 file.write(f"{',' if count > 1 else ''}\n    {text}")
             file.write(("\n  ]" if count else "]") + after)
 
 
-def _annotations(places: Places, items: Sequence[Item]) -> Iterator[dict[str, Any]]:
-    """The annotations of items, whose images are numbered from 1 on."""
+def _annotations(
+    places: Places, items: Sequence[Item]
+) -> Iterator[tuple[dict[str, Any], list[int]]]:
+    """The annotations of items, whose images are numbered from 1 on, and the run lengths of each,
+    which the annotation lacks."""
     first = 1
     for item in items:
         document = read_document(places.document(item), "dataset")
         numbers = {cycle: first + n for n, cycle in enumerate(document["instants"])}
         first += len(numbers)
         for row in document["objects"]:
-            yield {
+            annotation = {
                 "image_id": numbers[row["cycle"]],
                 "category_id": CATEGORIES.index(row["category"]) + 1, "bbox": row["bbox"],
                 "area": row["area"], "iscrowd": 0,
                 "track_id": _TRACKS * item.view + row["object"],
-                "segmentation": {
-                    "counts": row["counts"], "size": [document["height"], document["width"]]
-                },
+                "segmentation": {"counts": [], "size": [document["height"], document["width"]]},
             }  # fmt: skip
+            yield annotation, row["counts"]
 
 
 def write_sums(places: Places, known: Mapping[str, str]) -> str:

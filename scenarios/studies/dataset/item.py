@@ -13,7 +13,7 @@ from cosim.compute.opencl import shared_device
 from cosim.files import open_stream, write_stream
 from cosim.files.durable import put
 from cosim.run.inputs import digest
-from cosim.run.machine import Options
+from cosim.run.machine import NO_REPORT, Options
 from cosim.run.progress import QuietProgress
 from cosim.run.result import Metric, dumps
 from cosim.spikes.viform import SpikeStream, count_spikes
@@ -106,8 +106,9 @@ def _make(
 def _run(item: Item, device: str | None, parts: Path) -> tuple[SpikeStream, dict[str, Any]]:
     """The stream of a run, whose error is measured, and what its result states."""
     done = run_scenario(
-        item.name, item.scenario, parts / "run", options=Options(device, False, None, "raw"),
-        progress=QuietProgress(), began=time.perf_counter(), report=lambda machine, run: [],
+        item.name, item.scenario, parts / "run",
+        options=Options(device, store="raw", report=NO_REPORT), progress=QuietProgress(),
+        began=time.perf_counter(),
     )  # fmt: skip
     result = json.loads(dumps(done.result.document()))
     metrics = {k: v for k, v in result["metrics"].items() if k not in _TIMED}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from threading import Thread
 from typing import Any
@@ -49,6 +50,17 @@ def test_the_passes_of_a_run_over_a_clip_decode_and_fit_each_frame_once(tmp_path
     for first, other in zip(passes[0], passes[2], strict=True):
         edge = first.pieces[0].start
         np.testing.assert_array_equal(first.at(edge), other.at(edge))
+
+
+def test_kept_frames_keep_no_threads(tmp_path, make_clip):
+    """In a forked process they would be freed without them, and FFmpeg would wait for ever."""
+    colours = np.random.default_rng(3).integers(0, 256, (12, *SHAPE, 3), np.uint8)
+    clip = Clip(make_clip(tmp_path / "a.mkv", colours), SHAPE)
+    threads = []
+    for n in range(2, 12):
+        assert clip.frame(n) is not None
+        threads.append(len(os.listdir("/proc/self/task")))
+    assert kept.bytes_kept() > 12 * PLANE and threads[-1] <= threads[0]
 
 
 def test_another_grid_takes_the_decoded_frames(tmp_path, make_clip, work):
