@@ -139,6 +139,8 @@ class Decoder:
         try:
             if not self._path.is_file():
                 raise self._fit.bad("not a file" if self._path.exists() else "no such file")
+            if self._kept.changed:  # some of its frames are those of another file
+                raise self._fit.bad("a file that has changed since its first frames were read")
             container = av.open(str(self._path), options=DECODING)
             if not container.streams.video or container.format.name == "tty":  # a text file
                 container.close()

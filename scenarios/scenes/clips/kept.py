@@ -66,6 +66,9 @@ class Fitted:
 class KeptFile:
     """What is kept of a file.
 
+    Args:
+        path: the file.
+
     Attributes:
         lock: held by who decodes or converts one of its frames: a decoded frame is converted by one
             thread at a time.
@@ -75,7 +78,8 @@ class KeptFile:
         bytes: of its frames; None if nothing is kept of it any more.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
+        self._path, self._known = path, _named(path)
         self.lock = RLock()
         self.opened: Opened | None = None
         self.count: int | None = None
@@ -83,6 +87,11 @@ class KeptFile:
         self.bytes: int | None = None
         self._frames: dict[int, Any] = {}
         self._fitted: dict[Any, Fitted] = {}
+
+    @property
+    def changed(self) -> bool:
+        """Whether the path names another file by now, or this one with other content."""
+        return _named(self._path) != self._known
 
     def frame(self, n: int) -> Any | None:
         """Decoded frame n; None if it is not kept."""
@@ -96,6 +105,7 @@ class KeptFile:
         """Keeps frame n on a grid, if there is room, and then as it was decoded, unless that is the
         larger one: another grid may need it."""
         size = fitted.plane.nbytes
+        fitted.plane.setflags(write=False)  # who changed it would change what others are given
         decoded = sum(plane.buffer_size for plane in frame.planes)
         with _CACHE.lock:
             if _CACHE.room(self, size):
@@ -118,9 +128,12 @@ class _Cache:
         self._files: OrderedDict[Any, KeptFile] = OrderedDict()
         self.bytes = 0
 
-    def file(self, key: Any) -> KeptFile:
+    def file(self, path: Path) -> KeptFile:
+        key = _named(path)
         with self.lock:
-            found = self._files.setdefault(key, KeptFile())
+            found = self._files.get(key)
+            if found is None:
+                found = self._files[key] = KeptFile(path)
             found.bytes = found.bytes or 0
             self._files.move_to_end(key)
             if len(self._files) > _FILES:
@@ -156,15 +169,18 @@ class _Cache:
 _CACHE = _Cache()
 
 
-def kept_file(path: Path) -> KeptFile:
-    """What is kept of a file as it now is; nothing of a path that cannot be read."""
+def _named(path: Path) -> tuple[Any, ...] | None:
+    """What names a file as it now is; None for a path that cannot be read."""
     try:
         file = path.stat()
     except OSError:
-        return KeptFile()
-    return _CACHE.file(
-        (str(path.absolute()), file.st_ino, file.st_mtime_ns, file.st_ctime_ns, file.st_size)
-    )
+        return None
+    return str(path.absolute()), file.st_ino, file.st_mtime_ns, file.st_ctime_ns, file.st_size
+
+
+def kept_file(path: Path) -> KeptFile:
+    """What is kept of a file as it now is; nothing of a path that cannot be read."""
+    return KeptFile(path) if _named(path) is None else _CACHE.file(path)
 
 
 def bytes_kept() -> int:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim import Block, Clock
+from cosim import Block, Clock, InputError
 from scenarios.scenes.clips import kept
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.decoder import Decoder
@@ -130,3 +130,21 @@ def test_threads_that_film_one_clip_have_the_same_frames(tmp_path, make_clip, wo
     assert len(found) == 4 and work.count("fit") == 12
     for planes in found:
         np.testing.assert_array_equal(planes, found[0])
+
+
+def test_frames_of_two_files_are_never_mixed(tmp_path, make_clip):
+    """A clip of which frames are kept is opened when one is missing, and may be another by then."""
+    path = make_clip(tmp_path / "a.mkv", NOISE)
+    before = [Clip(path, SHAPE).frame(n) for n in range(12)]
+    clip = Clip(path, SHAPE)  # opens nothing
+    np.testing.assert_array_equal(clip.frame(3), before[3])
+    os.replace(make_clip(tmp_path / "b.mkv", NOISE[::-1]), path)
+    kept.forget_frames()
+    with pytest.raises(InputError, match="changed since its first frames were read"):
+        clip.frame(5)
+
+
+def test_kept_frames_cannot_be_changed(tmp_path, make_clip):
+    clip = Clip(make_clip(tmp_path / "a.mkv", NOISE), SHAPE)
+    with pytest.raises(ValueError, match="read-only"):
+        clip.frame(0)[:] = 0
