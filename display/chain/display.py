@@ -113,9 +113,7 @@ class DisplayChain:
         which needs a minute of light, if wanted."""
 
         def told(done: int, total: int) -> None:
-            progress.tell(
-                f"images and report: probes of blur, flicker and delay, {done} of {total}"
-            )
+            progress.tell(f"probes of blur, flicker and delay: {done} of {total}")
 
         return kept_probes(
             camera, self.panel, self.section.reference_panels(), camera.seed,

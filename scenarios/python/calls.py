@@ -52,12 +52,13 @@ class Called:
             name = type(self).__name__
             raise InputError(f"the {name.lower()}", "open", "closed", f"make another {name}")
 
-    def _number(self, call: int | None) -> int:
-        """The number of a call: the next one, or a given one. Raises InputError."""
+    def _number(self, call: int | None, name: str = "call") -> int:
+        """The number of a call: the next one, or a given one, by the name of its argument. Raises
+        InputError."""
         self._check_open()
         if call is not None:
             if not is_whole(call) or not 0 <= call < 2**64:
-                raise InputError("call", "a whole number from 0", quote(call), "change it")
+                raise InputError(name, "a whole number from 0", quote(call), "change it")
             return int(call)
         with self._lock:
             self._calls += 1

@@ -141,6 +141,7 @@ class Camera(Called, Generic[S]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the camera is made anew; its calls are counted from 0."""
+        self._check_open()
         return Camera.of, self._made
 
     @property
@@ -301,7 +302,7 @@ class Camera(Called, Generic[S]):
         Yields:
             The spikes of a clip, and its true light at the instants: (n, H, W) float32, white = 1.
         """
-        rate, begin, every = rate_of(frame_rate), self._number(first), _every(check)
+        rate, begin, every = rate_of(frame_rate), self._number(first, "first"), _every(check)
         self._lens(white_rate)
         if not isinstance(clips, Iterable):
             raise InputError("clips", "frames of several clips", quote(clips), "give a list")

@@ -119,6 +119,7 @@ class Display(Called):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the display is made anew."""
+        self._check_open()
         return Display.of, self._made
 
     @property

@@ -65,6 +65,8 @@ def film(
     """
     if resume and out is None:
         raise InputError("resume", "given with out", "alone", "add out and the folder")
+    if report != "page" and out is None:
+        raise InputError("report", "given with out", "alone", "add out and the folder")
     own: dict[str, Any] = {} if chip is None else {"sensor.chip": chip}
     rate = None if frame_rate is None else rate_of(frame_rate)
     with TemporaryDirectory(prefix="viform-") as folder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from numbers import Real
@@ -74,8 +75,12 @@ def _check_light(values: npt.NDArray[Any]) -> None:
 
 def _checked(frames: Any) -> Iterator[npt.NDArray[Any]]:
     """The frames one by one, all of one shape and type. Raises InputError, also for no frame."""
+    if isinstance(frames, (str, os.PathLike)):
+        raise InputError(
+            "frames", "arrays", f"the path {quote(frames)}", "use viform.film for files"
+        )
     if not isinstance(frames, Iterable):
-        raise InputError("frames", "arrays (H, W)", type(frames).__name__, "give frames or a path")
+        raise InputError("frames", "arrays (H, W)", type(frames).__name__, "give frames")
     if isinstance(frames, np.ndarray) and frames.ndim < 3:
         raise InputError(
             "frames", "an array (T, H, W) or (T, H, W, 3), or a list of frames", f"{frames.shape}",

@@ -95,6 +95,7 @@ class Link(Called):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the link is set up anew; its calls are counted from 0."""
+        self._check_open()
         return Link.of, self._made
 
     @property

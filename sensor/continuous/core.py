@@ -137,7 +137,7 @@ class IntensityCamera:
         """
         if check:
             raise InputError(
-                "check", "False with readout = continuous, which leaves nothing out", "given",
+                "check", "False with readout = continuous, which leaves nothing out", "True",
                 "leave it out",
             )  # fmt: skip
         pixels, collected = self.pixels(number), Collected(self.most)

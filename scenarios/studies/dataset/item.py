@@ -55,7 +55,10 @@ def make_item(
         for part, name in made.items():
             place = places.folder / name
             place.parent.mkdir(parents=True, exist_ok=True)
-            rmtree(place, ignore_errors=True)  # an item that was damaged has a folder of truth
+            if place.is_dir() and not place.is_symlink():  # of an item that was damaged
+                rmtree(place, ignore_errors=True)
+            else:  # `put` replaces a file by a file alone
+                place.unlink(missing_ok=True)
             put(part, place)
         write_document(places.document(item), document)
     finally:

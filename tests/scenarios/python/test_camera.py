@@ -403,6 +403,17 @@ def test_what_an_error_says_to_write_is_an_argument(keys: dict[str, str], remedy
     assert refused.value.remedy == remedy
 
 
+def test_what_is_closed_does_not_go_to_other_processes_and_files_are_no_frames() -> None:
+    camera = viform.Camera(**SMALL)
+    with pytest.raises(viform.InputError, match="use viform.film for files"):
+        camera.film("clip.mp4", 2000)  # type: ignore[arg-type]
+    with pytest.raises(viform.InputError, match="^first must be a whole number"):
+        camera.film_many([frames()], 2000, first="a")  # type: ignore[arg-type]
+    camera.close()
+    with pytest.raises(viform.InputError, match="make another Camera"):
+        pickle.dumps(camera)
+
+
 def test_frames_last_as_long_as_they_say() -> None:
     """The last one as any other: nothing is lacking."""
     seen = viform.Camera(**SMALL).film(frames(), 2000)
