@@ -118,6 +118,16 @@ class FineTiles:
         _restore([camera for *_, camera in self._parts], state)
 
 
+def _selecting(patches: npt.NDArray[np.bool_], size: tuple[int, int]) -> Callable[[Plane], Plane]:
+    """Reduces the light of all patches to that of some. size: of a patch with its border."""
+
+    def select(cut: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        some = cut.reshape(patches.size, *size)[patches]
+        return np.ascontiguousarray(some.reshape(-1, size[1]))
+
+    return select
+
+
 class MixedPatches:
     """A camera on patches, some of which a better tier simulates.
 
@@ -141,24 +151,15 @@ class MixedPatches:
         device: Device | None = None,
     ) -> None:
         self._camera = camera
-        self._size = plane.rows + 2, plane.columns + 2
+        size = plane.rows + 2, plane.columns + 2
         self._parts = []
         for tier, patches in fine.items():
             if patches.any():
                 tiles = np.array(plane.tiles)[patches].tolist()
                 part = PatchCamera(setting, PatchPlane(plane.grid, tiles), tier, device)
                 inside = np.repeat(patches, plane.rows * plane.columns)
-                self._parts.append((inside, PlaneMap(self._selecting(patches), None), part))
+                self._parts.append((inside, PlaneMap(_selecting(patches, size), None), part))
         self.bits = np.zeros(plane.numbers.size, np.int64)
-
-    def _selecting(self, patches: npt.NDArray[np.bool_]) -> Callable[[Plane], Plane]:
-        """Reduces the light of all patches to that of some."""
-
-        def select(cut: npt.NDArray[Any]) -> npt.NDArray[Any]:
-            some = cut.reshape(patches.size, *self._size)[patches]
-            return np.ascontiguousarray(some.reshape(-1, self._size[1]))
-
-        return select
 
     def step(self, light: Light, start: int, cycles: int) -> Words:
         """Words (ceil(cycles / 32), pixels) of the next cycles. light: cut by `PatchPlane.cut`."""

@@ -85,7 +85,13 @@ def test_a_call_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
     assert any("sensor.writes" in note for note in seen.notes) == (kind == "writes")
 
 
-@pytest.mark.parametrize("kind", UNLATCHED)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=[pytest.mark.slow] * (kind == "shared channel"))
+        for kind in UNLATCHED
+    ],
+)
 def test_a_call_of_pixels_without_a_latch_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
     keys, checks = UNLATCHED[kind], kind == "asynchronous"
     own = {f"sensor.{key}": value for key, value in {**SMALL, **keys}.items()}
