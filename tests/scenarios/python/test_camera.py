@@ -411,9 +411,9 @@ def test_what_an_error_says_to_write_is_an_argument(keys: dict[str, str], remedy
 
 def test_what_is_closed_does_not_go_to_other_processes_and_files_are_no_frames() -> None:
     camera = viform.Camera(**SMALL)
-    with pytest.raises(viform.InputError, match="use viform.film for files"):
+    with pytest.raises(viform.InputError, match=r"use viform\.film for files"):
         camera.film("clip.mp4", 2000)  # type: ignore[arg-type]
-    with pytest.raises(viform.InputError, match="^first must be a whole number"):
+    with pytest.raises(viform.InputError, match=r"^first must be a whole number"):
         camera.film_many([frames()], 2000, first="a")  # type: ignore[arg-type]
     camera.close()
     with pytest.raises(viform.InputError, match="make another Camera"):
