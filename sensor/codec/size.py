@@ -127,9 +127,9 @@ def measure_sizes(part: Viform, all_pixels: int, threshold: float, noise: float)
     with threads(_THREADS) as pool:
         zstd = pool.submit(zstd_size, part, 3)
         codes = (Code("repeat"), Code("line"), statistical)
-        coded = [size for size, _ in pool.map(partial(coded_size, part), codes)]
-        raw = part.shape[0] * part.shape[1]
-        return Sizes(min(zstd.result().values()), *coded, raw, all_pixels)
+        repeat, line, changes = (size for size, _ in pool.map(partial(coded_size, part), codes))
+        pixels = part.shape[0] * part.shape[1]
+        return Sizes(min(zstd.result().values()), repeat, line, changes, pixels, all_pixels)
 
 
 def size_metrics(sizes: Sizes) -> dict[str, Metric]:
