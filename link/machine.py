@@ -15,6 +15,7 @@ from cosim import Clock
 from cosim.compute.stopping import threads
 from cosim.config.toml import to_toml
 from cosim.files import Recorder
+from cosim.report.png import pictures_wanted
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.machine import Finding, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
@@ -135,7 +136,7 @@ class LinkMachine:
 
     def trial(self, progress: Progress) -> list[Finding]:
         self._checked = self._pool.submit(check_plan, self._link, self._beside)
-        if self._distances is None:
+        if self._distances is None and pictures_wanted():  # the report alone shows them
             self._distances = self._pool.submit(rates_over_distance, self._setup, self._beside)
         return []
 

@@ -20,7 +20,7 @@ from cosim.compute.stopping import undone
 from cosim.files import NOT_KEPT, storing
 from cosim.files.durable import sync_tree
 from cosim.files.whole import whole
-from cosim.report.figures import load_matplotlib
+from cosim.report.figures import load_ahead
 from cosim.report.png import pictures
 from cosim.run.folder import (
     REINSTATED,
@@ -105,8 +105,7 @@ def run_scenario(
         folder = stack.enter_context(claim_folder(name, out, options.resume))
         stack.enter_context(storing(options.store))
         stack.enter_context(undone(f"interrupted within a step; {how_to_resume(folder)}"))
-        if report is None and paged:
-            load_matplotlib()
+        load_ahead(figures=report is None and paged)
         machine, recording, reinstated = _record(machine, folder, options, progress)
         interrupted = stack.enter_context(noted_interrupts())
         finished = False

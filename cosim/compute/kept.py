@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 import os
 from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
@@ -18,14 +19,16 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.cache_folder import cache_folder
 
-__all__ = ["described", "kept", "sources_of"]
+__all__ = ["described", "kept", "kept_value", "sources_of"]
+
+_Value = TypeVar("_Value")
 
 _MOST: Final = 256
 """Number of files that are kept; beyond it the oldest are removed."""
@@ -96,6 +99,40 @@ def kept(
         with suppress(OSError):  # a full disk, or another user's folder
             _write(path, found)
     return found
+
+
+def kept_value(
+    name: str, arguments: Any, packages: tuple[str, ...], kind: Any, make: Callable[[], _Value]
+) -> _Value:
+    """As `kept` for a value of numbers and texts in dataclasses and tuples, computed by compiled
+    loops, whose sums may differ between processors.
+
+    Args:
+        name: of the value, for the name of its file.
+        arguments: on which it depends, see `described`; one that is made in each run if they cannot
+            be described.
+        packages: whose source files compute it.
+        kind: its type, with which pydantic reads it.
+        make: computes it.
+    """
+    from llvmlite.binding import get_host_cpu_name  # takes long to import, as pydantic does
+    from pydantic import TypeAdapter
+
+    try:
+        text = described(arguments)
+    except TypeError:
+        return make()
+    form: Any = TypeAdapter(kind)
+    made: list[_Value] = []
+
+    def packed() -> npt.NDArray[np.uint8]:
+        made.append(make())
+        return np.frombuffer(json.dumps(form.dump_python(made[0])).encode(), np.uint8)
+
+    own = text, get_host_cpu_name(), version("numba")
+    found = kept(name, own, sources_of(*packages), packed)
+    value: _Value = made[0] if made else form.validate_python(json.loads(found.tobytes()))
+    return value
 
 
 def _read(path: Path) -> npt.NDArray[Any] | None:

@@ -4,13 +4,14 @@ common colours."""
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,7 @@ __all__ = [
     "LINE",
     "MARK",
     "canvas_of",
-    "load_matplotlib",
+    "load_ahead",
     "overview_figure",
     "own_settings",
     "sheet_figure",
@@ -40,21 +41,31 @@ Picture = npt.NDArray[np.uint8]
 INK, LINE, MARK = "#1d2433", "#c8ccd4", "#d9480f"
 
 
+_TURN_S: Final = 0.0005
+"""How long the interpreter stays with one thread while modules are imported, s."""
 _SETTINGS = threading.RLock()
 _kept = ExitStack()
 _users = 0
 """The user's settings while ours hold, and the number of contexts in which they hold."""
 
 
-def load_matplotlib() -> None:
-    """Imports Matplotlib in a thread, for figures to come: the import takes 0.4 s of one core, and
-    a recording leaves some."""
+def load_ahead(*, figures: bool) -> None:
+    """Imports in a thread what a run needs: zarr, which its recorder waits for (0.13 s of one core)
+    and then Matplotlib for figures to come (0.4 s). A recording leaves some of the second core; its
+    threads take turns with the import, of `_TURN_S` each and not of 5 ms."""
 
     def load() -> None:
-        with suppress(InputError, ImportError, OSError):  # raised again where a figure is drawn
-            _matplotlib()
-            for name in ("matplotlib.figure", "matplotlib.backends.backend_agg"):
-                import_module(name)
+        turn = sys.getswitchinterval()
+        sys.setswitchinterval(min(turn, _TURN_S))
+        try:
+            with suppress(InputError, ImportError, OSError):  # raised again where it is used
+                import_module("zarr")
+                if figures:
+                    _matplotlib()
+                    for name in ("matplotlib.figure", "matplotlib.backends.backend_agg"):
+                        import_module(name)
+        finally:
+            sys.setswitchinterval(turn)
 
     threading.Thread(target=load, daemon=True).start()
 

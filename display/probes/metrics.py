@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, as_completed
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Any, Final, TypeVar
 
-import numpy as np
-import numpy.typing as npt
-from pydantic import TypeAdapter
-
 from cosim.compute.cores import cores
-from cosim.compute.kept import described, kept, sources_of
+from cosim.compute.kept import kept_value
 from cosim.compute.stopping import threads
 from cosim.run.result import Metric
 from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
@@ -123,28 +117,14 @@ def kept_probes(
     """`probe_display`, from an earlier run of the same camera and display if there is one: the
     results depend on these alone, and not on the scene. Those of a camera that cannot be described
     are computed."""
-    from llvmlite.binding import get_host_cpu_name  # imported with numba
 
     def make() -> Probes:
         return probe_display(
             camera, panel, references, seed, per_degree=per_degree, pst_lm=pst_lm, told=told
         )
 
-    try:
-        arguments = described((
-            camera.identity, panel, references, seed, per_degree, pst_lm, get_host_cpu_name(),
-            version("numba"),
-        ))  # fmt: skip
-    except TypeError:
-        return make()
-    rows = TypeAdapter(Probes)
-
-    def packed() -> npt.NDArray[np.uint8]:
-        text = json.dumps(rows.dump_python(make()))
-        return np.frombuffer(text.encode(), np.uint8)
-
-    found = kept("probes", (arguments,), sources_of("cosim", "display", "sensor"), packed)
-    return rows.validate_python(json.loads(found.tobytes()))
+    arguments = camera.identity, panel, references, seed, per_degree, pst_lm
+    return kept_value("probes", arguments, ("cosim", "display", "sensor"), Probes, make)
 
 
 def _rows(parts: Sequence[Future[list[_Row]]]) -> tuple[_Row, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
+from cosim.compute.kept import kept_value
 from cosim.compute.stopping import threads
 from cosim.spikes.viform import count_spikes
 from link.air import image_of
@@ -73,14 +74,18 @@ def _eye(setup: FileLinkSetup, stream: SpikeStream, received: Received) -> Eye |
 
 def closed_form(setup: FileLinkSetup, link: PlannedLink) -> CellErrors | None:
     """Predicted errors of the link's cells; None if the exact law of spikes does not apply. It
-    needs no reception, and takes about as long as one."""
+    needs no reception, and takes about as long as one: it is kept for the next run of the link."""
     mode, setting, scene = setup.mode, setup.setting, cell_scene(setup.setting)
     wide = scene.blur > mode.cell * scene.pixel
     if scene.reset != "hard" or wide or not panel_in_view(setting) or setting.aim.occluded > 0:
         return None
-    timing = true_timing(setting, link.make_air().row_delay, mode.ticks)
+    rows, symbols = link.make_air().row_delay, setup.sent.symbols
     of = chain_errors if mode.ticks == 1 else cell_errors
-    return of(cell_sight(setting, timing, setup.sent.symbols), mode)
+    return kept_value(
+        "cells", (setting, mode, rows, symbols), ("cosim", "sensor", "display", "link"),
+        CellErrors,
+        lambda: of(cell_sight(setting, true_timing(setting, rows, mode.ticks), symbols), mode),
+    )  # fmt: skip
 
 
 def _theory(

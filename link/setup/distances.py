@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from cosim import InputError
+from cosim.compute.kept import kept_value
 from cosim.run.progress import Progress
 from link.mode import Mode
 from link.setting import LinkSetting, link_setting
@@ -70,9 +71,19 @@ def _moved(setting: LinkSetting, distance: float) -> LinkSetting:
 
 def rates_over_distance(setup: FileLinkSetup, progress: Progress) -> list[RateAt]:
     """Returns the predicted rates at the run's distance and at OTHERS, in the order of distance.
-    Empty if the scenario gives the mode, which then is not chosen by pilots."""
+    Empty if the scenario gives the mode, which then is not chosen by pilots. They are kept for the
+    next run of the same link."""
     if setup.mode_given:
         return []
+    device = None if setup.device is None else setup.device.name
+    size, link = len(setup.payload.data), repr(setup.scenario.link)
+    return kept_value(
+        "distances", (link, setup.setting, setup.choice, setup.lock is None, size, device),
+        ("cosim", "sensor", "display", "link"), list[RateAt], lambda: _rates(setup, progress),
+    )  # fmt: skip
+
+
+def _rates(setup: FileLinkSetup, progress: Progress) -> list[RateAt]:
     here = setup.setting.air.distance
     near, far = span_of(setup.setting, setup.mode)
     others = np.geomspace(near, far, OTHERS) if far > near else np.empty(0)

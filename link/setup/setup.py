@@ -163,7 +163,7 @@ class ChosenLink:
 
 def choose_link(
     modem: Modem, setting: LinkSetting, steering: ClockSteering | None, tolerance: float, size: int,
-    device: Device | None, progress: Progress, adaptive: bool = True,
+    device: Device | None, progress: Progress, adaptive: bool = True, keeps: bool = False,
 ) -> ChosenLink:  # fmt: skip
     """Chooses the mode of a link and locks its clock.
 
@@ -172,13 +172,14 @@ def choose_link(
         size: of the file for which the mode is chosen, bytes.
         progress: of the pilots.
         adaptive: whether blocks can have a rate each.
+        keeps: whether what is found is kept for the next run of the same link.
 
     Raises:
         InputError: if the link cannot be simulated.
     """
     spent = Spent()
     mode, choice, locking = choose_and_lock(
-        modem, setting, steering, size, device, progress, spent, adaptive
+        modem, setting, steering, size, device, progress, spent, adaptive, keeps
     )
     setting = setting if locking is None else locking.setting
     return ChosenLink(modem, tolerance, steering, setting, mode, choice, device, spent, locking)
@@ -375,7 +376,7 @@ def set_up_link(
     payload, setting = payload_of(scenario), link_setting(scenario, camera)
     chosen = choose_link(
         scenario.link.modem, setting, steering_of(scenario.sensor), scenario.tolerance,
-        len(payload.data), choose_device(device), progress,
+        len(payload.data), choose_device(device), progress, keeps=True,
     )  # fmt: skip
     most = _symbols_in(scenario, chosen.setting, chosen.mode)
     made = chosen.file(payload, progress, most)

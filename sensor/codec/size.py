@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from numcodecs.zstd import Zstd
 
 from cosim import SpikeStream, Viform
+from cosim.compute.stopping import threads
 from cosim.run.result import Metric
 from cosim.spikes.viform import Words, unpack_planes
 from sensor.codec.coding import Code, encode
@@ -38,6 +40,8 @@ K = 3.0
 REFINE = 8
 """Widths in its means, which come far nearer to the light than the paper's single widths."""
 UNIT = "bit/pixel-cycle"
+_THREADS = 2
+"""That measure a size each: a code has the events of 512 cycles of the sample in memory."""
 _UNPACKED = 1024
 """Planes that are unpacked at a time, a byte a bit."""
 
@@ -120,14 +124,12 @@ def measure_sizes(part: Viform, all_pixels: int, threshold: float, noise: float)
         threshold, noise: electrons, what the statistical code takes for chance.
     """
     statistical = Code("statistical", K, max(threshold, 1e-3), min(noise, threshold), REFINE)
-    return Sizes(
-        min(zstd_size(part, 3).values()),
-        coded_size(part, Code("repeat"))[0],
-        coded_size(part, Code("line"))[0],
-        coded_size(part, statistical)[0],
-        part.shape[0] * part.shape[1],
-        all_pixels,
-    )
+    with threads(_THREADS) as pool:
+        zstd = pool.submit(zstd_size, part, 3)
+        codes = (Code("repeat"), Code("line"), statistical)
+        repeat, line, changes = (size for size, _ in pool.map(partial(coded_size, part), codes))
+        pixels = part.shape[0] * part.shape[1]
+        return Sizes(min(zstd.result().values()), repeat, line, changes, pixels, all_pixels)
 
 
 def size_metrics(sizes: Sizes) -> dict[str, Metric]:

@@ -16,15 +16,18 @@ model.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Final
+from threading import Lock
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
+from cosim.compute.kept import kept_value
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
@@ -39,7 +42,10 @@ from link.timing import Timing
 from sensor.device.steering import ClockSteering
 from sensor.latched.steering import ClockMoves
 
-__all__ = ["INTERVAL", "ClockLock", "Locking"]
+__all__ = ["INTERVAL", "SOURCES", "ClockLock", "Locking"]
+
+SOURCES: Final = ("cosim", "sensor", "display", "link")
+"""Packages that choose a mode and lock a clock."""
 
 INTERVAL: Final = 128
 """Ticks of the loop's interval. The spikes of its first WINDOW ticks give the correction that takes
@@ -60,6 +66,8 @@ _ROUGH: Final = 0.03
 """Largest standard error of a phase that is used, and error of the first one, ticks."""
 _SLIP: Final = 0.5
 """Largest move of an edge from the panel's clock, ticks: with a larger one the lock is lost."""
+_Measured = tuple[float, float] | None
+"""A phase and its standard error, ticks; None if nothing could be measured."""
 _IDLING: Final = -(1 << 60)
 """Time of a window before the recording, ps: long before any hidden span."""
 
@@ -100,6 +108,17 @@ class ClockLock:
 class Locking:
     """The loop over a link's run; see above. `choose_and_lock` makes it.
 
+    All but what it measures takes no time, so that a loop that `keeps` looks up the measurements of
+    an earlier run of the same link. What it would have learnt by them it learns when it has to
+    measure something new.
+
+    Args:
+        setting, mode: the link, with its own clocks.
+        steering: of the camera's clock.
+        detector: that of the receiver.
+        device: OpenCL device, None for numba.
+        keeps: whether measurements are kept between runs.
+
     Attributes:
         setting: the link, with the clock of the camera that follows the panel's; its ticks become
             those of the loop by `hold`.
@@ -107,8 +126,13 @@ class Locking:
 
     def __init__(
         self, setting: LinkSetting, mode: Mode, steering: ClockSteering, detector: str,
-        device: Device | None,
+        device: Device | None, keeps: bool = False,
     ) -> None:  # fmt: skip
+        self._made, self._keeps = (setting, mode, steering, detector, device), keeps
+        self._known: deque[_Measured] | None = None
+        self._found: list[_Measured] = []
+        self._learnt: Locking | None = None
+        self._learning = Lock()
         camera = setting.camera
         self._free, self._clock, self._panel = setting, camera.clock, setting.panel.clock
         self._model = PhaseModel(setting, mode, device)
@@ -148,7 +172,8 @@ class Locking:
         measure: returns the phase and its standard error, for the true phase and its growth.
         """
         truth = self._truth()
-        found = measure(*truth)
+        found = measure(*truth) if self._known is None else self._known.popleft()
+        self._found.append(found)
         if found is not None and found[1] > _SHARP:
             found = None
         self._rows.append((truth[0], *(found or (np.nan, np.nan))))
@@ -208,8 +233,46 @@ class Locking:
 
     def acquire(self) -> bool:
         """Locks the clock while the panel idles. Returns whether it is locked."""
+        if not self._keeps:
+            return self._acquired()
+        locked: list[bool] = []
+
+        def measure() -> tuple[_Measured, ...]:
+            locked.append(self._acquired())
+            return tuple(self._found)
+
+        found = self._kept("acquired", (), measure)
+        if not locked:
+            self._known = deque(found)
+            locked.append(self._acquired())
+        self._found.clear()
+        return locked[0]
+
+    def _kept(
+        self, what: str, more: tuple[Any, ...], measure: Callable[[], tuple[_Measured, ...]]
+    ) -> tuple[_Measured, ...]:
+        """What was measured, by an earlier run if there is one. more: arguments on which it depends
+        beyond those of the loop."""
+        *link, device = self._made
+        arguments = what, *link, None if device is None else device.name, *more
+        return kept_value("lock", arguments, SOURCES, tuple[_Measured, ...], measure)
+
+    def _experienced(self) -> Locking:
+        """The loop after an acquisition that it has measured itself."""
+        if self._known is None:
+            return self
+        with self._learning:
+            if self._learnt is None:
+                learnt = Locking(*self._made)
+                learnt._acquired()
+                learnt._found.clear()
+                self._learnt = learnt
+            return self._learnt
+
+    def _acquired(self) -> bool:
+        """`acquire`, with measurements of its own or those that are known."""
         self._interval(self._cold)
-        if self._levels is None:
+        if np.isnan(self._rows[-1][1]):
             return False
         near = 0
         while near < _TWICE:
@@ -219,8 +282,9 @@ class Locking:
             _, measured, _ = self._rows[-1]
             near = near + 1 if abs(measured) < _LOCKED else 0
         phase, growth = self._truth()
-        recording = self._model.film(self._sees.training, phase, growth, self._number, _IDLING)
-        self._sees.learn(recording, self._expected())
+        if self._known is None:
+            recording = self._model.film(self._sees.training, phase, growth, self._number, _IDLING)
+            self._sees.learn(recording, self._expected())
         self._origin = self._edges[-1]
         self._rows.clear()
         # The panel's clock, as the mean clock of a camera that follows it, only keeps moves small.
@@ -246,10 +310,25 @@ class Locking:
             measured: whether the last interval is measured as well, which no tick of the run
                 depends on.
         """
-        return self._copied()._held(setting, planes, progress, measured)
+        if not (self._keeps and measured):  # calls differ in their seeds: none comes again
+            return self._experienced()._copied()._held(setting, planes, progress, measured)
+        held: list[tuple[LinkSetting, ClockLock | None]] = []
+
+        def measure() -> tuple[_Measured, ...]:
+            other = self._experienced()._copied()
+            held.append(other._held(setting, planes, progress, measured))
+            return tuple(other._found)
+
+        found = self._kept("held", (setting, planes), measure)
+        if not held:
+            other = self._copied()
+            other._known = deque(found)
+            held.append(other._held(setting, planes, progress, measured))
+        return held[0]
 
     def _copied(self) -> Locking:
         other = copy(self)
+        other._found = []
         other._edges, other._rows = self._edges.copy(), self._rows.copy()
         other._loop, other._model = copy(self._loop), copy(self._model)
         other._sees = self._sees.copied()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, InputError
+from cosim.compute.kept import described
 from cosim.compute.opencl import Device
 from link.layout import TRAINING
 from link.mode import Mode
@@ -212,3 +214,36 @@ def test_data_are_not_decided_before_the_training_is_learned(shipped: LinkSettin
     recording = model.film(sees.training[:6], 0.0, 0.0, 0, 0)
     with pytest.raises(ValueError, match="before the training"):
         sees.decided(recording, model.timing(0.0, 0.0, 0.0), Levels(1.4, 0.02, "hard", 0.0), 6)
+
+
+def test_a_loop_that_keeps_its_measurements_has_the_same_ticks_and_learns_when_it_must(
+    device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VIFORM_CACHE", str(tmp_path))
+    filmed = []
+    film = PhaseModel.film
+    monkeypatch.setattr(PhaseModel, "film", lambda *given: filmed.append(1) or film(*given))
+    setting = setting_of(scenario_of("link.panel.phase=0.4"))
+
+    def hold(keeps: bool, seed: int | None = None) -> tuple[LinkSetting, ClockLock]:
+        locking = Locking(setting, MODE, BOARD, "joint", device, keeps)
+        assert locking.acquire()
+        own = locking.setting
+        if seed is not None:
+            own = replace(own, air=replace(own.air, seed=seed))
+        held, lock = locking.hold(own, 300, SilentProgress(), seed is None)
+        assert lock is not None
+        return held, lock
+
+    plain, first = hold(False), hold(True)
+    assert filmed
+    filmed.clear()
+    again = hold(True)
+    assert not filmed  # all of it was known
+    for setting_held, lock in (first, again):
+        assert described(setting_held) == described(plain[0])
+        assert lock.acquired == plain[1].acquired
+        for name in ("phase", "measured", "error", "truth"):
+            np.testing.assert_array_equal(getattr(lock, name), getattr(plain[1], name))
+    called, other = hold(True, seed=7), hold(False, seed=7)
+    assert described(called[0]) == described(other[0]) and filmed
