@@ -50,7 +50,7 @@ def described(value: Any) -> str:
     """
     if value is None or isinstance(value, str | bytes | int | float | Fraction | np.generic):
         return f"{type(value).__name__} {value!r}"
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         digest = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
         return f"{value.dtype.str} {value.shape} {digest}"
     if isinstance(value, Mapping):
@@ -64,7 +64,10 @@ def described(value: Any) -> str:
     if is_dataclass(value):
         parts = {field.name: getattr(value, field.name) for field in fields(value)}
         return f"{kind}{described(parts)}"
-    if getattr(value, "__dict__", None) == {}:
+    # A class in Python without state: not a function, which has no state of this form either.
+    plain = type(value).__new__ is object.__new__
+    slots = any(getattr(each, "__slots__", ()) for each in type(value).__mro__)
+    if plain and not slots and getattr(value, "__dict__", None) == {}:
         return kind
     raise TypeError(f"a value must be described by its content, not {kind}")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -96,8 +97,13 @@ def test_a_description_tells_apart_all_that_may_differ() -> None:
         {"part": one["part"], "tau": (1.0, 1, None, b"1", "1", True)},
     ):
         assert described(changed) != described(one)
-    with pytest.raises(TypeError, match="described by its content"):
-        described([object()])
+
+    class Slotted:
+        __slots__ = ("gain",)
+
+    for alike in (object(), len, lambda: 1, partial(max, 1), Slotted(), np.array([one])):
+        with pytest.raises(TypeError, match="described by its content"):
+            described([alike])
 
 
 def test_sources_are_those_of_all_folders_of_a_package() -> None:
