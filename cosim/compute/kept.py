@@ -65,7 +65,7 @@ def described(value: Any) -> str:
         parts = {field.name: getattr(value, field.name) for field in fields(value)}
         return f"{kind}{described(parts)}"
     # A class in Python without state: not a function, which has no state of this form either.
-    plain = type(value).__new__ is object.__new__
+    plain = getattr(type(value), "__new__", None) is object.__new__  # a function has its own
     slots = any(getattr(each, "__slots__", ()) for each in type(value).__mro__)
     if plain and not slots and getattr(value, "__dict__", None) == {}:
         return kind
