@@ -111,7 +111,7 @@ def kept_value(
     loops, whose sums may differ between processors.
 
     Args:
-        name: of the value, for the name of its file.
+        name: name of the value, for that of its file.
         arguments: on which it depends, see `described`; one that is made in each run if they cannot
             be described.
         packages: whose source files compute it.

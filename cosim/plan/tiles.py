@@ -50,8 +50,7 @@ class TileGrid:
     def reduce(self, plane: npt.NDArray[Any], how: np.ufunc) -> npt.NDArray[Any]:
         """`how` (np.minimum, np.maximum, np.logical_and, ...) over the pixels of each tile,
         (tiles,)."""
-        # Whole tiles as one array, which numpy reduces row by row; the rest as `reduceat` does it,
-        # which takes pixel by pixel.
+        # `reduceat` would take pixel by pixel where `reduce` takes whole rows.
         rows = _reduced(plane, how)
         return np.ascontiguousarray(_reduced(rows.T, how).T).ravel()
 

@@ -31,6 +31,7 @@ from link.prediction.light import cell_scene, cell_sight
 from link.prediction.rates import link_rates
 from link.receiving import Received
 from link.setting import LEAD
+from link.setup.locking.loop import SOURCES
 from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view, true_timing
 from link.theory import clopper_pearson
@@ -82,8 +83,7 @@ def closed_form(setup: FileLinkSetup, link: PlannedLink) -> CellErrors | None:
     rows, symbols = link.make_air().row_delay, setup.sent.symbols
     of = chain_errors if mode.ticks == 1 else cell_errors
     return kept_value(
-        "cells", (setting, mode, rows, symbols), ("cosim", "sensor", "display", "link"),
-        CellErrors,
+        "cells", (setting, mode, rows, symbols), SOURCES, CellErrors,
         lambda: of(cell_sight(setting, true_timing(setting, rows, mode.ticks), symbols), mode),
     )  # fmt: skip
 

@@ -19,6 +19,7 @@ from cosim.run.progress import Progress
 from link.mode import Mode
 from link.setting import LinkSetting, link_setting
 from link.setup.choosing import Choice
+from link.setup.locking.loop import SOURCES
 from link.setup.locking.model import at_lock
 from link.setup.modes import choose_mode
 from link.setup.setup import FileLinkSetup
@@ -79,7 +80,7 @@ def rates_over_distance(setup: FileLinkSetup, progress: Progress) -> list[RateAt
     size, link = len(setup.payload.data), repr(setup.scenario.link)
     return kept_value(
         "distances", (link, setup.setting, setup.choice, setup.lock is None, size, device),
-        ("cosim", "sensor", "display", "link"), list[RateAt], lambda: _rates(setup, progress),
+        SOURCES, list[RateAt], lambda: _rates(setup, progress),
     )  # fmt: skip
 
 

@@ -50,7 +50,7 @@ def film(
             if None.
         resume: whether the interrupted run in `out` goes on, with the same arguments; that of a
             complete one is opened.
-        report: of the run in `out`: page, or none for the result and the stream alone.
+        report: what the run in `out` makes: page, or none for the result and the stream alone.
         progress: whether progress is shown on standard error; None for on a terminal and in a
             notebook.
         **settings: keys of the scenario, such as duration="64 ms" or **{"sensor.width": 400}.

@@ -33,7 +33,7 @@ from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import Bounds
 from cosim.run.machine import BrokenPromise, Finding
 from cosim.spikes.viform import WORD, Viform, Words, words_for
-from cosim.stage import Block
+from cosim.stage import Block, blocks
 from sensor.latched.camera import SpikeCamera
 from sensor.latched.check.plan_check import PlanCheck
 from sensor.latched.check.samples import sample_tiles
@@ -169,7 +169,7 @@ class LatchedCamera:
         """The plan for a survey; equal ones share it.
 
         Args:
-            survey: of the scene.
+            survey: survey of the scene.
             spans: windows of images, which bounds of a run with register writes depend on.
             reinstated: what a check has put back: effects that are kept, and ARITHMETIC for the
                 exact tier.
@@ -308,11 +308,9 @@ class LatchedCamera:
             given = scene.step(None, block)
             return given if relay is None else relay(given)
 
-        blocks = [
-            Block(start, min(_TOGETHER, cycles - start)) for start in range(0, cycles, _TOGETHER)
-        ]
+        parts = list(blocks(cycles, _TOGETHER))
         seen = None if checking is None else checking.step
-        for block, part in zip(blocks, camera.each(blocks, lit, seen), strict=True):
+        for block, part in zip(parts, camera.each(parts, lit, seen), strict=True):
             here = words[block.start // WORD :][: len(part.words)]
             if not np.may_share_memory(part.words, here):
                 here[:] = part.words

@@ -45,7 +45,7 @@ from sensor.latched.steering import ClockMoves
 __all__ = ["INTERVAL", "SOURCES", "ClockLock", "Locking"]
 
 SOURCES: Final = ("cosim", "sensor", "display", "link")
-"""Packages that choose a mode and lock a clock."""
+"""Packages that choose a mode, lock a clock and predict what arrives."""
 
 INTERVAL: Final = 128
 """Ticks of the loop's interval. The spikes of its first WINDOW ticks give the correction that takes
@@ -114,8 +114,8 @@ class Locking:
 
     Args:
         setting, mode: the link, with its own clocks.
-        steering: of the camera's clock.
-        detector: that of the receiver.
+        steering: steering of the camera's clock.
+        detector: detector of the receiver.
         device: OpenCL device, None for numba.
         keeps: whether measurements are kept between runs.
 

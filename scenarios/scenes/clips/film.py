@@ -171,9 +171,10 @@ class FilmSource:
         return self._pieces[n]
 
     def _note_end(self, n: int, begin: int) -> None:
+        if not self._rate or self._held:
+            return
         # Frames that were given last as long as they say: the last one as any other.
-        until = self._edge(n + 1) if self._given and self._rate else begin
-        if self._rate and self._stop > until and not self._held:
+        if self._stop > (self._edge(n + 1) if self._given else begin):
             self._held = True
             if begin <= 0:
                 self.degraded.append(

@@ -75,7 +75,7 @@ class KeptFile:
         opened: None before it was opened.
         count: number of its frames; None before its end was reached.
         notes: what the user is told of decoding, each with the number of the frame.
-        bytes: of its frames; None if nothing is kept of it any more.
+        bytes: bytes of its frames; None if nothing is kept of it any more.
     """
 
     def __init__(self, path: Path) -> None:

@@ -180,9 +180,9 @@ def _edges(q: float, sigma: float) -> Values:
     nodes = np.linspace(-_SCORE, _SCORE, _NODES if q > 10 else 3 * _NODES)
     values = mixed_quantiles(q, sigma, nodes) if sigma > 0 else _gamma_quantiles(q, nodes)
     spline = make_interp_spline(nodes, values, k=7)
-    score = ndtri(np.append(np.cumsum(np.append(2.0**-33, _widths()[:-1])), 0.5))
+    score = ndtri(np.cumsum(np.append(2.0**-33, _widths())))  # the sums are exact, up to 1 / 2
     steep = np.sqrt(2 * np.pi) * np.exp(score * score / 2)  # change of the score
-    ends = [[spline(z), sign * spline(z, 1) * steep] for sign in (1, -1) for z in (sign * score,)]
+    ends = [[spline(s * score), s * spline(s * score, 1) * steep] for s in (1, -1)]
     return np.array(ends)
 
 
