@@ -15,12 +15,39 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 
-__all__ = ["Box", "Light", "Piece", "Plane"]
+__all__ = ["Box", "Light", "Piece", "Plane", "Scaled"]
 
 Plane = npt.NDArray[np.float32]
 """(height, width) float32."""
 Box = tuple[int, int, int, int]
 """(y0, y1, x0, x1): rows y0 to y1 and columns x0 to x1, without the ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """A plane times a factor, which is multiplied where the light is read: in a kernel, or by numpy
+    where it is taken as an array.
+
+    Attributes:
+        plane: (H, W) float32.
+        factor: Product of float32.
+    """
+
+    plane: Plane
+    factor: np.float32
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H, W)."""
+        return self.plane.shape
+
+    @property
+    def ndim(self) -> int:
+        """2."""
+        return self.plane.ndim
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Plane:
+        return np.asarray(self.plane * self.factor, dtype)
 
 
 @dataclass(frozen=True, eq=False)

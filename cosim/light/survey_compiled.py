@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["widen", "widen_by_codes"]
+__all__ = ["most_of_tiles", "widen", "widen_by_codes"]
 
 
 @njit(cache=True, nogil=True)
@@ -51,3 +51,29 @@ def _look_up(codes, curve, out):  # type: ignore[no-untyped-def]
     """Fills a row, (1, W), with the light of its codes."""
     for x in range(codes.size):
         out[0, x] = curve[codes[x]]
+
+
+@njit(cache=True, nogil=True)
+def most_of_tiles(plane, side, reach, out):  # type: ignore[no-untyped-def]
+    """Fills `out` with the most of each tile and of the pixels around it.
+
+    Args:
+        plane: (H, W) float32.
+        side: rows and columns of a tile.
+        reach: pixels around a tile that count.
+        out: (rows of tiles, columns of tiles) float32; the output.
+    """
+    height, width = plane.shape
+    line = np.empty(width, np.float32)
+    for row in range(out.shape[0]):
+        first = max(row * side - reach, 0)
+        line[:] = plane[first]
+        for y in range(first + 1, min((row + 1) * side + reach, height)):
+            here = plane[y]
+            for x in range(width):
+                line[x] = max(line[x], here[x])
+        for column in range(out.shape[1]):
+            most = line[max(column * side - reach, 0)]
+            for x in range(max(column * side - reach, 0), min((column + 1) * side + reach, width)):
+                most = max(most, line[x])
+            out[row, column] = most

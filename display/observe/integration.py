@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.cores import by_rows
 from display.observe.views import Observer
 
 __all__ = ["Gain", "LightPlanes", "ObserverImages", "Span", "reduced"]
@@ -84,7 +85,7 @@ def reduced(planes: npt.NDArray[Any], weights: npt.NDArray[np.float32], by: int)
     Raises:
         ValueError: `by` is out of range.
     """
-    from display.observe.row_kernels import add_reduced, by_rows  # imports numba, 0.4 s
+    from display.observe.row_kernels import add_reduced  # imports numba, 0.4 s
 
     height, width = planes.shape[1:]
     if not 1 <= by <= min(height, width):
@@ -230,7 +231,7 @@ class ObserverImages:
         counts = [len(weight) for *_, weight in taps]
         if not any(counts):
             return
-        from display.observe.row_kernels import add_images, by_rows  # imports numba, 0.4 s
+        from display.observe.row_kernels import add_images  # imports numba, 0.4 s
 
         plane, down, along = (np.concatenate([t[k] for t in taps]) for k in range(3))
         weight = np.concatenate([t[3] for t in taps]).astype(np.float32)

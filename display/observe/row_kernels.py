@@ -1,50 +1,14 @@
 """Compiled row kernels: integration of images, binary planes, and reduced pictures.
 
-Rows are distributed over threads, which run compiled functions without the interpreter lock. With
-numba's own threads (parallel=True), the compilation took three times as long.
+Rows are distributed over threads by `cosim.compute.cores.by_rows`.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-from itertools import pairwise
-from typing import Any, Final
-
 import numpy as np
 from numba import njit
 
-from cosim.compute.cores import cores
-
-__all__ = ["add_images", "add_reduced", "by_rows", "carry_errors"]
-
-
-_SMALL: Final = 1 << 13
-"""Values that one thread is through with before another has begun."""
-
-
-@cache
-def _threads() -> tuple[int, ThreadPoolExecutor]:
-    count = cores()
-    return count, ThreadPoolExecutor(count, thread_name_prefix="rows")
-
-
-os.register_at_fork(after_in_child=_threads.cache_clear)  # a fork does not copy threads
-
-
-def by_rows(function: Callable[..., None], rows: int, *arguments: Any) -> None:
-    """Calls function(first, stop, *arguments) for all rows, on all cores, or at once where there is
-    little to do. The rows must be independent."""
-    if arguments and max(map(np.size, arguments)) <= _SMALL:
-        function(0, rows, *arguments)
-        return
-    count, pool = _threads()
-    edges = [rows * k // count for k in range(count + 1)]
-    jobs = [pool.submit(function, a, b, *arguments) for a, b in pairwise(edges)]
-    for job in jobs:
-        job.result()
+__all__ = ["add_images", "add_reduced", "carry_errors"]
 
 
 @njit(cache=True, nogil=True)

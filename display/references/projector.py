@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Light, Piece, seconds_to_ps
+from cosim.compute.cores import by_rows
 from display.observe.integration import LightPlanes, Span
 from display.panels.panel import Projector
 
@@ -71,7 +72,7 @@ class ProjectorShow:
             yield LightPlanes(planes, spans)
 
     def _show(self, piece: Piece, at: list[int], planes: npt.NDArray[np.uint8]) -> None:
-        from display.observe.row_kernels import by_rows, carry_errors  # imports numba, 0.4 s
+        from display.observe.row_kernels import carry_errors  # imports numba, 0.4 s
 
         whole = piece.stop - piece.start
         part = np.array([(ps - piece.start) / whole for ps in at], np.float32)

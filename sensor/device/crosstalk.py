@@ -10,12 +10,17 @@ the same nine numbers. Beyond the array the border goes on, as over dummy pixels
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
+from cosim.compute.cores import by_rows
 from cosim.light.light import Box, Plane, PlaneMap
 
 __all__ = ["crosstalk_map", "side_share"]
+
+_LARGE: Final = 1 << 18
+"""Pixels from which a plane is mapped on all cores."""
 
 
 def side_share(crosstalk: float) -> float:
@@ -33,7 +38,7 @@ def crosstalk_map(crosstalk: float) -> PlaneMap:
     def part(plane: Plane, box: Box) -> Plane:
         y0, y1, x0, x1 = box
         out = np.empty((y1 - y0, x1 - x0), np.float32)
-        mix(plane, share, y0, x0, out)
+        by_rows(mix, y1 - y0, plane, share, y0, x0, out, least=_LARGE)
         return out
 
     return PlaneMap(lambda plane: part(plane, (0, plane.shape[0], 0, plane.shape[1])), 1, part)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
-
-from cosim.compute.cores import all_cores
+from numba import njit
 
 __all__ = ["mix"]
 
@@ -16,18 +14,17 @@ def _walk(share, before, here, after):  # type: ignore[no-untyped-def]
     return here + share * ((before - here) + (after - here))
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def mix(plane, share, y0, x0, out):  # type: ignore[no-untyped-def]
-    """Fills `out` with rows from y0 and columns from x0 of the plane's image: a step of the walk
-    along columns, then one along rows. Sums of differences: uniform light stays the same to the
-    last bit."""
+@njit(cache=True, nogil=True)
+def mix(begin, stop, plane, share, y0, x0, out):  # type: ignore[no-untyped-def]
+    """Fills the rows `begin` to `stop` of `out`, which has rows from y0 and columns from x0 of the
+    plane's image: a step of the walk along columns, then one along rows. Sums of differences:
+    uniform light stays the same to the last bit."""
     height, width = plane.shape
     count = out.shape[1]
-    for r in prange(out.shape[0]):
+    columns = np.empty(count + 2, np.float32)
+    for r in range(begin, stop):
         y = y0 + r
         line, above, below = plane[y], plane[max(y - 1, 0)], plane[min(y + 1, height - 1)]
-        columns = np.empty(count + 2, np.float32)
         for c, x in ((0, max(x0 - 1, 0)), (count + 1, min(x0 + count, width - 1))):
             columns[c] = _walk(share, above[x], line[x], below[x])
         # Slices of one length: the compiler vectorises these loops.

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from cosim.plan.effects import Summary
 from cosim.plan.planner import ESTIMATE_WEIGHT
 from sensor.latched.effects.windows import (
+    CHANCE,
     GAINS,
     crossing_error,
     ends_error,
@@ -172,9 +173,11 @@ def _subtracts_means(setting: CameraSetting, scene: Summary) -> npt.NDArray[np.b
     return np.asarray(over & falls & (setting.model.noisy or scene.dead > 0))
 
 
-def _phase_error(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
+def _phase_error(
+    setting: CameraSetting, scene: Summary, tier: Tier, chance: Values | None = None
+) -> Values:
     """Relative error of the rates of each tile, (tiles,), if phases are off by thresholds, rounding
-    and dead time. Rare events are limits, and count once."""
+    and dead time. Rare events are limits, and count once. chance: see `rare_error`."""
     walk = _walk(setting, scene, tier, scene.cycles)
     inside = _walk(setting, scene, tier, scene.window)
     dead = _dead_shift(setting, scene, scene.cycles, tier)
@@ -192,7 +195,7 @@ def _phase_error(setting: CameraSetting, scene: Summary, tier: Tier) -> Values:
     smooth = share_of_window(inside, scene) + np.maximum(few, at_once)
     smooth = smooth + ends_error(scene, walk + part * dead)
     moved = walk + ESTIMATE_WEIGHT * dead
-    rare = latch_error(scene, moved) + crossing_error(scene, moved)
+    rare = latch_error(scene, moved, chance) + crossing_error(scene, moved, chance)
     # A saturated pixel fires in every cycle; the fractions at the ends of a window remain.
     least = share_of_window(walk, scene)
     return ESTIMATE_WEIGHT * np.where(
@@ -253,9 +256,19 @@ def _moved_spikes(spread: float, low: Values, high: Values, charge: Values, cycl
     return cycles * np.minimum(high, 1) * np.minimum(2 * charge * density, 1)
 
 
-def fast_error(setting: CameraSetting, scene: Summary) -> Values:
+def fast_error(
+    setting: CameraSetting, scene: Summary, banked: npt.NDArray[np.bool_] | None = None
+) -> Values:
     """Relative RMS error of the rates of each tile in the fast tier against the reference,
     (tiles,); infinite where there is no bound.
+
+    Args:
+        setting: the camera with every effect.
+        scene: summary of the scene.
+        banked: (tiles,) tiles whose thresholds come from the bank; None for none. They have other
+            spikes than the reference in any case, with the same distribution. A rare event there is
+            neglected where a tile has it with a chance of CHANCE: on average it changes that part
+            of a spike. Elsewhere any tile of the scene may have it with this chance.
 
     It is the error of the exact tier, and the smaller of two values. The proof against the exact
     tier (sensor/latched/fast/bound.py) holds for the nominal pixel and assumes that all rounding
@@ -265,7 +278,10 @@ def fast_error(setting: CameraSetting, scene: Summary) -> Values:
     proof = ESTIMATE_WEIGHT * _fast_proof(setting, scene) + exact_error(setting, scene)
     if setting.reset != "residual":  # the rate is not smooth in the charge
         return proof
-    return np.minimum(proof, _phase_error(setting, scene, "fast"))
+    chance = None
+    if banked is not None:
+        chance = np.where(banked, CHANCE, CHANCE / banked.size)
+    return np.minimum(proof, _phase_error(setting, scene, "fast", chance))
 
 
 def _fast_proof(setting: CameraSetting, scene: Summary) -> Values:

@@ -17,7 +17,29 @@ from sensor.latched.fine_tiles import FineTiles
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, TierPixels, tier_pixels
 
-__all__ = ["SpikeCamera"]
+__all__ = ["Gathering", "SpikeCamera"]
+
+
+class Gathering:
+    """The light that pixels gather: after cross-talk and drift.
+
+    Args:
+        setting: setting of the camera.
+        tier: arithmetic of the pixels.
+        late: most time, ps, by which the light reaches a row later; see `row_delay` of
+            `SpikeCamera`.
+    """
+
+    def __init__(self, setting: CameraSetting, tier: Tier, late: int = 0) -> None:
+        self._light_map, self._gain, self._late = setting.light_map, setting.common_gain, late
+        self._products = tier == "fast" and not setting.writes
+
+    def __call__(self, light: Light, block: Block) -> Light:
+        """The light of a block, lux. Blocks follow each other."""
+        light = light if self._light_map is None else self._light_map(light)
+        if self._gain is None:
+            return light
+        return self._gain.on(light, block.start, block.cycles, self._late, products=self._products)
 
 
 class SpikeCamera:
@@ -36,6 +58,7 @@ class SpikeCamera:
             than `step` is given it, such as that of a source with a rolling shutter. It moves the
             sampling instant of each row. None for 0.
         like: `constants` of a camera that differs in its seed only; None for none.
+        gathering: that of the setting, if it has begun; None for a new one.
     """
 
     def __init__(
@@ -48,14 +71,15 @@ class SpikeCamera:
         row_delay: npt.NDArray[np.int64] | None = None,
         fine: FineTiles | None = None,
         like: TierPixels | None = None,
+        gathering: Gathering | None = None,
     ) -> None:
         chip = setting.chip
         first, stop = rows or (0, chip.height)
         self.shape = (stop - first, chip.width)
         self._clock = setting.clock
         numbers = np.arange(first * chip.width, stop * chip.width, dtype=np.uint32)
-        self._light_map, self._gain, self._fine = setting.light_map, setting.common_gain, fine
-        self._late = 0 if row_delay is None else int(row_delay.max())
+        late = 0 if row_delay is None else int(row_delay.max())
+        self._fine, self._gathering = fine, gathering or Gathering(setting, tier, late)
         self._pixels: TierPixels | None = None
         if fine is None or not fine.everywhere:
             self._pixels = tier_pixels(
@@ -91,6 +115,7 @@ class SpikeCamera:
     def each(
         self, blocks: Sequence[Block], light: Callable[[Block], Light],
         seen: Callable[[Light, Block], Any] | None = None,
+        first: tuple[Light, Light] | None = None,
     ) -> Iterator[Viform]:  # fmt: skip
         """`step` for blocks that follow each other.
 
@@ -99,9 +124,14 @@ class SpikeCamera:
             light: gives the light of a block; it is asked for that of the next one while a device
                 works.
             seen: is given each block's light before it is simulated; None for nothing.
+            first: light of the first block, and what `gathering` gave for it; None if it gave
+                nothing yet.
         """
-        given = light(blocks[0])
-        gathered = self._gathered(given, blocks[0])
+        if first is None:
+            given = light(blocks[0])
+            gathered = self._gathered(given, blocks[0])
+        else:
+            given, gathered = first
         for block, following in zip_longest(blocks, blocks[1:]):
             if seen is not None:
                 seen(given, block)
@@ -116,16 +146,11 @@ class SpikeCamera:
             yield end()
 
     def _gathered(self, light: Light, block: Block) -> Light:
-        """The light that pixels gather in a block: after cross-talk and drift. Blocks follow each
-        other."""
+        """The light that pixels gather in a block. Blocks follow each other."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        if self._pixels is None:  # better tiers map their own
-            return light
-        light = light if self._light_map is None else self._light_map(light)
-        if self._gain is not None:
-            light = self._gain.on(light, block.start, block.cycles, self._late)
-        return light
+        # Better tiers gather for themselves.
+        return light if self._pixels is None else self._gathering(light, block)
 
     def _begin(self, light: Light, gathered: Light, block: Block) -> Callable[[], Viform]:
         """Begins a block, where the tier can. The result ends it and returns the bits; it must be

@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.clock import Clock
+from cosim.compute.cores import beside
 from cosim.compute.memory import check_memory, keep_freed
 from cosim.compute.opencl import Device
 from cosim.compute.outputs import Outputs
@@ -27,20 +28,20 @@ from cosim.errors import InputError
 from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight
-from cosim.light.survey import Survey
+from cosim.light.survey import Coded, Survey
 from cosim.plan.paired import Measured, Span, windows
 from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import Bounds
 from cosim.run.machine import BrokenPromise, Finding
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, blocks
-from sensor.latched.camera import SpikeCamera
+from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.check.plan_check import PlanCheck
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.planning import ARITHMETIC, CameraPlan, plan_camera
 from sensor.latched.readout import DuplicatedRows
 from sensor.latched.setting import CameraSetting
-from sensor.latched.stages import SceneStage
+from sensor.latched.stages import SceneBlocks
 from sensor.latched.survey import SceneSurvey, summarise, survey_scene
 from sensor.latched.tiers import Tier, TierPixels
 
@@ -52,8 +53,6 @@ _TOGETHER: Final = 1024
 """Cycles that are exposed at once, whole words."""
 _PLANS: Final = 8
 """Plans that are kept."""
-_LITTLE: Final = 16 << 20
-"""Bytes for which free memory is not asked."""
 _CHIPS: Final = 4
 """Cameras whose constants are kept, some 50 bytes a pixel each."""
 
@@ -197,8 +196,6 @@ class LatchedCamera:
     def _check_room(self, cycles: int) -> None:
         """Raises InputError if memory is too short for the spikes of a call."""
         need = 4 * words_for(cycles) * self.shape[0] * self.shape[1]
-        if need <= _LITTLE:  # reading the limits would take longer than the work
-            return
         check_memory(f"the spikes of {cycles:,} cycles", need, "film fewer frames at once")
 
     def _seeded(self, plan: CameraPlan, seed: int) -> CameraPlan:
@@ -209,14 +206,14 @@ class LatchedCamera:
             plan, setting=replace(plan.setting, seed=seed), full=replace(plan.full, seed=seed)
         )
 
-    def _exposed(self, plan: CameraPlan) -> SpikeCamera:
-        """The planned camera."""
+    def _exposed(self, plan: CameraPlan, gathering: Gathering | None = None) -> SpikeCamera:
+        """The planned camera. gathering: see `SpikeCamera`."""
         # Cameras that differ in their seed alone share what does not depend on it.
         flags = b"" if plan.flags is None else plan.flags.tobytes()
         key = replace(plan.setting, seed=0), plan.tier, flags, plan.fine.all()
         with self._lock:
             like = next((chip for known, chip in self._chips if known == key), None)
-        camera = plan.camera(self._device, like)
+        camera = plan.camera(self._device, like, gathering)
         made = camera.constants if like is None else None
         if made is not None:
             with self._lock:
@@ -256,7 +253,15 @@ class LatchedCamera:
                 "writes", f"at cycles below {cycles}, the end of the light", f"at {late[0]}",
                 "film longer or drop it",
             )  # fmt: skip
-        survey = self.survey(source(), relay, cycles)
+
+        def lit() -> SceneBlocks:
+            given, lens = (source, relay) if behind is None else (behind, None)
+            return SceneBlocks(given(), lens, self.setting.reach, list(blocks(cycles, _TOGETHER)))
+
+        scene, surveyed = lit(), source()
+        if isinstance(surveyed, Coded) and surveyed.codes(cycles) is not None:
+            scene.begin()  # the survey takes codes, and no light
+        survey = self.survey(surveyed, relay, cycles)
         if spans is None:
             at = sorted({cycles * (2 * n + 1) // 10 for n in range(5)})
             spans = windows(at, survey.scene.window, cycles)
@@ -264,11 +269,8 @@ class LatchedCamera:
         while True:
             plan = self.plan(survey, tuple(spans), [finding.effect for finding in found])
             checking = self._check(self._seeded(plan, seed)) if check else None
-            light = (behind or source)()
             try:
-                words = self._words(
-                    self._seeded(plan, seed), light, None if behind else relay, cycles, checking
-                )
+                words = self._words(self._seeded(plan, seed), scene, checking)
                 new = [] if checking is None else checking.shortfall(plan.tier)
             except BrokenPromise as exc:
                 new = exc.findings
@@ -277,11 +279,13 @@ class LatchedCamera:
             if not new:
                 break
             found += new
+            scene = lit()
         if self._duplicated is not None:
             self._duplicated.duplicate(words)
         measured = None if checking is None else checking.error()
         beyond = () if checking is None else checking.beyond()
         put_back = [finding.message for finding in found]
+        light = scene.source
         notes = (*plan.notes, *light.notes, *put_back, *light.degraded, *beyond)
         bounds = LatchedBounds.of(plan, measured)
         return Filmed(words, cycles, self.setting.clock, 0, bounds, notes, tuple(light.degraded))
@@ -294,23 +298,22 @@ class LatchedCamera:
         patches = PatchPlane(plan.survey.grid, sorted(tiles))
         return PlanCheck(plan, plan.full, patches, self._device, samples)
 
-    def _words(
-        self, plan: CameraPlan, light: Source, relay: Relay | None, cycles: int,
-        checking: PlanCheck | None,
-    ) -> Words:  # fmt: skip
-        """The spikes of all cycles. relay: None for light that is behind the lens."""
-        camera = self._exposed(plan)
-        scene = SceneStage(light, self.setting.reach)
-        words = self._outputs.take((words_for(cycles), *self.shape))
+    def _words(self, plan: CameraPlan, scene: SceneBlocks, checking: PlanCheck | None) -> Words:
+        """The spikes of all cycles."""
+        gathering = None if plan.fine.all() else Gathering(plan.setting, plan.tier)
+        made = beside(lambda: self._exposed(plan, gathering))
+        first = None
+        try:
+            given = scene(scene.parts[0])
+            if gathering is not None:
+                first = given, gathering(given, scene.parts[0])
+        finally:
+            camera = made()
+        words = self._outputs.take((words_for(scene.parts[-1].stop), *self.shape))
         camera.into(words)
-
-        def lit(block: Block) -> Light:
-            given = scene.step(None, block)
-            return given if relay is None else relay(given)
-
-        parts = list(blocks(cycles, _TOGETHER))
         seen = None if checking is None else checking.step
-        for block, part in zip(parts, camera.each(parts, lit, seen), strict=True):
+        filmed = camera.each(scene.parts, scene, seen, first)
+        for block, part in zip(scene.parts, filmed, strict=True):
             here = words[block.start // WORD :][: len(part.words)]
             if not np.may_share_memory(part.words, here):
                 here[:] = part.words

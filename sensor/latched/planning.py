@@ -6,8 +6,9 @@ may be left out as well, and its observer says what a moved spike changes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -20,7 +21,7 @@ from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import SHARE, Plan, accepted_error, make_plan
 from cosim.plan.tiles import TileGrid
 from sensor.latched.arithmetic import exact_error, fast_error
-from sensor.latched.camera import SpikeCamera
+from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.effects.costs import EXACT, QUIET, reference_cost
 from sensor.latched.effects.own_draws import OWN_DRAWS, with_own_draws
 from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE
@@ -155,11 +156,14 @@ class CameraPlan:
         """(tiles,) bound of the whole error, relative: of what is left out, and of arithmetic."""
         return self.plan.total + self.tier_error
 
-    def camera(self, device: Device | None, like: TierPixels | None = None) -> SpikeCamera:
-        """The planned camera. like: see `SpikeCamera`."""
+    def camera(
+        self, device: Device | None, like: TierPixels | None = None,
+        gathering: Gathering | None = None,
+    ) -> SpikeCamera:  # fmt: skip
+        """The planned camera. like, gathering: see `SpikeCamera`."""
         return SpikeCamera(
             self.setting, device, tier=self.tier, flags=self.flags, fine=self.fine_tiles(device),
-            like=like,
+            like=like, gathering=gathering,
         )  # fmt: skip
 
     def fine_tiles(self, device: Device | None) -> FineTiles | None:
@@ -219,15 +223,24 @@ class CameraPlan:
         return self.flags[rows, columns[:, None]].reshape(-1, 1)
 
 
+def _noisy(plan: Plan, tiles: int) -> npt.NDArray[np.bool_]:
+    """Tiles whose thresholds have noise, (tiles,)."""
+    none = np.zeros(tiles, bool)
+    return plan.kept.get("shot noise", none) | plan.kept.get("threshold noise", none)
+
+
+def _banked(plan: Plan, tiles: int) -> npt.NDArray[np.bool_]:
+    """Tiles whose thresholds come from the bank in the fast tier, (tiles,)."""
+    return _noisy(plan, tiles) & ~plan.kept.get(OWN_DRAWS, np.ones(tiles, bool))
+
+
 def _flags(plan: Plan, grid: TileGrid, fine: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
     """Flags of the fast tier, (height, groups) uint8; see `PixelArray`. Its spikes in fine tiles
     are replaced, so they have no effects there."""
     none = np.zeros(len(grid), bool)
-    every = np.ones(len(grid), bool)
-    noise = plan.kept.get("shot noise", none) | plan.kept.get("threshold noise", none)
     dead = plan.kept.get("reset dead time", none)
-    bank = noise & ~plan.kept.get(OWN_DRAWS, every)
-    flags = NOISE * noise | DEAD_TIME * dead | BANK * bank
+    bank = _banked(plan, len(grid))
+    flags = NOISE * _noisy(plan, len(grid)) | DEAD_TIME * dead | BANK * bank
     return grid.groups(np.where(fine, 0, flags).astype(np.uint8))
 
 
@@ -263,14 +276,17 @@ def _arithmetic(
     mixed: bool,
     behind: Behind | None,
     spans: Sequence[Span],
+    banked: npt.NDArray[np.bool_] | None,
 ) -> _Arithmetic:
     """The arithmetic of a tier, with a better one in the tiles in which it could use more than its
     part of the tolerance: in the exact tier as much as all left-out effects together may use, in
     the fast tier less, as the exact tier can take its place. The exact tier is the better one where
     it is good enough, and the reference elsewhere. In front of a display it is the reference: the
-    exact tier simulates such a chip as a whole."""
-
-    error = error_over_levels(setting, scene, spans, fast_error if tier == "fast" else exact_error)
+    exact tier simulates such a chip as a whole. banked: see `fast_error`."""
+    bound: Callable[[CameraSetting, Summary], npt.NDArray[np.float64]] = exact_error
+    if tier == "fast":
+        bound = partial(fast_error, banked=banked)
+    error = error_over_levels(setting, scene, spans, bound)
     if behind is not None:
         error = error + behind.moved_light(setting, scene, tier, end=False)
     part, most = FAST_PART if tier == "fast" else 1.0, SHARE * accepted_error(tolerance)
@@ -315,21 +331,35 @@ def plan_camera(
     tiers: list[Tier] = ["exact"] if tier is None else [tier]
     if tier is None and device is not None and tolerance > 0 and fast_can_follow(setting, scene):
         tiers.append("fast")
-    found = [_arithmetic(setting, scene, each, tolerance, mixed, behind, spans) for each in tiers]
-    arithmetic = min(found, key=lambda each: each.cost(scene))
-    tier, fine = arithmetic.tier, arithmetic.fine
-    effects = planned_effects(setting, spans)
-    if tier == "fast":
-        effects = with_own_draws(effects, setting)
-    else:  # the exact tier simulates all tiles with the same effects
-        effects = tuple(replace(effect, scope="plane") for effect in effects)
-    exempt = {effect.name: fine for effect in effects}
-    if behind is not None:
-        effects += behind.acting_effects
-    plan = make_plan(
-        effects, scene, tolerance, certain=survey.certain, tier_error=arithmetic.error,
-        forced=forced, exempt=exempt, base_ns=QUIET + (0.0 if behind is None else behind.base_cost),
-    )  # fmt: skip
+    every = planned_effects(setting, spans)
+    with_bank = with_own_draws(every, setting)
+    banked: npt.NDArray[np.bool_] | None = None
+    if behind is None and any(effect.name == OWN_DRAWS for effect in with_bank):
+        banked = np.ones(len(survey.grid), bool)  # as far as a plan says
+    while True:
+        found = [
+            _arithmetic(setting, scene, each, tolerance, mixed, behind, spans, banked)
+            for each in tiers
+        ]
+        arithmetic = min(found, key=lambda each: each.cost(scene))
+        tier, fine = arithmetic.tier, arithmetic.fine
+        effects = with_bank
+        if tier != "fast":  # the exact tier simulates all tiles with the same effects
+            effects = tuple(replace(effect, scope="plane") for effect in every)
+        exempt = {effect.name: fine for effect in effects}
+        if behind is not None:
+            effects += behind.acting_effects
+        plan = make_plan(
+            effects, scene, tolerance, certain=survey.certain, tier_error=arithmetic.error,
+            forced=forced, exempt=exempt,
+            base_ns=QUIET + (0.0 if behind is None else behind.base_cost),
+        )  # fmt: skip
+        if banked is None or tier != "fast":
+            break
+        draws = fine | _banked(plan, len(banked))
+        if draws[banked].all():
+            break
+        banked &= draws
     flags = _flags(plan, survey.grid, fine) if tier == "fast" else None
     coarse = [name for name in exempt if not plan.kept[name][~fine].any()]
     end: npt.NDArray[np.float64] | float = 0.0

@@ -15,6 +15,7 @@ from cosim.clock import Clock
 from cosim.light.light import Light
 from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Effect
+from cosim.plan.tiles import TileGrid
 from sensor.device.chips import Chip
 from sensor.device.pattern import FixedPattern
 from sensor.latched.effects.catalogue import EFFECTS, acting, defaults, named
@@ -228,6 +229,22 @@ class CameraSetting:
         parts = [effect.dark_excess(self, numbers) for effect in self._acting]
         known = [part for part in parts if part is not None]
         return sum(known[1:], known[0]) * float(self.clock.period) if known else None
+
+    @cached_property
+    def uneven_tiles(self) -> tuple[npt.NDArray[np.float64] | None, npt.NDArray[np.float64]]:
+        """What differs between the tiles of the chip, (tiles,) each, the most of each: the
+        `dark_excess` of its pixels, None if no pixel has any, and the RMS move of the sampling
+        instants of its rows, cycles."""
+        shape = self.chip.height, self.chip.width
+        grid = TileGrid(*shape)
+        excess = self.dark_excess(np.arange(shape[0] * shape[1], dtype=np.uint32))
+        if excess is not None:
+            excess = grid.reduce(excess.reshape(shape), np.maximum)
+        moves = np.zeros(shape[0])
+        if self.row_timing is not None:
+            moves = self.row_timing.deviation(np.arange(shape[0]), shape[0])
+        timing = grid.reduce(np.broadcast_to(moves[:, None], shape), np.maximum)
+        return excess, timing
 
     @property
     def light_map(self) -> Callable[[Light], Light] | None:

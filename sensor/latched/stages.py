@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
+from cosim.compute.cores import beside
 from cosim.light.lens import Lens
 from cosim.light.light import Light
 from cosim.light.source import Source
 from cosim.stage import Block
 
-__all__ = ["LensStage", "SceneStage"]
+__all__ = ["LensStage", "SceneBlocks", "SceneStage"]
 
 
 class SceneStage:
@@ -36,3 +39,37 @@ class LensStage:
 
     def step(self, data: Light, block: Block) -> Light:
         return self._relay(data)
+
+
+class SceneBlocks:
+    """The light on the pixels, block by block.
+
+    Args:
+        source: the scene.
+        relay: the lens; None for light that is behind it.
+        reach: cycles before and after a block whose light it needs.
+        parts: the blocks.
+    """
+
+    def __init__(
+        self, source: Source, relay: Callable[[Light], Light] | None, reach: tuple[int, int],
+        parts: Sequence[Block],
+    ) -> None:  # fmt: skip
+        self.source, self.parts, self._relay = source, parts, relay
+        self._stage = SceneStage(source, reach)
+        self._begun: Callable[[], Light] | None = None
+
+    def begin(self) -> None:
+        """Begins with the first block while others do something else."""
+        self._begun = beside(lambda: self._lit(self.parts[0]))
+
+    def __call__(self, block: Block) -> Light:
+        """The light of a block; blocks follow each other."""
+        if self._begun is None:
+            return self._lit(block)
+        begun, self._begun = self._begun, None
+        return begun()
+
+    def _lit(self, block: Block) -> Light:
+        given = self._stage.step(None, block)
+        return given if self._relay is None else self._relay(given)

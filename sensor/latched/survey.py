@@ -14,7 +14,7 @@ from cosim.light.light import Light, Plane
 from cosim.light.source import Source
 from cosim.light.survey import Survey, survey, through
 from cosim.plan.effects import Summary
-from cosim.plan.tiles import TileGrid
+from cosim.plan.tiles import TILE, TileGrid
 from sensor.latched.effects.drift import KNOT, STEP
 from sensor.latched.setting import CameraSetting
 
@@ -82,36 +82,28 @@ def summarise(
     clock: Clock = setting.clock
     grid = TileGrid(*light.least.shape)
     per_cycle = setting.electrons_per_lux * float(clock.period)
-    low, high = light.least, light.most
-    if setting.crosstalk > 0:  # a pixel may receive a neighbour's light
-        low, high = _around(low, least=True), _around(high, least=False)
-    darkest = grid.reduce(low, np.minimum).astype(float) * per_cycle
-    brightest = grid.reduce(high, np.maximum).astype(float) * per_cycle
+    darkest = -_most(grid, setting, -light.least) * per_cycle
+    brightest = _most(grid, setting, light.most) * per_cycle
     brightest = brightest + setting.dark_charge
-    excess = setting.dark_excess(np.arange(light.least.size, dtype=np.uint32))
+    excess, timing = setting.uneven_tiles
     if excess is not None:
-        brightest = brightest + grid.reduce(excess.reshape(light.least.shape), np.maximum)
+        brightest = brightest + excess
     slope, moved = _changes(setting, light, grid, per_cycle, brightest, cycles)
     darkest, brightest = (setting.transfer(electrons) for electrons in (darkest, brightest))
     brightest = brightest * (1 + _SIGMAS * setting.drift)
     darkest = darkest * max(1 - _SIGMAS * setting.drift, 0.0)
-    timing = np.zeros(len(grid))
-    if setting.row_timing is not None:
-        rows = np.arange(setting.chip.height)
-        moves = setting.row_timing.deviation(rows, setting.chip.height)[:, None]
-        timing = grid.reduce(np.broadcast_to(moves, light.least.shape), np.maximum)
-        # A cycle is longer by the difference of two moves; twice its RMS is rarely exceeded.
-        brightest = brightest * (1 + 2 * 2**0.5 * timing)
+    # A cycle is longer by the difference of two moves; twice its RMS is rarely exceeded.
+    brightest = brightest * (1 + 2 * 2**0.5 * timing)
     moving = ~grid.reduce(light.steady, np.logical_and)
     scene = Summary(
         darkest, brightest, setting.threshold, window, cycles, floor,
         setting.spread, np.where(moving, light.planes, 0.0), setting.slack,
         setting.dead_time * clock.hz, setting.uneven, timing, slope, moved,
     )  # fmt: skip
-    certain = light.certain
-    if setting.crosstalk > 0 and not certain.all():
-        certain = _around(certain.astype(np.float32), least=True) > 0
-    return SceneSurvey(light, grid, scene, grid.reduce(certain, np.logical_and))
+    certain = np.ones(len(grid), bool)
+    if not light.certain.all():
+        certain = _most(grid, setting, (~light.certain).astype(np.float32)) == 0
+    return SceneSurvey(light, grid, scene, certain)
 
 
 def _changes(
@@ -123,18 +115,18 @@ def _changes(
     before transfers."""
     if light.slope is None or light.moved is None or setting.model.transfers:
         return np.inf, np.inf
-    planes = light.slope, light.moved
-    if setting.crosstalk > 0:
-        planes = _around(light.slope, least=False), _around(light.moved, least=False)
-    slope, moved = (grid.reduce(plane, np.maximum).astype(float) * per_cycle for plane in planes)
+    slope, moved = (_most(grid, setting, plane) * per_cycle for plane in (light.slope, light.moved))
     # A gain moves by the part STEP / KNOT of the difference of two normal values.
     step = brightest * (2 * _SIGMAS * setting.drift * STEP / KNOT)
     return slope + step, moved + step * (cycles / STEP + 1)
 
 
-def _around(plane: Plane, *, least: bool) -> Plane:
-    """The least or most of a pixel and its eight neighbours, (H, W) float32."""
-    import cv2
+def _most(grid: TileGrid, setting: CameraSetting, plane: Plane) -> npt.NDArray[np.float64]:
+    """The most that a pixel of each tile may have, (tiles,): with cross-talk also what the pixels
+    around the tile have, whose light it may receive."""
+    from cosim.light.survey_compiled import most_of_tiles  # numba, which other starts need not load
 
-    of = cv2.erode if least else cv2.dilate
-    return np.asarray(of(plane, np.ones((3, 3), np.uint8)), np.float32)
+    out = np.empty(grid.shape, np.float32)
+    reach = 1 if setting.crosstalk > 0 else 0
+    most_of_tiles(np.ascontiguousarray(plane, np.float32), TILE, reach, out)
+    return out.ravel().astype(np.float64)

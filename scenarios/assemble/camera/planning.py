@@ -16,7 +16,7 @@ from display import DisplaySetting
 from display.effects import BASE_COST, effective_planes, weight_steps
 from sensor import CameraSetting
 from sensor.latched.arithmetic import moved_spikes
-from sensor.latched.effects.windows import rare_error
+from sensor.latched.effects.windows import SHARES, rare_error
 from sensor.latched.planning import CameraPlan, plan_camera
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier
@@ -69,8 +69,8 @@ class _Shown:
             for size, planes in weight_steps(observer, panel, scene.cycles, least, end):
                 # At the end of the run a single interval changes, 1 / tau to 1 / (tau + 1).
                 change = size * scene.window * (0.5 if end and not panel.packets else 1.0)
-                shares = {"shares": (1.0,)} if end else {}
-                square += rare_error(scene, moved * planes, change, **shares) ** 2
+                shares = (1.0,) if end else SHARES
+                square += rare_error(scene, moved * planes, change, shares) ** 2
             error = np.where(tiles, np.sqrt(square), error)
         return error
 

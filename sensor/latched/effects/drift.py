@@ -16,9 +16,10 @@ from pydantic import Field
 from scipy.special import ndtri
 
 from cosim.clock import Clock
+from cosim.compute.cores import by_rows
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
-from cosim.light.light import Light, Piece, Plane
+from cosim.light.light import Light, Piece, Plane, Scaled
 from cosim.plan.effects import Bound, Summary
 from sensor.device.silicon import Sized
 from sensor.latched.effects.costs import crosstalk_cost
@@ -58,6 +59,7 @@ class Drift:
 
     def __init__(self, clock: Clock, size: float, seed: int) -> None:
         self._clock, self._size, self._seed = clock, size, seed
+        self._products = False
         self._parts: dict[tuple[int, int], tuple[Piece, Piece]] = {}
         self._planes: dict[tuple[int, int], tuple[Plane, Plane]] = {}
 
@@ -75,13 +77,19 @@ class Drift:
         """The instant at which a step begins, ps."""
         return self._clock.edge((step - 1) * STEP + _BEGIN)
 
-    def on(self, light: Light, start: int, cycles: int, late: int = 0) -> Light:
+    def on(
+        self, light: Light, start: int, cycles: int, late: int = 0, *, products: bool = False
+    ) -> Light:
         """The light of these cycles and of two before and after, as far as it is given.
 
-        late: most time, ps, by which it reaches a row later (`row_delay` of `SpikeCamera`). A row
-        has the gain of the instant at which the light was given.
+        Args:
+            light: lux on the pixels.
+            start, cycles: cycles of the clock.
+            late: most time, ps, by which it reaches a row later (`row_delay` of `SpikeCamera`). A
+                row has the gain of the instant at which the light was given.
+            products: whether the pixels multiply `Scaled` planes themselves, in all calls.
         """
-        clock = self._clock
+        clock, self._products = self._clock, products
         begin = max(clock.edge(start - 2) - late, light.pieces[0].start)
         end = min(clock.edge(start + cycles + 2), light.pieces[-1].stop)
         made: list[Piece] = []
@@ -114,12 +122,12 @@ class Drift:
         if at == piece.stop:  # the first plane of the next piece
             return self._scaled(piece.last, step)
         # numba, which other starts need not load
-        from sensor.latched.effects.gained import gained, gained_on_all_cores
+        from sensor.latched.effects.gained import gained
 
         first, last = (np.ascontiguousarray(end, np.float32) for end in (piece.first, piece.last))
         level, gain = np.empty(first.shape, np.float32), np.float32(self.gain(step))
-        fill: Any = gained_on_all_cores if first.size >= _LARGE else gained
-        fill(first.reshape(-1), last.reshape(-1), piece.part(at), gain, level.reshape(-1))
+        planes = first.reshape(-1), last.reshape(-1), piece.part(at), gain, level.reshape(-1)
+        by_rows(gained, level.size, *planes, least=_LARGE)
         return level
 
     def _scaled(self, plane: Plane, step: int) -> Plane:
@@ -128,13 +136,16 @@ class Drift:
         if known is not None and known[0] is plane:
             return known[1]
         gain = np.float32(self.gain(step))
-        if plane.size < _LARGE:
+        made: Any
+        if self._products:
+            made = Scaled(plane, gain)
+        elif plane.size < _LARGE:
             made = plane * gain
         else:
-            from sensor.latched.effects.gained import scaled_on_all_cores
+            from sensor.latched.effects.gained import scaled
 
             made, whole = np.empty(plane.shape, np.float32), np.ascontiguousarray(plane, np.float32)
-            scaled_on_all_cores(whole.reshape(-1), gain, made.reshape(-1))
+            by_rows(scaled, made.size, whole.reshape(-1), gain, made.reshape(-1))
         self._planes = dict(list(self._planes.items())[-7:]) | {(id(plane), step): (plane, made)}
         return made
 

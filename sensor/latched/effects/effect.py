@@ -101,9 +101,11 @@ class Setting(Protocol):
 class CommonGain(Protocol):
     """A gain of all pixels over time."""
 
-    def on(self, light: Light, start: int, cycles: int, late: int = 0) -> Light:
+    def on(
+        self, light: Light, start: int, cycles: int, late: int = 0, *, products: bool = False
+    ) -> Light:
         """The light of these cycles, and of one before and after, times the gain. late: most time,
-        ps, by which it reaches a row later."""
+        ps, by which it reaches a row later; products: whether planes may be `Scaled`."""
         ...
 
 

@@ -1,34 +1,26 @@
-"""Compiled kernels of the common drift (drift.py)."""
+"""Compiled kernels of the common drift (drift.py), for the pixels `begin` to `stop`.
+
+Slices show the compiler that all indices are valid; otherwise it would not vectorise the loops.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
-
-from cosim.compute.cores import all_cores
-
-__all__ = ["gained", "gained_on_all_cores", "scaled_on_all_cores"]
+from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def gained(first, last, part, gain, out):  # type: ignore[no-untyped-def]
+def gained(begin, stop, first, last, part, gain, out):  # type: ignore[no-untyped-def]
     """Fills `out` with a level between two, at least 0, times a gain: (pixels,) float32 each.
     part: position of the level, 0 to 1."""
+    first, last, out = first[begin:stop], last[begin:stop], out[begin:stop]
     for n in range(out.size):
         out[n] = max(first[n] + (last[n] - first[n]) * part, np.float32(0)) * gain
 
 
-@all_cores
-@njit(cache=True, nogil=True, parallel=True)
-def gained_on_all_cores(first, last, part, gain, out):  # type: ignore[no-untyped-def]
-    """`gained` for many pixels."""
-    for n in prange(out.size):
-        out[n] = max(first[n] + (last[n] - first[n]) * part, np.float32(0)) * gain
-
-
-@all_cores
-@njit(cache=True, nogil=True, parallel=True)
-def scaled_on_all_cores(plane, gain, out):  # type: ignore[no-untyped-def]
-    """Fills `out` with a plane times a gain: (pixels,) float32 each, for many pixels."""
-    for n in prange(out.size):
+@njit(cache=True, nogil=True)
+def scaled(begin, stop, plane, gain, out):  # type: ignore[no-untyped-def]
+    """Fills `out` with a plane times a gain: (pixels,) float32 each."""
+    plane, out = plane[begin:stop], out[begin:stop]
+    for n in range(out.size):
         out[n] = plane[n] * gain

@@ -19,7 +19,9 @@ from cosim.plan.effects import Bound, Summary
 from cosim.plan.tiles import TILE
 
 __all__ = [
+    "CHANCE",
     "GAINS",
+    "SHARES",
     "bound_of",
     "clipped_tiles",
     "crossing_error",
@@ -35,9 +37,9 @@ __all__ = [
 ]
 
 Values = npt.NDArray[np.float64]
-_CHANCE = 1e-4
+CHANCE = 1e-4
 """Chance that a scene has a tile with more changed spikes than a bound takes."""
-_SHARES = tuple(4.0**-n for n in range(5))
+SHARES = tuple(4.0**-n for n in range(5))
 """Shares of the pixels of a tile that have its brightest light, from all to one of 256."""
 GAINS = 5.0
 """Standard deviations within which the gains of pixels lie."""
@@ -87,7 +89,7 @@ def _lost_at(mu: Values, spread: float) -> Values:
     return np.asarray(mu * gammainc(shape, x) - gammainc(shape + 1, x))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _means(chance: float) -> Values:
     """Mean of the Poisson distribution that exceeds 0, 1, 2, ... with this chance, for numbers up
     to that of a mean of _TABLED: P(N <= n) = gammaincc(n + 1, mean)."""
@@ -108,13 +110,14 @@ def _exceeded(mean: Values, chance: float) -> Values:
 
 
 def rare_error(
-    scene: Summary, events: Any, size: Any = 1.0, shares: Sequence[float] = _SHARES
-) -> Values:
+    scene: Summary, events: Any, size: Any = 1.0, shares: Sequence[float] = SHARES,
+    chance: Values | None = None,
+) -> Values:  # fmt: skip
     """Relative error of a tile some of whose brightest pixels have a rare event, such as a spike
     more or less in the window.
 
     Such pixels are few, and a tile may have several where most tiles have none. Their number in a
-    tile is Poisson distributed; it exceeds the number that is taken here in _CHANCE of all scenes,
+    tile is Poisson distributed; it exceeds the number that is taken here in CHANCE of all scenes,
     in any of their tiles. A share of the pixels has the brightest light, and the others the
     darkest; the error is that of the worst share.
 
@@ -123,15 +126,22 @@ def rare_error(
         events: expected number of events of a pixel; a number, or one a tile.
         size: change of a pixel by one event, spikes; a number, or one a tile.
         shares: the shares of the pixels that are tried.
+        chance: (tiles,) with which the number in a tile may exceed that which is taken; None for an
+            equal part of CHANCE.
     """
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
         scene.darkest, scene.brightest
     ))  # fmt: skip
-    chance = _CHANCE / np.broadcast(low, high).size
-    worst = np.zeros(np.broadcast(low, high).shape)
+    tiles = np.broadcast(low, high)
+    if chance is None:
+        chance = np.full(tiles.shape, CHANCE / tiles.size)
+    worst = np.zeros(tiles.shape)
     for share in shares:
         mean = np.asarray(events, np.float64) * share * TILE**2
-        most = _exceeded(mean.ravel(), chance).reshape(mean.shape)
+        most = np.zeros(tiles.shape)
+        for each in np.unique(chance):
+            some = chance == each
+            most[some] = _exceeded(np.broadcast_to(mean, tiles.shape)[some], float(each))
         changed = size * np.sqrt(most) / TILE
         light = low + share * (np.minimum(high, 1) - np.minimum(low, 1))
         worst = np.maximum(worst, share_of_window(changed, scene, light * scene.window))
@@ -182,7 +192,7 @@ def ends_error(scene: Summary, spikes: Any) -> Values:
     return share_of_window(np.sqrt(2) * scene.spread * ends, scene)
 
 
-def crossing_error(scene: Summary, spikes: Any) -> Values:
+def crossing_error(scene: Summary, spikes: Any, chance: Values | None = None) -> Values:
     """The part of `shift_error` from spikes that move over an end of the window.
 
     The light lost in dead time counts at the spike, and moves with it. Such spikes are rare.
@@ -190,14 +200,15 @@ def crossing_error(scene: Summary, spikes: Any) -> Values:
     Args:
         scene: summary of the scene.
         spikes: the shift, in spikes; a number, or one a tile.
+        chance: see `rare_error`.
     """
     if scene.dead == 0:
         return np.zeros(np.broadcast(scene.darkest, scene.brightest).shape)
     light = np.asarray(scene.brightest, np.float64) / scene.threshold
-    return rare_error(scene, 2 * np.minimum(spikes, 1), light * scene.dead)
+    return rare_error(scene, 2 * np.minimum(spikes, 1), light * scene.dead, chance=chance)
 
 
-def latch_error(scene: Summary, spikes: Any) -> Values:
+def latch_error(scene: Summary, spikes: Any, chance: Values | None = None) -> Values:
     """The part of `shift_error` from the latch, which loses other spikes if they are shifted.
 
     A share of the lost spikes changes, which grows with the shift in cycles. A moved spike changes
@@ -205,17 +216,19 @@ def latch_error(scene: Summary, spikes: Any) -> Values:
     lost spikes, so most changes occur at one. They are rare (`rare_error`). Gains of pixels spread
     the light of a tile further. Without noise, light above one threshold a cycle loses a spike each
     time its excess adds up to one, and a shift moves one such loss over each end of the window.
+    spikes, chance: see `crossing_error`.
     """
     low, high = (np.asarray(x, np.float64) / scene.threshold for x in (
         scene.darkest, scene.brightest
     ))  # fmt: skip
     if scene.spread == 0:
         reached = high * (1 + GAINS * scene.uneven) > 1
-        return rare_error(scene, np.where(reached, 2 * np.minimum(spikes, 1), 0.0))
+        moved = np.where(reached, 2 * np.minimum(spikes, 1), 0.0)
+        return rare_error(scene, moved, chance=chance)
     cycles = np.minimum(2 * np.asarray(spikes, np.float64) / np.maximum(high, 1e-300), 1)
     likely = np.minimum(np.maximum(low, 1.0), high)
     lost = _lost_or_won(likely.tobytes(), scene.spread, scene.uneven).reshape(likely.shape)
-    return rare_error(scene, 2 * lost * scene.window * cycles)
+    return rare_error(scene, 2 * lost * scene.window * cycles, chance=chance)
 
 
 @lru_cache(maxsize=4)  # several effects of a scene ask for the same

@@ -16,6 +16,7 @@ from cosim.clock import Clock
 from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
 from sensor.latched.fast.course import Course, check_covered, course_of, parts_of
+from sensor.latched.fast.runs import KeptLaunches
 from sensor.latched.fast.units import (
     BANK,
     DEAD_TIME,
@@ -84,7 +85,7 @@ class PixelArray:
         other = replace(self, model=model, timing=timing)
         names = (
             "group_flags", "pixel_flags", "banked", "_ramps", "units", "bank", "_groups_of",
-            "deepest", "row_offsets", "gains", "_dark", "_most",
+            "deepest", "row_offsets", "gains", "_dark", "_most", "launches",
         )  # fmt: skip
         other.__dict__.update({n: self.__dict__[n] for n in names if n in self.__dict__})
         return other
@@ -212,6 +213,11 @@ class PixelArray:
         return course_of(
             light, self.clock, self.row_offsets, start, cycles, self._most, anchored=self._ramps
         )
+
+    @cached_property
+    def launches(self) -> KeptLaunches:
+        """What kernels need of the `course` of light."""
+        return KeptLaunches(self.course)
 
     def parts(self, light: Light, start: int, cycles: int) -> list[tuple[int, int]]:
         """Parts of a call that differ in how much of the light changes; see `parts_of`."""

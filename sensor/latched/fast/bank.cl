@@ -241,7 +241,7 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
         if (g[i] == 0xFFFFFFFF) // padding of the list repeats the first group
             g[i] = g[0], row[i] = row[0], x[i] = x[0];
         GAINS_OF(g[i])
-        const float16 rate = TRANSFERRED(LIGHT_OF(plane, row[i], x[i]));
+        const float16 rate = TRANSFERRED(LIGHT_OF(plane, factor, row[i], x[i]));
         const int16 add = WHOLE(rate);
         adds[i] = as_uint16(add);
         losts[i] = as_uint16(LOST(add));
@@ -364,7 +364,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         EACH
         {
             GAINS_OF(g[i])
-            const float16 level = LIGHT_OF(planes[p], row, x[i]) * SCALE;
+            const float16 level = LIGHT_OF(planes[p], factor[p], row, x[i]) * SCALE;
             most = most > level ? most : level;
             levels[i][p] = level;
         }

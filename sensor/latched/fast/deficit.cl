@@ -114,11 +114,10 @@
         return;                                                                                   \
     GAINS_OF(g)                                                                                   \
     CHECK                                                                                         \
-    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
-                                            a8, a9, a10, a11, a12, a13, a14, a15};                \
+    PLANES_AND_FACTORS                                                                            \
     float16 levels[PLANES]; /* loaded at once, to overlap memory latency */                       \
     for (uint p = 0; p < n_planes; p++)                                                           \
-        levels[p] = LIGHT_OF(planes[p], row, x);                                                  \
+        levels[p] = LIGHT_OF(planes[p], factor[p], row, x);                                       \
     REPORT
 
 // Most that a plane of this step adds to the base. Weights are 0 to 1, and -1 to 1 with noise of the
@@ -223,7 +222,7 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     STATE
-    const float16 rate = TRANSFERRED(LIGHT_OF(plane, row, x));
+    const float16 rate = TRANSFERRED(LIGHT_OF(plane, factor, row, x));
     REPORT
     const int16 add = units_of(rate, one), lost = LOST(add);
 #ifdef START

@@ -119,6 +119,7 @@ def merged(base: Plane, planes: tuple[Plane, ...], weights: Weights, box: Box, m
 
     most: upper limit of the light, one or (H, W).
     """
+    base, planes = np.asarray(base), tuple(map(np.asarray, planes))
     y0, y1, x0, x1 = box
     limit = np.broadcast_to(np.asarray(most, np.float64), base.shape)[y0:y1, x0:x1]
     first = np.minimum(base[y0:y1, x0:x1], limit)

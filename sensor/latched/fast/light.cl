@@ -9,13 +9,14 @@
 #ifdef PATTERN
 #define GAIN_PARAMETERS , __global const float *gains, __global const float *darks
 #define GAINS_OF(g) const float16 gain = vload16(g, gains), dark = vload16(g, darks);
-// Light of a plane, in thresholds a cycle. A leak may exceed it.
-#define LIGHT_OF(plane, row, x)                                                                   \
-    held(lit(seen(plane, row, x, width, &wrong) * gain + dark), brightest)
+// Light of a plane times a factor, in thresholds a cycle. A leak may exceed it.
+#define LIGHT_OF(plane, factor, row, x)                                                           \
+    held(lit(seen(plane, row, x, width, &wrong) * (factor) * gain + dark), brightest)
 #else
 #define GAIN_PARAMETERS , const float gain
 #define GAINS_OF(g)
-#define LIGHT_OF(plane, row, x) held(seen(plane, row, x, width, &wrong) * gain, brightest)
+#define LIGHT_OF(plane, factor, row, x)                                                           \
+    held(seen(plane, row, x, width, &wrong) * (factor) * gain, brightest)
 #endif
 
 // Lanes of light that is negative or not a number are collected in `wrong`.
@@ -154,12 +155,18 @@ inline int16 rounded(const float16 x)
         __global const float *a6, __global const float *a7, __global const float *a8,             \
         __global const float *a9, __global const float *a10, __global const float *a11,           \
         __global const float *a12, __global const float *a13, __global const float *a14,          \
-        __global const float *a15
+        __global const float *a15, const float16 factors
+#define PLANES_AND_FACTORS                                                                        \
+    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
+                                            a8, a9, a10, a11, a12, a13, a14, a15};                \
+    float factor[PLANES];                                                                         \
+    vstore16(factors, 0, factor);
 
 #define STEADY_PARAMETERS                                                                         \
-    __global const float *plane, __global uint *words, const uint stride, const uint width,       \
-        const uint groups, const float brightest, __global const uint *list, const uint y0,       \
-        const uint y1, const uint g0, const uint g1, const uint cycles, __global int *fault       \
+    __global const float *plane, const float factor, __global uint *words, const uint stride,     \
+        const uint width, const uint groups, const float brightest, __global const uint *list,    \
+        const uint y0, const uint y1, const uint g0, const uint g1, const uint cycles,            \
+        __global int *fault                                                                       \
         GAIN_PARAMETERS
 // The group of this work-item. Returns if it lies in the changed box or is padding of the list.
 #define STEADY_GROUP                                                                              \
@@ -192,5 +199,4 @@ inline int16 rounded(const float16 x)
     }                                                                                             \
     if (!any)                                                                                     \
         return;                                                                                   \
-    __global const float *planes[PLANES] = {a0, a1, a2,  a3,  a4,  a5,  a6,  a7,                  \
-                                            a8, a9, a10, a11, a12, a13, a14, a15};
+    PLANES_AND_FACTORS

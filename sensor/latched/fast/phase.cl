@@ -16,7 +16,7 @@ __kernel WIDE void steady(__global uint *charge, STEADY_PARAMETERS)
 {
     STEADY_GROUP
     uint16 always, phase = vload16(g, charge);
-    const float16 rate = TRANSFERRED(LIGHT_OF(plane, row, x));
+    const float16 rate = TRANSFERRED(LIGHT_OF(plane, factor, row, x));
     REPORT
     const uint16 add = phase_of(rate, &always);
     uint c = 0;
@@ -64,7 +64,7 @@ __kernel WIDE void moving(__global uint *charge, const uint start, MOVING_PARAME
         EACH
         {
             GAINS_OF(g[i])
-            levels[p][i] = LIGHT_OF(planes[p], row, x[i]);
+            levels[p][i] = LIGHT_OF(planes[p], factor[p], row, x[i]);
         }
     REPORT
     uint16 phase[GROUPS], bits[GROUPS];

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.resources import files
+from itertools import chain
 from typing import Any, Final
 
 import numpy as np
@@ -19,11 +20,11 @@ from cosim.compute.opencl import Device, wide_cl
 from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
-from cosim.light.light import Box, Light, Plane
+from cosim.light.light import Box, Light, Plane, Scaled
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
-from sensor.latched.fast.course import MOST_PLANES, Course
-from sensor.latched.fast.runs import Run, runs_of
+from sensor.latched.fast.course import MOST_PLANES
+from sensor.latched.fast.runs import Launches, Run, launches_of
 from sensor.latched.fast.taking_over import taken_over
 from sensor.latched.fast.units import (
     BANK,
@@ -47,6 +48,9 @@ _TOGETHER: Final = 4
 """Groups that a work-item steps together if it does so cycle by cycle, to hide the latency of each.
 On a GPU it is one: there, other work-items hide it, and the state of four fills the registers."""
 
+
+_FLOAT16: Final = np.dtype("V64")
+"""Sixteen float32 as one argument of a kernel."""
 
 _CONSTANT: Final = (
     "_firsts", "_numbers", "_table", "_flags", "_together", "_lists", "_gains", "_bank", "_kernels"
@@ -198,29 +202,29 @@ class FastPixels:
             np.int32(units.top if flags & NOISE else units.one),
         )  # fmt: skip
 
-    def _share(self, course: Course, before: dict[int, tuple[Plane, Any]]) -> None:
-        """Shares each new plane of a course with the device. before: those of the last call."""
+    def _share(self, launches: Launches, before: dict[int, tuple[Plane, Any]]) -> None:
+        """Shares each new plane with the device. before: those of the last call."""
         planes = self._planes
-        for piece in course.pieces:
-            for plane in (piece.first, piece.last):
-                if id(plane) not in planes:
-                    shared = before.get(id(plane))
-                    if shared is None:
-                        kept = np.ascontiguousarray(plane, np.float32)
-                        shared = plane, self._device.share(kept)
-                    planes[id(plane)] = shared
-        # Planes that a course computed for a single cycle, and those without light.
-        for segment in course.segments:
-            for plane in (segment.base, *segment.planes):
-                if id(plane) not in planes:
-                    planes[id(plane)] = (plane, self._device.share(plane))
+        for given in (launches.steady, *chain.from_iterable(run.planes for run in launches.runs)):
+            plane = given.plane if isinstance(given, Scaled) else given
+            if id(plane) not in planes:
+                shared = before.get(id(plane))
+                if shared is None:
+                    shared = plane, self._device.share(np.ascontiguousarray(plane, np.float32))
+                planes[id(plane)] = shared
 
-    def _steady(self, course: Course, start: int, cycles: int, words: Any) -> None:
+    def _shared(self, plane: Any) -> tuple[Any, np.float32]:
+        """The shared plane, and the factor by which a kernel multiplies it."""
+        if isinstance(plane, Scaled):
+            return self._planes[id(plane.plane)][1], plane.factor
+        return self._planes[id(plane)][1], np.float32(1)
+
+    def _steady(self, launches: Launches, start: int, cycles: int, words: Any) -> None:
         """One launch for the pixels outside the box of changing light. Rows whose sampling instants
         have noise have no constant light."""
         height, groups = self.array.groups
-        y0, y1, g0, g1 = _groups(course.box)
-        _, plane = self._planes[id(course.steady)]
+        y0, y1, g0, g1 = _groups(launches.box)
+        plane, factor = self._shared(launches.steady)
         for flags, (groups_of, n) in self._lists.items():
             if flags & TIMING:
                 continue
@@ -229,18 +233,20 @@ class FastPixels:
             items, local = self._items(n, bool(flags & BANK))
             self._kernels[flags][0](
                 self._device.queue, (items,), (local,), *self._state(flags, start),
-                plane, words, np.uint32(height * self.array.shape[1]),
+                plane, factor, words, np.uint32(height * self.array.shape[1]),
                 np.uint32(self.array.shape[1]), np.uint32(groups), self.array.brightest,
                 groups_of, *(np.uint32(edge) for edge in (y0, y1, g0, g1)), np.uint32(cycles),
                 self._fault, *self._gains,
             )  # fmt: skip
 
-    def _moving(self, run: Run, course: Course, start: int, words: Any, timing: int) -> None:
+    def _moving(self, run: Run, box: Box | None, start: int, words: Any, timing: int) -> None:
         """One launch for segments of a course that together use at most sixteen planes, for the
         groups whose flag TIMING is this one. start: first cycle of the call."""
-        planes = [self._planes[key][1] for key in run.planes]
+        planes, some = zip(*map(self._shared, run.planes), strict=True)
         planes += planes[:1] * (MOST_PLANES - len(planes))
-        y0, y1, g0, g1 = _groups(course.box)
+        factors = np.ones(MOST_PLANES, np.float32)
+        factors[: len(some)] = some
+        y0, y1, g0, g1 = _groups(box)
         (height, width), device = self.array.shape, self._device
         shared = device.upload(run.entries), device.upload(run.weights)
         for flags in self._lists:
@@ -254,7 +260,7 @@ class FastPixels:
                 np.uint32(run.rows), words, np.uint32(height * width), np.uint32(width),
                 np.uint32(self.array.groups[1]), self.array.brightest,
                 np.uint32(y0), np.uint32(g0), np.uint32(g1), np.uint32(len(run.planes)),
-                self._fault, *self._gains, *planes,
+                self._fault, *self._gains, *planes, factors.view(_FLOAT16)[0],
             )  # fmt: skip
 
     def into(self, words: npt.NDArray[np.uint32]) -> None:
@@ -301,7 +307,8 @@ class FastPixels:
             del fetched
             if fault[0]:
                 self._fault = self._device.upload(np.zeros(1, np.int32))
-                least = np.min([(piece.first.min(), piece.last.min()) for piece in light.pieces])
+                ends = ((piece.first, piece.last) for piece in light.pieces)
+                least = np.min([np.asarray(plane).min() for plane in chain.from_iterable(ends)])
                 raise ValueError(f"light must be 0 or more, not {float(least):g}")
             return out
 
@@ -310,10 +317,10 @@ class FastPixels:
                 begin, part = start + first, out[first // WORD : words_for(first + n)]
                 words = self._device.target(part)
                 targets.append((words, part))
-                self._run(array.course(light, begin, n), before, begin, n, words)
+                self._run(array.launches(light, begin, n), before, begin, n, words)
                 timed = array.timed_course(light, begin, n)  # while the kernels of others run
                 if timed is not None:
-                    self._run(timed, before, begin, n, words, TIMING)
+                    self._run(launches_of(timed), before, begin, n, words, TIMING)
         except BaseException:
             self._device.finish()
             raise
@@ -324,16 +331,15 @@ class FastPixels:
         self._device.finish()
 
     def _run(
-        self, course: Course, before: dict[int, tuple[Plane, Any]], begin: int, cycles: int,
+        self, launches: Launches, before: dict[int, tuple[Plane, Any]], begin: int, cycles: int,
         words: Any, timing: int = 0,
     ) -> None:  # fmt: skip
-        """Launches all kernels of a course; see `_moving` and `_share`."""
-        self._share(course, before)
+        """Launches all kernels; see `_moving` and `_share`."""
+        self._share(launches, before)
         if not timing:
-            self._steady(course, begin, cycles, words)
-        if course.box is not None:
-            for run in runs_of(course):
-                self._moving(run, course, begin, words, timing)
+            self._steady(launches, begin, cycles, words)
+        for run in launches.runs:
+            self._moving(run, launches.box, begin, words, timing)
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,)."""

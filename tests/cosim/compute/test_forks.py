@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit, prange
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import all_cores, by_rows
 from cosim.compute.opencl import Device, open_device
-from display.observe.row_kernels import by_rows
 from display.render.context import open_context
 from tests.survival.forked import copied
 

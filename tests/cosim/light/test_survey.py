@@ -7,6 +7,7 @@ import pytest
 
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.light.survey import Survey, survey, through
+from cosim.light.survey_compiled import most_of_tiles
 
 CLOCK = Clock.from_hz(40e3)
 CYCLE = PS // 40_000
@@ -53,3 +54,14 @@ def test_where_light_may_jump_the_slope_is_the_whole_range(pieces: tuple[Piece, 
     whole = found.most - found.least
     assert np.asarray(found.slope)[0, 0] == whole[0, 0] > 0
     assert np.asarray(found.slope)[0, 1] == 0
+
+
+@pytest.mark.parametrize("reach", [0, 1])
+def test_the_most_of_a_tile_and_of_the_pixels_around_it(reach: int) -> None:
+    plane = np.random.default_rng(3).normal(size=(37, 50)).astype(np.float32)
+    out = np.empty((3, 4), np.float32)
+    most_of_tiles(plane, 16, reach, out)
+    for row, column in np.ndindex(out.shape):
+        y, x = 16 * row, 16 * column
+        near = plane[max(y - reach, 0) : y + 16 + reach, max(x - reach, 0) : x + 16 + reach]
+        assert out[row, column] == near.max()

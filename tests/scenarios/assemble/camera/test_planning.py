@@ -11,14 +11,17 @@ import pytest
 from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.survey import Sketched, survey
+from cosim.plan.planner import SHARE, accepted_error
 from cosim.plan.tiles import TILE, TileGrid
 from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import SpikeCamera
+from sensor.latched.arithmetic import fast_error
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fast.units import BANK
+from sensor.latched.planning import FAST_PART
 
 SHAPE, CYCLES = (96, 160), 200
 SCENES = ("step", "star", "wave", "film")
@@ -73,12 +76,10 @@ def test_tiles_of_a_plane_cover_it_once():
     assert grid.groups(np.arange(20)).shape == (50, 5)
 
 
-def planned(
-    device: Device, name: str, *assignments: str, tolerance: float, tier: Any = None
-) -> RunPlan:
+def planned(device: Device, name: str, *assignments: str, tolerance: float, **how: Any) -> RunPlan:
     _, scenario = load(name, ["sensor.chip=spikeone", *assignments])
     setup = set_up_camera(scenario, None)
-    return plan_run(setup.survey, setup.setting, tolerance, setup.spans, device, tier=tier)
+    return plan_run(setup.survey, setup.setting, tolerance, setup.spans, device, **how)
 
 
 BRIGHT = (
@@ -157,6 +158,27 @@ def test_noise_comes_from_the_bank_where_that_is_cheaper(device):
         device, "star", "sensor.threshold=1 ke", "duration=10 ms", tolerance=0.0, tier="fast"
     )
     assert never.flags is not None and not (never.flags & BANK).any()
+
+
+def test_a_tile_of_the_bank_needs_no_reference_for_an_event_that_it_will_not_have(device):
+    """A clip whose white comes near a spike a cycle. In a tile that draws from the bank, spikes are
+    those of the reference in law only."""
+    sets = (
+        "sensor.chip=spikeone", "sensor.threshold=1 ke", "sensor.preset=silicon",
+        "sensor.lens.white_rate=0.8", "duration=5 ms",
+    )  # fmt: skip
+    plan = planned(device, "film", *sets, tolerance=1e-3)
+    scene, setting = plan.survey.scene, plan.full
+    alone = fast_error(setting, scene)
+    banked = fast_error(setting, scene, np.ones(alone.size, bool))
+    most = FAST_PART * SHARE * accepted_error(1e-3)
+    assert plan.tier == "fast" and (banked <= alone).all()
+    assert plan.fine[banked > most].all() and (alone[plan.fine] > most).all()
+    spared = ~plan.fine & (alone > most)
+    # The tiles that draw for each spike are compared spike by spike.
+    assert spared.any() and not plan.plan.kept[OWN_DRAWS][spared].any()
+    own = planned(device, "film", *sets, tolerance=1e-3, forced=[OWN_DRAWS])
+    assert own.tier != "fast" or (own.fine == (alone > most)).all()
 
 
 def test_the_exact_tier_takes_tiles_in_which_light_falls_from_above_the_longest_threshold(device):

@@ -10,6 +10,7 @@ import pytest
 
 from cosim import PS, Block, Clock, Light, Piece, Summary
 from cosim.compute.opencl import Device
+from cosim.light.light import Scaled
 from cosim.spikes.viform import unpack_planes
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.latched.effects import RESIDUAL
@@ -19,6 +20,7 @@ from sensor.latched.effects.row_timing import ROW_TIMING
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.row_timing import LIMIT, RowTiming
+from sensor.latched.tiers import tier_pixels
 from tests.sensor.latched.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)
@@ -178,6 +180,33 @@ def test_a_late_row_with_noise_finds_its_light() -> None:
         piece = Piece(CLOCK.edge(start - before), CLOCK.edge(start + 64 + after), lux, lux)
         chip = SpikeCamera(made, None)
         assert chip.step(Light((piece,)), Block(start, 64)).words.any()
+
+
+def test_pixels_that_multiply_planes_have_the_same_light(device: Device) -> None:
+    """Steps of the drift at 16 and every 128 cycles, within ramps and at their ends."""
+    rng, setting = np.random.default_rng(2), camera(drift=1e-2)
+    top = 0.7 / setting.rate(1.0)
+    planes = [rng.uniform(0, top, SHAPE).astype(np.float32) for _ in range(6)]
+    edges = [0, 100, 144, 272, 300, 420]
+    light = Light(tuple(
+        Piece(CLOCK.edge(a), CLOCK.edge(b), one, two)
+        for a, b, one, two in zip(edges, edges[1:], planes, planes[1:], strict=False)
+    ))  # fmt: skip
+    arrays, products = (
+        Drift(CLOCK, 1e-2, 4).on(light, 0, 400, products=each) for each in (False, True)
+    )
+    assert any(isinstance(piece.first, Scaled) for piece in products.pieces)
+    for one, two in zip(arrays.pieces, products.pieces, strict=True):
+        assert (one.start, one.stop, one.constant) == (two.start, two.stop, two.constant)
+        np.testing.assert_array_equal(one.first, np.asarray(two.first))
+        np.testing.assert_array_equal(one.last, np.asarray(two.last))
+    numbers = np.arange(ROWS.size * SHAPE[1], dtype=np.uint32)
+    one, two = (
+        tier_pixels("fast", setting, SHAPE, numbers, ROWS, device).expose(each, 0, 400)
+        for each in (arrays, products)
+    )
+    np.testing.assert_array_equal(one, two)
+    assert 0.2 < np.bitwise_count(one).sum() / (400 * numbers.size) < 0.5
 
 
 def test_drift_reaches_rows_whose_light_comes_many_cycles_late() -> None:
