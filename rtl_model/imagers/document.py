@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 
 from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.device.registers import HEAD
+from rtl_model.registers.design import HEAD
 from rtl_model.registers.document import register_tables
 
 __all__ = ["document"]

@@ -13,7 +13,7 @@ from rtl_model.cycle import Bridge
 from rtl_model.cycle.line import LineCounters
 from rtl_model.geometry import Geometry
 from rtl_model.imagers.device.register_file import RegisterFile
-from rtl_model.imagers.device.registers import IDENTIFIER
+from rtl_model.registers.design import IDENTIFIER
 
 __all__ = ["BusTarget", "ImagerBus", "line_of"]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rtl_model.imagers.device.registers import Design, Update
 from rtl_model.registers import reset_value
+from rtl_model.registers.design import Design, Update
 
 __all__ = ["RegisterFile"]
 

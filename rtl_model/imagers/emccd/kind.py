@@ -13,11 +13,11 @@ from rtl_model.imagers.interface.kind import ImagerKind
 if TYPE_CHECKING:
     from cosim.run.printed import Row
     from rtl_model.imagers.device.bus import BusTarget
-    from rtl_model.imagers.device.registers import Design
     from rtl_model.imagers.emccd.model import EmccdModel
     from rtl_model.imagers.interface.comparison import Comparison
     from rtl_model.imagers.interface.model import ImagerModel
     from rtl_model.imagers.report.imager_run import ImagerRun
+    from rtl_model.registers.design import Design
 
 __all__ = ["EmccdKind"]
 

@@ -10,11 +10,12 @@ from rtl_model.imagers.interface.section import ImagerSection
 
 if TYPE_CHECKING:  # the schema and a host that reads registers must not load the physics
     from cosim.run.printed import Row
-    from rtl_model.imagers.device.bus import BusTarget
-    from rtl_model.imagers.device.registers import Design
+    from rtl_model.geometry import Geometry
+    from rtl_model.imagers.device.bus import BusTarget, ImagerBus
     from rtl_model.imagers.interface.comparison import Comparison
     from rtl_model.imagers.interface.model import ImagerModel
     from rtl_model.imagers.report.imager_run import ImagerRun
+    from rtl_model.registers.design import Design
 
 __all__ = ["ImagerKind"]
 
@@ -54,6 +55,13 @@ class ImagerKind(ABC):
         """Its sequencer after power-on, with registers, under constant light, without pixels.
         Raises InputError for an imager without registers."""
         raise self._no_registers()
+
+    def bus(self, geometry: Geometry) -> ImagerBus:
+        """That sequencer behind the bus of a line with this clock and baud. Raises InputError for
+        an imager without registers."""
+        from rtl_model.imagers.device.bus import ImagerBus
+
+        return ImagerBus(self.bus_target(), geometry)
 
     def comparison(self) -> Comparison | None:
         """Its part of `viform compare`; None for an imager that is not compared."""

@@ -12,8 +12,8 @@ import pytest
 
 from cosim import InputError
 from rtl_model.host import Board, Cause, LineFault, Uartbone, read_csr, recognised
-from rtl_model.host.csr import imager_map
-from rtl_model.imagers.catalogue import IMAGERS, bus_target, by_number, design
+from rtl_model.host.csr import device_map
+from rtl_model.imagers.catalogue import IMAGERS, kind_of
 from rtl_model.imagers.device.bus import ImagerBus, line_of
 from rtl_model.imagers.document import document
 from rtl_model.imagers.emccd.device.timing import window_table
@@ -45,9 +45,9 @@ def test_the_page_of_the_imagers_names_every_kind_and_its_keys(name):
 
 @pytest.mark.parametrize("name", WITH_REGISTERS)
 def test_every_table_is_sound(name):
-    made = design(name)
+    made = kind_of(name).design()
     assert (made.name, made.number) == (name, IMAGERS[name].number)
-    assert by_number(made.number) == name
+    assert [k for k, kind in IMAGERS.items() if kind.number == made.number] == [name]
     assert faults(made.registers, made.memories, made.values) == []
     assert {type(entry.reset) for entry in made.specific} == {int}
 
@@ -56,25 +56,29 @@ def test_every_table_is_sound(name):
 def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
     """Every register that is only read, at random clocks; and again after a reset."""
     rng = random.Random(4)
-    bus, whole = ImagerBus(bus_target(name)), None
+    bus, whole = ImagerBus(kind_of(name).bus_target()), None
     registers = [
-        entry for entry in design(name).specific if entry.mode == "ro" and not entry.read_effect
+        entry
+        for entry in kind_of(name).design().specific
+        if entry.mode == "ro" and not entry.read_effect
     ]
-    hz = design(name).clock_hz
+    hz = kind_of(name).design().clock_hz
     clock, seen = 0, set()
     for part in range(24):
         clock += rng.choice((1, 2, 50, hz // 1000, hz // 50, hz // 10))
         bus.advance(clock)
         if part % 6 == 5:
-            whole = ImagerBus(bus_target(name))
+            whole = ImagerBus(kind_of(name).bus_target())
             whole.advance(clock)
             values = [whole.target.registers.read(entry.name) for entry in registers]
             assert values == [bus.target.registers.read(entry.name) for entry in registers], clock
             seen.add(tuple(values))
     assert len(seen) > 1
-    reset = next(entry.address for entry in design(name).registers if entry.name == "ctrl_reset")
+    reset = next(
+        entry.address for entry in kind_of(name).design().registers if entry.name == "ctrl_reset"
+    )
     bus.write(reset, 1)
-    fresh = ImagerBus(bus_target(name))
+    fresh = ImagerBus(kind_of(name).bus_target())
     for step in (1, hz // 7, hz // 3):
         bus.advance(bus.clock + step)
         fresh.advance(fresh.clock + step)
@@ -87,15 +91,15 @@ def test_a_machine_advanced_in_pieces_is_the_one_advanced_at_once(name):
 
 @pytest.mark.parametrize("name", WITH_REGISTERS)
 def test_the_host_knows_it_by_its_first_register(name, tmp_path):
-    made = design(name)
-    port = ModelPort(made.geometry, bridge=line_of(bus_target(name)))
+    made = kind_of(name).design()
+    port = ModelPort(made.geometry, bridge=line_of(kind_of(name).bus_target()))
     bone = Uartbone(port, baud=made.baud)
-    known = recognised(bone)
-    assert known == imager_map(name)
+    known = recognised(bone, IMAGERS)
+    assert known == device_map(kind_of(name).design())
     assert known.imager == name
     path = tmp_path / "csr.csv"
     path.write_text(made.csr_csv())
-    assert read_csr(path) == known
+    assert read_csr(path, IMAGERS) == known
     board = Board(bone, known)
     info = board.imager_info()
     assert (info.imager, info.rows, info.columns, info.clock_hz) == (
@@ -114,23 +118,21 @@ def test_the_host_knows_it_by_its_first_register(name, tmp_path):
     assert caught.value.cause is Cause.NOT_OURS
     other = next(each for each in WITH_REGISTERS if each != name)
     with pytest.raises(LineFault, match=name):
-        Board(bone, imager_map(other)).imager_info()
+        Board(bone, device_map(kind_of(other).design()), devices=IMAGERS).imager_info()
 
 
 def test_the_spike_board_is_still_itself():
     port = ModelPort()
-    known = recognised(Uartbone(port))
+    known = recognised(Uartbone(port), IMAGERS)
     assert known.is_viform_board
     assert known.imager is None
     with pytest.raises(LineFault, match="not emccd"):
-        Board(Uartbone(port), imager_map("emccd")).imager_info()
+        Board(Uartbone(port), device_map(kind_of("emccd").design())).imager_info()
 
 
 def test_no_such_imager_is_one_line():
-    for ask in (design, bus_target, imager_map):
-        with pytest.raises(InputError, match="one of adaptive-exposure, ebaps, emccd"):
-            ask("vidicon")
-    assert by_number(0) is None
+    with pytest.raises(InputError, match="one of adaptive-exposure, ebaps, emccd"):
+        kind_of("vidicon")
 
 
 def run(monkeypatch, capsys, *options):
@@ -153,8 +155,8 @@ def run(monkeypatch, capsys, *options):
 
 def test_identify_and_regs_work_on_a_virtual_one(monkeypatch, capsys):
     """Behind a pty, with nothing but its port given."""
-    geometry = design("emccd").geometry
-    with VirtualBoard(geometry, level="model", imager="emccd") as board:
+    geometry = kind_of("emccd").design().geometry
+    with VirtualBoard(geometry, level="model", device=kind_of("emccd")) as board:
         options = ["--port", board.port, "--time-scale", str(board.time_scale), "--json"]
         code, out, err = run(monkeypatch, capsys, "identify", *options)
         assert (code, err) == (0, "")

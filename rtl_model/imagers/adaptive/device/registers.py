@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rtl_model.imagers.adaptive.device.decision import LONGEST, MULTIPLIER_BITS
 from rtl_model.imagers.adaptive.device.timing import CLOCK_HZ, MINIMUM_CLOCKS, Timing
-from rtl_model.imagers.device.registers import Design, Update
+from rtl_model.registers.design import Design, Update
 from rtl_model.registers.table import Field, Register
 
 __all__ = ["DEFAULT_LONGEST", "DEFAULT_SHAPE", "DESIGN", "REGISTERS", "design_of", "registers_of"]

@@ -6,7 +6,6 @@ ours. Exposures are in ns, as the document gives them; the high voltage is its m
 
 from __future__ import annotations
 
-from rtl_model.imagers.device.registers import Design
 from rtl_model.imagers.ebaps.board.timing import CLOCK_HZ, Timing
 from rtl_model.imagers.ebaps.device.exposure import (
     DEFAULT_EXPOSURE,
@@ -15,6 +14,7 @@ from rtl_model.imagers.ebaps.device.exposure import (
     WINDOW,
 )
 from rtl_model.registers import Field, Register
+from rtl_model.registers.design import Design
 
 __all__ = ["DESIGN", "HIGH_VOLTAGE", "REGISTERS"]
 

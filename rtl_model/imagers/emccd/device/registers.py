@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from rtl_model.imagers.device.registers import Design, Update
 from rtl_model.imagers.emccd.device.timing import EXPOSURE_STEPS, Settings, Timing
 from rtl_model.registers import Field, Register
+from rtl_model.registers.design import Design, Update
 
 __all__ = ["DESIGN", "PARAMETERS", "REGISTERS", "design"]
 

@@ -8,12 +8,12 @@ import random
 import pytest
 
 from cosim import InputError
-from rtl_model.imagers.catalogue import bus_target
+from rtl_model.imagers.catalogue import kind_of
 from rtl_model.imagers.device.bus import line_of
 from rtl_model.imagers.device.register_file import RegisterFile
-from rtl_model.imagers.device.registers import HEAD, IMAGER_MAGIC, Design
 from rtl_model.registers import REGISTERS, Register
 from rtl_model.registers.checks import faults
+from rtl_model.registers.design import HEAD, IMAGER_MAGIC, Design
 
 SPECIFIC = (
     Register("toy_now", 0x300, "rw", 5, 8, "taken at once"),
@@ -244,7 +244,7 @@ def entries(imager):
 @pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
 def test_the_line_cuts_what_does_not_fit(kind):
     """The same registers over the serial line, where nothing can be refused."""
-    made = bus_target(kind)
+    made = kind_of(kind).bus_target()
     own = made.registers.design.specific
     wide = next(entry for entry in own if entry.mode == "rw" and entry.width < 32)
     ro = next(entry for entry in own if entry.mode == "ro")

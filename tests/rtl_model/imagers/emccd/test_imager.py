@@ -9,7 +9,7 @@ import pytest
 from cosim import InputError
 from cosim.clock import PS
 from rtl_model.host import Board, Uartbone
-from rtl_model.host.csr import imager_map
+from rtl_model.host.csr import device_map
 from rtl_model.imagers.device.bus import line_of
 from rtl_model.imagers.emccd.device.bus_target import EmccdSequencer
 from rtl_model.imagers.emccd.device.cooling import Cooler, run_cooling
@@ -169,7 +169,7 @@ def test_the_host_reads_and_writes_it_like_a_board():
     """`rtl_model.host` over the imager's own csr.csv and table; writes are verified."""
     machine = EmccdSequencer()
     port = ModelPort(DESIGN.geometry, bridge=line_of(machine))
-    board = Board(Uartbone(port, baud=DESIGN.baud), imager_map("emccd"))
+    board = Board(Uartbone(port, baud=DESIGN.baud), device_map(DESIGN))
     assert board.identifier() == "Viform emccd 528x536"
     board.write("emccd_exposure", 100)
     board.write("emccd_rows", 64)

@@ -1,9 +1,10 @@
-"""The register map of an imager: one table for the bus, `csr.csv` and docs/imager-registers.md.
+"""The register map of a device other than the board of the spike camera, such as a conventional
+imager: one table for the bus, `csr.csv` and the document of its registers.
 
 The common head (magic, scratch, version, geometry, clock, reset, line counters, identifier) has the
 same addresses as on the board of the spike camera, so one host program reads both. The register
-`ctrl_imager` identifies the imager. The registers of one kind of imager begin at
-`SPECIFIC_ADDRESS`.
+`ctrl_imager` identifies the device. The registers of one kind of device begin at
+`SPECIFIC_ADDRESS`. A host and a virtual board know only the devices that their caller passes.
 """
 
 from __future__ import annotations
@@ -12,16 +13,15 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS, Memory, Register, csr_text
 from rtl_model.registers.document import register_tables
 
-__all__ = [
-    "CONSTANT", "HEAD", "IDENTIFIER", "IMAGER_MAGIC", "IMAGER_VERSION", "SPECIFIC_ADDRESS",
-    "Design", "Update", "head",
-]  # fmt: skip
+if TYPE_CHECKING:
+    from rtl_model.cycle import Behind
 
 IMAGER_MAGIC = 0x56494D47
 """ASCII "VIMG": the first word of every conventional imager."""
@@ -61,7 +61,7 @@ HEAD = head()
 
 @dataclass(frozen=True)
 class Design:
-    """One kind of imager behind a serial line.
+    """The registers of one kind of device behind a serial line.
 
     Attributes:
         name: `imager.kind` in a scenario.
@@ -145,3 +145,32 @@ class Design:
             text = entry.text if entry.mode != "rw" else f"{entry.text}; takes effect {when}"
             registers.append(entry._replace(text=text))
         return "\n".join(register_tables(registers, heading))
+
+
+class Device(Protocol):
+    """A device that a host recognises by its first registers and a virtual board can serve."""
+
+    @property
+    def name(self) -> str:
+        """Name on the command line and in `csr.csv`."""
+        ...
+
+    @property
+    def number(self) -> int | None:
+        """Value of its register `ctrl_imager`; None for a device without registers."""
+        ...
+
+    def design(self) -> Design:
+        """Its registers at default settings. Raises InputError for a device without registers."""
+        ...
+
+    def bus(self, geometry: Geometry) -> Behind:
+        """Its bus after power-on, behind a line of this clock and baud. Raises InputError for a
+        device without registers."""
+        ...
+
+
+Devices = Mapping[str, Device]
+"""Devices by name."""
+NO_DEVICES: Devices = MappingProxyType({})
+"""What a host knows whose caller passes no device: the board of the spike camera alone."""
