@@ -196,13 +196,10 @@ def _parse(
     if design is not None:
         table = {entry.name: entry for entry in design.registers}
     complete = bool(table) and table.keys() <= registers.keys()
-    if design is None or not complete:
-        imager = number = None
-    else:
-        number = design.number
     return CsrMap(
         registers, constants, bases, memories, int(width), int(alignment) // 8, is_viform_board,
-        None if imager is None else str(imager), number, table if complete else _NOTHING,
+        design.name if design and complete else None,
+        design.number if design and complete else None, table if complete else _NOTHING,
     )  # fmt: skip
 
 

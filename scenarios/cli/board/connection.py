@@ -133,9 +133,9 @@ def connect(
             and an imager.
         confirm: whether the design is checked before the command begins, unless --force is set.
     """
+    from imagers.catalogue import IMAGERS
     from rtl_model.host import Board, LineFault, opened_bone, recognised
     from rtl_model.host.ether import is_udp
-    from rtl_model.imagers.catalogue import IMAGERS
 
     known = known_map(options.csr)
     with ExitStack() as stack:
@@ -166,7 +166,7 @@ def known_map(csr: Path | None) -> CsrMap | None:
     """
     if csr is None:
         return None
-    from rtl_model.imagers.catalogue import IMAGERS
+    from imagers.catalogue import IMAGERS
 
     return csr_map(csr, IMAGERS)
 

@@ -108,7 +108,7 @@ def board_virtual(
     baud = baud or 115_200
     text, device = "", None
     if imager is not None:
-        from rtl_model.imagers.catalogue import kind_of
+        from imagers.catalogue import kind_of
 
         if build != BuildOptions():
             raise InputError(

@@ -11,11 +11,11 @@ from cosim.config.amounts import percent
 from cosim.light.charts import CHARTS, draw, regions
 from cosim.run.machine import Options
 from cosim.run.result import Metric
-from rtl_model.imagers.adaptive.model import AdaptiveModel, changes
-from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.check.paired import watched_frames
-from rtl_model.imagers.interface.model import measure_frame
-from rtl_model.imagers.report.page import metric_text
+from imagers.adaptive.model import AdaptiveModel, changes
+from imagers.catalogue import IMAGERS
+from imagers.common.model import measure_frame
+from imagers.report.page import metric_text
+from imagers.run.paired import watched_frames
 from scenarios.assemble.imager import plan_imager
 from scenarios.assemble.machine import assemble, assemble_study
 from scenarios.assemble.schema.loading import filmed, linked, load, shipped, to_toml

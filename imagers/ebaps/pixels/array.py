@@ -1,0 +1,214 @@
+"""Pixels of an EBAPS: from lux on the photocathode to 16-bit numbers.
+
+Photoelectrons (Poisson) cross the gap. A share is lost, the others land near the point where they
+started, and each makes a few hundred electrons; occasionally an ion adds a burst. Dark current and
+light that passes the photocathode are added in the silicon. Full well, analog chain and converter
+follow. At 0 V no photoelectron crosses, and the silicon sees only the light that passes the
+photocathode.
+
+Not modelled: charge that diffuses between pixels, lag, blooming, the photocathode's warming.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.draws import binomial, negative_binomial, normal, poisson
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Effect
+from imagers.ebaps.pixels.budget import Budget
+from imagers.ebaps.pixels.effects import ebaps_effects
+from imagers.ebaps.pixels.silicon import Pattern, Silicon
+from imagers.ebaps.pixels.spectral import Spectral
+from imagers.ebaps.pixels.spread import halo, landing
+from imagers.ebaps.pixels.tube import Tube
+from sensor.frame_pixels import Exposed, ImagerSummary
+
+__all__ = ["BITS", "COLUMNS", "ROWS", "EbapsPixels"]
+
+COLUMNS, ROWS = 1280, 1024
+"""Document 002, section 1.1."""
+BITS = 16
+"""Of the converter (CBM92AD68-80): document 002, section 1.3."""
+Values = npt.NDArray[np.float64]
+_BURST = 1 << 40
+"""Added to a frame's number where ion bursts take their size from the stream of ion events."""
+
+
+@dataclass(frozen=True, eq=False)
+class EbapsPixels:
+    """The pixels of an electron-bombarded active pixel sensor.
+
+    Attributes:
+        volts: magnitude of the high voltage, 0 to 1500.
+        kelvin: of the silicon.
+        device: seed of the fixed pattern.
+        spectral: electrons of the light over those of a lamp of 2856 K. The rest see `PixelModel`.
+    """
+
+    shape: tuple[int, int] = (ROWS, COLUMNS)
+    volts: float = 1500.0
+    kelvin: float = 300.0
+    device: int = 1
+    tube: Tube = field(default_factory=Tube)
+    silicon: Silicon = field(default_factory=Silicon)
+    bits: int = BITS
+    spectral: Spectral = field(default_factory=Spectral)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.volts < math.inf:
+            raise ValueError(f"high voltage must be 0 V or more in size, not {self.volts:g} V")
+        if not 0 < self.kelvin < math.inf:
+            raise ValueError(f"temperature must be above 0 K, not {self.kelvin:g} K")
+
+    @property
+    def full_scale(self) -> int:
+        """DN."""
+        return (1 << self.bits) - 1
+
+    @cached_property
+    def effects(self) -> dict[str, Effect]:
+        """See `PixelModel`."""
+        return ebaps_effects(self.budget(0.0, 0.0), self.full_scale, float(self.kernel[0]) ** 2)
+
+    @cached_property
+    def kernel(self) -> Values:
+        """Shares that land 0, 1, ... pixels away along one axis."""
+        return self.tube.landing_kernel(self.volts, self.silicon.pitch)
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Of the device."""
+        return Pattern(self.silicon, self.shape, self.device)
+
+    def at(self, *, volts: float | None = None, kelvin: float | None = None) -> EbapsPixels:
+        """The same device at another voltage or temperature, with the same fixed pattern."""
+        other = copy.copy(self)
+        object.__setattr__(other, "volts", self.volts if volts is None else volts)
+        object.__setattr__(other, "kelvin", self.kelvin if kelvin is None else kelvin)
+        other.__post_init__()
+        other.__dict__["pattern"] = self.pattern
+        for made in ("effects", "kernel"):
+            other.__dict__.pop(made, None)
+        return other
+
+    @property
+    def sensitivity(self) -> float:
+        """Photoelectrons of a lux second in a pixel."""
+        return self.tube.electrons_per_lux * self.silicon.area * self.spectral.photocathode
+
+    def photoelectrons(self, lux_seconds: float) -> float:
+        """Of light, in a pixel."""
+        electrons = lux_seconds * self.tube.electrons_per_lux * self.silicon.area
+        return electrons * self.spectral.photocathode
+
+    def budget(self, lux_seconds: float, seconds: float) -> Budget:
+        """Closed form of a pixel without fixed pattern in uniform light."""
+        light = self.photoelectrons(lux_seconds)
+        return Budget(
+            self.tube, self.silicon, self.volts, self.kelvin, light, seconds, self.spectral
+        )
+
+    def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
+        """See `PixelModel`; the mean includes the black level."""
+        budget = self.budget(lux_seconds, seconds)
+        return float(self.silicon.black + budget.mean), float(budget.variance)
+
+    def summary(
+        self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
+    ) -> ImagerSummary:
+        """See `PixelModel`."""
+        gain = self.tube.gain(self.volts)
+        low, high = (self.photoelectrons(x) for x in lux_seconds)
+        return ImagerSummary(
+            low, high, self.silicon.well, frames, frames,
+            exposure=seconds, kelvin=self.kelvin, gain=(gain, gain),
+            step=1 / self.silicon.dn_per_electron,
+        )  # fmt: skip
+
+    def _landed(self, light: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int,
+                kept: frozenset[str]) -> Values:  # fmt: skip
+        """Photoelectrons absorbed in each pixel, from the mean number emitted above it."""
+        if "landing spread" in kept:
+            light = landing(light, self.kernel)
+        if "halo" in kept:
+            share, radius = self.tube.halo, self.tube.halo_radius / self.silicon.pitch
+            light = (1 - share) * light + share * halo(light, radius)
+        stays = 1 - self.tube.loss
+        shot, loss = "shot noise" in kept, "electron loss" in kept
+        if shot:
+            # Poisson thinned is Poisson: one draw serves both.
+            mean = light * stays if loss else light
+            counts = poisson(mean, numbers, frame, seed, Stream.IMAGER_SHOT).astype(np.float64)
+            return counts if loss else counts * stays
+        if loss:
+            whole = np.ceil(light)
+            share_each = np.divide(light * stays, whole, out=np.zeros_like(light), where=whole > 0)
+            return binomial(whole, share_each, numbers, frame, seed, Stream.IMAGER_LOSS).astype(
+                np.float64
+            )
+        return light * stays
+
+    def _bursts(self, landed: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int
+                ) -> Values:  # fmt: skip
+        """Electrons that ion events add: an independent geometric count (from 0) per event."""
+        events = poisson(landed * self.tube.ions, numbers, frame, seed, Stream.IMAGER_IONS)
+        out = np.zeros(landed.shape)
+        at = events > 0
+        if at.any():
+            out[at] = negative_binomial(
+                events[at], self.tube.burst, numbers[at], frame | _BURST, seed, Stream.IMAGER_IONS
+            )
+        return out
+
+    def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
+        """See `PixelModel`. Electrons spread into neighbouring rows, so rows should be a whole
+        frame; module `spread` gives the error at the edges of a part."""
+        count, width = rows.lux_seconds.shape
+        here = slice(rows.first, rows.first + count)
+        numbers = np.arange(here.start * width, here.stop * width).reshape(count, width)
+        seconds = np.asarray(rows.seconds, np.float64)[:, None]
+        gather = seconds + np.asarray(rows.waiting, np.float64)[:, None]
+        tube, silicon, gain = self.tube, self.silicon, self.tube.gain(self.volts)
+        electrons = np.zeros((count, width))
+        if gain > 0:
+            light = rows.lux_seconds * self.sensitivity
+            if "photocathode emission" in kept:
+                light = light + tube.emission_lux * tube.electrons_per_lux * silicon.area * seconds
+            landed = self._landed(light, numbers, rows.frame, seed, kept)
+            if "ion events" in kept:
+                landed = landed + self._bursts(landed, numbers, rows.frame, seed)
+            electrons = landed * gain
+            if "gain spread" in kept:
+                spread = np.sqrt(landed * (gain * tube.gain_variance))
+                spread *= normal(numbers, rows.frame, seed, Stream.IMAGER_GAIN)
+                electrons += spread
+        response: Values | float = 1.0
+        if "PRNU" in kept:
+            response = self.pattern.response()[here]
+        if "stripes" in kept:
+            response = response * self.pattern.stripes()[here]
+        electrons *= response
+        slow = np.zeros((count, width))
+        if "dark current" in kept:
+            rate = silicon.dark_rate(self.kelvin)
+            slow += rate * gather * (self.pattern.dark()[here] if "DSNU" in kept else 1.0)
+        if "direct light" in kept:
+            leaked = silicon.direct * silicon.leakage * silicon.area * self.spectral.silicon
+            slow += rows.lux_seconds * leaked * response
+        if "silicon shot noise" in kept:
+            slow = poisson(slow, numbers, rows.frame, seed, Stream.IMAGER_DARK).astype(np.float64)
+        electrons = np.minimum(electrons + slow, silicon.well)
+        if "offset FPN" in kept:
+            electrons += self.pattern.offset()[here]
+        if "read noise" in kept:
+            noise = normal(numbers, rows.frame, seed, Stream.IMAGER_READ)
+            electrons += silicon.read_noise * noise
+        values = silicon.black + silicon.dn_per_electron * electrons
+        return np.clip(np.rint(values), 0, self.full_scale).astype(np.uint16)

@@ -1,0 +1,131 @@
+"""The effects of an EBAPS, and bounds of the error in mean and noise if each is left out.
+
+A bound is the larger of two: the change of the mean over the mean above black (at least 1 DN), and
+the change of the noise over the noise (at least 1/sqrt(12) DN). Patterns count with their RMS over
+pixels. Means and variances are linear in light and time, so a share is largest at a corner of the
+box in the summary. If values clip, or the tail of a pattern matters, the bound is an estimate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from typing import Any, cast
+
+import numpy as np
+
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Kind, Summary
+from imagers.ebaps.pixels.budget import EMISSION, Budget
+from imagers.ebaps.pixels.costs import COSTS
+from sensor.frame_pixels import ImagerSummary
+
+__all__ = ["ebaps_effects"]
+
+_BELOW, _ABOVE = 6.0, 12.0
+"""Standard deviations that must stay clear of either end of the scale. Nothing but read noise and
+offsets goes below black; ion events make the upper tail a long one."""
+
+
+def _noise(share: Any) -> Any:
+    """Relative change of the noise if this share of its variance is removed or added.
+
+    1 - sqrt(1 - a), but at least .53 a: then a sum of such bounds is a bound of the sum as long as
+    it stays below 0.1, since 1 - sqrt(1 - A) <= .53 A for A <= .2.
+    """
+    a = np.clip(share, 0.0, 1.0)
+    return np.maximum(1 - np.sqrt(1 - a), 0.53 * np.asarray(share, np.float64))
+
+
+def ebaps_effects(base: Budget, full_scale: int, center: float) -> dict[str, Effect]:
+    """All effects of a device, by name.
+
+    Args:
+        base: its closed form without light.
+        full_scale: largest value, DN.
+        center: share of the electrons that land on the pixel that they started from.
+    """
+    tube, silicon = base.tube, base.silicon
+    k = silicon.dn_per_electron
+
+    def corners(scene: Summary) -> list[Budget]:
+        given = cast(ImagerSummary, scene)
+        lights = [np.asarray(x, np.float64) for x in (given.darkest, given.brightest)]
+        return [replace(base, light=p, seconds=t) for p, t in product(lights, given.exposure)]
+
+    def free_of_clipping(scene: Summary) -> bool:
+        high = max(float(np.max(b.mean + _ABOVE * np.sqrt(b.variance))) for b in corners(scene))
+        low = _BELOW * k * math.hypot(silicon.read_noise, silicon.offset_spread)
+        top = min(full_scale, silicon.black + k * silicon.well)
+        return silicon.black > low and silicon.black + high < top
+
+    def shares(b: Budget, mean: Any, variance: Any) -> Any:
+        """Mean and variance that are removed, as shares of the pixel's mean and variance."""
+        shift = np.abs(mean) * k / np.maximum(b.mean, 1.0)
+        return np.maximum(shift, _noise(variance * k * k / b.variance))
+
+    def part(name: str) -> Callable[[Summary], Bound]:
+        def bound(scene: Summary) -> Bound:
+            values = [shares(b, p.mean, p.variance) for b in corners(scene)
+                      for p in (b.parts()[name],)]  # fmt: skip
+            kind: Kind = "proof" if free_of_clipping(scene) else "estimate"
+            return Bound(np.maximum.reduce(values), kind)
+
+        return bound
+
+    def pattern(size: Callable[[Budget], tuple[Any, Any]]) -> Callable[[Summary], Bound]:
+        def bound(scene: Summary) -> Bound:
+            values = [shares(b, *size(b)) for b in corners(scene)]
+            return Bound(np.maximum.reduce(values), "estimate")
+
+        return bound
+
+    def response(spread: float) -> Callable[[Budget], tuple[Any, Any]]:
+        # A factor 1 + p of the electrons changes their variance by 2 p of it.
+        return lambda b: (spread * b.response, 2 * spread * (b.tube_variance + b.leaked))
+
+    def moved(share: float) -> Callable[[Summary], Bound]:
+        """Electrons that land on another pixel. The net change of a pixel is at most this share of
+        the difference between the brightest and the darkest."""
+
+        def bound(scene: Summary) -> Bound:
+            contrast = np.asarray(scene.brightest, float) - np.asarray(scene.darkest, float)
+            more = replace(base, light=share * contrast, seconds=0.0)
+            values = [
+                shares(b, more.tube_mean(more.light), more.tube_variance) for b in corners(scene)
+            ]
+            kind: Kind = "proof" if free_of_clipping(scene) else "estimate"
+            return Bound(np.maximum.reduce(values), kind)
+
+        return bound
+
+    rows: tuple[tuple[str, str, Stream, Callable[[Summary], Bound]], ...] = (
+        ("shot noise", "Poisson photoelectrons", Stream.IMAGER_SHOT, part("shot noise")),
+        (EMISSION, "EBI 2.5e-7 lx, assumed", Stream.IMAGER_SHOT, part(EMISSION)),
+        ("electron loss", "F^2 = 1/(1 - eta_b)", Stream.IMAGER_LOSS, part("electron loss")),
+        ("gain spread", "Fano and collection", Stream.IMAGER_GAIN, part("gain spread")),
+        ("landing spread", "r = 2 d sqrt(E_t/V)", Stream.IMAGER_SPREAD, moved(1 - center)),
+        ("halo", "back scattering within 2 d", Stream.IMAGER_SPREAD, moved(tube.halo)),
+        ("ion events", "about 1 in 600 electrons", Stream.IMAGER_IONS, part("ion events")),
+        ("direct light", "leakage, assumed", Stream.NONE, part("direct light")),
+        ("dark current", "I0 2^((T - T0)/T_d)", Stream.NONE, part("dark current")),
+        ("silicon shot noise", "Poisson", Stream.IMAGER_DARK, part("silicon shot noise")),
+        ("DSNU", "EMVA 1288", Stream.IMAGER_PATTERN,
+         pattern(lambda b: (silicon.dsnu * b.dark, silicon.dsnu * b.dark))),
+        ("offset FPN", "EMVA 1288", Stream.IMAGER_PATTERN,
+         pattern(lambda b: (silicon.offset_spread, 0.0))),
+        ("PRNU", "EMVA 1288", Stream.IMAGER_PATTERN, pattern(response(silicon.prnu))),
+        ("stripes", "stripes that dark frames leave: document 002, figure 11",
+         Stream.IMAGER_PATTERN, pattern(response(silicon.stripes))),
+        ("read noise", "analog chain", Stream.IMAGER_READ, part("read noise")),
+    )  # fmt: skip
+
+    def costs(name: str) -> Callable[[Summary], float]:
+        return lambda scene: COSTS[name]
+
+    return {
+        name: Effect(name, source, stream, bound, costs(name))
+        for name, source, stream, bound in rows
+    }

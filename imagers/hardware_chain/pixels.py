@@ -1,0 +1,201 @@
+"""The hardware chain of document 004, pixel by pixel.
+
+Photoelectrons and dark electrons (Poisson) fill the well; reset, white and transfer noise of the
+sensor follow, by their laws of temperature and clock (`sensor.dynamic_range.noise`); S volts an
+electron; circuit noise and the supply's ripple; analog gain m; a converter with its noise, whose
+zero lies `black` codes below darkness; digital gain n, rounded, into a word as wide as the
+converter's. `Chain` (`viform design dynamic-range`) is its closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.compute.draws import normal, poisson
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Summary
+from imagers.hardware_chain.ripple import Ripple
+from sensor.dynamic_range import Chain, SensorNoise, rounding_variance
+from sensor.frame_pixels import Exposed, ImagerSummary, steady_effects
+
+__all__ = ["PEDESTAL", "ChainPixels"]
+
+PEDESTAL: Final = 6.0
+"""Deviations of the noise in the dark between darkness and the converter's zero."""
+_FULL: Final = 100.0
+"""Wells of electrons beyond which a pixel is full whatever its noise."""
+_NS: Final = {
+    "shot noise": 60.0, "dark current": 30.0, "reset noise": 45.0, "white noise": 45.0,
+    "transfer noise": 45.0, "circuit noise": 45.0, "supply ripple": 15.0, "converter noise": 45.0,
+}  # fmt: skip
+"""Run-time costs, ns per pixel and frame, by the run time with and without the effect on one core
+at 2.5 GHz."""
+_SOURCES: Final = {
+    "shot noise": (Stream.IMAGER_SHOT, "Poisson law of photoelectrons"),
+    "dark current": (Stream.IMAGER_DARK, "Poisson law of dark electrons; I 2^((T - T0)/Td) or "
+                     "T^3 exp(-E/kT)"),
+    "reset noise": (Stream.IMAGER_RESET, "document 004: as the root of the temperature"),
+    "white noise": (Stream.IMAGER_WHITE, "document 004: as the root of the temperature"),
+    "transfer noise": (Stream.IMAGER_TRANSFER, "document 004: as the root of the clock"),
+    "circuit noise": (Stream.IMAGER_CIRCUIT, "document 004: V_circuit; in quadrature"),
+    "supply ripple": (Stream.NONE, "document 004: a sine on the sensor's output, stripes"),
+    "converter noise": (Stream.IMAGER_READ, "document 004: alpha; in quadrature"),
+}  # fmt: skip
+_GAUSSIAN: Final = ("reset", "white", "transfer")
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ChainPixels:
+    """See `PixelModel`.
+
+    Attributes:
+        shape: (H, W).
+        chain: well, volts an electron, circuit noise without the ripple, converter and gains; its
+            `noise` is not used here.
+        noise: of the sensor, by its laws.
+        responsivity: photoelectrons of a lux second.
+        celsius: of the sensor.
+        hertz: pixel clock.
+        ripple: of the supply.
+        black: value of darkness at the converter, DN; None for `PEDESTAL`.
+        exposure: s, for that `PEDESTAL`.
+    """
+
+    shape: tuple[int, int]
+    chain: Chain
+    noise: SensorNoise
+    responsivity: float
+    celsius: float
+    hertz: float
+    ripple: Ripple
+    black: int | None = None
+    exposure: float = 0.0
+
+    @property
+    def bits(self) -> int:
+        return self.chain.converter.bits
+
+    @property
+    def codes(self) -> float:
+        """Codes of the converter for an electron, without the digital gain."""
+        return self.chain.sensitivity * self.chain.analog / self.chain.converter.step
+
+    @property
+    def slope(self) -> float:
+        """DN of an electron."""
+        return self.codes * self.chain.digital
+
+    @cached_property
+    def zero(self) -> int:
+        """Value of darkness at the converter, DN."""
+        if self.black is not None:
+            return self.black
+        random = math.sqrt(self._variances(0.0, self.exposure)["sum"]) / self.slope * self.codes
+        sine = self.ripple.volts * self.chain.analog / self.chain.converter.step
+        return math.ceil(PEDESTAL * random + sine)
+
+    def volts(self, volts: float) -> float:
+        """Volts at the sensor's output as DN."""
+        return volts / self.chain.sensitivity * self.slope
+
+    def _variances(self, electrons: float, seconds: float) -> dict[str, float]:
+        """Variance by effect, DN^2, and their sum with that of rounding; the ripple's apart."""
+        sensor = self.noise.parts(self.celsius, self.hertz, seconds, electrons)
+        named = {"shot": "shot noise", "dark": "dark current"}
+        made = {
+            named.get(name, f"{name} noise"): (part * self.slope) ** 2
+            for name, part in sensor.items()
+        }
+        made["circuit noise"] = self.volts(self.chain.circuit) ** 2
+        converter = self.chain.converter
+        made["converter noise"] = (converter.noise / converter.step * self.chain.digital) ** 2
+        rounding = self.chain.digital**2 / 12 + rounding_variance(self.chain.digital)
+        return made | {"sum": sum(made.values()) + rounding}
+
+    def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
+        """See `PixelModel`."""
+        chain, (count, width) = self.chain, rows.lux_seconds.shape
+        numbers = np.arange(rows.first * width, (rows.first + count) * width).reshape(count, width)
+
+        def drawn(deviation: float, stream: Stream) -> Values | float:
+            return deviation * normal(numbers, rows.frame, seed, stream) if deviation else 0.0
+
+        charge = np.minimum(rows.lux_seconds * self.responsivity, _FULL * chain.full_well)
+        if "shot noise" in kept:
+            charge = 1.0 * poisson(charge, numbers, rows.frame, seed, Stream.IMAGER_SHOT)
+        if "dark current" in kept:
+            mean = (self.noise.dark.at(self.celsius) * rows.seconds)[:, None]
+            mean = np.broadcast_to(np.minimum(mean, _FULL * chain.full_well), charge.shape)
+            charge = charge + poisson(mean, numbers, rows.frame, seed, Stream.IMAGER_DARK)
+        # The well ends the signal; what the output adds is not in the well.
+        charge = np.minimum(charge, chain.full_well)
+        parts = self.noise.parts(self.celsius, self.hertz)
+        for name in _GAUSSIAN:
+            if f"{name} noise" in kept:
+                charge = charge + drawn(parts[name], _SOURCES[f"{name} noise"][0])
+        volts = charge * chain.sensitivity
+        if "circuit noise" in kept:
+            volts = volts + drawn(chain.circuit, Stream.IMAGER_CIRCUIT)
+        if "supply ripple" in kept and self.ripple.volts:
+            volts = volts + self.ripple.at(rows.frame, rows.first, count, width)
+        volts = volts * chain.analog
+        if "converter noise" in kept:
+            volts = volts + drawn(chain.converter.noise, Stream.IMAGER_READ)
+        full = (1 << self.bits) - 1
+        codes = np.clip(np.rint(volts / chain.converter.step) + self.zero, 0, full)
+        return np.clip(np.floor(codes * chain.digital + 0.5), 0, full).astype(np.uint16)
+
+    def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
+        """See `PixelModel`. The ripple counts with its mean square."""
+        electrons = lux_seconds * self.responsivity
+        dark = self.noise.dark.at(self.celsius) * seconds
+        mean = self.zero * self.chain.digital + (electrons + dark) * self.slope
+        variance = self._variances(electrons, seconds)["sum"]
+        return mean, variance + self.volts(self.ripple.rms) ** 2
+
+    def summary(
+        self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
+    ) -> ImagerSummary:
+        """See `PixelModel`."""
+        well = self.chain.full_well
+        low, high = (min(light * self.responsivity, well) for light in lux_seconds)
+        return ImagerSummary(low, high, well, frames, frames, exposure=seconds, step=1 / self.slope)
+
+    @cached_property
+    def effects(self) -> dict[str, Effect]:
+        """See `PixelModel`."""
+        return steady_effects(_SOURCES, _NS, self._bound)
+
+    def _bound(self, name: str) -> Callable[[Summary], Bound]:
+        """The larger of the change of a value's mean and of its noise. A noise with the share p of
+        the variance leaves sqrt(1 - p) of the deviation; the share is largest in the darkest pixel,
+        that of shot noise in the brightest. An estimate, because values are rounded and clipped."""
+
+        def bound(scene: Summary) -> Bound:
+            assert isinstance(scene, ImagerSummary)
+            shift, shares = 0.0, []
+            for light in (float(scene.darkest), float(scene.brightest)):
+                for seconds in scene.exposure:
+                    parts = self._variances(light, seconds)
+                    # In DN a Poisson mean is its variance over the slope.
+                    dark = parts["dark current"] / self.slope
+                    base = max(self.zero * self.chain.digital + light * self.slope + dark, 1.0)
+                    if name == "supply ripple":
+                        sine = self.volts(self.ripple.rms)
+                        shift = max(shift, sine / base)
+                        shares.append(sine**2 / (sine**2 + parts["sum"]))
+                        continue
+                    shares.append(parts[name] / parts["sum"])
+                    if name == "dark current":
+                        shift = max(shift, dark / base)
+            return Bound(max(shift, 1 - math.sqrt(1 - max(shares))), "estimate")
+
+        return bound
