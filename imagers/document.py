@@ -10,8 +10,6 @@ from imagers.catalogue import IMAGERS
 from rtl_model.registers.design import HEAD
 from rtl_model.registers.document import register_tables
 
-__all__ = ["document"]
-
 _HEAD = """\
 # Registers of the imagers
 

@@ -16,15 +16,11 @@ from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput
 from imagers.common.kind import ImagerKind
 from imagers.common.model import FrameFigures
-from imagers.report.imager_run import ImagerRun
-from imagers.report.page import imager_page
+from imagers.report.page import ImagerRun, imager_page
 from imagers.run.chain import FrameChain
-from imagers.run.forecast import DEVICE, forecast
 from imagers.run.ladder import measure_ladder
-from imagers.run.plan import PlannedRun
-from imagers.run.store import FRAMES, read_frame
-
-__all__ = ["ImagerMachine", "ImagerStudy"]
+from imagers.run.plan import DEVICE, PlannedRun, forecast
+from imagers.run.tape import FRAMES, read_frame
 
 PICTURES: Final = 8
 """Number of frames, evenly spaced, that are written as PNG pictures."""

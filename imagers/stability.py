@@ -13,7 +13,7 @@ from cosim.compute.opencl import Device
 from cosim.run.case import Case
 from imagers.adaptive.device.decision import Search
 from imagers.adaptive.device.loop import follow, from_judged, recovery, worst_search
-from imagers.ebaps.device.extremes import (
+from imagers.ebaps.device.settling import (
     accumulated,
     dark_then_light,
     light_steps,
@@ -21,8 +21,6 @@ from imagers.ebaps.device.extremes import (
     swinging,
 )
 from imagers.emccd.device.cooling import Cooler, run_cooling
-
-__all__ = ["CONTROLLING"]
 
 Adaptive = Callable[[int], Any]
 """Number of a search, 1 to 3 -> `Rule` of the exposure selection (adaptive/device/loop.py)."""

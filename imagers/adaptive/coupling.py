@@ -15,12 +15,9 @@ from cosim.report.drawn import save_figure
 from cosim.report.figures import MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.run.result import Metric
-from imagers.adaptive.device.codes import Code
 from imagers.adaptive.device.imager import AdaptiveExposure
-from imagers.adaptive.device.switching import Coupling, row_kicks
+from imagers.adaptive.device.signals import Code, Coupling, row_kicks
 from imagers.report.figures import BLUE, style_axes
-
-__all__ = ["coupled_metrics", "coupling_section"]
 
 CODES: Final[tuple[tuple[Code, str], ...]] = (("binary", MARK), ("gray", BLUE))
 PHASES: Final = ((False, "no idle phase"), (True, "idle phase"))

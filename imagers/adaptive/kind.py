@@ -13,14 +13,12 @@ from imagers.common.kind import ImagerKind
 if TYPE_CHECKING:
     from cosim.run.printed import Row
     from imagers.adaptive.model import AdaptiveModel
-    from imagers.common.bus import BusTarget
-    from imagers.common.comparison import Comparison
+    from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
-    from imagers.report.imager_run import ImagerRun
+    from imagers.common.registers import BusTarget
+    from imagers.report.page import ImagerRun
     from rtl_model.registers.design import Design
     from sensor.laboratory.cameras import Camera
-
-__all__ = ["AdaptiveKind"]
 
 
 class AdaptiveKind(ImagerKind):
@@ -43,7 +41,7 @@ class AdaptiveKind(ImagerKind):
         return DESIGN
 
     def bus_target(self) -> BusTarget:
-        from imagers.adaptive.device.bus_target import bus_target
+        from imagers.adaptive.device.controller import bus_target
 
         return bus_target()
 

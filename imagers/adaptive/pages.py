@@ -27,9 +27,7 @@ from imagers.report.figures import (
     style_axes,
     waveforms,
 )
-from imagers.report.imager_run import ImagerRun
-
-__all__ = ["adaptive_sections"]
+from imagers.report.page import ImagerRun
 
 SMALL = 16
 """Rows and columns of the sensor that films the response curve."""

@@ -17,27 +17,22 @@ from imagers.adaptive.device.decision import (
     lengthening,
     shortened,
 )
-from imagers.adaptive.device.latency import latency
+from imagers.adaptive.device.imager import latency
 from imagers.adaptive.device.loop import (
+    brightest_lux,
+    combined_response,
+    exponential_deviation,
     from_judged,
     light_for,
+    longest_exposure,
     search_path,
     settled,
     shortest_exposure,
 )
 from imagers.adaptive.device.registers import DEFAULT_LONGEST, DESIGN
-from imagers.adaptive.device.response import (
-    brightest_lux,
-    combined_response,
-    exponential_deviation,
-    longest_exposure,
-)
-from imagers.adaptive.device.sequencer import frames_of
-from imagers.adaptive.device.switching import toggles
-from imagers.adaptive.device.timing import CLOCK_HZ, FRAME_RATE, MINIMUM_CLOCKS, Timing
+from imagers.adaptive.device.signals import toggles
+from imagers.adaptive.device.timing import CLOCK_HZ, FRAME_RATE, MINIMUM_CLOCKS, Timing, frames_of
 from imagers.adaptive.pixels import BITS, CmosSetting
-
-__all__ = ["adaptive_rows"]
 
 _SETTING = CmosSetting()
 _TABLE = (("128-255", 255, 1), ("64-127", 64, 2), ("32-63", 32, 4), ("16-31", 16, 8),

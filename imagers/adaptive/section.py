@@ -7,9 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from cosim.config.quantity import Quantity, Section, Temperature
-from imagers.common.section import Device, First, ImagerSection, Side, Writes
-
-__all__ = ["AdaptiveSection", "CouplingSection"]
+from imagers.common.kind import Device, First, ImagerSection, Side, Writes
 
 
 class CouplingSection(Section):

@@ -5,12 +5,11 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from imagers.adaptive.device.loop import shortest_exposure
+from imagers.adaptive.device.loop import longest_exposure, shortest_exposure
 from imagers.adaptive.device.registers import DEFAULT_LONGEST
-from imagers.adaptive.device.response import longest_exposure
 from imagers.adaptive.pixels import AdaptivePixels
 from imagers.adaptive.section import AdaptiveSection
-from imagers.common.comparison import Comparison, Setting
+from imagers.common.kind import Comparison, Setting
 from sensor.laboratory.bench import Bench
 from sensor.laboratory.cameras import Camera
 

@@ -20,8 +20,6 @@ from imagers.common.scenery import Scenery
 from imagers.common.trace import Signal, write_trace
 from sensor.frame_pixels import Exposed, PixelModel
 
-__all__ = ["FixedExposure", "FixedTiming"]
-
 _TRACED: Final = 3
 """Number of frames in a trace."""
 _SIGNALS: Final = (Signal("exposing"), Signal("frame_valid"), Signal("line_valid"))

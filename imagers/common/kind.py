@@ -1,24 +1,137 @@
-"""What one kind of imager provides; the catalogue lists one object for each."""
+"""What one kind of imager provides; the catalogue lists one object for each.
+
+`ImagerSection` is the base of its [imager] section, `Comparison` its part in `viform compare`,
+which films one scene with every camera.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
 
 from cosim import InputError
-from imagers.common.section import ImagerSection
+from cosim.config.quantity import Section, Time
+from cosim.frames import Frame
 
-if TYPE_CHECKING:  # the schema and a host that reads registers must not load the physics
+if TYPE_CHECKING:
     from cosim.run.printed import Row
-    from imagers.common.bus import BusTarget, ImagerBus
-    from imagers.common.comparison import Comparison
     from imagers.common.model import ImagerModel
-    from imagers.report.imager_run import ImagerRun
+    from imagers.common.registers import BusTarget, ImagerBus
+    from imagers.report.page import ImagerRun
     from rtl_model.geometry import Geometry
     from rtl_model.registers.design import Design
     from sensor.laboratory.cameras import Camera
 
-__all__ = ["ImagerKind"]
+Side = Annotated[int, Field(ge=1, le=4096)]
+First = Annotated[int, Field(ge=0, le=4095)]
+Device = Annotated[int, Field(ge=0, lt=2**32)]
+Writes = Annotated[
+    tuple[tuple[Time, str, Annotated[int, Field(ge=0, lt=2**32)]], ...],
+    Field(
+        max_length=1000,
+        description='register writes over the serial line: ["5 ms", "register", value], the value '
+        "in the register's own unit",
+        examples=[[["5 ms", "exposure", 100]]],
+    ),
+]
+"""(instant at which the write has arrived, register name, value) of each write."""
+
+
+class ImagerLens(Section):
+    """The ideal lens in front of an imager."""
+
+    f_number: Annotated[float, Field(ge=0.5, le=1000)]
+    transmission: Annotated[float, Field(gt=0, le=1)] = 0.9
+    magnification: Annotated[float, Field(ge=0, le=100)] = 0.0
+
+
+class ImagerSection(Section):
+    """The [imager] section of every kind of imager.
+
+    Attributes:
+        kind: name of the imager in the catalogue.
+    """
+
+    kind: str
+
+
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Pixels in one setting, and an exposure time.
+
+    Attributes:
+        pixels: the pixel model in that setting.
+        seconds: exposure time, s.
+    """
+
+    pixels: Any
+    seconds: float
+
+
+class Comparison(ABC):
+    """How an imager is set for the light of a scene, and how its frames are interpreted.
+
+    Attributes:
+        title: title of its row.
+        note: what the picture does not show.
+    """
+
+    title: ClassVar[str]
+    note: ClassVar[str] = ""
+
+    def keys(self, shape: tuple[int, int]) -> dict[str, Any]:
+        """Keys of its section for a scene of shape (rows, columns); keys of the user override."""
+        return {"rows": shape[0], "columns": shape[1]}
+
+    def adjust(self, section: Any, white: float, mean: float, given: frozenset[str]) -> Any:
+        """The section, with the settings that the imager does not control itself chosen for the
+        light.
+
+        Args:
+            section: settings of the user.
+            white, mean: illuminance of white, and mean illuminance, on the plane, lux.
+            given: keys that the user has set and that must not change.
+        """
+        return section
+
+    @abstractmethod
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        """The least and the most sensitive setting within the range of all controls."""
+
+    def sent(self, section: Any) -> int:
+        """Number of pixels of a frame that leave the imager."""
+        return int(section.rows * section.columns)
+
+    @abstractmethod
+    def setting(self, section: Any, pixels: Any) -> str:
+        """The setting in words; it is printed after frame rate and exposure."""
+
+    def first_row(self, frame: Frame) -> int:
+        """Row of the plane at which a frame begins."""
+        return 0
+
+    def pedestal(self, section: Any) -> float | None:
+        """Value of black, DN, in frames from which dark frames are subtracted; None for frames
+        without such a subtraction."""
+        return None
+
+    def without_smear(self, signal: Values, imager: Any, seconds: float) -> Values | None:
+        """Removes the smear of frame transfer from a frame; None for an imager without smear.
+
+        Args:
+            signal: (H, W) values above black, DN.
+            imager: that took the frame.
+            seconds: exposure time, s.
+        """
+        return None
 
 
 class ImagerKind(ABC):
@@ -60,7 +173,7 @@ class ImagerKind(ABC):
     def bus(self, geometry: Geometry) -> ImagerBus:
         """That sequencer behind the bus of a line with this clock and baud. Raises InputError for
         an imager without registers."""
-        from imagers.common.bus import ImagerBus
+        from imagers.common.registers import ImagerBus
 
         return ImagerBus(self.bus_target(), geometry)
 

@@ -1,30 +1,163 @@
-"""An imager with the settings of a scenario: construction, foreseen exposures, metrics."""
+"""An imager with the settings of a scenario: construction, foreseen exposures, metrics.
+
+`View` is the light on its plane, `Imager` the device itself: registers in, frames out. A `Judge`
+knows its controller: the decision on a frame, whether the omitted effects could change it, and the
+decision under full physics.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtri
 
+from cosim import InputError, seconds_to_ps
+from cosim.errors import quote
 from cosim.frames import Frame
+from cosim.plan.paired import CONFIDENCE
 from cosim.run.result import Latency, Metric, latency_rows
-from imagers.common.imager import Imager
-from imagers.common.judge import Judge
-from imagers.common.view import View
-from sensor.frame_pixels import PixelModel
+from imagers.common.scenery import Scenery
+from sensor.frame_pixels import Exposed, PixelModel
 
-__all__ = [
-    "ExposureRange",
-    "FrameFigures",
-    "ImagerModel",
-    "measure_frame",
-    "read_latency",
-    "saturation",
-]
+Values = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A scene as the plane of an imager receives it.
+
+    Attributes:
+        scenery: the light.
+        gain: illuminance on the plane for an exitance of 1 lux, lux.
+        least, most: (H, W) limits of the illuminance on the plane during the run, lux, float64.
+        certain: whether these limits are proven.
+        chart: (H, W) reflectance of a static scene, float64; None for a moving one.
+        notes: notes about the scene for the user.
+        degraded: reasons for which the run does not show the scene as asked.
+        chart_name: name of a computed chart; "" for any other scene.
+        metrics: figures of the scene for the result.
+    """
+
+    scenery: Scenery
+    gain: float
+    least: Values
+    most: Values
+    certain: bool
+    chart: Values | None
+    notes: list[str] = field(default_factory=list)
+    degraded: list[str] = field(default_factory=list)
+    chart_name: str = ""
+    metrics: dict[str, Metric] = field(default_factory=dict)
+
+
+class Imager(Protocol):
+    """A whole imager. Time is integer picoseconds from power-on.
+
+    Attributes:
+        name: name of its kind in the catalogue.
+        pixels: the physics of its pixels.
+    """
+
+    name: str
+
+    @property
+    def pixels(self) -> PixelModel: ...
+
+    def write(self, register: str, value: int, at: int | None = None) -> None:
+        """Writes a register at an instant, ps; None for now. When the value takes effect depends on
+        the register (`Design.updates`). Raises InputError, see `write_instant`."""
+        ...
+
+    def read(self, register: str) -> int:
+        """Returns the present value of a register."""
+        ...
+
+    def film(
+        self, scene: Scenery, until: int, *, seed: int, kept: frozenset[str],
+        trace: Path | None = None,
+    ) -> Iterator[Frame]:  # fmt: skip
+        """Yields the frames that are ready from now to the instant `until`.
+
+        Args:
+            scene: light on the plane.
+            until: end, ps.
+            seed: seed of the temporal noise.
+            kept: names of the effects that are computed.
+            trace: file for the signals of the sequencer during the first frames, .fst or .vcd.
+        """
+        ...
+
+
+class Judge(Protocol):
+    """Judges the decisions of one imager's controller, frame by frame."""
+
+    def decides(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
+        """Whether a later exposure depends on this frame. Called for every frame."""
+        ...
+
+    def close(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
+        """Whether the omitted effects could move the statistic across a decision threshold."""
+        ...
+
+    def chosen(self, frame: Frame) -> int:
+        """The exposure that the run has chosen."""
+        ...
+
+    def in_full(self, rows: Exposed, pixels: PixelModel) -> int:
+        """The exposure that full physics chooses, from the same light and random numbers."""
+        ...
+
+    def exposure(self, frame: Frame) -> float:
+        """The exposure of the frame itself, in the same unit."""
+        ...
+
+
+def deviations(among: int) -> float:
+    """Number of standard deviations that none of `among` normal variates exceeds, at 99.9 %."""
+    return -float(ndtri((1 - CONFIDENCE) / 2 / max(among, 1)))
+
+
+class JudgeBase:
+    """Base of the judges.
+
+    Args:
+        imager: that films.
+        full, kept: names of all effects, and of those that the run keeps.
+        seed: seed of the temporal noise.
+    """
+
+    def __init__(self, imager: Any, full: frozenset[str], kept: frozenset[str], seed: int) -> None:
+        self._imager, self._full, self._kept, self._seed = imager, full, kept, seed
+
+
+def write_all(imager: Imager, writes: Sequence[tuple[float, str, int]]) -> None:
+    """Schedules all writes before the imager films.
+
+    Args:
+        imager: at power-on.
+        writes: (instant in s, register name, value) of each write.
+
+    Raises InputError that names `imager.writes` for a write that the imager refuses: an unknown or
+    read-only register, or a value that does not fit. (A serial line would drop or truncate such a
+    write silently, because the hardware cannot refuse it.)
+    """
+    for n, (seconds, register, value) in enumerate(writes):
+        try:
+            imager.write(register, value, seconds_to_ps(seconds))
+        except InputError as exc:
+            which = "its register" if exc.what == "register" else f"{exc.what} to be"
+            given = quote([f"{seconds:g} s", register, value])  # holds the register
+            given += "" if exc.what == "register" else f" ({exc.actual})"
+            raise InputError(
+                f"imager.writes.{n}", f"a write that the imager takes, {which} {exc.must}",
+                given, exc.remedy,
+            ) from exc  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """The light on an imager's plane, integrated over each row's own exposure.
 
 A rolling shutter gives every row its own beginning and end, so light is requested by rows. A still
-picture under light that changes (`Still`) is integrated in closed form; any other scene through
-its `Light` (`LightScenery`).
+picture under light that changes (`Still`) is integrated in closed form; any other scene through its
+`Light` (`LightScenery`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,6 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 from cosim.light.light import Light
-
-__all__ = ["Course", "LightScenery", "Scenery", "Still"]
 
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]

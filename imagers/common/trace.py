@@ -15,8 +15,6 @@ from cosim import InputError
 from cosim.files.whole import whole
 from rtl_model.verilated import fst_library
 
-__all__ = ["Record", "Signal", "trace_ending", "write_trace"]
-
 
 class Signal(NamedTuple):
     """A signal of a trace.

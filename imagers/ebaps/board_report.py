@@ -14,8 +14,6 @@ from imagers.ebaps.board.crossing import memory_load
 from imagers.ebaps.board.handshake import answer_ps, values_a_second
 from imagers.ebaps.device.clocked_board import Board
 
-__all__ = ["board_latency", "board_metrics", "board_rows"]
-
 
 def board_metrics(board: Board) -> dict[str, Metric]:
     """Metrics of the frames that went through; {} before the first."""

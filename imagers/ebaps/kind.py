@@ -12,15 +12,13 @@ from imagers.ebaps.section import EbapsSection
 
 if TYPE_CHECKING:
     from cosim.run.printed import Row
-    from imagers.common.bus import BusTarget
-    from imagers.common.comparison import Comparison
+    from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
+    from imagers.common.registers import BusTarget
     from imagers.ebaps.model import EbapsModel
-    from imagers.report.imager_run import ImagerRun
+    from imagers.report.page import ImagerRun
     from rtl_model.registers.design import Design
     from sensor.laboratory.cameras import Camera
-
-__all__ = ["EbapsKind"]
 
 
 class EbapsKind(ImagerKind):
@@ -46,7 +44,7 @@ class EbapsKind(ImagerKind):
         return DESIGN
 
     def bus_target(self) -> BusTarget:
-        from imagers.ebaps.device.bus_target import bus_target
+        from imagers.ebaps.device.sequencer import bus_target
 
         return bus_target()
 

@@ -18,15 +18,18 @@ from cosim.report.parts import figure as picture
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
 from imagers.ebaps.board_report import board_rows
-from imagers.ebaps.device.darks import DARKS, mean_of_four, residual_variance, subtract
-from imagers.ebaps.device.exposure import ExposureRule
+from imagers.ebaps.device.exposure import (
+    DARKS,
+    ExposureRule,
+    mean_of_four,
+    residual_variance,
+    subtract,
+)
 from imagers.ebaps.model import EbapsModel, live
 from imagers.ebaps.pixels import EbapsPixels
 from imagers.report.figures import BLUE, GREEN, stretch, style_axes
-from imagers.report.imager_run import ImagerRun
+from imagers.report.page import ImagerRun
 from sensor.frame_pixels import Exposed
-
-__all__ = ["ebaps_sections"]
 
 VOLTAGES: Final = (0.0, 500.0, 1000.0, 1500.0)
 """Of the document's figure 11, V below ground."""

@@ -16,11 +16,10 @@ from imagers.ebaps.board.cameralink import (
     deserialise,
     serialise,
 )
-from imagers.ebaps.board.regions import LIVE, REGIONS, region_bytes
-from imagers.ebaps.board.timing import CLOCK_HZ, Timing
-from imagers.ebaps.device.darks import DARKS
+from imagers.ebaps.board.timing import CLOCK_HZ, LIVE, REGIONS, Timing, region_bytes
 from imagers.ebaps.device.drive import DRIVES, drive_records
 from imagers.ebaps.device.exposure import (
+    DARKS,
     DEFAULT_EXPOSURE,
     SHORTEST_EXPOSURE,
     STEP,
@@ -40,9 +39,6 @@ from imagers.ebaps.pixels import (
     smallest_bar,
 )
 from sensor.frame_pixels import Exposed
-
-__all__ = ["ebaps_rows"]
-
 
 _NAMES = {name.lower() for name in DRIVES}
 

@@ -8,9 +8,7 @@ from pydantic import Field, model_validator
 
 from cosim import InputError
 from cosim.config.quantity import Quantity, Section, Temperature, Wavelength
-from imagers.common.section import Device, ImagerSection, Writes
-
-__all__ = ["EbapsSection"]
+from imagers.common.kind import Device, ImagerSection, Writes
 
 _GAASP: Final = 730.0
 """Wavelength from which on a photocathode of GaAsP has no response, nm."""

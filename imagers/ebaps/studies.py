@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, Final
 
-from imagers.common.comparison import Comparison, Setting
+from imagers.common.kind import Comparison, Setting
 from imagers.ebaps.device.exposure import WINDOW, ExposureRule, Linear
 from imagers.ebaps.device.settling import settle
 from imagers.ebaps.model import EbapsModel

@@ -11,9 +11,7 @@ from imagers.emccd.device.potentiometer import Potentiometer, word_clocks
 from imagers.emccd.device.sine_drive import SineDrive
 from imagers.emccd.device.supplies import Course
 from imagers.emccd.pixels import HighVoltage
-from imagers.emccd.pixels.gain import GAIN_RANGE, GAIN_STEPS
-
-__all__ = ["SETTLED", "ageing_codes", "drive_metrics", "supply_metrics"]
+from imagers.emccd.pixels.multiplication import GAIN_RANGE, GAIN_STEPS
 
 SETTLED = 0.01
 """Share of its end within which a gain counts as settled."""

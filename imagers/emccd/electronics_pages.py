@@ -17,10 +17,8 @@ from imagers.emccd.device.potentiometer import SPI_SIGNALS, word_edges
 from imagers.emccd.device.sine_drive import SineDrive
 from imagers.emccd.device.supplies import INTERLOCKS, RAILS, Supplies
 from imagers.emccd.electronics import SETTLED
-from imagers.emccd.pixels.gain import GAIN_STEPS
+from imagers.emccd.pixels.multiplication import GAIN_STEPS
 from imagers.report.figures import BLUE, GREEN, style_axes, waveforms
-
-__all__ = ["electronics_sections"]
 
 _LAST = GAIN_STEPS - 1
 _WORD = 218

@@ -12,15 +12,13 @@ from imagers.emccd.section import EmccdSection
 
 if TYPE_CHECKING:
     from cosim.run.printed import Row
-    from imagers.common.bus import BusTarget
-    from imagers.common.comparison import Comparison
+    from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
+    from imagers.common.registers import BusTarget
     from imagers.emccd.model import EmccdModel
-    from imagers.report.imager_run import ImagerRun
+    from imagers.report.page import ImagerRun
     from rtl_model.registers.design import Design
     from sensor.laboratory.cameras import Camera
-
-__all__ = ["EmccdKind"]
 
 
 class EmccdKind(ImagerKind):
@@ -41,12 +39,12 @@ class EmccdKind(ImagerKind):
         return EmccdModel(section, seconds)
 
     def design(self) -> Design:
-        from imagers.emccd.device.registers import DESIGN
+        from imagers.emccd.device.controller import DESIGN
 
         return DESIGN
 
     def bus_target(self) -> BusTarget:
-        from imagers.emccd.device.bus_target import bus_target
+        from imagers.emccd.device.controller import bus_target
 
         return bus_target()
 

@@ -11,9 +11,14 @@ import numpy as np
 
 from cosim import PS, seconds_to_ps
 from cosim.run.result import Latency, Metric
-from imagers.common.model import ExposureRange, FrameFigures, ImagerModel, saturation
-from imagers.common.view import View
-from imagers.common.writes import write_all
+from imagers.common.model import (
+    ExposureRange,
+    FrameFigures,
+    ImagerModel,
+    View,
+    saturation,
+    write_all,
+)
 from imagers.emccd.device.cooling import Cooler
 from imagers.emccd.device.imager import Emccd
 from imagers.emccd.device.sine_drive import DriveSettings, SineDrive
@@ -24,8 +29,6 @@ from imagers.emccd.pixels import EmccdPixels, HighVoltage, excess_noise_squared
 from imagers.emccd.pixels.chip import DARK_ROWS
 from imagers.emccd.section import EmccdSection
 from sensor.frame_pixels import PixelModel
-
-__all__ = ["STEP", "WARM", "EmccdModel", "cooler_of"]
 
 STEP: Final = 1e-5
 """Step of the exposure, s."""

@@ -29,10 +29,8 @@ from imagers.report.figures import (
     style_axes,
     waveforms,
 )
-from imagers.report.imager_run import ImagerRun
+from imagers.report.page import ImagerRun
 from sensor.frame_pixels import Exposed
-
-__all__ = ["emccd_sections"]
 
 GAINS = (2.0, 10.0, 100.0, 1000.0)
 """Gains of the photon transfer curves."""

@@ -8,11 +8,10 @@ import numpy as np
 
 from cosim.light.radiometry import photons_per_lux
 from cosim.run.printed import Row, listed, number, unprinted
+from imagers.emccd.device.controller import DESIGN
 from imagers.emccd.device.cooling import Cooler, run_cooling
-from imagers.emccd.device.counters import CounterSequencer
 from imagers.emccd.device.potentiometer import Potentiometer, word_edges
-from imagers.emccd.device.registers import DESIGN
-from imagers.emccd.device.sequencer import Cycle, Phase
+from imagers.emccd.device.sequencer import CounterSequencer, Cycle, Phase
 from imagers.emccd.device.sine_drive import SineDrive
 from imagers.emccd.device.supplies import Supplies, breaches
 from imagers.emccd.device.timing import (
@@ -34,8 +33,6 @@ from imagers.emccd.pixels import (
     spill_lines,
 )
 from sensor.frame_pixels import Exposed
-
-__all__ = ["emccd_rows"]
 
 _CITED_MS = 5.165
 """Shortest exposure of the design that the document cites for comparison, ms."""

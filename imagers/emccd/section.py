@@ -8,10 +8,8 @@ from pydantic import AfterValidator, Field, model_validator
 
 from cosim import InputError
 from cosim.config.quantity import Quantity, Section, Temperature, Time
-from imagers.common.section import Device, ImagerSection, Writes
+from imagers.common.kind import Device, ImagerSection, Writes
 from imagers.emccd.device.supplies import ORDER, broken_interlock
-
-__all__ = ["EmccdSection"]
 
 
 class EmccdDriveSection(Section):

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.frames import Frame
-from imagers.common.comparison import Comparison, Setting
+from imagers.common.kind import Comparison, Setting
 from imagers.emccd.device.timing import exposure_range
 from imagers.emccd.pixels import GAIN_RANGE, EmccdPixels, without_smear
 from imagers.emccd.pixels.chip import PITCH

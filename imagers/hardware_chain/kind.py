@@ -12,12 +12,10 @@ from imagers.hardware_chain.section import HardwareChainSection
 
 if TYPE_CHECKING:
     from cosim.run.printed import Row
-    from imagers.common.comparison import Comparison
+    from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
     from imagers.hardware_chain.model import HardwareChainModel
-    from imagers.report.imager_run import ImagerRun
-
-__all__ = ["HardwareChainKind"]
+    from imagers.report.page import ImagerRun
 
 
 class HardwareChainKind(ImagerKind):

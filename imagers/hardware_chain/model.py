@@ -20,12 +20,11 @@ from imagers.common.model import (
     ExposureRange,
     FrameFigures,
     ImagerModel,
+    View,
     read_latency,
     saturation,
 )
-from imagers.common.view import View
-from imagers.hardware_chain.pixels import ChainPixels
-from imagers.hardware_chain.ripple import Ripple, strongest_stripes
+from imagers.hardware_chain.pixels import ChainPixels, Ripple, strongest_stripes
 from imagers.hardware_chain.section import HardwareChainSection
 from sensor.dynamic_range import (
     CONVERTERS,
@@ -36,8 +35,6 @@ from sensor.dynamic_range import (
     SensorPart,
     decibels,
 )
-
-__all__ = ["FLOODED", "HardwareChainModel"]
 
 FLOODED: Final = 1.25
 """Light over that of saturation from which a frame counts as saturated: far beyond its noise."""

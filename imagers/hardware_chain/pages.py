@@ -13,10 +13,8 @@ from cosim.report.figures import INK, MARK, subplots
 from cosim.report.parts import plot, table
 from imagers.hardware_chain.model import FLOODED, HardwareChainModel
 from imagers.report.figures import BLUE, stretch, style_axes
-from imagers.report.imager_run import ImagerRun
+from imagers.report.page import ImagerRun
 from sensor.dynamic_range import Mapping
-
-__all__ = ["chain_sections"]
 
 
 def chain_sections(model: HardwareChainModel, run: ImagerRun) -> str:

@@ -16,7 +16,7 @@ from cosim.run.printed import Row, number, unprinted
 from imagers.common.model import FrameFigures, measure_frame
 from imagers.common.scenery import Still
 from imagers.hardware_chain.model import HardwareChainModel
-from imagers.hardware_chain.ripple import strongest_stripes
+from imagers.hardware_chain.pixels import strongest_stripes
 from imagers.hardware_chain.section import HardwareChainSection
 from sensor.dynamic_range import (
     DALSA,
@@ -30,8 +30,6 @@ from sensor.dynamic_range import (
     gain_counted_once,
     sensor_dynamic_range,
 )
-
-__all__ = ["dynamic_range_rows"]
 
 _HERTZ: Final = 27e6
 """Pixel clock of the example in the text, Hz; the figure has 28 MHz."""

@@ -7,11 +7,9 @@ import math
 from dataclasses import replace
 from typing import Any, Final
 
-from imagers.common.comparison import Comparison, Setting
+from imagers.common.kind import Comparison, Setting
 from imagers.hardware_chain.model import HardwareChainModel
 from imagers.hardware_chain.section import HardwareChainSection
-
-__all__ = ["HardwareChainComparison"]
 
 FULL: Final = 0.8
 """Share of saturation that white fills."""

@@ -11,10 +11,8 @@ from imagers.common.kind import ImagerKind
 from imagers.pulse.section import PfmSection, PulseSection, PwmSection
 
 if TYPE_CHECKING:
-    from imagers.common.comparison import Comparison
+    from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
-
-__all__ = ["PfmKind", "PwmKind"]
 
 
 class _PulseKind(ImagerKind):

@@ -13,13 +13,10 @@ import numpy.typing as npt
 from cosim.light.radiometry import photons_per_lux
 from cosim.run.result import Latency, Metric
 from imagers.common.fixed import FixedExposure, FixedTiming
-from imagers.common.model import ExposureRange, FrameFigures, ImagerModel, read_latency
-from imagers.common.view import View
+from imagers.common.model import ExposureRange, FrameFigures, ImagerModel, View, read_latency
 from imagers.pulse.pixels import PfmPixels, PulsePixels, PwmPixels
 from imagers.pulse.section import PulseSection
 from sensor.dynamic_range import decibels
-
-__all__ = ["PulseModel"]
 
 _KINDS: Final[dict[str, tuple[type[PulsePixels], int]]] = {
     "pwm": (PwmPixels, 32),

@@ -5,10 +5,9 @@ rescaling the threshold Q is reached where c(t) crosses a Gamma(Q) number, so fo
 course one draw gives a width (`PwmPixels`), and floor(Poisson(c)/Q) is the exact number of pulses
 (`PfmPixels`). The reset noise (kTC) of an interval adds to its threshold.
 
-| | value | dynamic range | relative deviation |
-|---|---|---|---|
-| PWM | width in ticks | longest over shortest width | sqrt(1/Q + (reset/Q)^2), and the tick's |
-| PFM | pulses n | most pulses in an exposure | sqrt((1 + reset^2/Q)/(Q n)), and 1/(sqrt(12) n) |
+| | value | dynamic range | relative deviation | |---|---|---|---| | PWM | width in ticks | longest
+over shortest width | sqrt(1/Q + (reset/Q)^2), and the tick's | | PFM | pulses n | most pulses in an
+exposure | sqrt((1 + reset^2/Q)/(Q n)), and 1/(sqrt(12) n) |
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ from cosim.compute.draws import gamma, normal, poisson
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
 from sensor.frame_pixels import Exposed, ImagerSummary, steady_effects
-
-__all__ = ["PfmPixels", "PulsePixels", "PwmPixels"]
 
 _NS: Final = {"shot noise": 80.0, "reset noise": 45.0, "dark current": 3.0}
 """Run-time costs, ns per pixel and frame, on one core at 2.5 GHz."""

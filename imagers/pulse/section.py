@@ -9,9 +9,7 @@ from pydantic import Field, model_validator
 from cosim import InputError
 from cosim.config.amounts import amount
 from cosim.config.quantity import Charge, Current, Noise, Quantity
-from imagers.common.section import ImagerSection
-
-__all__ = ["PfmSection", "PulseSection", "PwmSection"]
+from imagers.common.kind import ImagerSection
 
 
 class PulseSection(ImagerSection):

@@ -6,11 +6,9 @@ import math
 from dataclasses import replace
 from typing import Any, Final
 
-from imagers.common.comparison import Comparison, Setting
+from imagers.common.kind import Comparison, Setting
 from imagers.pulse.model import PulseModel
 from imagers.pulse.section import PulseSection
-
-__all__ = ["PfmComparison", "PwmComparison"]
 
 THRESHOLDS: Final = (100.0, 62_400.0)
 """Range of the threshold, e: assumed, and the whole swing of 10 fF and 1 V."""

@@ -11,16 +11,6 @@ import numpy.typing as npt
 
 from cosim.report.figures import INK, LINE
 
-__all__ = [
-    "BLUE",
-    "GREEN",
-    "VIOLET",
-    "read_vcd",
-    "stretch",
-    "style_axes",
-    "waveforms",
-]
-
 BLUE, GREEN, VIOLET = "#1c7ed6", "#2b8a3e", "#9c36b5"
 Changes = list[tuple[int, int]]
 """(instant in ps, value) of each change of a signal, in order of time."""

@@ -19,14 +19,10 @@ from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
 from cosim.run.result import viform_version
 from imagers.common.model import FrameFigures, measure_frame
-from imagers.run.decisions import DecisionCheck, Decisions
-from imagers.run.paired import PairedError, PlanPatches, watched_frames
+from imagers.run.check import DecisionCheck, Decisions, PairedError, PlanPatches, watched_frames
 from imagers.run.plan import PlannedRun
-from imagers.run.store import FRAMES, FrameStore
-from imagers.run.tape import TAPE, Tape, Taped
+from imagers.run.tape import FRAMES, TAPE, FrameStore, Tape, Taped
 from sensor.frame_pixels import Exposed, PixelModel
-
-__all__ = ["FrameChain"]
 
 
 class _Clock:

@@ -14,12 +14,10 @@ from typing import Any, Final
 
 from cosim.plan.ladder import Row, distinct_plans, fit_order
 from cosim.run.progress import Progress
-from imagers.run.paired import Patches, watched_frames
+from imagers.run.check import Patches, watched_frames
 from imagers.run.plan import PlannedRun, plan_effects
 from imagers.run.tape import NoTape, Taped
 from sensor.frame_pixels import Exposed, PixelModel
-
-__all__ = ["measure_ladder"]
 
 REFERENCE: Final = "reference"
 CALLS: Final = 4

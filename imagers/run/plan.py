@@ -1,19 +1,20 @@
-"""The plan of an imager's run: which effects its light and exposures need."""
+"""The plan of an imager's run: which effects its light and exposures need, and the forecast of
+`viform plan`, with the run time predicted from the cost table of the effects.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
 from cosim import seconds_to_ps
+from cosim.plan.forecast import Speeds, forecast_document
 from cosim.plan.planner import Plan, make_plan
-from imagers.common.model import ExposureRange, ImagerModel
-from imagers.common.view import View
+from imagers.common.model import ExposureRange, ImagerModel, View
 from sensor.frame_pixels import ImagerSummary, PixelModel
-
-__all__ = ["PlannedRun", "RunSpec", "plan_effects", "plan_run"]
 
 
 @dataclass(frozen=True)
@@ -119,3 +120,23 @@ def plan_run(spec: RunSpec, model: ImagerModel, view: View) -> PlannedRun:
     exposures = model.exposures(view, spec.stop)
     plan, summary = plan_effects(model.settings(pixels), exposures, spec.tolerance, view.certain)
     return PlannedRun(spec, model, view, exposures, summary, plan, pixels)
+
+
+DEVICE: Final = "numba on this processor"
+
+
+def forecast(run: PlannedRun) -> dict[str, Any]:
+    """The document of `viform plan --json`. Nothing is simulated."""
+    plan, exposures, (rows, columns) = run.plan, run.exposures, run.model.shape
+    return forecast_document(
+        run.spec.name, plan, tier="exact", device=DEVICE, tier_error=0.0,
+        speeds=Speeds(plan.cost_ns, plan.full_ns, plan.full_ns, None),
+        pixel_cycles=rows * columns * exposures.frames,
+        imager=run.spec.kind,
+        expected={
+            "frames": exposures.frames,
+            "lux_seconds": list(exposures.lux_seconds),
+            "exposure_s": list(exposures.seconds),
+            "photoelectrons": [float(run.summary.darkest), float(run.summary.brightest)],
+        },
+    )  # fmt: skip

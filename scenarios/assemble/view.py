@@ -10,8 +10,8 @@ import numpy.typing as npt
 from cosim import Block, Clock, Light, seconds_to_ps
 from cosim.light.lens import Lens
 from cosim.light.survey import survey
+from imagers.common.model import View
 from imagers.common.scenery import LightScenery, Scenery, Still
-from imagers.common.view import View
 from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.scenes.charts.target import target_course, target_plane
 from scenarios.scenes.kinds.grid import SceneGrid

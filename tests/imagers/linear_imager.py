@@ -13,9 +13,8 @@ from cosim.compute.streams import Stream
 from cosim.frames import Frame
 from cosim.plan.effects import Bound, Effect
 from cosim.run.result import Latency, Metric
-from imagers.common.kind import ImagerKind
+from imagers.common.kind import ImagerKind, ImagerSection
 from imagers.common.model import ExposureRange, ImagerModel
-from imagers.common.section import ImagerSection
 from sensor.frame_pixels import Exposed, ImagerSummary
 
 ELECTRONS = 2000.0

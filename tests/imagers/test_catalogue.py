@@ -12,7 +12,7 @@ import pytest
 
 from cosim import InputError
 from imagers.catalogue import IMAGERS, kind_of
-from imagers.common.bus import ImagerBus, line_of
+from imagers.common.registers import ImagerBus, line_of
 from imagers.document import document
 from imagers.emccd.device.timing import window_table
 from rtl_model.host import Board, Cause, LineFault, Uartbone, read_csr, recognised

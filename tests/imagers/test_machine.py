@@ -12,7 +12,7 @@ from cosim.plan.planner import make_plan
 from cosim.run.machine import Options
 from imagers.catalogue import IMAGERS
 from imagers.report.figures import read_vcd
-from imagers.run.paired import paired_error
+from imagers.run.check import paired_error
 from imagers.run.tape import Tape, Taped
 from scenarios.assemble.imager import assemble_imager_study, plan_imager
 from scenarios.assemble.schema.loading import load, to_toml

@@ -16,7 +16,7 @@ from imagers.adaptive.pixels import AdaptivePixels
 from imagers.catalogue import measured_cameras
 from imagers.ebaps.pixels import EbapsPixels
 from imagers.emccd.pixels import EmccdPixels, excess_noise_squared
-from imagers.emccd.pixels.dark import dark_current
+from imagers.emccd.pixels.chip import dark_current
 from sensor.laboratory.bench import Bench
 from sensor.laboratory.emva import Report, measure_camera
 

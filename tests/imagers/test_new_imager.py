@@ -28,13 +28,10 @@ from cosim.plan.effects import Bound, Effect, Summary
 from cosim.report.parts import table
 from cosim.run.result import Latency, Metric
 from imagers.catalogue import IMAGERS
-from imagers.common.comparison import Comparison, Setting
-from imagers.common.kind import ImagerKind
-from imagers.common.model import ExposureRange, FrameFigures, ImagerModel
+from imagers.common.kind import Comparison, ImagerKind, ImagerSection, Setting
+from imagers.common.model import ExposureRange, FrameFigures, ImagerModel, View
 from imagers.common.scenery import Scenery
-from imagers.common.section import ImagerSection
-from imagers.common.view import View
-from imagers.report.imager_run import ImagerRun
+from imagers.report.page import ImagerRun
 from scenarios.assemble.schema.loading import shipped
 from scenarios.studies.compare import load_comparison
 from scenarios.studies.compare.ranges import one_frame

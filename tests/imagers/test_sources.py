@@ -8,8 +8,7 @@ from typing import Any, cast
 import pytest
 
 from imagers.catalogue import IMAGERS
-from imagers.report.imager_run import ImagerRun
-from imagers.report.page import _simulated
+from imagers.report.page import ImagerRun, _simulated
 
 
 def run_of(title: str) -> ImagerRun:

@@ -8,20 +8,19 @@ then, so the new exposure applies to the frame after it: exposure(k + 2) = decid
 decision starts from the exposure of frame k, not from the multiplier register, which the decision
 on frame k - 1 may have changed meanwhile. Starting from the register would follow one change of
 light twice.
+
+`SteadySequencer` is the sequencer under constant light behind a serial line.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from imagers.adaptive.device.decision import LONGEST, Decision, Search, decide
-from imagers.adaptive.device.registers import design_of
-from imagers.adaptive.device.sequencer import Sequencer, disturbed
-from imagers.adaptive.device.statistics import Statistics, Window
-from imagers.adaptive.device.timing import FrameTiming, Timing
-from imagers.common.register_file import RegisterFile
-
-__all__ = ["Controller", "Counting", "Judged"]
+from imagers.adaptive.device.decision import LONGEST, Decision, Search, Statistics, Window, decide
+from imagers.adaptive.device.registers import DEFAULT_SHAPE, design_of
+from imagers.adaptive.device.timing import FrameTiming, Sequencer, Timing, disturbed
+from imagers.adaptive.pixels import CmosSetting
+from imagers.common.registers import RegisterFile
 
 _WORD = 0xFFFFFFFF
 
@@ -188,3 +187,52 @@ class Controller:
     def _choose(self, multiplier: int) -> None:
         timing = self._sequencer.step(multiplier * self._minimum)
         self._coming.append((timing, multiplier))
+
+
+class SteadySequencer:
+    """The sequencer; see `BusTarget`.
+
+    Args:
+        timing: timing of the array.
+        lux: constant illuminance on every pixel.
+        setting: setting of the signal chain; None for the default.
+    """
+
+    def __init__(self, timing: Timing, lux: float = 100.0, setting: CmosSetting | None = None):
+        self._core = Controller(timing)
+        self._lux, self._setting = lux, setting or CmosSetting()
+
+    @property
+    def registers(self) -> RegisterFile:
+        return self._core.registers
+
+    def advance(self, clock: int) -> None:
+        """Runs all edges before a clock."""
+        core = self._core
+        if clock > 0:
+            core.begin()
+        while core.frame.start < clock:
+            if core.opened is None:
+                core.open()
+            if core.frame.start + core.timing.deciding >= clock:
+                return
+            core.close(self._statistics())
+
+    def reset(self, clock: int) -> None:
+        """Restarts at a clock."""
+        self._core.restart(clock)
+        self._core.begin()
+
+    def _statistics(self) -> Statistics:
+        seconds = self._core.frame.exposure / self._core.timing.clock.hz
+        value, saturated = self._setting.value(self._lux, seconds)
+        opened = self._core.opened
+        pixels = opened.window.size if opened is not None else 0
+        if pixels == 0:
+            return Statistics(0, None)
+        return Statistics(pixels, None) if saturated else Statistics(0, value)
+
+
+def bus_target() -> SteadySequencer:
+    """The sensor of `viform board virtual`: 256 x 256 pixels (assumed) at 100 frames/s, 100 lx."""
+    return SteadySequencer(Timing.of(*DEFAULT_SHAPE))

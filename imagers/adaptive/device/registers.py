@@ -12,8 +12,6 @@ from imagers.adaptive.device.timing import CLOCK_HZ, MINIMUM_CLOCKS, Timing
 from rtl_model.registers.design import Design, Update
 from rtl_model.registers.table import Field, Register
 
-__all__ = ["DEFAULT_LONGEST", "DEFAULT_SHAPE", "DESIGN", "REGISTERS", "design_of", "registers_of"]
-
 DEFAULT_LONGEST = 16
 """Exponent of the longest automatic exposure after reset: 2^16 T is 65.536 ms, the range of the
 document. Values up to 24 can be set."""

@@ -7,8 +7,8 @@ so no assumption about photons is needed: 1.0 V/(lx s) over 20 uV per electron i
 photoelectrons per lux second.
 
 The converter truncates: document 001 recovers in one frame from light that falls to 1/2 LSB and in
-two from 1/256 LSB, and the factors of its table give exactly this with a truncating converter
-(a rounding one would need two frames between 1/2 and 1 LSB).
+two from 1/256 LSB, and the factors of its table give exactly this with a truncating converter (a
+rounding one would need two frames between 1/2 and 1 LSB).
 """
 
 from __future__ import annotations
@@ -25,8 +25,6 @@ from cosim.plan.effects import Effect
 from imagers.adaptive.pixels.effects import make_effects
 from imagers.adaptive.pixels.setting import BITS, ROUNDING, CmosSetting
 from sensor.frame_pixels import Exposed, ImagerSummary, Values
-
-__all__ = ["AdaptivePixels", "CmosExposed"]
 
 _FULL = 100.0
 """Wells of light, or dark, beyond which a pixel is full whatever its noise; more is not drawn."""

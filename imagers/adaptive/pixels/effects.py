@@ -1,5 +1,9 @@
 """Effects of a three-transistor pixel: sources, costs, and the error if each is left out.
 
+A cost is the difference of run time with and without the effect, measured once on one core at 2.5
+GHz for a frame of 1024 x 1280 pixels at half scale and 10 ms. The planner uses this table on every
+machine, so a plan does not depend on the machine.
+
 A bound compares the distribution of the converted value with all effects and without the one
 effect. The noise is taken as normal, then truncated and clipped as in the converter. The bound is
 the larger of the change of the mean over max(mean, 1 DN) and the change of the noise over
@@ -19,11 +23,20 @@ import numpy.typing as npt
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
-from imagers.adaptive.pixels.costs import COSTS
 from imagers.adaptive.pixels.setting import BITS, CmosSetting
 from sensor.frame_pixels import ImagerSummary
 
-__all__ = ["make_effects", "truncated"]
+COSTS: Final[dict[str, float]] = {
+    "shot noise": 145.0,
+    "dark current": 7.0,
+    "dark shot noise": 100.0,
+    "reset noise": 95.0,
+    "read noise": 95.0,
+    "DSNU": 11.0,
+    "PRNU": 7.0,
+    "column pattern": 11.0,
+}
+
 
 Values = npt.NDArray[np.float64]
 _FLOOR: Final = 1 / np.sqrt(12)

@@ -11,8 +11,6 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["BITS", "BOLTZMANN", "ELEMENTARY_CHARGE", "CmosSetting"]
-
 BOLTZMANN: Final = 1.380649e-23
 """J/K, exact by definition of the SI (2019)."""
 ELEMENTARY_CHARGE: Final = 1.602176634e-19

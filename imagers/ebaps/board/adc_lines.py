@@ -31,17 +31,6 @@ from cosim.clock import PS
 from cosim.compute.draws import normal
 from cosim.compute.streams import Stream
 
-__all__ = [
-    "LINES",
-    "POSITIONS",
-    "SAMPLE_HZ",
-    "TAP_PS",
-    "AdcLines",
-    "Alignment",
-    "error_rate",
-    "pn9",
-]
-
 SAMPLE_HZ: Final = 80_000_000
 """Samples a second of the converter: document 002, section 2."""
 LINES: Final = 16

@@ -18,12 +18,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from imagers.ebaps.board.fifo import AsyncFifo
-from imagers.ebaps.board.regions import REGIONS, region_bytes
-
-__all__ = [
-    "BEAT_BYTES", "BURST_BEATS", "LONGEST_BURST", "PAGE", "AxiRules", "Beat", "Burst", "ReadMaster",
-    "Signals", "WriteMaster", "burst_address", "bursts_of", "region_offset",
-]  # fmt: skip
+from imagers.ebaps.board.timing import REGIONS, region_bytes
 
 BEAT_BYTES = 16
 """128 bits, as the memory interface gives them: assumed."""

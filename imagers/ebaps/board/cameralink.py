@@ -20,12 +20,6 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from imagers.ebaps.board.timing import FRAME_RATE, Timing
 
-__all__ = [
-    "CHANNELS", "CLOCK_PATTERN", "DVAL", "FVAL", "LINK_HZ", "LVAL", "PAIRS", "PORTS", "SERIAL_BITS",
-    "SPARE", "WORD_BITS", "LinkTiming", "deserialise", "frame_words", "pixels_of",
-    "read_frames", "serialise", "words_of",
-]  # fmt: skip
-
 LINK_HZ = 85_000_000
 """Clock, Hz: document 002, section 2."""
 PORTS = (

@@ -24,15 +24,9 @@ from imagers.ebaps.board.axi import (
     WriteMaster,
 )
 from imagers.ebaps.board.cameralink import LINK_HZ
-from imagers.ebaps.board.ddr import LATENCY_CLOCKS, MEMORY_HZ, Ddr, DdrPort
 from imagers.ebaps.board.fifo import AsyncFifo, Packer, Unpacker, edges_of
-from imagers.ebaps.board.regions import REGIONS
-from imagers.ebaps.board.timing import CLOCK_HZ, FRAME_RATE
-
-__all__ = [
-    "Clocks", "Path", "Transfer", "burst_clocks", "frame_bytes_per_second", "memory_load",
-    "transfer",
-]  # fmt: skip
+from imagers.ebaps.board.memory import LATENCY_CLOCKS, MEMORY_HZ, Ddr, DdrPort
+from imagers.ebaps.board.timing import CLOCK_HZ, FRAME_RATE, REGIONS
 
 FIFO_WORDS = 512
 """Depth of each FIFO, words of 128 bits: assumed (two block memories of 36 Kbit)."""

@@ -19,8 +19,6 @@ from cosim.clock import PS
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
-__all__ = ["AsyncFifo", "Coin", "Packer", "Unpacker", "edges_of", "gray", "ungray"]
-
 
 def gray(number: int) -> int:
     """Reflected binary code."""

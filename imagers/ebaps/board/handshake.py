@@ -29,8 +29,6 @@ import numpy.typing as npt
 from cosim.clock import PS
 from imagers.ebaps.board.fifo import AsyncFifo, Coin, edges_of
 
-__all__ = ["HandOver", "answer_ps", "hand_over", "values_a_second"]
-
 FIFO_VALUES: Final = 2048
 """Depth of the slave's FIFO, values of 16 bits: assumed (one block memory of 36 Kbit)."""
 WINDOW_PS: Final = 200

@@ -1,4 +1,5 @@
-"""Exposure and read-out times of the rows of an EBAPS, in clocks of 40 MHz.
+"""Exposure and read-out times of the rows of an EBAPS, in clocks of 40 MHz, and the regions of the
+memory that its frames go to.
 
 VSYNC falls 30 times per second, on the last edge of the pixel clock before the nominal time. It is
 high for the exposure time before each fall. From its rise the rows are reset, one every 1280
@@ -6,18 +7,21 @@ clocks; from its fall they are read at the same pace: a rolling shutter. Frame k
 period k and read in period k + 1. Its mean is known 32.768 ms into period k + 1: 0.57 ms before
 frame k + 2 begins, but after frame k + 1 has begun (the shortest exposure is 1 ms). The mean of
 frame k can therefore change frame k + 2 at the earliest.
+
+The memory has five regions of 1280 x 1024 x 2 bytes (document 002, section 3.2). Regions 0 to 3
+hold four dark frames, region 4 the live one, and KEY says which is written. Module `memory` models
+the memory's bursts.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
-
-__all__ = ["CLOCK_HZ", "FRAME_RATE", "Timing"]
 
 CLOCK_HZ = 40_000_000
 """Pixel clock, Hz: document 002, section 3.1 (the chip may go up to 80 MHz)."""
@@ -92,3 +96,27 @@ class Timing:
             np.array([self.ps(begin + s) for s in steps], np.int64),
             np.array([self.ps(end + s) for s in steps], np.int64),
         )
+
+
+REGIONS = 5
+"""Regions in memory: document 002, section 3.2."""
+LIVE = 4
+"""Region of the live frame; those before hold darks."""
+
+Image = npt.NDArray[np.uint16]
+
+
+def region_bytes(columns: int = 1280, rows: int = 1024, bits: int = 16) -> int:
+    """Size of one frame in memory: 1280 x 1024 x 2 bytes."""
+    return columns * rows * bits // 8
+
+
+class FrameMemory(Protocol):
+    """Holds frames by region."""
+
+    def store(self, region: int, frame: Image) -> None:
+        """Writes a frame, (H, W) uint16, to region 0 to 4."""
+
+    def read(self, region: int) -> Image:
+        """The frame that was last stored there; KeyError where none was."""
+        ...

@@ -23,7 +23,6 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 from imagers.ebaps.board.adc_lines import AdcLines, Alignment
-from imagers.ebaps.board.burst_memory import BurstMemory
 from imagers.ebaps.board.cameralink import (
     DVAL,
     LINK_HZ,
@@ -35,11 +34,9 @@ from imagers.ebaps.board.cameralink import (
 )
 from imagers.ebaps.board.crossing import Clocks, Path, Transfer, transfer
 from imagers.ebaps.board.handshake import HandOver, hand_over
-from imagers.ebaps.board.regions import LIVE
-from imagers.ebaps.board.timing import Timing
-from imagers.ebaps.device.darks import DARKS, mean_of_four, subtract
-
-__all__ = ["Board", "Sent"]
+from imagers.ebaps.board.memory import BurstMemory
+from imagers.ebaps.board.timing import LIVE, Timing
+from imagers.ebaps.device.exposure import DARKS, mean_of_four, subtract
 
 Image = npt.NDArray[np.uint16]
 SAMPLES_A_PIXEL = 2

@@ -10,21 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.frames import Frame
+from imagers.common.registers import register_of, write_instant
 from imagers.common.scenery import Scenery
 from imagers.common.trace import Record, Signal, write_trace
-from imagers.common.writing import register_of, write_instant
-from imagers.ebaps.board.burst_memory import BurstMemory
-from imagers.ebaps.board.regions import FrameMemory
-from imagers.ebaps.board.timing import Timing
+from imagers.ebaps.board.memory import BurstMemory
+from imagers.ebaps.board.timing import FrameMemory, Timing
 from imagers.ebaps.device.clocked_board import Board, Sent
-from imagers.ebaps.device.darks import DARKS, mean_of_four, subtract
-from imagers.ebaps.device.drive import DRIVE_SIGNALS, drive_records
-from imagers.ebaps.device.resets import late_resets, row_times
+from imagers.ebaps.device.drive import DRIVE_SIGNALS, drive_records, late_resets, row_times
+from imagers.ebaps.device.exposure import DARKS, mean_of_four, subtract
 from imagers.ebaps.device.sequencer import Read, Sequencer, Shot
 from imagers.ebaps.pixels import EbapsPixels
 from sensor.frame_pixels import Exposed
-
-__all__ = ["SIGNALS", "TRACED", "Ebaps"]
 
 Image = npt.NDArray[np.uint16]
 SIGNALS = (*DRIVE_SIGNALS, Signal("read"), Signal("key"), Signal("exposure_ns", 26))

@@ -16,8 +16,6 @@ from imagers.ebaps.device.exposure import (
 from rtl_model.registers import Field, Register
 from rtl_model.registers.design import Design
 
-__all__ = ["DESIGN", "HIGH_VOLTAGE", "REGISTERS"]
-
 HIGH_VOLTAGE = 1500
 """Largest high voltage of the tests, V: document 002, section 4."""
 

@@ -3,6 +3,10 @@
 A frame has two events: at its VSYNC it takes exposure, KEY, voltage and shutter from the registers;
 after its last pixel was read, the loop judges its mean. A function provides the pixels, so that the
 sequencer also runs without them (registers over a serial line, clock counts).
+
+Behind a serial line (`bus_target`) it runs in steady light. The light gives the middle of the
+loop's window at an exposure of 20 ms, without dark level, so that the loop can be observed through
+its registers.
 """
 
 from __future__ import annotations
@@ -10,13 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from imagers.common.register_file import RegisterFile
+from imagers.common.registers import RegisterFile
 from imagers.ebaps.board.timing import Timing
-from imagers.ebaps.device.darks import DARKS
-from imagers.ebaps.device.exposure import ExposureRule
+from imagers.ebaps.device.exposure import DARKS, WINDOW, ExposureRule
 from imagers.ebaps.device.registers import DESIGN, HIGH_VOLTAGE
-
-__all__ = ["Judged", "Read", "Sequencer", "Shot", "no_light"]
 
 _ON, _EVERY, _RAW = 1, 2, 4
 
@@ -250,3 +251,18 @@ class Sequencer:
             | (self.has_darks and self.stale) << 4
             | key << 5
         )
+
+
+_WANTED = 20_000_000
+"""ns."""
+
+
+def _steady(shot: Shot) -> Read:
+    middle = sum(WINDOW) // 2
+    total = 0 if shot.closed or not shot.volts else min(middle * shot.exposure // _WANTED, 65_535)
+    return Read(total, total, 1)
+
+
+def bus_target() -> Sequencer:
+    """A `BusTarget`."""
+    return Sequencer(_steady)

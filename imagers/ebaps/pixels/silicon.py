@@ -18,8 +18,6 @@ import numpy.typing as npt
 from cosim.compute.draws import gamma, normal
 from cosim.compute.streams import Stream
 
-__all__ = ["Pattern", "Silicon"]
-
 Values = npt.NDArray[np.float64]
 _DARK, _OFFSET, _RESPONSE, _COLUMNS, _ROWS, _STRIPES = range(6)
 """Kinds of fixed pattern: the `frame` of their draws."""

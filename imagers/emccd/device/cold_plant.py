@@ -23,8 +23,6 @@ import numpy.typing as npt
 
 from imagers.emccd.pixels.chip import ZERO_CELSIUS
 
-__all__ = ["Plant", "Temperatures", "Thermistor"]
-
 Values = npt.NDArray[np.float64]
 
 _REFERENCE: Final = ZERO_CELSIUS + 25.0

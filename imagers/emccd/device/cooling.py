@@ -29,8 +29,6 @@ from cosim.compute.streams import Stream
 from imagers.emccd.device.cold_plant import Plant, Temperatures, Thermistor
 from imagers.emccd.pixels.chip import WORKING_KELVIN, ZERO_CELSIUS
 
-__all__ = ["Cooler", "CoolingFault", "CoolingRun", "Pid", "PidSettings", "run_cooling"]
-
 Values = npt.NDArray[np.float64]
 
 _FRACTION: Final = 12

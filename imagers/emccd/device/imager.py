@@ -17,10 +17,10 @@ import numpy as np
 
 from cosim.clock import PS
 from cosim.frames import Frame
+from imagers.common.registers import register_of, write_instant
 from imagers.common.scenery import Scenery
 from imagers.common.trace import Signal, trace_ending, write_trace
-from imagers.common.writing import register_of, write_instant
-from imagers.emccd.device.bus_target import EmccdSequencer
+from imagers.emccd.device.controller import EmccdSequencer
 from imagers.emccd.device.cooling import Cooler
 from imagers.emccd.device.potentiometer import (
     SPI_SIGNALS,
@@ -32,8 +32,6 @@ from imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
 from imagers.emccd.device.sine_drive import RunningDrive, SineDrive
 from imagers.emccd.device.timing import Timing
 from imagers.emccd.pixels import EmccdExposed, EmccdPixels, HighVoltage
-
-__all__ = ["Emccd"]
 
 _TRACED = 2
 """Number of frames in a trace."""

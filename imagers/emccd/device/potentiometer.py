@@ -14,8 +14,6 @@ from typing import Final
 
 from imagers.common.trace import Signal
 
-__all__ = ["SPI_SIGNALS", "Potentiometer", "word_clocks", "word_edges"]
-
 _BITS: Final = 16
 _WRITE: Final = 0x11
 """Command byte: C1 C0 = 01, write; P0 = 1, the only potentiometer."""

@@ -31,9 +31,7 @@ from numba import njit
 
 from cosim import InputError
 from imagers.emccd.pixels import HighVoltage
-from imagers.emccd.pixels.gain import GAIN_STEPS
-
-__all__ = ["DriveSettings", "RunningDrive", "SineDrive"]
+from imagers.emccd.pixels.multiplication import GAIN_STEPS
 
 Values = npt.NDArray[np.float64]
 

@@ -18,8 +18,6 @@ from dataclasses import dataclass
 from itertools import repeat
 from typing import Final, NamedTuple
 
-__all__ = ["INTERLOCKS", "ORDER", "RAILS", "Course", "Supplies", "breaches", "broken_interlock"]
-
 
 class Rail(NamedTuple):
     """A supply.

@@ -24,21 +24,6 @@ from imagers.emccd.pixels.chip import (
     ROWS,
 )
 
-__all__ = [
-    "CLOCK_HZ",
-    "EXPOSURE_STEPS",
-    "EXPOSURE_STEP_US",
-    "SIZES",
-    "Settings",
-    "Timing",
-    "after_printed",
-    "exposure_range",
-    "frame_clocks",
-    "frame_rate",
-    "frame_seconds",
-    "window_table",
-]
-
 CLOCK_HZ: Final = 10_000_000
 """System clock, also of the converter and of the pixels (document); the rate is assumed."""
 EXPOSURE_STEP_US: Final = 10

@@ -23,8 +23,10 @@ from imagers.emccd.pixels.chip import (
     ADC_BITS,
     CLOCK_INDUCED,
     COLUMNS,
+    DARK_AT_20C,
     DARK_COLUMNS,
     DARK_ROWS,
+    DSNU_SHARE,
     IMAGE_WELL,
     OFFSET,
     PITCH,
@@ -38,14 +40,12 @@ from imagers.emccd.pixels.chip import (
     STAGES,
     WAVELENGTH,
     WORKING_KELVIN,
+    dark_current,
 )
-from imagers.emccd.pixels.dark import DARK_AT_20C, DSNU_SHARE, dark_current
 from imagers.emccd.pixels.effects import Terms, emccd_effects
 from imagers.emccd.pixels.multiplication import branch, excess_noise_squared, multiply
 from imagers.emccd.pixels.wells import spill_columns, spill_lines
 from sensor.frame_pixels import Exposed, ImagerSummary
-
-__all__ = ["EmccdExposed", "EmccdPixels"]
 
 Values = npt.NDArray[np.float64]
 

@@ -1,4 +1,10 @@
-"""The effects of an EMCCD's pixels: bounds of the error in mean or noise if each is left out.
+"""The effects of an EMCCD's pixels: costs, and bounds of the error in mean or noise if each is left
+out.
+
+Each cost was measured once by leaving the effect out of a whole frame with 12 electrons per pixel
+at a gain of 100, on one core at 2.5 GHz, where all effects together take 0.25 s a frame. The fixed
+pattern is drawn once and then only applied; overflow is evaluated for each pixel, whether or not it
+spills.
 
 With x photoelectrons, smear share s, dark d and clock-induced c, m = x (1 + s) + d + c electrons
 reach the register. In electrons at the pixel, the variance of a value is F^2 m + (read/g)^2 +
@@ -21,10 +27,22 @@ import numpy.typing as npt
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Kind, Summary
-from imagers.emccd.pixels.costs import COSTS
 from sensor.frame_pixels import ImagerSummary
 
-__all__ = ["Terms", "emccd_effects"]
+COSTS: Final = {
+    "shot noise": 130.0,
+    "PRNU": 5.0,
+    "smear": 10.0,
+    "dark current": 5.0,
+    "dark shot noise": 65.0,
+    "DSNU": 5.0,
+    "image well overflow": 4.0,
+    "clock-induced charge": 65.0,
+    "multiplication noise": 330.0,
+    "register overflow": 4.0,
+    "read noise": 85.0,
+}
+
 
 Values = npt.NDArray[np.float64]
 

@@ -1,5 +1,5 @@
-"""Charge above the full well: spills along columns in the image area and along lines in the
-register.
+"""Charge in the wrong place: above the full well it spills along columns in the image area and
+along lines in the register; and frame-transfer smear, which is corrected column by column.
 
 Image area: there is no anti-blooming drain. Half of the excess goes up and half down the column to
 the next pixels with room, and leaves the array at its ends.
@@ -9,6 +9,18 @@ which can then overflow as well, and so on across the end of the line and the tr
 the head of the next line. The number of white columns at the head of a line follows from this. (The
 excess is evaluated at the end of the register; its gain in the last stages after spilling is not
 modelled.)
+
+Smear: no shutter covers the chip: a packet passes every other lit row of its column, for one row
+shift each, in the two transfers together (`EmccdPixels`). With a share a = row shift / exposure a
+column of signals P shows
+
+    M_y = P_y + a (sum P - P_y),    hence    sum P = sum M / (1 + a (n - 1)),
+    P_y = (M_y - a sum P) / (1 - a),
+
+for n lit rows. This is the standard correction of frame-transfer cameras. It is exact for the means
+if the light is constant, no value is clipped, and all lit rows are read; lit rows outside a window
+are missing from the sum. The shot noise of the subtracted charge, of variance a (sum P - P_y),
+remains.
 """
 
 from __future__ import annotations
@@ -25,8 +37,6 @@ from imagers.emccd.pixels.chip import (
     REGISTER_WELL,
     TRANSITION_CELLS,
 )
-
-__all__ = ["columns_filled", "electrons_to_fill", "spill_columns", "spill_lines"]
 
 Values = npt.NDArray[np.float64]
 
@@ -107,3 +117,12 @@ def electrons_to_fill(
     if not 0 < lit <= IMAGE_COLUMNS or not 0 <= columns <= DARK_COLUMNS + IMAGE_COLUMNS - lit:
         raise ValueError(f"{columns} columns and {lit} lit ones must fit into a line")
     return well / gain * (1.0 + (tail + gap + columns) / lit)
+
+
+def without_smear(signal: Values, share: float) -> Values:
+    """(rows, W) signal without smear. signal: above black, in any unit, (rows, W), all lit rows.
+    share: row shift over exposure, 0 to below 1; ValueError otherwise."""
+    if not 0 <= share < 1:
+        raise ValueError(f"share must be 0 to below 1, not {share:g}")
+    total = signal.sum(axis=0) / (1 + share * (signal.shape[0] - 1))
+    return np.asarray((signal - share * total) / (1 - share))

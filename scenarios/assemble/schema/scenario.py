@@ -13,7 +13,7 @@ from cosim.config.amounts import at_most
 from cosim.config.quantity import Duration, Section
 from display.section import SLOWEST, DisplaySection, check_planes
 from imagers.catalogue import IMAGERS
-from imagers.common.section import ImagerLens, ImagerSection
+from imagers.common.kind import ImagerLens, ImagerSection
 from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
 from scenarios.assemble.schema.filming import CameraSection

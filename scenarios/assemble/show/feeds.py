@@ -40,7 +40,7 @@ from cosim.spikes.held import held_events, held_reports
 from cosim.stage import Stage
 from imagers.common.model import FrameFigures, ImagerModel
 from imagers.machine import ImagerMachine
-from imagers.run.store import FRAMES, read_frame
+from imagers.run.tape import FRAMES, read_frame
 from scenarios.assemble.recording.machine import RecordingMachine
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.continuous.machine import ContinuousMachine

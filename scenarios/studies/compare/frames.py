@@ -12,8 +12,8 @@ import numpy.typing as npt
 from cosim import PS
 from cosim.frames import Frame
 from imagers.catalogue import IMAGERS
-from imagers.common.comparison import Comparison
-from imagers.common.view import View
+from imagers.common.kind import Comparison
+from imagers.common.model import View
 from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.studies.compare.measure import noise, snr_curve
 from scenarios.studies.compare.motion import Motion, edge_blur

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from imagers.common.comparison import Comparison
+from imagers.common.kind import Comparison
 from sensor.dynamic_range import decibels
 from sensor.frame_pixels import Exposed
 

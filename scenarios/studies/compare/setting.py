@@ -10,7 +10,7 @@ from typing import Any, Final, cast, get_args
 
 from cosim import InputError
 from imagers.catalogue import IMAGERS
-from imagers.common.comparison import Comparison
+from imagers.common.kind import Comparison
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import choose_lens
 from scenarios.assemble.schema.loading import assign, load, shipped, to_toml

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from imagers.adaptive.device.codes import Code, ring
+from imagers.adaptive.device.signals import Code, ring
 from imagers.adaptive.device.timing import Timing
 
 __all__ = ["CounterSequencer", "Tick", "johnson"]

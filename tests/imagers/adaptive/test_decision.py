@@ -10,15 +10,24 @@ from imagers.adaptive.device.decision import (
     MULTIPLIER_BITS,
     PRINTED_MULTIPLIER_BITS,
     Search,
+    Statistics,
+    Window,
     decide,
+    gather,
     lengthening,
     shortened,
 )
 from imagers.adaptive.device.loop import (
+    brightest_lux,
+    combined_response,
+    darkest_lux,
+    exponential_deviation,
     follow,
     from_judged,
     from_register,
+    half_scale_lux,
     light_for,
+    longest_exposure,
     recovery,
     search_path,
     settled,
@@ -26,15 +35,6 @@ from imagers.adaptive.device.loop import (
     unlimited,
     worst_search,
 )
-from imagers.adaptive.device.response import (
-    brightest_lux,
-    combined_response,
-    darkest_lux,
-    exponential_deviation,
-    half_scale_lux,
-    longest_exposure,
-)
-from imagers.adaptive.device.statistics import Statistics, Window, gather
 from imagers.adaptive.pixels import CmosSetting
 
 

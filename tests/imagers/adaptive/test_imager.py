@@ -9,14 +9,13 @@ import pytest
 
 from cosim import InputError
 from cosim.clock import PS
-from imagers.adaptive.device.bus_target import SteadySequencer
+from imagers.adaptive.device.controller import SteadySequencer
 from imagers.adaptive.device.decision import Search
-from imagers.adaptive.device.imager import AdaptiveExposure
-from imagers.adaptive.device.latency import latency
+from imagers.adaptive.device.imager import AdaptiveExposure, latency
 from imagers.adaptive.device.loop import light_for
 from imagers.adaptive.device.timing import Timing
 from imagers.adaptive.pixels import AdaptivePixels, CmosSetting
-from imagers.common.bus import line_of
+from imagers.common.registers import line_of
 from imagers.common.scenery import Course, Still
 
 NONE: frozenset[str] = frozenset()

@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imagers.adaptive.device.codes import gray, gray_bits, ring
-from imagers.adaptive.device.sequencer import actual_exposures, disturbed, frames_of
-from imagers.adaptive.device.signals import signal_list, signals_of
-from imagers.adaptive.device.timing import Timing
+from imagers.adaptive.device.signals import gray, gray_bits, ring, signal_list, signals_of
+from imagers.adaptive.device.timing import Timing, actual_exposures, disturbed, frames_of
 from tests.imagers.adaptive.counter_sequencer import CounterSequencer, johnson
 
 SMALL = Timing(rows=6, columns=6, line=28, frame=176, cycle=4, turn=8)

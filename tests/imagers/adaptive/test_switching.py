@@ -18,13 +18,11 @@ from hypothesis import strategies as st
 
 from cosim.clock import PS
 from imagers.adaptive.device.imager import AdaptiveExposure
-from imagers.adaptive.device.sequencer import frames_of
-from imagers.adaptive.device.signals import signals_of
-from imagers.adaptive.device.switching import Coupling, row_kicks, toggles
-from imagers.adaptive.device.timing import Timing
+from imagers.adaptive.device.signals import Coupling, row_kicks, signals_of, toggles
+from imagers.adaptive.device.timing import Timing, frames_of
 from imagers.adaptive.pixels import AdaptivePixels, CmosExposed, CmosSetting
 from imagers.common.scenery import Still
-from imagers.run.paired import cut_rows
+from imagers.run.check import cut_rows
 from tests.imagers.adaptive.counter_sequencer import CounterSequencer
 from tests.imagers.adaptive.test_sequencer import SMALL, USUAL, small_exposures
 

@@ -9,8 +9,7 @@ import pytest
 
 from cosim import InputError
 from imagers.catalogue import kind_of
-from imagers.common.bus import line_of
-from imagers.common.register_file import RegisterFile
+from imagers.common.registers import RegisterFile, line_of
 from rtl_model.registers import REGISTERS, Register
 from rtl_model.registers.checks import faults
 from rtl_model.registers.design import HEAD, IMAGER_MAGIC, Design

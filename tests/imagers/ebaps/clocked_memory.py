@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from imagers.ebaps.board.burst_memory import BurstMemory
 from imagers.ebaps.board.crossing import Path, Transfer, transfer
+from imagers.ebaps.board.memory import BurstMemory
 
 Image = npt.NDArray[np.uint16]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from imagers.ebaps.board.regions import REGIONS
+from imagers.ebaps.board.timing import REGIONS
 
 Image = npt.NDArray[np.uint16]
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from imagers.ebaps.device.darks import (
+from imagers.ebaps.device.exposure import (
     TRUNCATION,
     TRUNCATION_VARIANCE,
     clipped_mean,

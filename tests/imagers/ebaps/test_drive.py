@@ -16,11 +16,12 @@ from imagers.ebaps.device.drive import (
     READING,
     Drive,
     drive_records,
+    late_resets,
     merged,
+    row_times,
 )
 from imagers.ebaps.device.exposure import DEFAULT_EXPOSURE, STEP, ExposureRule
 from imagers.ebaps.device.imager import Ebaps
-from imagers.ebaps.device.resets import late_resets, row_times
 from imagers.ebaps.pixels import EbapsPixels
 from tests.imagers.ebaps.naive_drive import dense, disturbed, exposed_rows, intervals
 from tests.imagers.vcd import read_vcd

@@ -9,13 +9,12 @@ import pytest
 
 from cosim.errors import InputError
 from cosim.frames import Frame
-from imagers.common.bus import line_of
+from imagers.common.registers import line_of
 from imagers.common.scenery import Course, Still
-from imagers.ebaps.board.regions import LIVE, region_bytes
-from imagers.ebaps.board.timing import Timing
-from imagers.ebaps.device.bus_target import bus_target
+from imagers.ebaps.board.timing import LIVE, Timing, region_bytes
 from imagers.ebaps.device.imager import Ebaps
 from imagers.ebaps.device.registers import DESIGN
+from imagers.ebaps.device.sequencer import bus_target
 from imagers.ebaps.pixels import Chart, EbapsPixels, wanted_exposure
 from rtl_model.registers.checks import faults
 from tests.imagers.ebaps.ideal_memory import IdealMemory

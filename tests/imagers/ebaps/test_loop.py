@@ -13,20 +13,18 @@ from hypothesis import strategies as st
 
 from imagers.ebaps.board.timing import Timing
 from imagers.ebaps.device.exposure import ACCUMULATOR_BITS, ExposureRule, Linear, follow
-from imagers.ebaps.device.extremes import (
+from imagers.ebaps.device.settling import (
     accumulated,
     dark_then_light,
-    light_steps,
-    shipped_loop,
-    swinging,
-)
-from imagers.ebaps.device.settling import (
     last_hunting,
+    light_steps,
     resting,
     settle,
     settling_exposure,
     settling_share,
+    shipped_loop,
     spans,
+    swinging,
 )
 from tests.imagers.ebaps import naive_loop as naive
 

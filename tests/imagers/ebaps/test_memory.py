@@ -19,7 +19,6 @@ from imagers.ebaps.board.axi import (
     bursts_of,
     region_offset,
 )
-from imagers.ebaps.board.burst_memory import BurstMemory
 from imagers.ebaps.board.crossing import (
     Clocks,
     Path,
@@ -28,9 +27,9 @@ from imagers.ebaps.board.crossing import (
     memory_load,
     transfer,
 )
-from imagers.ebaps.board.ddr import Ddr, DdrPort
 from imagers.ebaps.board.fifo import AsyncFifo
-from imagers.ebaps.board.regions import REGIONS, region_bytes
+from imagers.ebaps.board.memory import BurstMemory, Ddr, DdrPort
+from imagers.ebaps.board.timing import REGIONS, region_bytes
 from imagers.ebaps.device.imager import Ebaps
 from imagers.ebaps.pixels import EbapsPixels
 from tests.imagers.ebaps.clocked_memory import ClockedMemory

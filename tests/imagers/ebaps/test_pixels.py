@@ -18,8 +18,7 @@ from imagers.ebaps.pixels import (
     smallest_bar,
     wanted_exposure,
 )
-from imagers.ebaps.pixels.brightness import brightness, brightness_constant
-from imagers.ebaps.pixels.contrast import ROSE
+from imagers.ebaps.pixels.contrast import ROSE, brightness, brightness_constant
 from imagers.ebaps.pixels.silicon import Silicon
 from imagers.ebaps.pixels.tube import PAIR_ENERGY, Tube
 from sensor.frame_pixels import Exposed

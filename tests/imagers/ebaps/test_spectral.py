@@ -10,7 +10,7 @@ import pytest
 from cosim.light.illuminant import ILLUMINANTS, photon_density
 from cosim.light.radiometry import photons_per_lux
 from imagers.ebaps.pixels import PHOTOCATHODES, EbapsPixels, Tube, spectral_ratios
-from imagers.ebaps.pixels.spectral import SILICON, Response, Spectral
+from imagers.ebaps.pixels.tube import SILICON, Response, Spectral
 from sensor.frame_pixels import Exposed
 
 

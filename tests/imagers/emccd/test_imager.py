@@ -8,12 +8,11 @@ import pytest
 
 from cosim import InputError
 from cosim.clock import PS
-from imagers.common.bus import line_of
+from imagers.common.registers import line_of
 from imagers.common.scenery import Course, Still
-from imagers.emccd.device.bus_target import EmccdSequencer
+from imagers.emccd.device.controller import DESIGN, PARAMETERS, EmccdSequencer
 from imagers.emccd.device.cooling import Cooler, run_cooling
 from imagers.emccd.device.imager import Emccd
-from imagers.emccd.device.registers import DESIGN, PARAMETERS
 from imagers.emccd.device.timing import Settings, Timing, frame_clocks
 from imagers.emccd.pixels import HighVoltage
 from rtl_model.host import Board, Uartbone

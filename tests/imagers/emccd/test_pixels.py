@@ -19,8 +19,8 @@ from imagers.emccd.pixels import (
     electrons_to_fill,
     spill_lines,
 )
-from imagers.emccd.pixels.dark import dark_current
-from imagers.emccd.pixels.gain import document_gain
+from imagers.emccd.pixels.chip import dark_current
+from imagers.emccd.pixels.multiplication import document_gain
 from imagers.emccd.pixels.wells import spill_columns
 from sensor.frame_pixels import Exposed
 

@@ -8,9 +8,8 @@ import pytest
 
 from cosim import InputError
 from imagers.common.trace import write_trace
-from imagers.emccd.device.bus_target import EmccdSequencer
-from imagers.emccd.device.counters import CounterSequencer
-from imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
+from imagers.emccd.device.controller import EmccdSequencer
+from imagers.emccd.device.sequencer import SIGNALS, CounterSequencer, Cycle, signal_changes
 from imagers.emccd.device.timing import (
     EXPOSURE_STEPS,
     SIZES,

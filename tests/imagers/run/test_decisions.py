@@ -8,13 +8,13 @@ from cosim import PS
 from cosim.run.machine import Options
 from imagers.adaptive.device.imager import AdaptiveExposure
 from imagers.adaptive.device.loop import light_for
-from imagers.adaptive.judge import AdaptiveJudge
+from imagers.adaptive.model import AdaptiveJudge
 from imagers.adaptive.pixels import AdaptivePixels
 from imagers.common.scenery import Course, Still
 from imagers.ebaps.device.imager import Ebaps
-from imagers.ebaps.judge import EbapsJudge
+from imagers.ebaps.model import EbapsJudge
 from imagers.ebaps.pixels import EbapsPixels
-from imagers.run.decisions import DecisionCheck, Decisions
+from imagers.run.check import DecisionCheck, Decisions
 from imagers.run.tape import NoTape, Taped
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.view import make_view

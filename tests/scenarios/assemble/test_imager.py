@@ -15,7 +15,7 @@ from imagers.adaptive.model import AdaptiveModel, changes
 from imagers.catalogue import IMAGERS
 from imagers.common.model import measure_frame
 from imagers.report.page import metric_text
-from imagers.run.paired import watched_frames
+from imagers.run.check import watched_frames
 from scenarios.assemble.imager import plan_imager
 from scenarios.assemble.machine import assemble, assemble_study
 from scenarios.assemble.schema.loading import filmed, linked, load, shipped, to_toml

@@ -87,7 +87,7 @@ MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
         ("imagers.emccd.pixels.array", "EmccdPixels.convert",
          lambda right: lambda *args: np.minimum(right(*args), 4095)),
         ("imagers.emccd.pixels.wells", "spill_lines", fixed(None)),
-        ("imagers.emccd.pixels.gain", "HighVoltage.volts", moved(1.0)),
+        ("imagers.emccd.pixels.multiplication", "HighVoltage.volts", moved(1.0)),
         (f"{EMCCD}.device.sequencer", "Cycle.after", scaled_property(2)),
         (f"{EMCCD}.device.potentiometer", "word_edges",
          lambda right: lambda edge, code: right(edge, code & ~1)),
