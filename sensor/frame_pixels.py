@@ -3,17 +3,13 @@ that can be left out, and the summary of a scene that the bounds of effects read
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.streams import Stream
-from cosim.plan.effects import Bound, Effect, Summary
-
-__all__ = ["Exposed", "ImagerSummary", "PixelModel", "Values", "steady_effects"]
+from cosim.plan.effects import Effect, Summary
 
 Values = npt.NDArray[np.float64]
 
@@ -95,21 +91,3 @@ class PixelModel(Protocol):
     ) -> ImagerSummary:  # fmt: skip
         """Summary for the bounds: a run within these ranges of light (lx s) and exposure (s)."""
         ...
-
-
-def steady_effects(
-    sources: Mapping[str, tuple[Stream, str]],
-    costs: Mapping[str, float],
-    bound: Callable[[str], Callable[[Summary], Bound]],
-) -> dict[str, Effect]:
-    """Effects by name, whose costs do not depend on the scene.
-
-    Args:
-        sources: stream of random numbers and source of each effect.
-        costs: ns per pixel and frame.
-        bound: the bound of the effect of a name.
-    """
-    return {
-        name: Effect(name, source, stream, bound(name), lambda scene, ns=costs[name]: ns)  # type: ignore[misc]
-        for name, (stream, source) in sources.items()
-    }

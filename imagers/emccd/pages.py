@@ -18,7 +18,7 @@ from imagers.common.scenery import Still
 from imagers.emccd.device.cooling import run_cooling
 from imagers.emccd.device.imager import Emccd
 from imagers.emccd.device.timing import Settings, Timing, frame_rate, window_table
-from imagers.emccd.electronics_pages import electronics_sections
+from imagers.emccd.electronics import electronics_sections
 from imagers.emccd.model import STEP, EmccdModel, cooler_of
 from imagers.emccd.pixels import EmccdPixels, excess_noise_squared
 from imagers.report.figures import (

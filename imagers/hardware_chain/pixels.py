@@ -30,12 +30,18 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.draws import normal, poisson
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
 from imagers.common.fixed import FixedTiming
+from imagers.common.frame_pixel import (
+    Conversion,
+    digitised,
+    noise_change,
+    steady_effects,
+    summary_of,
+)
 from sensor.dynamic_range import Chain, SensorNoise, rounding_variance
-from sensor.frame_pixels import Exposed, ImagerSummary, steady_effects
+from sensor.frame_pixels import Exposed, ImagerSummary
 
 Values = npt.NDArray[np.float64]
 
@@ -213,36 +219,26 @@ class ChainPixels:
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         """See `PixelModel`."""
-        chain, (count, width) = self.chain, rows.lux_seconds.shape
-        numbers = np.arange(rows.first * width, (rows.first + count) * width).reshape(count, width)
-
-        def drawn(deviation: float, stream: Stream) -> Values | float:
-            return deviation * normal(numbers, rows.frame, seed, stream) if deviation else 0.0
-
-        charge = np.minimum(rows.lux_seconds * self.responsivity, _FULL * chain.full_well)
-        if "shot noise" in kept:
-            charge = 1.0 * poisson(charge, numbers, rows.frame, seed, Stream.IMAGER_SHOT)
-        if "dark current" in kept:
-            mean = (self.noise.dark.at(self.celsius) * rows.seconds)[:, None]
-            mean = np.broadcast_to(np.minimum(mean, _FULL * chain.full_well), charge.shape)
-            charge = charge + poisson(mean, numbers, rows.frame, seed, Stream.IMAGER_DARK)
+        chain, at = self.chain, Conversion.of(rows, seed, kept)
+        most = _FULL * chain.full_well
+        charge = np.minimum(rows.lux_seconds * self.responsivity, most)
+        charge = at.counts(charge, "shot noise", Stream.IMAGER_SHOT)
+        rate = self.noise.dark.at(self.celsius)
+        charge = charge + at.dark_counts(rate, rows.seconds, most=most, effect="dark current")
         # The well ends the signal; what the output adds is not in the well.
         charge = np.minimum(charge, chain.full_well)
         parts = self.noise.parts(self.celsius, self.hertz)
         for name in _GAUSSIAN:
-            if f"{name} noise" in kept:
-                charge = charge + drawn(parts[name], _SOURCES[f"{name} noise"][0])
+            effect = f"{name} noise"
+            charge = at.noisy(charge, parts[name], effect, _SOURCES[effect][0])
         volts = charge * chain.sensitivity
-        if "circuit noise" in kept:
-            volts = volts + drawn(chain.circuit, Stream.IMAGER_CIRCUIT)
+        volts = at.noisy(volts, chain.circuit, "circuit noise", Stream.IMAGER_CIRCUIT)
         if "supply ripple" in kept and self.ripple.volts:
-            volts = volts + self.ripple.at(rows.frame, rows.first, count, width)
+            volts = volts + self.ripple.at(rows.frame, rows.first, *at.shape)
         volts = volts * chain.analog
-        if "converter noise" in kept:
-            volts = volts + drawn(chain.converter.noise, Stream.IMAGER_READ)
-        full = (1 << self.bits) - 1
-        codes = np.clip(np.rint(volts / chain.converter.step) + self.zero, 0, full)
-        return np.clip(np.floor(codes * chain.digital + 0.5), 0, full).astype(np.uint16)
+        volts = at.noisy(volts, chain.converter.noise, "converter noise", Stream.IMAGER_READ)
+        codes = digitised(np.rint(volts / chain.converter.step) + self.zero, self.bits)
+        return digitised(np.floor(codes * chain.digital + 0.5), self.bits)
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
         """See `PixelModel`. The ripple counts with its mean square."""
@@ -258,7 +254,7 @@ class ChainPixels:
         """See `PixelModel`."""
         well = self.chain.full_well
         low, high = (min(light * self.responsivity, well) for light in lux_seconds)
-        return ImagerSummary(low, high, well, frames, frames, exposure=seconds, step=1 / self.slope)
+        return summary_of((low, high), seconds, frames, well, step=1 / self.slope)
 
     @cached_property
     def effects(self) -> dict[str, Effect]:
@@ -287,6 +283,6 @@ class ChainPixels:
                     shares.append(parts[name] / parts["sum"])
                     if name == "dark current":
                         shift = max(shift, dark / base)
-            return Bound(max(shift, 1 - math.sqrt(1 - max(shares))), "estimate")
+            return Bound(max(shift, float(noise_change(max(shares)))), "estimate")
 
         return bound

@@ -21,10 +21,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.draws import gamma, normal, poisson
+from cosim.compute.draws import gamma, normal
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
-from sensor.frame_pixels import Exposed, ImagerSummary, steady_effects
+from imagers.common.frame_pixel import Conversion, noise_change, steady_effects, summary_of
+from sensor.frame_pixels import Exposed, ImagerSummary
 
 _NS: Final = {"shot noise": 80.0, "reset noise": 45.0, "dark current": 3.0}
 """Run-time costs, ns per pixel and frame, on one core at 2.5 GHz."""
@@ -65,24 +66,22 @@ class PulsePixels:
         """Largest value, DN."""
         return (1 << self.bits) - 1
 
-    def charge(self, rows: Exposed, kept: frozenset[str]) -> tuple[Values, npt.NDArray[np.int64]]:
-        """Mean charge up to the end of each part of the exposure, (rows, W, parts) e, and the
-        numbers of the pixels, (rows, W)."""
+    def charge(self, rows: Exposed, kept: frozenset[str]) -> Values:
+        """Mean charge up to the end of each part of the exposure, (rows, W, parts) e."""
         light = rows.lux_seconds if rows.lux_seconds.ndim == 3 else rows.lux_seconds[..., None]
-        count, width, parts = light.shape
-        numbers = np.arange(rows.first * width, (rows.first + count) * width).reshape(count, width)
         charge = light * self.responsivity
         if "dark current" in kept:
+            parts = light.shape[-1]
             share = np.arange(1, parts + 1) / parts
             charge = charge + self.dark * rows.seconds[:, None, None] * share
-        return charge, numbers
+        return charge
 
     def summary(
         self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
     ) -> ImagerSummary:
         """See `PixelModel`."""
-        low, high = (light * self.responsivity for light in lux_seconds)
-        return ImagerSummary(low, high, self.threshold, frames, frames, exposure=seconds)
+        light = lux_seconds[0] * self.responsivity, lux_seconds[1] * self.responsivity
+        return summary_of(light, seconds, frames, self.threshold)
 
     @cached_property
     def effects(self) -> dict[str, Effect]:
@@ -111,7 +110,7 @@ class PulsePixels:
                 if name == "dark current":
                     worst = max(worst, gathered / max(light + gathered, 1e-9))
                 else:
-                    worst = max(worst, 1 - math.sqrt(max(1 - part[name] / part["sum"], 0.0)))
+                    worst = max(worst, float(noise_change(part[name], part["sum"])))
             return Bound(worst, "estimate")
 
         return bound
@@ -134,12 +133,11 @@ class PwmPixels(PulsePixels):
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         """See `PixelModel`."""
-        charge, numbers = self.charge(rows, kept)
-        goal = np.full(numbers.shape, self.threshold)
+        charge, at = self.charge(rows, kept), Conversion.of(rows, seed, kept)
+        goal = np.full(at.shape, self.threshold)
         if "shot noise" in kept:
-            goal = gamma(goal, numbers, rows.frame, seed, Stream.IMAGER_SHOT)
-        if "reset noise" in kept:
-            goal = goal + self.reset * normal(numbers, rows.frame, seed, Stream.IMAGER_RESET)
+            goal = gamma(goal, at.numbers, rows.frame, seed, Stream.IMAGER_SHOT)
+        goal = at.noisy(goal, self.reset, "reset noise", Stream.IMAGER_RESET)
         goal = np.maximum(goal, 0.0)[..., None]
         parts = charge.shape[-1]
         before = (charge < goal).sum(axis=-1, keepdims=True)
@@ -201,14 +199,13 @@ class PfmPixels(PulsePixels):
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         """See `PixelModel`."""
-        course, numbers = self.charge(rows, kept)
+        course, at = self.charge(rows, kept), Conversion.of(rows, seed, kept)
         charge = np.minimum(course[..., -1], 2.0 * self.threshold * (self.most + 1))
-        if "shot noise" in kept:
-            charge = 1.0 * poisson(charge, numbers, rows.frame, seed, Stream.IMAGER_SHOT)
+        charge = at.counts(charge, "shot noise", Stream.IMAGER_SHOT)
         if "reset noise" in kept:
             # The thresholds of n intervals add up to n Q with a deviation of sqrt(n) reset.
             resets = np.sqrt(charge / self.threshold)
-            drawn = normal(numbers, rows.frame, seed, Stream.IMAGER_RESET)
+            drawn = normal(at.numbers, rows.frame, seed, Stream.IMAGER_RESET)
             charge = charge - self.reset * resets * drawn
         return np.clip(np.floor(charge / self.threshold), 0, self.most).astype(np.uint16)
 

@@ -19,15 +19,21 @@ import zarr
 from pydantic import Field
 
 from cosim import PS, seconds_to_ps
-from cosim.compute.draws import normal, poisson
 from cosim.compute.streams import Stream
 from cosim.config.quantity import Quantity
 from cosim.frames import Frame
 from cosim.light.charts import draw
-from cosim.plan.effects import Bound, Effect, Summary
+from cosim.plan.effects import Bound, Summary
 from cosim.report.parts import table
 from cosim.run.result import Latency, Metric
 from imagers.catalogue import IMAGERS
+from imagers.common.frame_pixel import (
+    Conversion,
+    digitised,
+    noise_change,
+    steady_effects,
+    summary_of,
+)
 from imagers.common.kind import Comparison, ImagerKind, ImagerSection, Setting
 from imagers.common.model import ExposureRange, FrameFigures, ImagerModel, View
 from imagers.common.scenery import Scenery
@@ -70,41 +76,32 @@ class GlobalShutterPixels:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
-        self.effects = {
-            effect.name: effect
-            for effect in (
-                self._effect(
-                    "shot noise", Stream.IMAGER_SHOT, 100.0,
-                    lambda scene: scene.brightest / (READ_NOISE**2 + scene.brightest),
-                ),
-                self._effect(
-                    "read noise", Stream.IMAGER_READ, 80.0,
-                    lambda scene: READ_NOISE**2 / (READ_NOISE**2 + scene.darkest),
-                ),
-            )
-        }  # fmt: skip
+        self.effects = steady_effects(
+            {
+                "shot noise": (Stream.IMAGER_SHOT, "closed form"),
+                "read noise": (Stream.IMAGER_READ, "closed form"),
+            },
+            {"shot noise": 100.0, "read noise": 80.0},
+            self._bound,
+        )
 
     @staticmethod
-    def _effect(name: str, stream: Stream, ns: float, share: Callable[[Any], float]) -> Effect:
-        """An effect with this share of the noise's variance."""
+    def _bound(name: str) -> Callable[[Summary], Bound]:
+        """By the largest share that an effect has of the noise's variance."""
 
         def bound(scene: Summary) -> Bound:
-            return Bound(1 - np.sqrt(1 - share(scene)), "proof")
+            light = scene.brightest if name == "shot noise" else scene.darkest
+            lost = light if name == "shot noise" else READ_NOISE**2
+            return Bound(noise_change(lost, light + READ_NOISE**2), "proof")
 
-        return Effect(name, "closed form", stream, bound, lambda scene: ns)
+        return bound
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
-        count, width = rows.lux_seconds.shape
-        pixels = np.arange(rows.first * width, (rows.first + count) * width).reshape(count, width)
-        electrons = rows.lux_seconds * RESPONSIVITY
-        if "shot noise" in kept:
-            electrons = 1.0 * poisson(electrons, pixels, rows.frame, seed, Stream.IMAGER_SHOT)
+        at = Conversion.of(rows, seed, kept)
+        electrons = at.counts(rows.lux_seconds * RESPONSIVITY, "shot noise", Stream.IMAGER_SHOT)
         electrons = np.minimum(electrons, FULL_WELL)
-        if "read noise" in kept:
-            electrons = electrons + READ_NOISE * normal(
-                pixels, rows.frame, seed, Stream.IMAGER_READ
-            )
-        return np.clip(np.rint(electrons / STEP + BLACK), 0, 1023).astype(np.uint16)
+        electrons = at.noisy(electrons, READ_NOISE, "read noise", Stream.IMAGER_READ)
+        return digitised(electrons / STEP + BLACK, self.bits)
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
         electrons = lux_seconds * RESPONSIVITY
@@ -115,7 +112,7 @@ class GlobalShutterPixels:
         self, lux_seconds: tuple[float, float], seconds: tuple[float, float], frames: int
     ) -> ImagerSummary:
         low, high = (min(each * RESPONSIVITY, FULL_WELL) for each in lux_seconds)
-        return ImagerSummary(low, high, FULL_WELL, frames, frames, exposure=seconds, step=STEP)
+        return summary_of((low, high), seconds, frames, FULL_WELL, step=STEP)
 
 
 class GlobalShutter:

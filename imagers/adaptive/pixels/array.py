@@ -19,11 +19,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.draws import normal, poisson
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Effect
 from imagers.adaptive.pixels.effects import make_effects
 from imagers.adaptive.pixels.setting import BITS, ROUNDING, CmosSetting
+from imagers.common.frame_pixel import Conversion, FixedPattern, digitised, summary_of
 from sensor.frame_pixels import Exposed, ImagerSummary, Values
 
 _FULL = 100.0
@@ -62,42 +62,24 @@ class AdaptivePixels:
     ) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
         """Values (DN), and whether the comparator beside the converter reports more than full
         scale."""
-        s = self.setting
-        count, width = rows.lux_seconds.shape
-        index = np.arange(rows.first, rows.first + count, dtype=np.int64)
-        numbers = index[:, None] * width + np.arange(width, dtype=np.int64)
-        here = slice(rows.first, rows.first + count)
-        electrons: Values = rows.lux_seconds * s.sensitivity
-        if "PRNU" in kept:
-            electrons = electrons * self._response[here]
-        electrons = np.minimum(electrons, _FULL * s.well)
-        if "shot noise" in kept:
-            drawn = poisson(electrons, numbers, rows.frame, seed, Stream.IMAGER_SHOT)
-            electrons = drawn.astype(np.float64)
-        if "dark current" in kept:
-            dark: Values = np.broadcast_to((s.dark_now * rows.seconds)[:, None], electrons.shape)
-            if "DSNU" in kept:
-                dark = dark * self._darkness[here]
-            dark = np.minimum(dark, _FULL * s.well)
-            if "dark shot noise" in kept:
-                electrons = electrons + poisson(dark, numbers, rows.frame, seed, Stream.IMAGER_DARK)
-            else:
-                electrons = electrons + dark
+        s, at = self.setting, Conversion.of(rows, seed, kept)
+        light = at.times(rows.lux_seconds * s.sensitivity, "PRNU", self._response)
+        light = np.minimum(light, _FULL * s.well)
+        electrons = at.counts(light, "shot noise", Stream.IMAGER_SHOT)
+        electrons = electrons + at.dark_counts(
+            s.dark_now, rows.seconds, self._darkness, _FULL * s.well
+        )
         electrons = np.minimum(electrons, s.well)
-        if "reset noise" in kept:
-            drawn_reset = normal(numbers, rows.frame, seed, Stream.IMAGER_RESET)
-            electrons += s.reset_noise * drawn_reset
-        if "read noise" in kept:
-            electrons += s.read_noise * normal(numbers, rows.frame, seed, Stream.IMAGER_READ)
+        electrons = at.noisy(electrons, s.reset_noise, "reset noise", Stream.IMAGER_RESET)
+        electrons = at.noisy(electrons, s.read_noise, "read noise", Stream.IMAGER_READ)
         if isinstance(rows, CmosExposed):
-            electrons += rows.kicks[:, None]
+            electrons = electrons + rows.kicks[:, None]
         values = electrons / s.step
         if "column pattern" in kept:
             values += self._offsets
         full = 1 << BITS
         saturated = values > full * (1 + ROUNDING)
-        cut = np.clip(np.floor(values + ROUNDING), 0, full - 1).astype(np.uint16)
-        return cut, saturated
+        return digitised(np.floor(values + ROUNDING), BITS), saturated
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         """See `PixelModel`."""
@@ -117,35 +99,23 @@ class AdaptivePixels:
     ) -> ImagerSummary:
         """See `PixelModel`."""
         s = self.setting
-        return ImagerSummary(
-            darkest=lux_seconds[0] * s.sensitivity,
-            brightest=lux_seconds[1] * s.sensitivity,
-            threshold=s.well,
-            window=frames,
-            cycles=frames,
-            exposure=seconds,
-            kelvin=s.kelvin,
-            step=s.step,
-        )  # fmt: skip
+        light = lux_seconds[0] * s.sensitivity, lux_seconds[1] * s.sensitivity
+        return summary_of(light, seconds, frames, s.well, kelvin=s.kelvin, step=s.step)
 
     @cached_property
-    def _numbers(self) -> npt.NDArray[np.int64]:
-        return np.arange(self.shape[0] * self.shape[1], dtype=np.int64).reshape(self.shape)
+    def _pattern(self) -> FixedPattern:
+        return FixedPattern(self.shape, self.setting.device)
 
-    @cached_property
     def _darkness(self) -> Values:
-        """(H, W) dark current of each pixel over the mean: normal, negative values set to 0."""
-        drawn = normal(self._numbers, _DSNU, self.setting.device, Stream.IMAGER_PATTERN)
-        return np.maximum(1 + self.setting.dsnu * drawn, 0.0)
+        """(H, W) dark current of each pixel over the mean."""
+        return self._pattern.factor(_DSNU, self.setting.dsnu)
 
-    @cached_property
     def _response(self) -> Values:
         """(H, W) response of each pixel over the mean."""
-        drawn = normal(self._numbers, _PRNU, self.setting.device, Stream.IMAGER_PATTERN)
-        return np.maximum(1 + self.setting.prnu * drawn, 0.0)
+        return self._pattern.factor(_PRNU, self.setting.prnu)
 
     @cached_property
     def _offsets(self) -> Values:
-        """(W,) offset of each column, DN."""
-        drawn = normal(self._numbers[0], _COLUMN, self.setting.device, Stream.IMAGER_PATTERN)
+        """(1, W) offset of each column, DN."""
+        drawn = self._pattern.normal(_COLUMN, (1, self.shape[1]))
         return drawn * (self.setting.column * (1 << BITS))

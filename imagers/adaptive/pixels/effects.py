@@ -24,6 +24,7 @@ import numpy.typing as npt
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
 from imagers.adaptive.pixels.setting import BITS, CmosSetting
+from imagers.common.frame_pixel import steady_effects
 from sensor.frame_pixels import ImagerSummary
 
 COSTS: Final[dict[str, float]] = {
@@ -146,13 +147,4 @@ def make_effects(s: CmosSetting) -> dict[str, Effect]:
         "PRNU": (Stream.IMAGER_PATTERN, "response from pixel to pixel; assumed"),
         "column pattern": (Stream.IMAGER_PATTERN, "offset of column amplifiers; assumed"),
     }
-    return {
-        name: Effect(
-            name=name,
-            source=source,
-            stream=stream,
-            bound=_bound(name, s),
-            cost=lambda scene, ns=COSTS[name]: ns,  # type: ignore[misc]
-        )
-        for name, (stream, source) in sources.items()
-    }
+    return steady_effects(sources, COSTS, lambda name: _bound(name, s))

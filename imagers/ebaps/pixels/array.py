@@ -32,6 +32,7 @@ from numba import njit
 from cosim.compute.draws import binomial, negative_binomial, normal, poisson
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Effect
+from imagers.common.frame_pixel import Conversion, digitised, summary_of
 from imagers.ebaps.pixels.effects import Budget, ebaps_effects
 from imagers.ebaps.pixels.silicon import Pattern, Silicon
 from imagers.ebaps.pixels.tube import Spectral, Tube
@@ -202,90 +203,77 @@ class EbapsPixels:
     ) -> ImagerSummary:
         """See `PixelModel`."""
         gain = self.tube.gain(self.volts)
-        low, high = (self.photoelectrons(x) for x in lux_seconds)
-        return ImagerSummary(
-            low, high, self.silicon.well, frames, frames,
-            exposure=seconds, kelvin=self.kelvin, gain=(gain, gain),
+        light = self.photoelectrons(lux_seconds[0]), self.photoelectrons(lux_seconds[1])
+        return summary_of(
+            light, seconds, frames, self.silicon.well, kelvin=self.kelvin, gain=(gain, gain),
             step=1 / self.silicon.dn_per_electron,
         )  # fmt: skip
 
-    def _landed(self, light: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int,
-                kept: frozenset[str]) -> Values:  # fmt: skip
+    def _landed(self, light: Values, at: Conversion) -> Values:
         """Photoelectrons absorbed in each pixel, from the mean number emitted above it."""
-        if "landing spread" in kept:
+        if "landing spread" in at.kept:
             light = landing(light, self.kernel)
-        if "halo" in kept:
+        if "halo" in at.kept:
             share, radius = self.tube.halo, self.tube.halo_radius / self.silicon.pitch
             light = (1 - share) * light + share * halo(light, radius)
         stays = 1 - self.tube.loss
-        shot, loss = "shot noise" in kept, "electron loss" in kept
-        if shot:
+        loss = "electron loss" in at.kept
+        if "shot noise" in at.kept:
             # Poisson thinned is Poisson: one draw serves both.
             mean = light * stays if loss else light
-            counts = poisson(mean, numbers, frame, seed, Stream.IMAGER_SHOT).astype(np.float64)
+            counts = at.counts(mean, "shot noise", Stream.IMAGER_SHOT)
             return counts if loss else counts * stays
         if loss:
             whole = np.ceil(light)
-            share_each = np.divide(light * stays, whole, out=np.zeros_like(light), where=whole > 0)
-            return binomial(whole, share_each, numbers, frame, seed, Stream.IMAGER_LOSS).astype(
+            each = np.divide(light * stays, whole, out=np.zeros_like(light), where=whole > 0)
+            return binomial(whole, each, at.numbers, at.frame, at.seed, Stream.IMAGER_LOSS).astype(
                 np.float64
             )
         return light * stays
 
-    def _bursts(self, landed: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int
-                ) -> Values:  # fmt: skip
+    def _bursts(self, landed: Values, at: Conversion) -> Values:
         """Electrons that ion events add: an independent geometric count (from 0) per event."""
-        events = poisson(landed * self.tube.ions, numbers, frame, seed, Stream.IMAGER_IONS)
+        stream = Stream.IMAGER_IONS
+        events = poisson(landed * self.tube.ions, at.numbers, at.frame, at.seed, stream)
         out = np.zeros(landed.shape)
-        at = events > 0
-        if at.any():
-            out[at] = negative_binomial(
-                events[at], self.tube.burst, numbers[at], frame | _BURST, seed, Stream.IMAGER_IONS
+        hit = events > 0
+        if hit.any():
+            out[hit] = negative_binomial(
+                events[hit], self.tube.burst, at.numbers[hit], at.frame | _BURST, at.seed, stream
             )
         return out
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
         """See `PixelModel`. Electrons spread into neighbouring rows, so rows should be a whole
         frame; the module states the error at the edges of a part."""
-        count, width = rows.lux_seconds.shape
-        here = slice(rows.first, rows.first + count)
-        numbers = np.arange(here.start * width, here.stop * width).reshape(count, width)
-        seconds = np.asarray(rows.seconds, np.float64)[:, None]
-        gather = seconds + np.asarray(rows.waiting, np.float64)[:, None]
+        at = Conversion.of(rows, seed, kept)
+        seconds = np.asarray(rows.seconds, np.float64)
         tube, silicon, gain = self.tube, self.silicon, self.tube.gain(self.volts)
-        electrons = np.zeros((count, width))
+        electrons = np.zeros(at.shape)
         if gain > 0:
             light = rows.lux_seconds * self.sensitivity
             if "photocathode emission" in kept:
-                light = light + tube.emission_lux * tube.electrons_per_lux * silicon.area * seconds
-            landed = self._landed(light, numbers, rows.frame, seed, kept)
+                emitted = tube.emission_lux * tube.electrons_per_lux * silicon.area
+                light = light + emitted * seconds[:, None]
+            landed = self._landed(light, at)
             if "ion events" in kept:
-                landed = landed + self._bursts(landed, numbers, rows.frame, seed)
+                landed = landed + self._bursts(landed, at)
             electrons = landed * gain
             if "gain spread" in kept:
                 spread = np.sqrt(landed * (gain * tube.gain_variance))
-                spread *= normal(numbers, rows.frame, seed, Stream.IMAGER_GAIN)
+                spread *= normal(at.numbers, rows.frame, seed, Stream.IMAGER_GAIN)
                 electrons += spread
-        response: Values | float = 1.0
-        if "PRNU" in kept:
-            response = self.pattern.response()[here]
-        if "stripes" in kept:
-            response = response * self.pattern.stripes()[here]
+        response = at.times(np.ones((at.shape[0], 1)), "PRNU", self.pattern.response)
+        response = at.times(response, "stripes", self.pattern.stripes)
         electrons *= response
-        slow = np.zeros((count, width))
-        if "dark current" in kept:
-            rate = silicon.dark_rate(self.kelvin)
-            slow += rate * gather * (self.pattern.dark()[here] if "DSNU" in kept else 1.0)
+        gather = seconds + np.asarray(rows.waiting, np.float64)
+        slow = at.dark(silicon.dark_rate(self.kelvin), gather, self.pattern.dark)
         if "direct light" in kept:
             leaked = silicon.direct * silicon.leakage * silicon.area * self.spectral.silicon
-            slow += rows.lux_seconds * leaked * response
-        if "silicon shot noise" in kept:
-            slow = poisson(slow, numbers, rows.frame, seed, Stream.IMAGER_DARK).astype(np.float64)
+            slow = slow + rows.lux_seconds * leaked * response
+        slow = at.counts(slow, "silicon shot noise", Stream.IMAGER_DARK)
         electrons = np.minimum(electrons + slow, silicon.well)
         if "offset FPN" in kept:
-            electrons += self.pattern.offset()[here]
-        if "read noise" in kept:
-            noise = normal(numbers, rows.frame, seed, Stream.IMAGER_READ)
-            electrons += silicon.read_noise * noise
-        values = silicon.black + silicon.dn_per_electron * electrons
-        return np.clip(np.rint(values), 0, self.full_scale).astype(np.uint16)
+            electrons += at.part(self.pattern.offset())
+        electrons = at.noisy(electrons, silicon.read_noise, "read noise", Stream.IMAGER_READ)
+        return digitised(silicon.black + silicon.dn_per_electron * electrons, self.bits)

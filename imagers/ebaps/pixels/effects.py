@@ -24,6 +24,7 @@ import numpy as np
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Kind, Summary
+from imagers.common.frame_pixel import noise_change, steady_effects
 from imagers.ebaps.pixels.silicon import Silicon
 from imagers.ebaps.pixels.tube import Spectral, Tube
 from sensor.frame_pixels import ImagerSummary
@@ -168,8 +169,7 @@ def _noise(share: Any) -> Any:
     1 - sqrt(1 - a), but at least .53 a: then a sum of such bounds is a bound of the sum as long as
     it stays below 0.1, since 1 - sqrt(1 - A) <= .53 A for A <= .2.
     """
-    a = np.clip(share, 0.0, 1.0)
-    return np.maximum(1 - np.sqrt(1 - a), 0.53 * np.asarray(share, np.float64))
+    return np.maximum(noise_change(share), 0.53 * np.asarray(share, np.float64))
 
 
 def ebaps_effects(base: Budget, full_scale: int, center: float) -> dict[str, Effect]:
@@ -255,10 +255,7 @@ def ebaps_effects(base: Budget, full_scale: int, center: float) -> dict[str, Eff
         ("read noise", "analog chain", Stream.IMAGER_READ, part("read noise")),
     )  # fmt: skip
 
-    def costs(name: str) -> Callable[[Summary], float]:
-        return lambda scene: COSTS[name]
-
-    return {
-        name: Effect(name, source, stream, bound, costs(name))
-        for name, source, stream, bound in rows
-    }
+    bounds = {name: bound for name, _, _, bound in rows}
+    return steady_effects(
+        {name: (stream, source) for name, source, stream, _ in rows}, COSTS, bounds.__getitem__
+    )

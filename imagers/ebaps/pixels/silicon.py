@@ -10,13 +10,14 @@ electron this is 3.1e4 DN, so 24 800 DN are reached at 26 ms.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.draws import gamma, normal
+from cosim.compute.draws import gamma
 from cosim.compute.streams import Stream
+from imagers.common.frame_pixel import FixedPattern
 
 Values = npt.NDArray[np.float64]
 _DARK, _OFFSET, _RESPONSE, _COLUMNS, _ROWS, _STRIPES = range(6)
@@ -97,51 +98,37 @@ class Silicon:
         return math.hypot(self.prnu, self.stripes)
 
 
-@dataclass(eq=False)
 class Pattern:
-    """The fixed pattern of one device, drawn once."""
+    """The fixed pattern of one device. shape: (H, W). seed: seed of the device."""
 
-    silicon: Silicon
-    shape: tuple[int, int]
-    seed: int
-    _made: dict[str, Values] = field(default_factory=dict)
-
-    def _draw(self, kind: int, shape: tuple[int, int]) -> Values:
-        numbers = np.arange(shape[0] * shape[1]).reshape(shape)
-        return normal(numbers, kind, self.seed, Stream.IMAGER_PATTERN)
+    def __init__(self, silicon: Silicon, shape: tuple[int, int], seed: int) -> None:
+        self.silicon, self.shape = silicon, shape
+        self._drawn = FixedPattern(shape, seed)
 
     def dark(self) -> Values:
         """(H, W) factor of the dark current: gamma of mean 1 and deviation dsnu."""
-        if "dark" not in self._made:
-            numbers = np.arange(self.shape[0] * self.shape[1]).reshape(self.shape)
-            if self.silicon.dsnu > 0:
-                k = self.silicon.dsnu**-2
-                self._made["dark"] = gamma(k, numbers, _DARK, self.seed, Stream.IMAGER_PATTERN) / k
-            else:
-                self._made["dark"] = np.ones(self.shape)
-        return self._made["dark"]
+        drawn, dsnu = self._drawn, self.silicon.dsnu
+        if not dsnu:
+            return np.ones(self.shape)
+        k, stream = dsnu**-2, Stream.IMAGER_PATTERN
+        return drawn.once("dark", lambda: gamma(k, drawn.numbers(), _DARK, drawn.seed, stream) / k)
 
     def offset(self) -> Values:
         """(H, W) electrons: of pixels, columns and rows."""
-        if "offset" not in self._made:
-            s, (height, width) = self.silicon, self.shape
-            self._made["offset"] = (
-                s.offset * self._draw(_OFFSET, self.shape)
-                + s.column_offset * self._draw(_COLUMNS, (1, width))
-                + s.row_offset * self._draw(_ROWS, (height, 1))
-            )
-        return self._made["offset"]
+        drawn, s, (height, width) = self._drawn, self.silicon, self.shape
+        return drawn.once(
+            "offset",
+            lambda: (
+                s.offset * drawn.normal(_OFFSET)
+                + s.column_offset * drawn.normal(_COLUMNS, (1, width))
+                + s.row_offset * drawn.normal(_ROWS, (height, 1))
+            ),
+        )
 
     def response(self) -> Values:
         """(H, W) factor of pixels, never negative; mean 1."""
-        if "response" not in self._made:
-            draw = 1 + self.silicon.prnu * self._draw(_RESPONSE, self.shape)
-            self._made["response"] = np.maximum(draw, 0.0)
-        return self._made["response"]
+        return self._drawn.factor(_RESPONSE, self.silicon.prnu)
 
     def stripes(self) -> Values:
         """(H, 1) factor of rows, never negative; mean 1."""
-        if "stripes" not in self._made:
-            draw = 1 + self.silicon.stripes * self._draw(_STRIPES, (self.shape[0], 1))
-            self._made["stripes"] = np.maximum(draw, 0.0)
-        return self._made["stripes"]
+        return self._drawn.factor(_STRIPES, self.silicon.stripes, (self.shape[0], 1))

@@ -9,16 +9,16 @@ and the converter rounds to whole DN. Lux count as monochromatic light of 555 nm
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.draws import normal, poisson
 from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Effect
+from imagers.common.frame_pixel import Conversion, FixedPattern, digitised, summary_of
 from imagers.emccd.pixels.chip import (
     ADC_BITS,
     CLOCK_INDUCED,
@@ -51,14 +51,6 @@ Values = npt.NDArray[np.float64]
 
 _DSNU_KIND, _PRNU_KIND = 0, 1
 """Counters of the fixed pattern's draws."""
-
-
-@lru_cache(maxsize=4)
-def _pattern(first: int, count: int, kind: int, seed: int) -> Values:
-    """Normal numbers of pixels first, first + 1, ..., drawn once, since they are the same in every
-    frame."""
-    numbers = np.arange(first, first + count, dtype=np.int64)
-    return normal(numbers, kind, seed, Stream.IMAGER_PATTERN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,50 +179,38 @@ class EmccdPixels:
         total = rate.sum(axis=0) * ((self.shape[0] - 2 * DARK_ROWS) / given)
         return np.maximum(total - rate, 0.0) * row_shift
 
-    def _electrons(
-        self, rows: Exposed, numbers: npt.NDArray[np.int64], seed: int, kept: frozenset[str],
-        kelvin: float, row_shift: float,
-    ) -> Values:  # fmt: skip
+    @cached_property
+    def pattern(self) -> FixedPattern:
+        """Of the device."""
+        return FixedPattern(self.shape, self.pattern_seed)
+
+    def _electrons(self, rows: Exposed, at: Conversion, kelvin: float, row_shift: float) -> Values:
         """Electrons in the storage area, before multiplication."""
         photo = np.where(self._lit(rows), rows.lux_seconds * self.responsivity, 0.0)
-        if "PRNU" in kept:
-            pattern = _pattern(int(numbers[0, 0]), numbers.size, _PRNU_KIND, self.pattern_seed)
-            pattern = pattern.reshape(photo.shape)
-            photo *= np.maximum(1.0 + self.prnu * pattern, 0.0)
-        if "smear" in kept:
-            photo += self._smear(photo, rows, row_shift)
-        if "shot noise" in kept:
-            photo = poisson(photo, numbers, rows.frame, seed, Stream.IMAGER_SHOT).astype(float)
-        if "dark current" in kept:
-            seconds = (rows.seconds + rows.waiting)[:, None]
-            dark = np.broadcast_to(dark_current(kelvin, self.dark) * seconds, photo.shape)
-            if "DSNU" in kept:
-                pattern = _pattern(int(numbers[0, 0]), numbers.size, _DSNU_KIND, self.pattern_seed)
-                pattern = pattern.reshape(photo.shape)
-                dark = dark * np.maximum(1.0 + self.dsnu * pattern, 0.0)
-            if "dark shot noise" in kept:
-                dark = poisson(dark, numbers, rows.frame, seed, Stream.IMAGER_DARK).astype(float)
-            photo += dark
-        if "image well overflow" in kept:
+        photo = at.times(photo, "PRNU", lambda: self.pattern.factor(_PRNU_KIND, self.prnu))
+        if "smear" in at.kept:
+            photo = photo + self._smear(photo, rows, row_shift)
+        photo = at.counts(photo, "shot noise", Stream.IMAGER_SHOT)
+        photo = photo + at.dark_counts(
+            dark_current(kelvin, self.dark), rows.seconds + rows.waiting,
+            lambda: self.pattern.factor(_DSNU_KIND, self.dsnu),
+        )  # fmt: skip
+        if "image well overflow" in at.kept:
             spill_columns(photo, self.image_well)
         else:
             np.minimum(photo, self.image_well, out=photo)
-        if "clock-induced charge" in kept:
-            mean = self.clock_induced
-            photo += poisson(mean, numbers, rows.frame, seed, Stream.IMAGER_CLOCKS)
+        if "clock-induced charge" in at.kept:
+            photo += at.counts(self.clock_induced, "clock-induced charge", Stream.IMAGER_CLOCKS)
         return photo
 
-    def _multiplied(
-        self, held: Values, numbers: npt.NDArray[np.int64], frame: int, seed: int,
-        kept: frozenset[str], gain: float,
-    ) -> Values:  # fmt: skip
-        if "multiplication noise" not in kept:
+    def _multiplied(self, held: Values, at: Conversion, gain: float) -> Values:
+        if "multiplication noise" not in at.kept:
             return held * gain
         if self.tier == "fast":
-            return multiply(held, gain, numbers, frame, seed, self.stages)
+            return multiply(held, gain, at.numbers, at.frame, at.seed, self.stages)
         # Fractions of an electron, which only light without shot noise has, get the mean gain.
         whole = np.floor(held)
-        made = branch(whole, gain, numbers, frame, seed, self.stages)
+        made = branch(whole, gain, at.numbers, at.frame, at.seed, self.stages)
         return made + (held - whole) * gain
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:
@@ -250,23 +230,20 @@ class EmccdPixels:
         gain = own(special.gain if special else None, self.gain)
         kelvin = own(special.kelvin if special else None, self.kelvin)
         row_shift = own(special.row_shift if special else None, self.row_shift)
-        numbers = np.arange(rows.first * width, (rows.first + height) * width, dtype=np.int64)
-        numbers = numbers.reshape(height, width)
-        charge = self._electrons(rows, numbers, seed, kept, kelvin, row_shift)
+        at = Conversion.of(rows, seed, kept)
+        charge = self._electrons(rows, at, kelvin, row_shift)
         if special and special.read is not None:
             first, count = special.read
             if first < 0 or count < 1 or first + count > height:
                 raise ValueError(f"window must lie within {height} rows, not {special.read}")
-            charge, numbers = charge[first : first + count], numbers[first : first + count]
-        charge = self._multiplied(charge, numbers, rows.frame, seed, kept, gain)
+            charge, at = charge[first : first + count], at.window(first, count)
+        charge = self._multiplied(charge, at, gain)
         if "register overflow" in kept:
             spill_lines(charge, self.register_well)
         else:
             np.minimum(charge, self.register_well, out=charge)
-        if "read noise" in kept:
-            charge += self.read_noise * normal(numbers, rows.frame, seed, Stream.IMAGER_READ)
-        values = np.rint(charge / self.step + self.offset)
-        return np.clip(values, 0, (1 << self.bits) - 1).astype(np.uint16)
+        charge = at.noisy(charge, self.read_noise, "read noise", Stream.IMAGER_READ)
+        return digitised(charge / self.step + self.offset, self.bits)
 
     def mean_variance(self, lux_seconds: float, seconds: float) -> tuple[float, float]:
         """See `PixelModel`; for uniform light, read immediately after the exposure.
@@ -288,15 +265,8 @@ class EmccdPixels:
     ) -> ImagerSummary:
         """See `PixelModel`. If frames have their own gain or temperature (`EmccdExposed`), the
         caller replaces these fields by their ranges."""
-        low, high = (value * self.responsivity for value in lux_seconds)
-        return ImagerSummary(
-            darkest=low,
-            brightest=high,
-            threshold=self.image_well,
-            window=frames,
-            cycles=frames,
-            exposure=seconds,
-            kelvin=self.kelvin,
-            gain=(self.gain, self.gain),
-            step=self.step,
-        )
+        light = lux_seconds[0] * self.responsivity, lux_seconds[1] * self.responsivity
+        return summary_of(
+            light, seconds, frames, self.image_well, kelvin=self.kelvin,
+            gain=(self.gain, self.gain), step=self.step,
+        )  # fmt: skip

@@ -27,6 +27,7 @@ import numpy.typing as npt
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Kind, Summary
+from imagers.common.frame_pixel import noise_change
 from sensor.frame_pixels import ImagerSummary
 
 COSTS: Final = {
@@ -132,12 +133,6 @@ def _mean(scene: _Scene, electrons: Any) -> Values:
     return np.asarray(electrons, np.float64) / np.maximum(scene.least, scene.floor)
 
 
-def _noise(lost: Any, whole: Any) -> Values:
-    """1 - sqrt(1 - lost power / whole power)."""
-    share = np.clip(np.asarray(lost, np.float64) / whole, 0.0, 1.0)
-    return 1.0 - np.sqrt(1.0 - share)
-
-
 def _tail(mean: Any, variance: Any, well: float) -> Values:
     """Mean charge above a full well, for a gamma distribution of this mean and variance."""
     from scipy.special import gammaincc
@@ -181,24 +176,24 @@ def emccd_effects(terms: Terms) -> dict[str, Effect]:
 
         def value(scene: _Scene) -> Values:
             extra = np.asarray(electrons(scene), np.float64)
-            noise = _noise(scene.f2 * extra, scene.f2 * (scene.least + extra) + scene.quiet)
+            noise = noise_change(scene.f2 * extra, scene.f2 * (scene.least + extra) + scene.quiet)
             return np.maximum(_mean(scene, extra), noise)
 
         return value
 
     def shot(scene: _Scene) -> Values:
         x = scene.high + scene.smear
-        return _noise(x, scene.f2 * (x + terms.clock_induced) + scene.quiet)
+        return noise_change(x, scene.f2 * (x + terms.clock_induced) + scene.quiet)
 
     def dark_shot(scene: _Scene) -> Values:
         d = scene.dark
-        return _noise(d, scene.f2 * (scene.least + d) + scene.quiet)
+        return noise_change(d, scene.f2 * (scene.least + d) + scene.quiet)
 
     def multiplication(scene: _Scene) -> Values:
-        return _noise((scene.f2 - 1) * scene.most, scene.f2 * scene.most + scene.quiet)
+        return noise_change((scene.f2 - 1) * scene.most, scene.f2 * scene.most + scene.quiet)
 
     def read(scene: _Scene) -> Values:
-        return _noise(scene.read, scene.f2 * scene.least + scene.quiet)
+        return noise_change(scene.read, scene.f2 * scene.least + scene.quiet)
 
     def prnu(scene: _Scene) -> Values:
         # Relative to a pixel's own light; smear of the column's other rows has their pattern.
