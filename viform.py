@@ -67,7 +67,7 @@ __all__ = [
 
 
 _HERE = Path(__file__).resolve().parent
-_PACKAGES = ("cosim", "display", "link", "rtl_model", "scenarios", "sensor")
+_PACKAGES = ("cosim", "display", "imagers", "link", "rtl_model", "scenarios", "sensor")
 
 
 class _Packages:

@@ -440,7 +440,8 @@ def place(
 GIVEN = {
     "README.md": "frames = __import__('numpy').zeros((160, 48, 64), 'uint8') + 128",
     "adaptive-exposure.md": "lux = __import__('numpy').full((256, 256), 1e-3)",
-    "emccd.md": "import numpy as np\nfrom pathlib import Path\nfrom sensor.imagers import Still\n"
+    "emccd.md": "import numpy as np\nfrom pathlib import Path\n"
+    "from imagers.common.scenery import Still\n"
     "scene, until = Still(np.full((528, 536), 1e-3)), 4 * 10**10",
 }
 """What the examples of a document take as given."""

@@ -9,11 +9,17 @@ from typing import NamedTuple
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.host.bone import Bone
-from rtl_model.host.csr import CsrMap, CsrRegister, default_map, imager_map
+from rtl_model.host.csr import CsrMap, CsrRegister, default_map, device_map
 from rtl_model.host.faults import Cause, LineFault
-from rtl_model.imagers.catalogue import by_number
-from rtl_model.imagers.device.registers import HEAD, IMAGER_MAGIC, IMAGER_VERSION
 from rtl_model.registers import MAGIC, VERSION
+from rtl_model.registers.design import (
+    HEAD,
+    IMAGER_MAGIC,
+    IMAGER_VERSION,
+    NO_DEVICES,
+    Device,
+    Devices,
+)
 
 __all__ = ["Board", "BoardInfo", "ImagerInfo", "recognised"]
 
@@ -83,20 +89,29 @@ class ImagerInfo(NamedTuple):
     baud: int
 
 
-def recognised(bone: Bone) -> CsrMap:
-    """The register map of the imager that the first register names; else the Viform board's.
+def _numbered(devices: Devices, number: int) -> Device | None:
+    """The device with this value of `ctrl_imager`."""
+    return next((device for device in devices.values() if device.number == number), None)
 
-    Raises LineFault NOT_OURS for an unknown imager.
+
+def recognised(bone: Bone, devices: Devices = NO_DEVICES) -> CsrMap:
+    """The register map of the device that the first register names; else the Viform board's.
+
+    Args:
+        bone: the host's side of the protocol.
+        devices: devices that are recognised.
+
+    Raises LineFault NOT_OURS for another device.
     """
     if bone.read_twice(_HEAD["ctrl_magic"])[0] != IMAGER_MAGIC:
         return default_map()
     number = bone.read_twice(_HEAD["ctrl_imager"])[0]
-    name = by_number(number)
-    if name is None:
+    device = _numbered(devices, number)
+    if device is None:
         raise LineFault(
             Cause.NOT_OURS, f"the board is imager {number}, which this program does not know"
         )
-    return imager_map(name)
+    return device_map(device.design())
 
 
 class Board:
@@ -105,14 +120,17 @@ class Board:
     Attributes:
         bone: the host's side of the protocol.
         csr: register map of the design; the Viform board's if the argument is None.
+        devices: devices that a message names if one of them answers instead.
         verify: whether writes are checked, by the board's counters or by the line's confirmation;
             by default if the design is of this project.
     """
 
     def __init__(
-        self, bone: Bone, csr: CsrMap | None = None, *, verify: bool | None = None
-    ) -> None:
+        self, bone: Bone, csr: CsrMap | None = None, *, verify: bool | None = None,
+        devices: Devices = NO_DEVICES,
+    ) -> None:  # fmt: skip
         self.bone = bone
+        self.devices = devices
         self.csr = default_map() if csr is None else csr
         self.verify = bool(self.csr.table) if verify is None else verify
         self._written: tuple[int, int] | None = None  # count and CRC-32 of words written
@@ -294,16 +312,21 @@ class Board:
         Raises LineFault NOT_OURS if another design or another version answers.
         """
         magic, version = self.read_twice("ctrl_magic"), self.read_twice("ctrl_version")
-        name = by_number(self.read_twice("ctrl_imager")) if magic == IMAGER_MAGIC else None
-        if name is None or name != self.csr.imager or version >> 16 != IMAGER_VERSION >> 16:
+        number = self.read_twice("ctrl_imager") if magic == IMAGER_MAGIC else None
+        imager = self.csr.imager
+        if (
+            imager is None or number is None or number != self.csr.number
+            or version >> 16 != IMAGER_VERSION >> 16
+        ):  # fmt: skip
+            answers = None if number is None else _numbered(self.devices, number)
             raise LineFault(
                 Cause.NOT_OURS,
-                f"the design is {name or f'{magic:#010x}'}, version {version >> 16}, "
-                f"not {self.csr.imager}, version {IMAGER_VERSION >> 16}",
+                f"the design is {answers.name if answers else f'{magic:#010x}'}, version "
+                f"{version >> 16}, not {imager}, version {IMAGER_VERSION >> 16}",
             )
         rows, columns, clock_hz, baud = self._head()
         build = self.read_twice("ctrl_build")
-        return ImagerInfo(name, rows, columns, clock_hz, version, build, baud)
+        return ImagerInfo(imager, rows, columns, clock_hz, version, build, baud)
 
     def _head(self) -> tuple[int, int, int, int]:
         """Rows, columns, clock (Hz) and nominal baud."""

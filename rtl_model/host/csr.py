@@ -8,7 +8,7 @@ comment, other rows are ignored. A register of several words has its most signif
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -16,11 +16,8 @@ from typing import NamedTuple
 from cosim import InputError
 from cosim.config.toml import read_text
 from rtl_model.geometry import Geometry
-from rtl_model.imagers.catalogue import IMAGERS, design
-from rtl_model.imagers.device.registers import CONSTANT
 from rtl_model.registers import REGISTERS, Register, csr_csv
-
-__all__ = ["CsrMap", "CsrRegister", "MemoryRegion", "default_map", "imager_map", "read_csr"]
+from rtl_model.registers.design import CONSTANT, NO_DEVICES, Design, Devices
 
 _MODES = ("ro", "rw", "wo")
 _TOP = 1 << 32
@@ -68,7 +65,9 @@ class CsrMap(NamedTuple):
             config_csr_data_width).
         stride: distance of the words of a register, bytes.
         is_viform_board: whether every register of the Viform board exists.
-        imager: name of the imager of this project that the map describes, else None.
+        imager: name of the device of this project that the map describes, if it is none of the
+            spike camera's boards, else None.
+        number: value of that device's register `ctrl_imager`, else None.
         table: further facts on each register of a Viform board or imager, else empty.
     """
 
@@ -80,6 +79,7 @@ class CsrMap(NamedTuple):
     stride: int
     is_viform_board: bool
     imager: str | None = None
+    number: int | None = None
     table: Mapping[str, Register] = _NOTHING
 
     def register(self, name: str) -> CsrRegister:
@@ -113,22 +113,34 @@ def default_map(geometry: Geometry | None = None) -> CsrMap:
     return _parse("the register table", csr_csv(geometry or Geometry()))
 
 
-def imager_map(name: str) -> CsrMap:
-    """The map of a conventional imager by name. Raises InputError for an unknown name."""
-    return _parse("the register table", design(name).csr_csv())
+def device_map(design: Design) -> CsrMap:
+    """The map of another device than the Viform board, by its register table."""
+    return _parse("the register table", design.csr_csv(), lambda name: design)
 
 
-def read_csr(path: Path) -> CsrMap:
-    """Reads a `csr.csv`. Raises InputError, with the line, for another file."""
+def read_csr(path: Path, devices: Devices = NO_DEVICES) -> CsrMap:
+    """Reads a `csr.csv`. Raises InputError, with the line, for another file.
+
+    Args:
+        path: the file.
+        devices: devices whose registers are known beyond what the file states.
+    """
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as exc:
         why = getattr(exc, "strerror", None) or "not text"
         raise InputError(f"{path}", "a csr.csv", f"unreadable ({why})", "check the name") from exc
-    return _parse(str(path), text)
+
+    def known(name: str) -> Design | None:
+        return devices[name].design() if name in devices else None
+
+    return _parse(str(path), text, known)
 
 
-def _parse(name: str, text: str) -> CsrMap:
+def _parse(
+    name: str, text: str, known: Callable[[str], Design | None] = lambda name: None
+) -> CsrMap:
+    """known: name of a device -> its registers, or None."""
     registers: dict[str, CsrRegister] = {}
     constants: dict[str, int | str] = {}
     bases: dict[str, int] = {}
@@ -180,12 +192,14 @@ def _parse(name: str, text: str) -> CsrMap:
     is_viform_board = {entry.name for entry in REGISTERS} <= registers.keys()
     table = {entry.name: entry for entry in REGISTERS} if is_viform_board else {}
     imager = constants.get(CONSTANT)
-    if not is_viform_board and isinstance(imager, str) and imager in IMAGERS:
-        table = {entry.name: entry for entry in design(imager).registers}
+    design = None if is_viform_board or not isinstance(imager, str) else known(imager)
+    if design is not None:
+        table = {entry.name: entry for entry in design.registers}
     complete = bool(table) and table.keys() <= registers.keys()
     return CsrMap(
         registers, constants, bases, memories, int(width), int(alignment) // 8, is_viform_board,
-        str(imager) if complete and not is_viform_board else None, table if complete else _NOTHING,
+        design.name if design and complete else None,
+        design.number if design and complete else None, table if complete else _NOTHING,
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
+from rtl_model.registers.design import Device
 from rtl_model.virtual.faults import Faults, parse
 from rtl_model.virtual.line import Bytes, FaultyLine
 from rtl_model.virtual.pace import LINGER_S, Pace, measured_speed
@@ -62,8 +63,8 @@ class VirtualBoard(Served):
         level: "bytes" and "pins" run the Verilog, "model" the cycle model at byte level.
         faults: texts (see `virtual.faults`), or parsed ones.
         link: symbolic link to create for the port.
-        imager: name of a conventional imager to simulate instead, at level "model"; `geometry`
-            then gives its clock and baud.
+        device: another device to simulate instead, such as a conventional imager, at level
+            "model"; `geometry` then gives its clock and baud.
 
     Attributes:
         speed: measured simulation speed, clocks of the board per second of wall time.
@@ -80,11 +81,11 @@ class VirtualBoard(Served):
         level: Level = "bytes",
         faults: Sequence[str] | Faults = (),
         link: Path | None = None,
-        imager: str | None = None,
+        device: Device | None = None,
     ) -> None:
         super().__init__(Geometry() if geometry is None else geometry)
         self.level = level
-        self.imager = imager
+        self.device = device
         self.faults = faults if isinstance(faults, Faults) else parse(faults, self.geometry)
         if level not in LEVELS:
             raise InputError("the board's level", ", ".join(LEVELS), repr(level), "choose one")
@@ -92,7 +93,7 @@ class VirtualBoard(Served):
             raise InputError(
                 "a fault of baud or noise", "on a board of level pins", level, "add --level pins"
             )
-        if imager is not None and (level != "model" or self.faults.of_design):
+        if device is not None and (level != "model" or self.faults.of_design):
             raise InputError(
                 "a virtual imager", "of level model, with faults of its line only",
                 f"of level {level}" if level != "model" else "with a fault of a design",
@@ -107,9 +108,9 @@ class VirtualBoard(Served):
 
     def start(self) -> VirtualBoard:
         """Opens the port and serves it until `stop`."""
-        simulator = make_simulator(self.level, self.geometry, self.faults, self.imager)
+        simulator = make_simulator(self.level, self.geometry, self.faults, self.device)
         try:
-            if self.level == "model" and self.imager is None:
+            if self.level == "model" and self.device is None:
                 # Compiled parts are loaded now, not when a host waits for the first frame.
                 simulator.step(_RUN, 2 * self.geometry.tick_clocks)
             self.speed = measured_speed(simulator)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from rtl_model.geometry import Geometry
+from rtl_model.registers.design import Device
 from rtl_model.virtual.faults import Faults
 from rtl_model.virtual.noise import noise
 
@@ -62,9 +63,9 @@ class Simulator(Protocol):
 
 
 def make_simulator(
-    level: Level, geometry: Geometry, faults: Faults, imager: str | None = None
+    level: Level, geometry: Geometry, faults: Faults, device: Device | None = None
 ) -> Simulator:
-    """The simulator of a board or of an imager.
+    """The simulator of a board or of another device.
 
     The Verilog is compiled if it is not cached.
 
@@ -72,16 +73,13 @@ def make_simulator(
         level: of simulation.
         geometry: of the build.
         faults: of the design and, at level "pins", of the line.
-        imager: name of a conventional imager; None for the board.
+        device: another device, such as a conventional imager; None for the board.
 
     Raises:
         InputError: if the tools for the Verilog are missing.
     """
-    if imager is not None:
-        from rtl_model.imagers.catalogue import bus_target
-        from rtl_model.imagers.device.bus import ImagerBus
-
-        return _Model(lambda: ImagerBus(bus_target(imager), geometry))
+    if device is not None:
+        return _Model(lambda: device.bus(geometry))
     if level == "model":
         from rtl_model.virtual.design_faults import FaultySystem
 

@@ -10,12 +10,12 @@ import numpy.typing as npt
 from cosim import Block, Clock, Light, seconds_to_ps
 from cosim.light.lens import Lens
 from cosim.light.survey import survey
-from rtl_model.imagers.interface.view import View
+from imagers.common.model import View
+from imagers.common.scenery import LightScenery, Scenery, Still
 from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.scenes.charts.target import target_course, target_plane
 from scenarios.scenes.kinds.grid import SceneGrid
 from scenarios.scenes.kinds.target import TargetScene
-from sensor.imagers import LightScenery, Scenery, Still
 
 __all__ = ["LIGHT_CLOCK", "make_view"]
 

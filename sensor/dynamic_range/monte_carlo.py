@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.draws import normal, poisson
 from cosim.compute.streams import Stream
 from sensor.dynamic_range.chain import Chain
 from sensor.dynamic_range.decibels import decibels
-from sensor.imagers.draws import normal, poisson
 
 __all__ = ["MeasuredRange", "chain_values", "measure_chain"]
 

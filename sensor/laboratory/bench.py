@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Effect
-from sensor.imagers import Exposed
+from sensor.frame_pixels import Exposed
 
 __all__ = ["LEAST_VARIANCE", "Bench", "Pixels", "Stack", "take_levels"]
 

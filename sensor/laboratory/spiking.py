@@ -18,7 +18,7 @@ from cosim.compute.opencl import Device, shared_device
 from cosim.plan.effects import Effect
 from sensor.device.chips import CHIPS
 from sensor.device.pattern import DevicePattern
-from sensor.imagers import Exposed
+from sensor.frame_pixels import Exposed
 from sensor.latched.camera import SpikeCamera
 from sensor.latched.effects.catalogue import silicon_sizes
 from sensor.latched.setting import CameraSetting

@@ -23,11 +23,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.draws import binomial
 from cosim.compute.streams import Stream
 from cosim.light.light import Light
 from cosim.spikes.viform import WORD, Viform, words_for
 from cosim.stage import Block
-from sensor.imagers.draws import binomial
 from sensor.latched.camera import SpikeCamera
 from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.setting import CameraSetting

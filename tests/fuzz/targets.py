@@ -25,11 +25,11 @@ from cosim.run.loop import Checkpoint
 from cosim.run.result import read_result
 from cosim.spikes.intensities import Intensities
 from cosim.spikes.viform import words_for
+from imagers.run.tape import Tape
 from rtl_model.cycle import Bridge, System
 from rtl_model.geometry import Geometry
 from rtl_model.host import read_csr
 from rtl_model.host.ether.packet import answer_packet, answered, probe, record_packet
-from rtl_model.imagers.run.tape import Tape
 from rtl_model.virtual.ethernet.answers import answer
 from rtl_model.virtual.ethernet.bus import make_bus
 from rtl_model.virtual.faults import Faults

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
     from rtl_model.host import CsrMap, Lines
     from rtl_model.host.ports import Level as Line
+    from rtl_model.registers.design import Device, Devices
     from rtl_model.virtual import Level, VirtualBoard
     from rtl_model.virtual.ethernet import EthernetBoard
 
@@ -72,7 +73,7 @@ def virtual_board(
     faults: Sequence[str] | None = None,
     geometry: Geometry | None = None,
     link: Path | None = None,
-    imager: str | None = None,
+    device: Device | None = None,
     udp: str | None = None,
 ) -> VirtualBoard | EthernetBoard:
     """A virtual board that is not started yet.
@@ -83,7 +84,7 @@ def virtual_board(
         faults: to inject, such as "stuck=3,7".
         geometry: of the build; by default 32 x 32 at a clock that the simulator reaches.
         link: symbolic link to make for its port.
-        imager: name of a conventional imager to simulate instead.
+        device: another device to simulate instead, such as a conventional imager.
         udp: `udp:HOST[:PORT]` to serve Etherbone at instead of a pty.
 
     Raises InputError for an unknown level or fault, and for a baud that the clock does not allow.
@@ -100,8 +101,8 @@ def virtual_board(
     if udp is not None:
         from rtl_model.virtual.ethernet import EthernetBoard
 
-        return EthernetBoard(udp, size, level=known, faults=faults or (), imager=imager)
-    return VirtualBoard(size, level=known, faults=faults or (), link=link, imager=imager)
+        return EthernetBoard(udp, size, level=known, faults=faults or (), device=device)
+    return VirtualBoard(size, level=known, faults=faults or (), link=link, device=device)
 
 
 @contextmanager
@@ -162,11 +163,15 @@ def open_endpoint(
         yield Endpoint(board.port, baud, True, time_scale or board.time_scale, lines)
 
 
-def csr_map(csr: Path | None) -> CsrMap | None:
+def csr_map(csr: Path | None, devices: Devices | None = None) -> CsrMap | None:
     """The register map of a csr.csv file; None without a file, for the Viform board.
+
+    Args:
+        csr: the file, or None.
+        devices: devices whose registers are known beyond what the file states; None for none.
 
     Raises InputError for a file that is not a csr.csv.
     """
     from rtl_model.host import read_csr
 
-    return None if csr is None else read_csr(csr)
+    return None if csr is None else read_csr(csr, devices or {})

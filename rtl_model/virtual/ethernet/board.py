@@ -18,6 +18,7 @@ from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.host.ether import UdpAddress, resolved, udp_address
 from rtl_model.registers import REGISTERS
+from rtl_model.registers.design import Device
 from rtl_model.virtual.ethernet.answers import answer
 from rtl_model.virtual.ethernet.bus import Bus, make_bus
 from rtl_model.virtual.faults import Faults, parse
@@ -42,7 +43,8 @@ class EthernetBoard(Served):
         geometry: of the build; the default one if None.
         level: "bytes" runs the Verilog, at its bus; "model" the cycle model.
         faults: texts (see `virtual.faults`), or parsed ones: silent, slow, and those of the design.
-        imager: name of a conventional imager to simulate instead, at level "model".
+        device: another device to simulate instead, such as a conventional imager, at level
+            "model".
 
     Raises:
         InputError: for an address that is not of this machine or in use, for a fault or a level of
@@ -56,17 +58,17 @@ class EthernetBoard(Served):
         *,
         level: Level = "bytes",
         faults: Sequence[str] | Faults = (),
-        imager: str | None = None,
+        device: Device | None = None,
     ) -> None:
         super().__init__(Geometry() if geometry is None else geometry)
-        self.level, self.imager = level, imager
+        self.level, self.device = level, device
         self.faults = faults if isinstance(faults, Faults) else parse(faults, self.geometry)
         if self.faults.line or self.faults.of_pins or level == "pins":
             raise InputError(
                 "a board over UDP", "of level bytes or model, with silent, slow, stuck or foreign",
                 "one with level pins or faults of a serial line", "leave out --udp, or these",
             )  # fmt: skip
-        if imager is not None and (level != "model" or self.faults.of_design):
+        if device is not None and (level != "model" or self.faults.of_design):
             raise InputError(
                 "a virtual imager", "of level model, without a fault of a design",
                 f"of level {level}" if level != "model" else "with one",
@@ -84,8 +86,8 @@ class EthernetBoard(Served):
         self._socket = _bound(self._address)
         self._address = self._address._replace(port=self._socket.getsockname()[1])
         try:
-            bus = make_bus(self.level, self.geometry, self.faults, self.imager)
-            if self.level == "model" and self.imager is None:
+            bus = make_bus(self.level, self.geometry, self.faults, self.device)
+            if self.level == "model" and self.device is None:
                 # Compiled parts are loaded now, and the speed is that of a running sensor.
                 bus.write(_RUN_ADDRESS, (1).to_bytes(4, "big"))
                 bus.step(b"", 2 * self.geometry.tick_clocks)

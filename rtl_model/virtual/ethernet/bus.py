@@ -11,6 +11,7 @@ import numpy as np
 
 from rtl_model.geometry import Geometry
 from rtl_model.host.ether import Words
+from rtl_model.registers.design import Device
 from rtl_model.virtual.faults import Faults
 from rtl_model.virtual.simulators import Level, faulty_library
 
@@ -52,13 +53,10 @@ class Bus(Protocol):
         ...
 
 
-def make_bus(level: Level, geometry: Geometry, faults: Faults, imager: str | None = None) -> Bus:
-    """The bus of a board or of an imager; arguments and errors as `make_simulator`."""
-    if imager is not None:
-        from rtl_model.imagers.catalogue import bus_target
-        from rtl_model.imagers.device.bus import ImagerBus
-
-        return _ModelBus(lambda: ImagerBus(bus_target(imager), geometry))
+def make_bus(level: Level, geometry: Geometry, faults: Faults, device: Device | None = None) -> Bus:
+    """The bus of a board or of another device; arguments and errors as `make_simulator`."""
+    if device is not None:
+        return _ModelBus(lambda: device.bus(geometry))
     if level == "model":
         from rtl_model.virtual.design_faults import FaultySystem
 
@@ -67,7 +65,7 @@ def make_bus(level: Level, geometry: Geometry, faults: Faults, imager: str | Non
 
 
 class _ModelBus:
-    """The cycle model of a board, or an imager's registers.
+    """The cycle model of a board, or another device's registers.
 
     Args:
         make: returns the model after power-on.

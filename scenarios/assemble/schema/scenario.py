@@ -12,10 +12,10 @@ from cosim import InputError
 from cosim.config.amounts import at_most
 from cosim.config.quantity import Duration, Section
 from display.section import SLOWEST, DisplaySection, check_planes
+from imagers.catalogue import IMAGERS
+from imagers.common.kind import ImagerLens, ImagerSection
 from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
-from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.interface.section import ImagerLens, ImagerSection
 from scenarios.assemble.schema.filming import CameraSection
 from scenarios.scenes.catalogue import SceneSection
 from sensor.codec.packets.section import CodeSection

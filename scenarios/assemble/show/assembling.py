@@ -10,7 +10,7 @@ from cosim.compute.opencl import choose_device
 from cosim.run.machine import Machine
 from cosim.run.progress import Progress
 from display.probes.camera import ProbeCamera
-from rtl_model.imagers.machine import ImagerMachine
+from imagers.machine import ImagerMachine
 from scenarios.assemble.camera.boards import open_panel
 from scenarios.assemble.carrier.carrier import make_carrier
 from scenarios.assemble.carrier.stream import THRESHOLD, CarriedStream

@@ -38,9 +38,9 @@ from cosim.spikes.events import only_full
 from cosim.spikes.excerpt import StreamStage
 from cosim.spikes.held import held_events, held_reports
 from cosim.stage import Stage
-from rtl_model.imagers.interface.model import FrameFigures, ImagerModel
-from rtl_model.imagers.machine import ImagerMachine
-from rtl_model.imagers.run.store import FRAMES, read_frame
+from imagers.common.model import FrameFigures, ImagerModel
+from imagers.machine import ImagerMachine
+from imagers.run.tape import FRAMES, read_frame
 from scenarios.assemble.recording.machine import RecordingMachine
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.continuous.machine import ContinuousMachine

@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rtl_model.bringup.bench.endpoint import csr_map
-from scenarios.cli.board.connection import BoardOptions, endpoint_of, warn_of_latency
+from scenarios.cli.board.connection import (
+    BoardOptions,
+    endpoint_of,
+    known_map,
+    warn_of_latency,
+)
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, SilentProgress, print_document, tell
 
@@ -39,7 +43,7 @@ def board_bringup(
     from rtl_model.host.bone import check_answers
     from rtl_model.host.ether import is_udp
 
-    csr = csr_map(options.csr)
+    csr = known_map(options.csr)
     if out is not None:
         try:
             out.mkdir(parents=True, exist_ok=True)

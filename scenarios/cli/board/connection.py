@@ -18,12 +18,7 @@ from rtl_model.bringup.bench.endpoint import VIRTUAL, Endpoint, csr_map, open_en
 from scenarios.cli.output import print_document
 
 if TYPE_CHECKING:
-    from rtl_model.host import Board, LineFault
-
-__all__ = [
-    "BoardOptions", "Connection", "Csr", "LineOptions", "connect", "endpoint_of",
-    "warn_of_latency",
-]  # fmt: skip
+    from rtl_model.host import Board, CsrMap, LineFault
 
 Csr = Annotated[
     Path | None, typer.Option(help="csr.csv of the loaded design; the Viform board's when absent")
@@ -138,10 +133,11 @@ def connect(
             and an imager.
         confirm: whether the design is checked before the command begins, unless --force is set.
     """
+    from imagers.catalogue import IMAGERS
     from rtl_model.host import Board, LineFault, opened_bone, recognised
     from rtl_model.host.ether import is_udp
 
-    known = csr_map(options.csr)
+    known = known_map(options.csr)
     with ExitStack() as stack:
         try:
             endpoint: Endpoint = stack.enter_context(endpoint_of(options))
@@ -154,13 +150,25 @@ def connect(
             if options.low_latency and not granted:
                 warn_of_latency(endpoint.url)
             if recognise and known is None and options.port != VIRTUAL:
-                known = recognised(bone)
-            board = Board(bone, known)
+                known = recognised(bone, IMAGERS)
+            board = Board(bone, known, devices=IMAGERS)
             if confirm and not options.force:
                 board.confirm()
             yield Connection(board, endpoint.url, None if is_udp(endpoint.url) else endpoint.baud)
         except LineFault as fault:
             raise _failed(fault, json) from None
+
+
+def known_map(csr: Path | None) -> CsrMap | None:
+    """The register map of a csr.csv file, with what is known of the imagers; None without a file.
+
+    Raises InputError for a file that is not a csr.csv.
+    """
+    if csr is None:
+        return None
+    from imagers.catalogue import IMAGERS
+
+    return csr_map(csr, IMAGERS)
 
 
 def warn_of_latency(port: str) -> None:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map
-from scenarios.cli.board.connection import LineOptions, connect
+from rtl_model.bringup.bench.endpoint import VIRTUAL
+from scenarios.cli.board.connection import LineOptions, connect, known_map
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document, tell
 
@@ -44,7 +44,7 @@ def board_regs(
             "--set and the options of the line", "left out with --list", "given",
             "leave them out, because --list needs no board",
         )  # fmt: skip
-    known = csr_map(options.csr)
+    known = known_map(options.csr)
     if known is None and (listing or options.port == VIRTUAL):
         known = default_map()
     if known is not None:  # refuses unknown names before the connection

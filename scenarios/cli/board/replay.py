@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rtl_model.bringup.bench.endpoint import csr_map
-from scenarios.cli.board.connection import Csr
+from scenarios.cli.board.connection import Csr, known_map
 from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ def board_replay(
     if frames is not None and not judge:
         raise InputError("--frames", "given with --bringup", "without", "add --bringup")
     port = ReplayPort(log)  # refuses a file that is not a log
-    known = csr_map(csr)
+    known = known_map(csr)
     if judge:
         if port.over_udp:
             raise InputError(

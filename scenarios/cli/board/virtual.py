@@ -106,9 +106,9 @@ def board_virtual(
             )  # fmt: skip
         udp = udp if is_udp(udp) else f"udp:{udp}"
     baud = baud or 115_200
-    text = ""
+    text, device = "", None
     if imager is not None:
-        from rtl_model.imagers.catalogue import design
+        from imagers.catalogue import kind_of
 
         if build != BuildOptions():
             raise InputError(
@@ -116,9 +116,10 @@ def board_virtual(
                 "an imager has its own size and clock",
             )  # fmt: skip
         level = level or "model"
-        kind = design(imager)
-        geometry = kind.geometry._replace(baud=baud)
-        text = kind.csr_csv()
+        device = kind_of(imager)
+        design = device.design()
+        geometry = design.geometry._replace(baud=baud)
+        text = design.csr_csv()
     else:
         level = level or "bytes"
         clock = build.clock or nominal_clock(checked_level(level), baud)
@@ -129,7 +130,7 @@ def board_virtual(
         faults=fault,
         geometry=geometry,
         link=link,
-        imager=imager,
+        device=device,
         udp=udp,
     )
     if level != "model" and not json:
@@ -147,13 +148,18 @@ def board_virtual(
         said()
 
 
+def _name(board: VirtualBoard | EthernetBoard) -> str | None:
+    """Name of the imager that is served; None for a Viform board."""
+    return None if board.device is None else board.device.name
+
+
 def _document(
     board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | None
 ) -> dict[str, object]:
     return {
         "port": board.port,
         "level": board.level,
-        "imager": board.imager,
+        "imager": _name(board),
         "geometry": geometry._asdict(),
         "csr": None if csr is None else str(csr),
         "clocks_per_second": round(board.clocks_per_second),
@@ -164,18 +170,18 @@ def _document(
 def _text(board: VirtualBoard | EthernetBoard, geometry: Geometry, csr: Path | None) -> list[str]:
     from rtl_model.host.ether import is_udp
 
-    lanes = f"{geometry.lanes} lanes, " if board.imager is None else ""
+    lanes = f"{geometry.lanes} lanes, " if board.device is None else ""
     serial = not is_udp(board.port)
     lines = [
         f"port       {board.port}" + (f", {geometry.baud} baud" if serial else ", Etherbone"),
-        f"{board.imager or 'board':<10} {geometry.rows} rows x {geometry.columns} columns, {lanes}"
+        f"{_name(board) or 'board':<10} {geometry.rows} rows x {geometry.columns} columns, {lanes}"
         f"{geometry.clock_hz / 1e6:g} MHz, level {board.level}",
         f"speed      {number(board.clocks_per_second / 1e6)} million clocks per second; a host "
         f"should wait {board.time_scale:.1f} times as long",
     ]
     if csr is not None:
         lines.append(f"csr        {csr}")
-    command = "bringup" if board.imager is None else "regs"
+    command = "bringup" if board.device is None else "regs"
     rate = f" --baud {geometry.baud}" if serial else ""
     lines.append(f"try        viform board {command} --port {board.port}{rate}")
     lines.append("end        Ctrl-C")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,7 +11,8 @@ from cosim.config.amounts import count, number
 from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, print_document, size_option
 
-__all__ = ["laboratory"]
+if TYPE_CHECKING:
+    from sensor.laboratory.cameras import Camera
 
 _STANDARD = "EMVA 1288 release 4.0 linear"
 
@@ -34,12 +35,12 @@ def laboratory(
 ) -> None:
     """Measure a modelled camera by EMVA 1288, or the laws of a recording of still light."""
     from cosim import InputError
-    from sensor.laboratory.cameras import CAMERAS
 
-    recording = camera not in CAMERAS
+    cameras = _cameras()
+    recording = camera not in cameras
     if recording and not Path(camera).exists():
         raise InputError(
-            "CAMERA", f"one of {', '.join(CAMERAS)}, or a recording that exists", repr(camera),
+            "CAMERA", f"one of {', '.join(cameras)}, or a recording that exists", repr(camera),
             "choose one",
         )  # fmt: skip
     if recording and seed is not None:
@@ -49,7 +50,7 @@ def laboratory(
     check_figure(figure, ".png", ".svg")
     document = (
         _laws(Path(camera), size, figure) if recording
-        else _emva(camera, 1 if seed is None else seed, figure)
+        else _emva(cameras[camera], 1 if seed is None else seed, figure)
     )  # fmt: skip
     if json:
         print_document(document)
@@ -57,13 +58,19 @@ def laboratory(
         print(_laws_text(document) if recording else _text(document))
 
 
-def _emva(camera: str, seed: int, figure: Path | None) -> dict[str, Any]:
+def _cameras() -> dict[str, Camera]:
+    """All modelled cameras, by name."""
+    from imagers.catalogue import measured_cameras
+    from sensor.laboratory.cameras import SPIKE_CAMERAS
+
+    return SPIKE_CAMERAS | measured_cameras()
+
+
+def _emva(chosen: Camera, seed: int, figure: Path | None) -> dict[str, Any]:
     """Measures a modelled camera; draws the figure."""
     from cosim.files.whole import whole
-    from sensor.laboratory.cameras import CAMERAS
     from sensor.laboratory.emva import measure_camera
 
-    chosen = CAMERAS[camera]
     report = measure_camera(chosen.bench(seed))
     if figure is not None:
         from sensor.laboratory.figure import photon_transfer_figure
@@ -71,7 +78,7 @@ def _emva(camera: str, seed: int, figure: Path | None) -> dict[str, Any]:
         with whole(figure) as part:
             photon_transfer_figure(report, chosen.title, part, figure.suffix[1:].lower())
     return {
-        "camera": camera,
+        "camera": chosen.name,
         "title": chosen.title,
         "standard": _STANDARD,
         "seed": seed,

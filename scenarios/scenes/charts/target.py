@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from cosim import Block, InputError, Light, Piece, Plane, seconds_to_ps
 from cosim.light.charts import PAPER, draw
+from imagers.common.scenery import Course
 from scenarios.scenes.clips.pictures import open_clip
 from scenarios.scenes.drawing.points import spread_points
-from sensor.imagers import Course
 
 __all__ = ["ChartScene", "TargetSource", "target_course", "target_plane"]
 

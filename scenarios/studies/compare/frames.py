@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from cosim import PS
 from cosim.frames import Frame
-from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.interface.comparison import Comparison
-from rtl_model.imagers.interface.view import View
+from imagers.catalogue import IMAGERS
+from imagers.common.kind import Comparison
+from imagers.common.model import View
 from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.studies.compare.measure import noise, snr_curve
 from scenarios.studies.compare.motion import Motion, edge_blur
@@ -27,7 +27,7 @@ from scenarios.studies.compare.ranges import (
 from scenarios.studies.compare.row import Camera, Figure
 from scenarios.studies.compare.run_in import Footage, Placed, RunIn, film_at, middle
 from scenarios.studies.compare.setting import SHAPE
-from sensor.imagers import Exposed
+from sensor.frame_pixels import Exposed
 from sensor.reconstruct.fidelity import psnr
 
 __all__ = ["film_frames"]

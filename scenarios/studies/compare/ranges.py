@@ -7,9 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from rtl_model.imagers.interface.comparison import Comparison
+from imagers.common.kind import Comparison
 from sensor.dynamic_range import decibels
-from sensor.imagers import Exposed
+from sensor.frame_pixels import Exposed
 
 __all__ = ["black_and_slope", "ends", "one_frame", "signal_to_noise", "with_controls"]
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from cosim import PS
 from cosim.frames import Frame
-from sensor.imagers import Scenery
+from imagers.common.scenery import Scenery
 
 __all__ = ["Footage", "Placed", "RunIn", "film_at", "middle"]
 

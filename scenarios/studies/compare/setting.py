@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any, Final, cast, get_args
 
 from cosim import InputError
-from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.interface.comparison import Comparison
+from imagers.catalogue import IMAGERS
+from imagers.common.kind import Comparison
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import choose_lens
 from scenarios.assemble.schema.loading import assign, load, shipped, to_toml

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator
 from cosim import InputError
 from cosim.config.quantity import Section, Temperature, Time
 from cosim.config.toml import read_toml
-from rtl_model.imagers.hardware_chain.parts import (
+from imagers.hardware_chain.section import (
     AdcTable,
     Electrons,
     Gain,

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import Final, NamedTuple
 
 from cosim.run.printed import Row
-from rtl_model.imagers.catalogue import IMAGERS
+from imagers.catalogue import IMAGERS
 
 __all__ = ["DOCUMENTS", "paper_rows"]
 

@@ -1,8 +1,8 @@
 """The stability suite: stiff and extreme cases, each compared with an independent reference."""
 
 from display.stability import SHOWING as _SHOWING
+from imagers.stability import CONTROLLING as _CONTROLLING
 from link.stability import LINKING as _LINKING
-from rtl_model.imagers.stability import CONTROLLING as _CONTROLLING
 from sensor.stability.bright import BRIGHT as _BRIGHT
 from sensor.stability.chance import CHANCE as _CHANCE
 from sensor.stability.circuits import CIRCUITS as _CIRCUITS

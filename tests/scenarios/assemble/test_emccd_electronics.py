@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from cosim import PS, InputError
-from rtl_model.imagers.catalogue import IMAGERS
-from rtl_model.imagers.emccd.device.supplies import Supplies
-from rtl_model.imagers.interface.model import measure_frame
+from imagers.catalogue import IMAGERS
+from imagers.common.model import measure_frame
+from imagers.emccd.device.supplies import Supplies
+from imagers.emccd.pixels import HighVoltage
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.view import make_view
-from sensor.imagers.emccd import HighVoltage
 
 KEYS = ("duration=70 ms", "imager.writes=[]", "imager.rows=16", "imager.gain_step=218")
 

@@ -11,11 +11,11 @@ from cosim.config.amounts import percent
 from cosim.light.charts import CHARTS, draw, regions
 from cosim.run.machine import Options
 from cosim.run.result import Metric
-from rtl_model.imagers.adaptive.model import AdaptiveModel, changes
-from rtl_model.imagers.catalogue import IMAGERS, design
-from rtl_model.imagers.check.paired import watched_frames
-from rtl_model.imagers.interface.model import measure_frame
-from rtl_model.imagers.report.page import metric_text
+from imagers.adaptive.model import AdaptiveModel, changes
+from imagers.catalogue import IMAGERS
+from imagers.common.model import measure_frame
+from imagers.report.page import metric_text
+from imagers.run.check import watched_frames
 from scenarios.assemble.imager import plan_imager
 from scenarios.assemble.machine import assemble, assemble_study
 from scenarios.assemble.schema.loading import filmed, linked, load, shipped, to_toml
@@ -168,7 +168,7 @@ def test_commands_of_a_spike_camera_or_a_link_refuse_an_imager():
 @pytest.mark.parametrize("kind", ["adaptive-exposure", "ebaps", "emccd"])
 def test_a_write_that_the_imager_does_not_take_is_refused_by_its_key(kind):
     """No such register, one that is only read, one bit too many."""
-    own = design(kind).specific
+    own = IMAGERS[kind].design().specific
     read_only = next(r.name for r in own if r.mode == "ro")
     wide = next(r for r in own if r.mode == "rw" and r.width < 32)
     for register, value, says in (

@@ -12,7 +12,7 @@ import pytest
 
 from cosim.run.folder import begin_folder
 from cosim.run.inputs import add_digests, changed_files, digest
-from rtl_model.imagers.run.chain import FrameChain
+from imagers.run.chain import FrameChain
 from scenarios.assemble.schema.loading import load, to_toml
 
 

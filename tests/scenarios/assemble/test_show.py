@@ -18,7 +18,7 @@ from display.probes import metrics
 from display.probes.blur import spike_blur
 from display.probes.flicker import spike_flicker
 from display.probes.light import steady_light
-from rtl_model.imagers.catalogue import IMAGERS
+from imagers.catalogue import IMAGERS
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.show import assembling, probes

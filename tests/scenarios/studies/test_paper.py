@@ -85,7 +85,7 @@ def test_the_command_prints_both_forms(
     }  # fmt: skip
     text = viform("paper", "004")
     assert text.code == 0 and "64.08" in text.out and "rows hold" in text.out
-    from rtl_model.imagers.hardware_chain import paper
+    from imagers.hardware_chain import paper
 
     monkeypatch.setattr(paper, "sensor_dynamic_range", lambda a, b: 60.0)
     assert viform("paper", "004", "--json").code == 1

@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.draws import normal, poisson
 from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Bound, Effect, Summary
-from sensor.imagers import Exposed, ImagerSummary, normal
-from sensor.imagers.draws import poisson
+from sensor.frame_pixels import Exposed, ImagerSummary
 
 __all__ = ["LinearPixels"]
 

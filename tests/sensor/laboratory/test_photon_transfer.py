@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from cosim.compute.draws import negative_binomial, poisson
 from cosim.compute.streams import Stream
 from cosim.light.radiometry import photons_per_lux
-from sensor.imagers import Exposed
-from sensor.imagers.draws import negative_binomial, poisson
+from sensor.frame_pixels import Exposed
 from sensor.laboratory.bench import Bench
 from sensor.laboratory.emva import Report, measure_camera
 from sensor.laboratory.estimate import Estimate

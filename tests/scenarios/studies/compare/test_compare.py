@@ -13,14 +13,17 @@ from scipy.special import ndtr
 
 from cosim import PS, InputError
 from cosim.run.progress import QuietProgress
-from rtl_model.imagers.adaptive.comparison import AdaptiveComparison
-from rtl_model.imagers.ebaps.comparison import EbapsComparison
-from rtl_model.imagers.ebaps.section import EbapsSection
-from rtl_model.imagers.emccd.comparison import EmccdComparison
-from rtl_model.imagers.emccd.section import EmccdSection
-from rtl_model.imagers.pulse.comparison import DARKEST, PwmComparison
-from rtl_model.imagers.pulse.model import PulseModel
-from rtl_model.imagers.pulse.section import PwmSection
+from imagers.adaptive.pixels import AdaptivePixels
+from imagers.adaptive.studies import AdaptiveComparison
+from imagers.common.scenery import Course, Still
+from imagers.ebaps.section import EbapsSection
+from imagers.ebaps.studies import EbapsComparison
+from imagers.emccd.pixels import EmccdPixels, without_smear
+from imagers.emccd.section import EmccdSection
+from imagers.emccd.studies import EmccdComparison
+from imagers.pulse.model import PulseModel
+from imagers.pulse.section import PwmSection
+from imagers.pulse.studies import DARKEST, PwmComparison
 from scenarios.studies.compare import load_comparison, run_compare
 from scenarios.studies.compare.measure import EDGE, noise, still_blur
 from scenarios.studies.compare.motion import RAMP, Motion
@@ -28,9 +31,7 @@ from scenarios.studies.compare.ranges import ends, one_frame, with_controls
 from scenarios.studies.compare.row import FIGURES
 from scenarios.studies.compare.run_in import Placed, RunIn
 from scenarios.studies.compare.setting import SHAPE
-from sensor.imagers import Course, Exposed, Still
-from sensor.imagers.cmos import AdaptivePixels
-from sensor.imagers.emccd import EmccdPixels, without_smear
+from sensor.frame_pixels import Exposed
 
 MS = PS // 1000
 WIDE = (40, 160)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rtl_model.imagers.adaptive.device.decision import Search
-from rtl_model.imagers.adaptive.device.loop import from_register, unlimited
-from rtl_model.imagers.emccd.device.cooling import Cooler
-from tests.rtl_model.imagers.ebaps.naive_loop import (
+from imagers.adaptive.device.decision import Search
+from imagers.adaptive.device.loop import from_register, unlimited
+from imagers.emccd.device.cooling import Cooler
+from tests.imagers.ebaps.naive_loop import (
     float32_sum,
     proportional,
     sum_of_32_bits,

@@ -1,1 +1,0 @@
-"""The check of a plan: errors of pixel values, and of the decisions of the controller."""

@@ -1,1 +1,0 @@
-"""What an imager provides: its device, section, model, and side of the comparison."""
