@@ -22,8 +22,6 @@ import numpy.typing as npt
 from cosim.compute.memory import check_memory
 from cosim.errors import shorten
 
-__all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays", "save_array"]
-
 _ENTRY = 46
 """Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). An entry
 with a damaged comment length hides the next one, which zipfile does not notice."""

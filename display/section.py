@@ -21,8 +21,6 @@ from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
 
-__all__ = ["OBSERVERS", "DisplaySection"]
-
 OBSERVERS = ("eye", "pursuit", "camera")
 """Names of the observers of a display."""
 # The upper limit up to which the renderer is accurate to 1e-6 of white.

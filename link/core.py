@@ -42,8 +42,6 @@ from sensor.device.steering import ClockSteering
 from sensor.latched.readout import DuplicatedRows
 from sensor.latched.tiers import Tier
 
-__all__ = ["Crossed", "LinkBounds", "LinkCore"]
-
 _PLANS: Final = 8
 """Plans that are kept."""
 _STEADY: Final = 0.1

@@ -22,11 +22,6 @@ import numpy.typing as npt
 
 from link.mode import Mode
 
-__all__ = [
-    "PERIOD", "TAG_MODULES", "TRAINING", "Layout", "closing",
-    "is_closing", "pilots", "training",
-]  # fmt: skip
-
 TRAINING: Final = 48
 """Symbols of known data before the first group."""
 PERIOD: Final = 960

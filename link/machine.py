@@ -31,8 +31,6 @@ from link.setup.setup import FileLinkSetup
 from link.trial.planned import PlannedLink, check_plan, plan_link
 from sensor.latched.readout import readout_stages
 
-__all__ = ["LinkMachine", "PanelLoop"]
-
 
 class PanelLoop(Protocol):
     """A board that shows the panel's planes and sends them back."""

@@ -13,11 +13,6 @@ from typing import Any, Final, Protocol
 from link.line_codes import CATALOGUE
 from link.line_codes.code import LineCode
 
-__all__ = [
-    "CELLS", "CODES", "EVERY_RATE", "LINE_CODES", "PARITIES", "RATES", "STEP", "TICKS", "Mode",
-    "Modem", "codes_of", "ticks_chosen", "word_code",
-]  # fmt: skip
-
 LINE_CODES: Final = tuple(CATALOGUE)
 """Names of the line codes."""
 CELLS: Final = (1, 2, 3, 4, 6, 8, 12, 16)

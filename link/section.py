@@ -14,10 +14,6 @@ from link.mode import CELLS, CODES, LINE_CODES, PARITIES, RATES, TICKS
 from sensor.sections.readout import ReadoutSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = [
-    "AimSection", "AirSection", "LinkScenario", "LinkSection", "ModemSection", "PanelSection",
-]  # fmt: skip
-
 Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
 Metres = Annotated[float, Quantity("length", above=0, most=1e11)]  # in um, as lengths are
 Sides = Annotated[int, Field(ge=128, le=4640, multiple_of=32)]

@@ -21,11 +21,6 @@ from sensor import CameraSetting
 from sensor.device.steering import ClockSteering
 from sensor.sections.sensor import LensSection, SensorSection
 
-__all__ = [
-    "LARGEST", "LEAD", "SLOWEST_F_NUMBER", "TAIL", "LinkSetting", "Payload", "check_receiver",
-    "link_setting", "payload_of", "read_payload", "steering_of",
-]  # fmt: skip
-
 LEAD, TAIL = 8, 4
 """Camera cycles before the panel's first light, and after its last plane."""
 LARGEST = 1_000_000_000

@@ -20,8 +20,6 @@ from cosim.run.case import Case
 from link.line_codes import decode_line, encode_line
 from link.theory import gamma_gamma_ook, poisson_capacity, rs_word_error
 
-__all__ = ["LINKING"]
-
 Floats = npt.NDArray[np.float64]
 
 

@@ -19,8 +19,6 @@ from cosim.errors import MissingPackages
 from rtl_model.geometry import Geometry
 from rtl_model.verilated import VERILOG
 
-__all__ = ["Cells", "Family", "synthesise"]
-
 Family = Literal["ice40", "ecp5", "xc7"]
 
 # Passes of yosys for each family.

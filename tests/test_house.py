@@ -122,6 +122,8 @@ def broken_rules(root: Path) -> list[str]:
                 found.append(f"{place}:{lines}: must be under {MAX_LINES} lines: one idea a file")
             if path.name == "__init__.py":
                 found += [f"{place}:{line}: {what}" for line, what in undeclared(tree)]
+            else:
+                found += [f"{place}:{line}: {what}" for line, what in listed(tree, place)]
             for line, name in imported(tree, list(place.parent.parts)):
                 top, *rest = name.split(".")
                 if top in MAY_IMPORT and top != package:
@@ -138,6 +140,16 @@ def broken_rules(root: Path) -> list[str]:
             for line, name in texts(tree):
                 found.append(f"{place}:{line}: {name} must name its encoding")
     return found
+
+
+def listed(tree: ast.Module, place: Path) -> Iterator[tuple[int, str]]:
+    """Yields (line, message) for the `__all__` of a module: a package alone lists its names."""
+    if "imagers" in place.parts:  # theirs go with their move
+        return
+    for node in tree.body:
+        targets = getattr(node, "targets", None) or [getattr(node, "target", node)]
+        if any(isinstance(target, ast.Name) and target.id == "__all__" for target in targets):
+            yield node.lineno, "only an __init__.py has an __all__"
 
 
 def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
@@ -276,12 +288,13 @@ def crooked_rooms(root: Path) -> list[str]:
 
 
 def idle_exports(root: Path) -> list[str]:
-    """Returns names in an `__init__` that no module but itself, nor `viform`, imports from it."""
+    """Returns names in an `__init__` that nothing outside its folder imports from it."""
     known = modules(root)
     used = set()
     for path in (*known.values(), *root.glob("viform.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and known.get(node.module or "") != path:
+            home = known.get(getattr(node, "module", None) or "", root / "no/__init__.py")
+            if isinstance(node, ast.ImportFrom) and home.parent not in path.parents:
                 used |= {(node.module, alias.name) for alias in node.names}
     found = []
     for package, path in known.items():
@@ -291,7 +304,7 @@ def idle_exports(root: Path) -> list[str]:
             if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
                 names = ast.literal_eval(node.value)
                 found += [
-                    f"{package}: nothing imports {name}"
+                    f"{package}: nothing outside imports {name}"
                     for name in names if (package, name) not in used
                 ]  # fmt: skip
     return found
@@ -371,6 +384,14 @@ def test_the_house_holds():
     assert broken_rules(ROOT) == []
 
 
+def test_no_test_lists_its_names():
+    assert not [
+        f"{path.relative_to(ROOT)}:{line}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for line, _ in listed(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT))
+    ]
+
+
 def test_rooms_import_one_way_and_nothing_imports_in_a_circle():
     assert crooked_rooms(ROOT) == []
 
@@ -418,6 +439,7 @@ def test_a_planted_circle_export_or_question_is_found(tmp_path):
         tmp_path,
         cosim__clock='"""A module."""\nfrom cosim.errors import E\n',
         cosim__errors='"""A module."""\nfrom cosim.clock import C\n',
+        cosim__frames='"""A module."""\nfrom cosim import C\n',
         cosim____init__='"""A part."""\nfrom cosim.clock import C\n\n__all__ = ["C"]\n',
         scenarios__run='"""A module."""\nif isinstance(x, (int, LinkScenario)):\n    pass\n',
     )
@@ -427,7 +449,7 @@ def test_a_planted_circle_export_or_question_is_found(tmp_path):
         "cosim.clock cosim.errors: must not import in a circle",
         "cosim.clock cosim.errors: rooms must not import in a circle",
     ]
-    assert idle_exports(tmp_path) == ["cosim: nothing imports C"]
+    assert idle_exports(tmp_path) == ["cosim: nothing outside imports C"]
     assert asked_kinds(tmp_path) == ["scenarios.run:2: asks of what kind a scenario is"]
 
 
@@ -487,6 +509,7 @@ def test_a_clone_has_the_bytes_of_the_repository(tmp_path):
         ("sensor__a", "TextIOWrapper(raw)", "TextIOWrapper must name its encoding"),
         ("sensor__a", "subprocess.run(words, text=True)", "run must name its encoding"),
         ("sensor__a", "from tests import helpers", "sensor must not import the tests"),
+        ("sensor__a", "__all__ = ['f']", "sensor/a.py:2: only an __init__.py has an __all__"),
         ("sensor__a", "x = 1\n" * 398, "sensor/a.py:400: must be under 400 lines"),
     ],
 )

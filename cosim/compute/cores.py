@@ -20,8 +20,6 @@ from cosim.compute.cgroup import cores_in_groups
 from cosim.compute.forks import use
 from cosim.errors import InputError
 
-__all__ = ["all_cores", "cores"]
-
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _BUSY = threading.RLock()
 _SAFE: Final = ("omp", "tbb")

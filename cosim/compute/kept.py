@@ -26,8 +26,6 @@ import numpy.typing as npt
 
 from cosim.compute.cache_folder import cache_folder
 
-__all__ = ["described", "kept", "kept_value", "sources_of"]
-
 _Value = TypeVar("_Value")
 
 _MOST: Final = 256

@@ -13,15 +13,6 @@ from cosim.compute.cgroup import free_in_groups
 from cosim.compute.cores import cores
 from cosim.errors import InputError
 
-__all__ = [
-    "check_memory",
-    "check_plane",
-    "check_program",
-    "free_memory",
-    "keep_freed",
-    "largest_file",
-]
-
 _GIB = 2**30
 _PLANE: Final = 32
 """Bytes that each pixel of a stream takes at least while it is read: two words of 32 cycles, their

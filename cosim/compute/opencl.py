@@ -34,17 +34,6 @@ from cosim.compute.memory import largest_file
 from cosim.compute.pocl_files import pocl_files
 from cosim.errors import InputError, MissingPackages, quote
 
-__all__ = [
-    "INSTALL",
-    "Device",
-    "choose_device",
-    "open_device",
-    "opencl_packages",
-    "probe",
-    "shared_device",
-    "wide_cl",
-]
-
 _SHARED: Final[dict[str | None, Device | None]] = {}
 """Devices that are open for the whole process, by what was wanted."""
 _OPENING: Final = Lock()

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Outputs"]
-
 New = Callable[[int, "np.dtype[Any]"], npt.NDArray[Any]]
 
 _KEPT = 3

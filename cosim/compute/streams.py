@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from enum import IntEnum, unique
 
-__all__ = ["Stream"]
-
 
 @unique
 class Stream(IntEnum):

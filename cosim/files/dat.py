@@ -21,16 +21,6 @@ from cosim.files.plane_order import DAT_ORDER, PlaneOrder
 from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
-__all__ = [
-    "DAT_CLOCK",
-    "DAT_SIZE",
-    "HEAD_SIZE",
-    "DatStream",
-    "check_dat_size",
-    "pixels_of",
-    "write_dat",
-]
-
 Size = tuple[int, int]
 """(width, height) in columns and rows."""
 

@@ -20,8 +20,6 @@ from cosim.files.recorder import write_zarr
 from cosim.files.zarr_store import ZarrStream
 from cosim.spikes.viform import SpikeStream
 
-__all__ = ["FORMATS", "ending_of", "locate_stream", "notes_of", "open_stream", "write_stream"]
-
 
 def _write_events(stream: SpikeStream, path: Path) -> None:
     """Writes events; those of an event file keep properties that planes do not hold."""

@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 
-__all__ = ["DAT_ORDER", "BitOrder", "ByteOrder", "Flip", "PlaneOrder"]
-
 BitOrder = Literal["little", "big"]
 ByteOrder = Literal["little", "big-16", "big-32", "big-64"]
 Flip = Literal["vertical", "none", "horizontal", "both"]

@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 
-__all__ = ["Box", "Light", "Piece", "Plane"]
-
 Plane = npt.NDArray[np.float32]
 """(height, width) float32."""
 Box = tuple[int, int, int, int]

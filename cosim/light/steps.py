@@ -11,8 +11,6 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.stage import BLOCK, Block
 
-__all__ = ["PushedLight", "light_steps"]
-
 
 def light_steps(
     source: Source,

@@ -12,8 +12,6 @@ from cosim.report.explorer import explorer
 from cosim.report.parts import data_url
 from cosim.report.png import encode, reduced
 
-__all__ = ["beside"]
-
 _LONGEST, _EXACT = 400, 256
 """Longer side of a picture, pixels: larger ones than the first are reduced, and only those up to
 the second are without loss."""

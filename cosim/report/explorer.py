@@ -25,10 +25,6 @@ from cosim.report.pictures import busiest_box
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import WORD, SpikeStream, Words, words_for
 
-__all__ = [
-    "INSTANTS", "Truths", "explorer", "explorer_part", "kinds_in", "packed", "span_of",
-]  # fmt: skip
-
 CYCLES: Final = 4096
 """Cycles in a page, at most."""
 WHOLE, REGION = 30_000_000, 20_000_000

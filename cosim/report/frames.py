@@ -16,8 +16,6 @@ import numpy.typing as npt
 
 from cosim.report.explorer import explorer, packed
 
-__all__ = ["FIGURES", "FRAMES", "VALUES", "FrameColumn", "frames_part"]
-
 FRAMES: Final = 96
 """Frames with a picture in a page, at most."""
 VALUES: Final = 2_400_000

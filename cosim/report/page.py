@@ -14,8 +14,6 @@ from cosim.report.explorer import kinds_in
 from cosim.report.glossary import explained, terms_list
 from cosim.run.called import as_called
 
-__all__ = ["whole_page", "write_page"]
-
 _POLICY: Final = (
     "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; form-action 'none'; base-uri 'none'"

@@ -13,8 +13,6 @@ from cosim.report.drawn import Data
 from cosim.report.png import encode, reduced
 from cosim.run.result import Result
 
-__all__ = ["Card", "cards", "data_url", "figure", "plot", "run_time", "table", "video"]
-
 Card = tuple[str, str, str]
 """CSS class ("first" for the main ones), figure, and what it is."""
 _LOW: Final = 480

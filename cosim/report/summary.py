@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
-__all__ = ["Answer", "big", "listed", "paragraph", "summary"]
-
 Answer = tuple[str, str]
 """A question, and HTML of its answer; one without an answer is left out."""
 

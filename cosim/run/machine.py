@@ -15,11 +15,6 @@ from typing import Any, Final, Protocol
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Result, Throughput
 
-__all__ = [
-    "NO_REPORT", "REPORTS", "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options",
-    "Outcome", "Page", "Recording", "Run", "Study",
-]  # fmt: skip
-
 UNKNOWN = Error(None, None, None)
 """The error of a run without a comparison."""
 NO_REPORT: Final = "none"

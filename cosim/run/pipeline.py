@@ -16,8 +16,6 @@ from typing import Any, Final
 
 from cosim.stage import Block, Stage
 
-__all__ = ["Pipeline"]
-
 _AHEAD: Final = 1
 """Blocks that wait before a stage."""
 _LOOK_S: Final = 0.1

@@ -8,10 +8,6 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any, Literal
 
-__all__ = [
-    "By", "Relation", "Row", "agreement", "listed", "number", "turning_point", "unprinted",
-]  # fmt: skip
-
 Relation = Literal["=", "<", "<=", ">", ">="]
 """Relation of the computed to the printed number, as the document states it."""
 By = Literal["run", "component", "formula", "constant"]

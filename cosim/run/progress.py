@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final, Protocol
 
-__all__ = ["Pace", "Progress", "QuietProgress", "duration_text"]
-
 _KEPT: Final = 64
 """Steps from which on every other one is forgotten."""
 

@@ -16,8 +16,6 @@ from cosim.run.folder import how_to_resume
 from cosim.run.loop import Checkpoint, stop_requests
 from cosim.run.progress import Progress
 
-__all__ = ["StepChain"]
-
 
 @dataclass
 class StepChain:

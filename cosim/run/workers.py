@@ -10,8 +10,6 @@ from typing import Any, Final, Protocol
 from cosim.errors import InputError
 from cosim.run.processes import RETRIES, Processes
 
-__all__ = ["MOST_WORKERS", "Workers", "check_workers", "workers_for"]
-
 MOST_WORKERS: Final = 1024
 """Largest number of processes."""
 _SECONDS: Final = 10

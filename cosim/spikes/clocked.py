@@ -19,10 +19,6 @@ from cosim.spikes.events import Events, mark_planes
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, State
 
-__all__ = [
-    "Change", "Changes", "ClockedEvents", "HeldPlanes", "Reported", "latching_cycles", "tick_ends",
-]  # fmt: skip
-
 Cycles = npt.NDArray[np.int64]
 Values = npt.NDArray[np.int64]
 _LARGEST: Final = 2**30

@@ -10,8 +10,6 @@ from cosim.clock import Clock
 from cosim.spikes.viform import WORD, Viform, Words
 from cosim.stage import Block, blocks
 
-__all__ = ["StagedStream"]
-
 
 class _Maker(Protocol):
     def step(self, data: Any, block: Block) -> Viform: ...

@@ -16,20 +16,6 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.errors import InputError
 
-__all__ = [
-    "WORD",
-    "Sliceable",
-    "SpikeStream",
-    "Viform",
-    "Words",
-    "count_spikes",
-    "pack_planes",
-    "part_of",
-    "spikes_beyond",
-    "unpack_planes",
-    "words_for",
-]
-
 WORD = 32
 """Latch cycles in a word."""
 _SHOWN: Final = 1000

@@ -13,8 +13,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["banding", "pulse_banding"]
-
 _DARK = 0.01
 """Rows with less than this share of the light of the brightest row are not measured."""
 

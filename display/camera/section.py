@@ -10,8 +10,6 @@ from cosim import InputError
 from cosim.config.quantity import Charge, Noise, Quantity, Section
 from display.section import Size
 
-__all__ = ["FramesSection"]
-
 Span = Annotated[float, Quantity("time", above=0, most=10)]
 
 

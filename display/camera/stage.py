@@ -16,8 +16,6 @@ from display.camera.rolling import Shutter
 from display.camera.section import FramesSection
 from display.trial.pixels import PanelPixels
 
-__all__ = ["Filmed", "PanelCamera"]
-
 State = dict[str, npt.NDArray[Any]]
 Values = npt.NDArray[np.float64]
 _SHOT: Final = 1

@@ -18,8 +18,6 @@ import numpy.typing as npt
 
 from display.observe.views import Observer
 
-__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span", "reduced"]
-
 WAITING = 4
 """Maximum number of planes of light that wait to be added together."""
 Plane = npt.NDArray[np.float32]

@@ -18,9 +18,6 @@ from numba import njit
 
 from cosim.compute.cores import cores
 
-__all__ = ["add_images", "add_reduced", "by_rows", "carry_errors"]
-
-
 _SMALL: Final = 1 << 13
 """Values that one thread is through with before another has begun."""
 

@@ -19,10 +19,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "STEP_SHARE", "bet", "blur_edge_width", "cmr_like", "ebet", "mprt", "mprt_full_width",
-]  # fmt: skip
-
 Values = npt.NDArray[np.float64]
 LOW: Final = 0.1
 HIGH: Final = 0.9

@@ -16,16 +16,6 @@ import numpy.typing as npt
 
 from display.quality.spectrum import Spectrum, spectrum, waveform
 
-__all__ = [
-    "LIMITS",
-    "Ieee1789",
-    "flicker_index",
-    "ieee_1789",
-    "ieee_1789_of",
-    "percent_flicker",
-    "risk_of",
-]
-
 Risk = Literal["no effect", "low risk", "high risk"]
 EXEMPT: Final = 3000.0
 """Frequency from which modulation has no limit, Hz."""

@@ -17,8 +17,6 @@ import numpy.typing as npt
 from display.observe.temporal import DIMMEST, STAGE_TIME, STAGES, frequency_scale
 from display.quality.spectrum import Spectrum, Values, spectrum
 
-__all__ = ["critical_frequency", "sensitivity", "tcsf", "tcsf_visibility", "tcsf_visibility_of"]
-
 KAPPA: Final = 2.12547
 GAIN: Final = 154.133
 ZETA: Final = 0.721095

@@ -23,8 +23,6 @@ from display.render.golden import FOREVER
 from display.render.pieces import split_images, takes_light
 from display.render.shader import states
 
-__all__ = ["OpenCLRenderer"]
-
 GROUPS: Final = 4
 """Number of groups of sixteen pixels that a work-item steps together."""
 LANES: Final = 16 * GROUPS

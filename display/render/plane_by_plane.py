@@ -17,8 +17,6 @@ from display.drives import DRIVES
 from display.render.context import open_context
 from display.render.shader import vertex
 
-__all__ = ["PlaneByPlane"]
-
 KEEP = 1 - 2**-10
 """Weight of the previous mean in the exponential mean."""
 _HEAD = """#version 330

@@ -23,8 +23,6 @@ from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.setting import DisplaySetting
 from display.trial.pixels import PatchDisplay
 
-__all__ = ["TRUTH", "DisplayPatches", "DisplayTrial", "TrialDisplay", "partial_displays"]
-
 TRUTH = "truth"
 """Name of the display with every effect."""
 _NAMES = {FixedEye: "an eye", PursuingEye: "a pursuing eye", CameraPlane: "a camera"}

@@ -27,8 +27,6 @@ from link.air.sun import sun_glare, sun_image
 from link.timing import Registration
 from sensor import CameraSetting
 
-__all__ = ["Air", "lens_psf"]
-
 _AROUND: Final = 2
 """Cycles of light before and after a block. Camera rows sample up to one cycle after the first row;
 panel rows are shown up to one of their cycles after the first."""

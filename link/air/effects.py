@@ -44,8 +44,6 @@ from link.air.summary import LinkSummary, ber_units, flicker_units
 from link.air.sun import sun_glare, sun_image
 from sensor import CameraSetting
 
-__all__ = ["Change", "air_effects", "charge_changes"]
-
 _PHASES: Final = 32
 _STILL: Final = 1e6
 """Correlation time of air without wind, s."""

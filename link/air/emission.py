@@ -15,8 +15,6 @@ import numpy.typing as npt
 from display import SpikePanel
 from display.trial.pixels import PanelPixels
 
-__all__ = ["Emission", "Source"]
-
 Pixels = npt.NDArray[np.bool_]
 _REMEMBERED = 16
 """Number of symbols whose initial state is stored, so that a run can continue from a checkpoint: a

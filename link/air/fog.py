@@ -18,8 +18,6 @@ from typing import Final
 from cosim import InputError
 from link.theory.extinction import DB_PER_NEPER, Particles, extinction_db_per_km
 
-__all__ = ["airlight", "extinction", "forward_share", "halo_angle"]
-
 DROP: Final = 10e-6
 """Diameter of a drop, m (assumed)."""
 _CORE: Final = 0.42

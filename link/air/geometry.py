@@ -17,8 +17,6 @@ import numpy.typing as npt
 from cosim import InputError
 from link.air.setting import Aim, AirSetting, Optics
 
-__all__ = ["Lengths", "affine_at", "image_of", "lengths", "panel_corners"]
-
 Matrix = npt.NDArray[np.float64]
 
 

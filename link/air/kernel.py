@@ -23,8 +23,6 @@ import numpy.typing as npt
 
 from cosim.light.lens import diffraction_mtf
 
-__all__ = ["Psf", "kernel_table", "taps"]
-
 Values = npt.NDArray[np.float64]
 _GRID: Final = 384
 """Samples along a side of the kernel's square."""

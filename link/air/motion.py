@@ -17,8 +17,6 @@ import numpy.typing as npt
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
-__all__ = ["DAMPING", "normal_draws", "resonance_step", "vibration"]
-
 Values = npt.NDArray[np.float64]
 DAMPING: Final = 0.1
 """Ratio to critical damping."""

@@ -9,8 +9,6 @@ from typing import Final
 from display import SpikePanel
 from link.air.setting import Aim, AirSetting, Optics
 
-__all__ = ["NAMES", "Scene", "simplified"]
-
 NAMES: Final = (
     "lens blur", "diffraction", "defocus", "vibration", "misalignment", "fog extinction",
     "airlight", "fog blur", "ambient on the panel", "surroundings", "glare", "sun",

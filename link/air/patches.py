@@ -19,8 +19,6 @@ from link.air.motion import normal_draws
 from link.air.scintillation import Flicker, flicker, patch_side
 from link.air.setting import AirSetting, Optics
 
-__all__ = ["FlickerSeries", "Patches", "flicker_of"]
-
 Values = npt.NDArray[np.float64]
 _CHUNK: Final = 1 << 14
 _SYMBOLS: Final = 64

@@ -24,8 +24,6 @@ from link.air.geometry import affine_at
 from link.air.kernel import Psf, kernel_table, taps
 from link.air.tap_sum import four_by_four
 
-__all__ = ["Places", "Projection", "cut", "disc_kernel", "projection_of"]
-
 Places = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 """Patches of a camera: their rows, (patches, a), and their columns, (patches, b)."""
 

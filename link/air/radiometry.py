@@ -16,8 +16,6 @@ from link.air.fog import airlight, extinction, forward_share
 from link.air.geometry import lengths
 from link.air.setting import AirSetting, Optics
 
-__all__ = ["Levels", "f_number_for", "lens_gain", "levels"]
-
 
 def lens_gain(optics: Optics, distance: float) -> float:
     """Returns the illuminance on the sensor for a luminance of 1 cd/m2, lux."""

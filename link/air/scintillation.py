@@ -30,8 +30,6 @@ import numpy.typing as npt
 
 from link.theory.scintillation import correlation_time, gamma_gamma, rytov, scintillation_index
 
-__all__ = ["Flicker", "aperture_averaging", "flicker", "patch_side"]
-
 Values = npt.NDArray[np.float64]
 _PLACES: Final = 32
 _WAVES: Final = 4000

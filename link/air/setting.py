@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from link.theory.extinction import Particles
 
-__all__ = ["Aim", "AirSetting", "Optics"]
-
 
 @dataclass(frozen=True)
 class Optics:

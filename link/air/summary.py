@@ -27,8 +27,6 @@ from link.air.radiometry import levels
 from link.air.scintillation import Flicker
 from sensor import CameraSetting
 
-__all__ = ["LinkSummary", "ber", "ber_units", "flicker_units", "link_summary"]
-
 Values = npt.NDArray[np.float64]
 _RISK: Final = 0.001
 """Complement of the confidence level, 99.9 %."""

@@ -11,8 +11,6 @@ from cosim.light.light import Plane
 from link.air.geometry import Lengths, lengths
 from link.air.setting import Aim, AirSetting, Optics
 
-__all__ = ["SUN_DIAMETER", "SUN_SOLID_ANGLE", "sun_glare", "sun_image", "sun_lux"]
-
 SUN_DIAMETER: Final = 0.53
 """Degrees, from the Earth (Allen's Astrophysical Quantities, 4th ed.: 31.5 to 32.5 arc minutes over
 the year)."""

@@ -11,8 +11,6 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["four_by_four"]
-
 _LANE = ir.IntType(32)
 
 

@@ -27,8 +27,6 @@ from link.coding.soft_blocks import SoftBlocks
 from link.layout import PERIOD
 from link.mode import EVERY_RATE
 
-__all__ = ["HEADER", "AdaptiveBlocks"]
-
 HEADER: Final = 256
 """Bits of a header."""
 _ROWS: Final = 16

@@ -20,8 +20,6 @@ import numpy.typing as npt
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.layout import Layout
 
-__all__ = ["FRAME_SPENT", "Blocks", "WordCode"]
-
 FRAME_SPENT: Final = 19
 """Bytes of a frame that are not the file's: head, packet number, CRC (`link.coding.frames`)."""
 _ALIGNMENT: Final = 8

@@ -19,11 +19,6 @@ from link.coding.crc import crc32c, crc64_xz
 from link.coding.muted import muted
 from link.coding.names import NAME_BYTES, safe_name
 
-__all__ = [
-    "MOST_BYTES", "Delivered", "Gathering", "Packet", "codable", "pack_file", "packets",
-    "source_blocks", "source_symbols", "unpack_file",
-]  # fmt: skip
-
 Packet = bytes
 """Four bytes of number, then the symbol."""
 MOST_BYTES: Final = 2**30

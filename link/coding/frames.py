@@ -26,8 +26,6 @@ import numpy.typing as npt
 from link.coding.crc import crc32c
 from link.coding.fountain import Packet, codable, source_blocks
 
-__all__ = ["Frame", "read_frame", "write_frame"]
-
 _HEAD: Final = struct.Struct("<2sBII")
 _CRC: Final = struct.Struct("<I")
 _MAGIC, _VERSION = b"Vf", 1

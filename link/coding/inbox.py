@@ -12,8 +12,6 @@ from link.coding.kinds import blocks_of
 from link.coding.reader import BlockReader, Bytes
 from link.layout import Layout
 
-__all__ = ["Inbox"]
-
 _SESSIONS: Final = 4
 """Largest number of files gathered at the same time; beyond it, the one with the fewest packets is
 dropped."""

@@ -7,8 +7,6 @@ from link.coding.blocks import Blocks
 from link.coding.soft_blocks import SoftBlocks
 from link.layout import Layout
 
-__all__ = ["blocks_of"]
-
 
 def blocks_of(layout: Layout, interleave: bool = True, period: int | None = None) -> Blocks:
     """Returns the blocks of a layout, by the code of its mode; with a rate for each block, those of

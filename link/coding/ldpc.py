@@ -24,8 +24,6 @@ from link.coding.ldpc_encoding import encode_words
 from link.coding.ldpc_graph import LIFTINGS, base_graph
 from link.coding.ldpc_opencl import decode_on_device
 
-__all__ = ["ROUNDS", "STEPS", "Ldpc", "quantise"]
-
 STEPS: Final = 4.0
 """Steps of a quantised soft value in a unit of natural logarithm."""
 ROUNDS: Final = 30

@@ -21,8 +21,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["LIFTINGS", "Graph", "base_graph"]
-
 _FACTORS: Final = (2, 3, 5, 7, 9, 11, 13, 15)
 _LARGEST: Final = 384
 LIFTINGS: Final = {

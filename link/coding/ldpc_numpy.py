@@ -18,8 +18,6 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from link.coding.ldpc import Ldpc
 
-__all__ = ["MESSAGE", "OFFSET", "SOFT", "SUM", "decode_in_numpy"]
-
 SUM: Final = 127
 """Largest sum of a bit's messages, steps."""
 SOFT: Final = 31

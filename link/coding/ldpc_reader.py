@@ -13,8 +13,6 @@ from link.coding.soft_blocks import SoftBlocks
 from link.coding.soft_blocks_compiled import mark_changed
 from link.coding.word_reader import ReadWords
 
-__all__ = ["LdpcReader"]
-
 
 class LdpcReader:
     """Reads the words of blocks; see `WordReader`.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from typing import Final
 
-__all__ = ["NAME_BYTES", "safe_name"]
-
 NAME_BYTES: Final = 120
 """Largest size of a name in UTF-8: well below the 255 bytes of common file systems."""
 _NAMELESS: Final = "file"

@@ -18,8 +18,6 @@ from link.coding.kinds import blocks_of
 from link.coding.writer import BlockWriter
 from link.layout import Layout
 
-__all__ = ["Outbox"]
-
 _BEYOND = 2
 """Smallest number of packets beyond the file's own: with them one decoding in a million fails (RFC
 6330)."""

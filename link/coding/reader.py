@@ -17,8 +17,6 @@ from link.coding.reed_solomon_reader import ReedSolomonReader
 from link.coding.soft_blocks import SoftBlocks
 from link.coding.word_reader import WordReader
 
-__all__ = ["BlockReader"]
-
 Bytes = npt.NDArray[np.uint8]
 _MANY: Final = 0.05
 """Share of bytes with a wrong decision from which wrong decisions are kept: fewer do no harm to a

@@ -21,8 +21,6 @@ import numpy.typing as npt
 from link.coding.field import EXP, PRODUCT
 from link.coding.reed_solomon_compiled import encode_words, repair_words
 
-__all__ = ["WORD_BYTES", "ReedSolomon"]
-
 WORD_BYTES = 255
 """Bytes of a codeword."""
 _Bytes = npt.NDArray[np.uint8]

@@ -23,8 +23,6 @@ from link.coding.ldpc_numpy import SOFT
 from link.coding.soft_blocks_compiled import count_by_cell, gather_words, store_group
 from link.layout import PERIOD
 
-__all__ = ["SoftBlocks"]
-
 _LEAST: Final = 4096
 """Bits of a word at least. Shorter ones need more information of a bit."""
 _GOLDEN: Final = (5**0.5 - 1) / 2

@@ -14,8 +14,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["count_by_cell", "gather_words", "mark_changed", "store_group"]
-
 _CELLS: Final = 4096
 """Cells that a thread takes at once."""
 _EIGHTS: Final = 64

@@ -23,8 +23,6 @@ from link.coding.stream_frames import (
 from link.coding.writer import BlockWriter
 from link.layout import PERIOD, Layout
 
-__all__ = ["Arrival", "StreamInbox", "StreamOutbox", "stream_blocks", "stream_rate"]
-
 _KEPT: Final = 8
 """Number of blocks whose bytes are stored: a run that resumes shows the last ones again."""
 State = dict[str, npt.NDArray[Any]]

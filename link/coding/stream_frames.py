@@ -29,9 +29,6 @@ import numpy.typing as npt
 
 from link.coding.crc import crc32c
 
-__all__ = ["LONGEST_PACKET", "PacketRow", "StreamFrame", "in_row", "read_stream_frame", "room_in",
-           "write_stream_frame"]  # fmt: skip
-
 LONGEST_PACKET: Final = 1 << 24
 """Longest packet, bytes."""
 _HEAD: Final = struct.Struct("<2sBBIHH")

@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from link.coding.blocks import Blocks
 
-__all__ = ["Flags", "ReadWords", "WordReader"]
-
 Flags = npt.NDArray[np.bool_]
 
 

@@ -12,8 +12,6 @@ import numpy.typing as npt
 from link.coding.blocks import Blocks
 from link.layout import Layout
 
-__all__ = ["BlockWriter"]
-
 _CACHED = 64 << 20
 """Bytes of values that are cached, at least two blocks: sender, check and judge read them."""
 

@@ -24,8 +24,6 @@ from link.detect.propagation import graph_of, propagate
 from link.layout import PERIOD, TRAINING, Layout, pilots, training
 from link.timing import Registration, Timing
 
-__all__ = ["BeliefPropagation"]
-
 SEEN: Final = 14
 """Largest number of cells in a footprint."""
 _BEFORE: Final = 4

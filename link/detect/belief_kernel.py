@@ -19,8 +19,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["LEVELS", "LIGHTS", "advance", "decide", "explain", "laws", "messages", "recede", "tick"]
-
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int64]
 LEVELS: Final = 48

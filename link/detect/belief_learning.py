@@ -20,8 +20,6 @@ from link.detect.footprints import seen_by
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["PixelModel", "learn_model"]
-
 _PIXELS: Final = 800
 """Pixels that the likelihood is computed for."""
 _EVALUATIONS: Final = 300

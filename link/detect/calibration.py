@@ -14,8 +14,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["confidence"]
-
 _LEAST: Final = 0.1
 """Smallest factor; the largest is 1."""
 _SURE: Final = 30.0

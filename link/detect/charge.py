@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from link.detect.pixel import PixelLaw
 
-__all__ = ["LEVELS", "ChargeLaws", "charge_laws"]
-
 LEVELS = 40
 """Steps of charge in a threshold, unless it has fewer electrons."""
 _TAIL = 1e-9

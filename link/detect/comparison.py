@@ -24,8 +24,6 @@ from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["Compared", "comparison"]
-
 _FIRST: Final = 8
 """Tick of first light."""
 _SLOW: Final = 40

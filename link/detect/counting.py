@@ -18,11 +18,6 @@ from numba import njit, prange
 from cosim.compute.cores import all_cores
 from link.detect.geometry import PLACES, SHARES
 
-__all__ = [
-    "CONTEXT", "PAIRS", "PART", "PHASES", "STEEP", "WIDE", "add_evidence", "count_patterns",
-    "pattern_of", "place_of",
-]  # fmt: skip
-
 PART: Final = 4
 """Ticks of a part."""
 CONTEXT: Final = 2

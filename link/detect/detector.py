@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Words
 
-__all__ = ["LIMIT", "Bits", "Detector", "Soft", "bits_held"]
-
 LIMIT: Final = 60.0
 """Largest magnitude of a soft value."""
 Bits = npt.NDArray[np.bool_]

@@ -17,8 +17,6 @@ from link.detect.geometry import FINE, coverage
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["Footprints", "footprints", "seen_by"]
-
 _LEAST: Final = 0.004
 """Share below which a cell is left out."""
 _ACROSS: Final = 4

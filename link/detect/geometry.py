@@ -16,10 +16,6 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["FINE", "LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_centres",
-    "cell_images", "coverage",
-]  # fmt: skip
-
 PLACES: Final = 8
 """Sub-pixel positions along each axis."""
 SHARES: Final = 16

@@ -25,8 +25,6 @@ from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["AROUND", "EDGE", "Joint"]
-
 AROUND: Final = 2
 """Symbols before and after the requested ones that the chain includes."""
 

@@ -14,8 +14,6 @@ from link.detect.detector import LIMIT, Soft
 from link.detect.geometry import PLACES, CellImages
 from link.detect.joint import AROUND, Joint
 
-__all__ = ["soft_by_numpy"]
-
 
 def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
     """Returns ln P(spikes | bits) of a symbol minus that for both bits off, (cells, PAIRS).

@@ -25,8 +25,6 @@ from link.detect.joint import AROUND, Joint
 from link.detect.packed_kernel import FIELDS, LANE, soft_values
 from link.detect.tables import LEAST_CHANCE
 
-__all__ = ["ZERO", "Looks", "Packed"]
-
 ZERO: Final = 1 << (LANE - 1)
 """Value of a field without evidence: the middle of its range."""
 _FINEST: Final = 1024

@@ -21,8 +21,6 @@ from cosim.compute.cores import all_cores
 from link.detect.counting import CONTEXT, PART, STEEP, WIDE, pattern_of, place_of
 from link.detect.geometry import PLACES
 
-__all__ = ["FIELDS", "LANE", "soft_values"]
-
 FIELDS: Final = 3
 """Pairs of bits with a log likelihood: off and on, on and off, on and on; off and off has 0."""
 LANE: Final = 21

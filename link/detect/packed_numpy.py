@@ -14,8 +14,6 @@ from link.detect.detector import LIMIT, Soft
 from link.detect.geometry import PLACES
 from link.detect.packed import Looks, Packed
 
-__all__ = ["packed_by_numpy"]
-
 
 def _steps(
     detector: Packed, words: Words, start_tick: int, looks: Looks, look: int, symbol: int

@@ -29,8 +29,6 @@ from link.detect.belief_learning import PixelModel
 from link.detect.detector import LIMIT
 from link.detect.footprints import Footprints
 
-__all__ = ["Graph", "graph_of", "propagate"]
-
 MANY: Final = 9
 """Cells of a footprint that are summed over at most; the others count by their mean."""
 ROUNDS: Final = (8, 5)

@@ -18,8 +18,6 @@ import numpy.typing as npt
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES
 from link.detect.geometry import SHARES
 
-__all__ = ["lit", "parts_for", "spike_counts", "tables"]
-
 _BEFORE: Final = 1 << CONTEXT
 _STEPS: Final = 32
 """Classes of the part of a tick in which a cell is on, in the first layer."""

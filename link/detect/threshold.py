@@ -16,8 +16,6 @@ from link.detect.geometry import PLACES, CellImages, cell_images
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["Threshold"]
-
 
 def _fullest(ticks: int) -> npt.NDArray[np.intp]:
     """Returns the tick that a symbol fills most, counted from the one in which it begins, by phase

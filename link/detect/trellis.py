@@ -17,8 +17,6 @@ from numba import njit
 
 from link.detect.counting import PHASES
 
-__all__ = ["likelihood", "posterior", "window"]
-
 _ALIGNED: Final = 1e-6
 """Distance from a tick edge within which a symbol counts as beginning with the tick, ticks."""
 

@@ -23,8 +23,6 @@ from link.setup.pilot import film_pilot, strip_of
 from link.setup.truth import panel_in_view, tag_module
 from link.theory.soft_information import SoftInformation, soft_information
 
-__all__ = ["LINE", "Achievable", "CellInformation", "can_be_read"]
-
 LINE: Final = "scrambled"
 """Line of the pilots: random bits, and training of random bits."""
 _BATCHES: Final = 64

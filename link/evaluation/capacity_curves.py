@@ -18,8 +18,6 @@ from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
 from sensor import CameraSetting
 
-__all__ = ["CURVES", "CapacityStudy"]
-
 CURVES: Final = ("distance", "luminance", "ambient", "cell")
 """Names of the curves."""
 _STEP: Final = 1.02

@@ -39,8 +39,6 @@ from link.theory.trials import (
     rs_word_trials,
 )
 
-__all__ = ["LEVEL", "Curve", "error_curves", "measure_curves"]
-
 LEVEL: Final = 0.99
 """Probability that all judged points of a document are inside their intervals if theory is
 correct."""

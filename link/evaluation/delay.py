@@ -12,8 +12,6 @@ from cosim.run.result import Latency, latency_rows
 from link.layout import TRAINING, Layout
 from link.setting import LinkSetting
 
-__all__ = ["LIGHT", "group_delays", "link_latency"]
-
 LIGHT = 299_792_458.0
 """Speed of light in vacuum, m/s (BIPM, SI brochure, 9th ed.); in air it is lower by 3e-4."""
 

@@ -12,8 +12,6 @@ from link.setting import Payload
 from link.setup.setup import FileSetup
 from link.verdict import Cause, Verdict
 
-__all__ = ["judge_delivery", "write_delivery"]
-
 RECEIVED: Final = "received"
 """Folder of the received file in a run's folder."""
 VERDICT: Final = "verdict.json"

@@ -8,8 +8,6 @@ from typing import Any, Final
 from link.detect.comparison import comparison
 from link.theory import pixel_errors
 
-__all__ = ["compare_detectors"]
-
 Q, ON, OFF = 100.0, 1.5, 0.1
 """Q: electrons of the threshold. ON, OFF: charge of a tick, thresholds, background included."""
 SIDE, SYMBOLS = 128, 96

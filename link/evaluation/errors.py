@@ -13,8 +13,6 @@ from link.layout import TRAINING, Layout
 from link.receiving import Received
 from link.setup.setup import FileSetup
 
-__all__ = ["LISTED", "Errors", "Symbols", "count_errors", "errors_of"]
-
 LISTED: Final = 100_000
 """Wrong decisions whose places are kept, at most: those of a link that works."""
 

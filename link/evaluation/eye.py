@@ -23,8 +23,6 @@ from link.detect.geometry import PLACES, cell_images
 from link.layout import TRAINING, Layout
 from link.timing import Registration, Timing
 
-__all__ = ["RARE", "Eye", "open_eye"]
-
 Floats = npt.NDArray[np.float64]
 RARE: Final = 0.01
 """Share of the traces of each bit that may lie within the opening."""

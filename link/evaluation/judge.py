@@ -38,8 +38,6 @@ from link.theory import clopper_pearson
 from link.trial.planned import PlannedLink
 from link.verdict import Cause
 
-__all__ = ["closed_form", "evaluate_link"]
-
 Predicted = Callable[[], CellErrors | None]
 LEVEL: Final = 0.999
 """Confidence of the interval of the raw bit error rate."""

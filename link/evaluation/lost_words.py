@@ -19,8 +19,6 @@ from link.mode import Mode
 from link.theory import ldpc_word_error
 from link.theory.soft_information import SoftInformation
 
-__all__ = ["LostShare", "lost_share"]
-
 _OFF: Final = 0.002
 """Information, bits, by which the table of `ldpc_words` may be off (its tests hold this)."""
 _STILL: Final = 1 / 16

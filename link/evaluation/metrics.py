@@ -15,8 +15,6 @@ from link.setup.locking.loop import ClockLock
 from link.setup.setup import FileLinkSetup
 from link.trial.check import LinkCheck
 
-__all__ = ["link_metrics", "lock_metrics"]
-
 _NOT_READ: Final = "the receiver found no symbols, or its detector gives no soft values"
 _NO_BITS: Final = "no codeword was verified, so no bit could be compared"
 _NO_LAW: Final = (

@@ -12,8 +12,6 @@ from link.receiving import Received, Receiver
 from link.receiving.tuned import Tuned
 from link.setup.setup import FileSetup
 
-__all__ = ["arrival_of", "receive_stream"]
-
 
 def receive_stream(
     stream: SpikeStream, modem: Modem, device: Device | None, progress: Progress,

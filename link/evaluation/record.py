@@ -26,8 +26,6 @@ from link.trial.check import LinkCheck
 from link.trial.planned import PlannedLink
 from link.verdict import Verdict
 
-__all__ = ["LinkEvaluation", "SoftValues", "Theory"]
-
 
 @dataclass(frozen=True, eq=False)
 class SoftValues:

@@ -13,8 +13,6 @@ from link.line_codes.four_six import FOUR_SIX
 from link.line_codes.manchester import MANCHESTER
 from link.line_codes.uncoded import SCRAMBLED, UNCODED
 
-__all__ = ["CATALOGUE", "decode_line", "encode_line"]
-
 CATALOGUE: Final[dict[str, LineCode]] = {
     code.name: code for code in (UNCODED, MANCHESTER, FOUR_SIX, EIGHT_TEN, SCRAMBLED)
 }

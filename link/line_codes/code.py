@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Bits", "LineCode", "Read"]
-
 Bits = npt.NDArray[np.bool_]
 Read = Callable[[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.float32]], None]
 """Fills values, (groups, cells) uint8, and margins, float32, from soft values, (groups * symbols,

@@ -15,8 +15,6 @@ import numpy.typing as npt
 from link.line_codes.code import LineCode
 from link.line_codes.eight_ten_parts import FOUR, MIDDLE, SIX
 
-__all__ = ["EIGHT_TEN"]
-
 
 def _codewords() -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
     """Returns codewords by running disparity and byte, (2, 256), and the bytes that change the

@@ -10,8 +10,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FOUR", "MIDDLE", "SIX"]
-
 # Codes of EDCBA = 0 to 31 at negative running disparity. At positive disparity unbalanced ones,
 # and 7, are inverted.
 _5B6B: Final = (

@@ -14,8 +14,6 @@ from link.mode import Mode
 from link.theory import Reset, count_capacity, count_laws, one_bit_capacity, poisson_capacity
 from link.theory.information import fsc_information_rate
 
-__all__ = ["CapacityInput", "capacity_bps", "capacity_document", "pixel_bound"]
-
 LARGEST: Final = 1000.0
 """Largest threshold that is modelled electron by electron; a larger one is scaled down together
 with the means."""

@@ -12,8 +12,6 @@ from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
 from sensor import CameraSetting
 
-__all__ = ["DEFAULT_MODE", "capacity_input", "scenario_input"]
-
 DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 1, "line": "scrambled", "parity": 32}
 """Parts of a mode that are assumed if the scenario leaves them to the pilots of a run; larger cells
 where these are smaller than LEAST_CELL in the image."""

@@ -41,8 +41,6 @@ from link.prediction.drawn_cells import (
 from link.prediction.error_bound import longest_run
 from link.theory import hard_patterns
 
-__all__ = ["cell_errors"]
-
 _HISTORY: Final = 4
 """Symbols before the decided one whose charge may remain."""
 _CONTEXT: Final = 2

@@ -41,8 +41,6 @@ from link.prediction.drawn_cells import (
     random_bits,
 )
 
-__all__ = ["chain_errors"]
-
 _CHARGE: Final = 8
 """Symbols before the chain whose charge may remain."""
 _AROUND: Final = 6

@@ -15,11 +15,6 @@ from link.detect.geometry import LEAST, PLACES, SHARES
 from link.mode import Mode
 from link.prediction.error_bound import CellScene, edge_share
 
-__all__ = [
-    "CellErrors", "CellPixels", "CellSight", "Mixed", "cell_pixels", "light_on_pixels", "own_bits",
-    "random_bits",
-]  # fmt: skip
-
 _PHASES: Final = 32
 """Sub-pixel positions of the table of weights."""
 Values = npt.NDArray[np.float64]

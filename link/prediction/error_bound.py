@@ -20,8 +20,6 @@ import numpy.typing as npt
 from link.mode import Mode
 from link.theory import Reset
 
-__all__ = ["LEAST_CELL", "CellScene", "edge_share", "longest_run", "predict_errors"]
-
 _PLACES = 5
 """Positions of a camera pixel within the cell's grid, along each axis, that are averaged."""
 _WORTH = 1e-3

@@ -15,8 +15,6 @@ from link.setting import LinkSetting
 from link.timing import Timing
 from sensor.device.crosstalk import side_share
 
-__all__ = ["cell_scene", "cell_sight"]
-
 _AIRY = 0.42
 """Standard deviation of the Gaussian that fits an Airy core, in wavelength over aperture (Zhang,
 Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007)."""

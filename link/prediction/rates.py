@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from cosim import Clock
 from link.layout import Layout
 
-__all__ = ["Rates", "link_rates"]
-
 
 @dataclass(frozen=True)
 class Rates:

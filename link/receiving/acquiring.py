@@ -34,8 +34,6 @@ from link.receiving.synthesis import (
 from link.receiving.tags import TagSearch, art_of, find_tags, fit_homography, tag_places
 from link.timing import Registration, Timing
 
-__all__ = ["Acquired", "Evidence", "acquire", "brightest_ticks", "lit_span"]
-
 Floats = npt.NDArray[np.float64]
 _BRIGHT: Final = 0.98
 """Rate from which a pixel counts as saturated, spikes a tick."""

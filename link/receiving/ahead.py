@@ -19,8 +19,6 @@ from link.detect.detector import Detector, Soft
 from link.detect.packed import Packed
 from link.receiving.recording import Recording
 
-__all__ = ["Ahead"]
-
 
 class Ahead:
     """Soft values of one stretch of symbols after another.

@@ -19,8 +19,6 @@ from link.receiving.gaps import learn_known
 from link.receiving.recording import Recording
 from link.timing import Timing
 
-__all__ = ["ClassesMet"]
-
 _ROWS: Final = 5
 """Rows, from the first to the last, whose classes of phase are followed."""
 

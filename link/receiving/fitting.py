@@ -20,8 +20,6 @@ from link.receiving.refining import project
 from link.receiving.synthesis import KnownSymbols, Levels, choose_witnesses, light_on, likelihoods
 from link.timing import Registration, Timing
 
-__all__ = ["fit_by_known"]
-
 Floats = npt.NDArray[np.float64]
 _PIXELS: Final = 1500
 _STEPS: Final = 2

@@ -22,8 +22,6 @@ from link.timing import Timing
 if TYPE_CHECKING:
     from link.coding import BlockReader
 
-__all__ = ["learn_known", "mended", "whole_parts"]
-
 
 def _ticks_of(timing: Timing, first: int, count: int) -> tuple[int, int]:
     """Returns the ticks of symbols, those before included whose charge they may hold."""

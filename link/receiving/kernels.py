@@ -14,8 +14,6 @@ from scipy.special import ndtr
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["likelihood", "overlap", "slopes"]
-
 _ROOT, _DENSITY = 1 / math.sqrt(2), 1 / math.sqrt(2 * math.pi)
 _FAR = 5.0
 """Standard deviations beyond which a probability is 0 or 1: it is 3e-7 there, and the floor is

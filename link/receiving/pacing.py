@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from link.timing import Timing
 
-__all__ = ["Delay", "Pace"]
-
 Floats = npt.NDArray[np.float64]
 _MODEL: Final = 0.01
 """Systematic error of a measurement, of the model of a pixel, ticks. Assumed; measurements of one

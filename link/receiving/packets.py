@@ -12,8 +12,6 @@ from link.layout import Layout
 from link.receiving.received import Received
 from link.receiving.receiver import Receiver
 
-__all__ = ["PacketReceiver"]
-
 
 class PacketReceiver:
     """A receiver of a stream of packets: a stage after a camera.

@@ -33,10 +33,6 @@ from link.receiving.synthesis import (
 )
 from link.timing import Registration, Timing
 
-__all__ = [
-    "Fit", "fit_levels", "fit_phase", "fit_timing", "followed_delay", "measure_delay", "nudge",
-]  # fmt: skip
-
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = (-1.0, 1.0, 0.125)
 _ONS: Final = (0.6, 1.0, 1.4, 2.0, 3.0)

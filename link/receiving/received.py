@@ -13,8 +13,6 @@ from link.receiving.watched import Watched
 from link.timing import Registration, Timing
 from link.verdict import Cause, Verdict
 
-__all__ = ["Instant", "Received"]
-
 
 @dataclass(frozen=True)
 class Instant:

@@ -26,8 +26,6 @@ from link.receiving.tuned import Tuned
 from link.timing import Registration
 from link.verdict import Cause, Verdict
 
-__all__ = ["Receiver"]
-
 _WAIT: Final = 1024
 """Ticks after which a transmission is searched although the stream continues, and after which
 stored ticks are decoded."""

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Viform, Words
 
-__all__ = ["Gap", "Recording"]
-
 Floats = npt.NDArray[np.float64]
 
 

@@ -18,8 +18,6 @@ import numpy.typing as npt
 from link.layout import TAG_MODULES, Layout
 from link.receiving.tags import art_of, tag_places
 
-__all__ = ["Refined", "TagArt", "project", "refine_homography", "shift_of"]
-
 Floats = npt.NDArray[np.float64]
 _FINE: Final = 3
 """Samples along a side of a camera pixel."""

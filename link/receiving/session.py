@@ -37,8 +37,6 @@ from link.timing import Registration, Timing
 if TYPE_CHECKING:
     from link.coding import BlockReader
 
-__all__ = ["Section", "Session"]
-
 Floats = npt.NDArray[np.float64]
 _CHUNK: Final = 40
 """Approximate number of symbols decoded at a time."""

@@ -22,23 +22,6 @@ from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.timing import Registration, Timing
 
-__all__ = [
-    "FLOOR",
-    "NOISE",
-    "RULES",
-    "SKIP",
-    "KnownSymbols",
-    "Levels",
-    "Witnesses",
-    "choose_witnesses",
-    "known_cells",
-    "known_pilots",
-    "light_on",
-    "likelihood",
-    "likelihoods",
-    "match",
-]
-
 Floats = npt.NDArray[np.float64]
 NOISE: Final = 0.09
 """Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""

@@ -16,11 +16,6 @@ import numpy.typing as npt
 from link.layout import TAG_MODULES, Layout
 from link.mode import Mode
 
-__all__ = [
-    "LEAST_MODULE", "TagSearch", "art_of", "find_tags", "fit_homography", "least_module",
-    "tag_places",
-]  # fmt: skip
-
 Floats = npt.NDArray[np.float64]
 _ENLARGED: Final = (1.0, 2.0, 3.0)
 """Factors by which the image is enlarged, in turn, until four tags are detected."""

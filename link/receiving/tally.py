@@ -15,8 +15,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["decide", "tally"]
-
 _CELLS: Final = 2048
 """Cells that a thread takes at once."""
 _FAR: Final = np.float32(80.0)

@@ -13,8 +13,6 @@ from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, TagArt, shift_of
 
-__all__ = ["drift_by_tags", "joined"]
-
 Floats = npt.NDArray[np.float64]
 _REAL: Final = 3.0
 """Ratio of the displacements' scatter to their standard error below which the image counts as

@@ -21,8 +21,6 @@ from link.receiving.recording import Recording
 from link.receiving.refining import TagArt, shift_of
 from link.timing import Registration, Timing
 
-__all__ = ["Tuned"]
-
 _STEPS: Final = 3
 """Measurements of the displacement, each from the one before: a single one ends a twentieth of a
 pixel off."""

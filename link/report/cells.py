@@ -17,8 +17,6 @@ from link.layout import TRAINING
 from link.report.cell_soft import soft_values
 from link.report.signal_figures import cells_figure
 
-__all__ = ["cells_section"]
-
 
 def cells_section(link: LinkEvaluation, figures: Path) -> str:
     """Returns the section; writes its figure."""

@@ -12,8 +12,6 @@ from link.evaluation.record import LinkEvaluation, Theory
 from link.report.figures import errors_figure
 from link.report.signal_figures import eye_figure, soft_figure
 
-__all__ = ["end_text", "errors_section"]
-
 _CHANCE = 1e-3
 """Probability of so many errors in the last symbol below which they are reported."""
 

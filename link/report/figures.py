@@ -13,11 +13,6 @@ from cosim.report.figures import INK, LINE, MARK, subplots
 from link.evaluation.record import LinkEvaluation
 from link.setup.distances import RateAt
 
-__all__ = [
-    "BLUE", "bits", "delay_figure", "errors_figure", "figure_at", "lowest_rate", "rates_figure",
-    "reach_figure",
-]  # fmt: skip
-
 BLUE, PALE = "#2f5fa7", "#9db4d8"
 _DOTS = 110
 _LOWEST = 1e-18

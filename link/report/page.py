@@ -23,8 +23,6 @@ from link.report.tables import NOT_KNOWN, effects_section, machine_section
 from link.setup.distances import span_of
 from link.verdict import Cause
 
-__all__ = ["link_page"]
-
 
 def _rate(value: float | None) -> str:
     return NOT_KNOWN if value is None else bits(value)

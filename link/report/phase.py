@@ -12,8 +12,6 @@ from cosim.report.parts import plot
 from link.report.figures import BLUE, INK, MARK, figure_at
 from link.setup.locking.loop import INTERVAL, ClockLock
 
-__all__ = ["phase_section"]
-
 _ASKED = 0.1
 """Phase within which symbols of one tick keep their information, ticks."""
 

@@ -13,9 +13,6 @@ from link.evaluation.record import LinkEvaluation
 from link.trial.check import LinkCheck, Paired
 from sensor.sections.provenance import fault_rows, optics_rows
 
-__all__ = ["NOT_KNOWN", "effects_section", "error_text", "left_out_table", "machine_section"]
-
-
 NOT_KNOWN = "not known"
 """Text for a null of the result."""
 

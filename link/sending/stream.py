@@ -10,8 +10,6 @@ from cosim import Clock
 from cosim.spikes.viform import WORD, Words
 from link.sending.transmission import Transmission
 
-__all__ = ["PlaneStream"]
-
 
 @dataclass(frozen=True, eq=False)
 class PlaneStream:

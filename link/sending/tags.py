@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from link.layout import TAG_MODULES, Layout
 
-__all__ = ["Tag", "draw_tags"]
-
 
 @dataclass(frozen=True, eq=False)
 class Tag:

@@ -18,8 +18,6 @@ from link.line_codes import encode_line
 from link.mode import Mode
 from link.sending.tags import Tag, draw_tags
 
-__all__ = ["FileTransmission", "Transmission"]
-
 _Bits = npt.NDArray[np.bool_]
 T = TypeVar("T", np.bool_, np.uint32)
 

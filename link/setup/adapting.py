@@ -23,8 +23,6 @@ from link.layout import TRAINING, Layout
 from link.mode import EVERY_RATE, Mode
 from link.theory import ldpc_word_error
 
-__all__ = ["Course", "Plan", "plan_rates"]
-
 _OFF: Final = 0.03
 """Ticks by which the phase may be another than foreseen: errors of a receiver's timing in runs."""
 _SURE: Final = 4.75

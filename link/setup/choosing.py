@@ -27,8 +27,6 @@ from link.setup.adapting import Course, plan_rates
 from link.theory import clopper_pearson, ldpc_word_error, longest_off_run, rs_word_error
 from link.theory.soft_information import soft_information
 
-__all__ = ["Choice", "Considered", "Trial", "choose", "foresee", "longest_run"]
-
 _HOPELESS: Final = 0.2
 """Bit error rate from which more demanding modes are not tried."""
 _SURE: Final = 1e-6

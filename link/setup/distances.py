@@ -25,8 +25,6 @@ from link.setup.modes import choose_mode
 from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view, tag_module
 
-__all__ = ["OTHERS", "RateAt", "rates_over_distance", "span_of"]
-
 OTHERS: Final = 3
 """Number of distances beside the run's: each takes one to three pilots."""
 _CLOSE: Final = 0.04

@@ -22,8 +22,6 @@ from link.setup.choosing import Choice, Trial, choose, foresee
 from link.setup.pilot import film_pilot, strip_of
 from link.setup.truth import panel_in_view, tag_module
 
-__all__ = ["check_reach", "choose_mode", "fixed_mode", "tag_warning"]
-
 _TRIED = 8
 """Largest number of modes that are tried."""
 _DRIFT = 0.02

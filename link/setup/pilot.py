@@ -26,8 +26,6 @@ from link.setup.truth import true_timing
 from link.timing import Timing
 from sensor import SpikeCamera
 
-__all__ = ["Pilot", "film_pilot", "film_words", "strip_of"]
-
 WIDTH = 128
 """Panel pixels of the strip: the smallest width of a mode."""
 SYMBOLS = 60

@@ -36,10 +36,6 @@ from link.setup.truth import panel_in_view
 from sensor import CameraSetting
 from sensor.device.steering import ClockSteering
 
-__all__ = [
-    "ChosenLink", "FileLinkSetup", "FileSetup", "LinkSetup", "choose_link", "set_up_link",
-]  # fmt: skip
-
 _SHORTENED_PLANES = 600
 """Largest number of planes if no mode is expected to work: enough for the receiver to find the
 cause."""

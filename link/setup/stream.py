@@ -27,8 +27,6 @@ from link.setting import LEAD, TAIL, link_setting, steering_of
 from link.setup.setup import LinkSetup, choose_link
 from sensor import CameraSetting
 
-__all__ = ["ASSEMBLY", "StreamSetup", "set_up_stream"]
-
 ASSEMBLY: Final = 4
 """Camera cycles before the first light of a block, at which its frames are made: the sender needs
 time to code them."""

@@ -17,8 +17,6 @@ from link.setting import LinkSetting
 from link.timing import Timing
 from sensor.latched.sampling import row_offsets
 
-__all__ = ["panel_in_view", "tag_module", "true_timing"]
-
 
 def panel_in_view(setting: LinkSetting) -> bool:
     """Whether the image of the whole panel, tags included, lies on the sensor."""

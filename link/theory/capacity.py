@@ -9,11 +9,6 @@ import numpy.typing as npt
 
 from link.theory.charge import poisson_threshold
 
-__all__ = [
-    "binary_capacity", "count_capacity", "entropy", "one_bit_capacity", "poisson_best_duty",
-    "poisson_capacity",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 _FAR: Final = 1e5
 """Ratio of background to signal above which series are used; both forms are accurate to 1e-10

@@ -15,11 +15,6 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "PixelChannel", "Reset", "charge_errors", "charge_kernels", "longest_off_run",
-    "poisson_threshold",
-]  # fmt: skip
-
 Reset = Literal["hard", "residual", "subtract"]
 """Charge after a spike. hard: zero. residual: the charge modulo q. subtract: the charge minus q, so
 that one spike in a tick removes one threshold and the rest waits for the next tick."""

@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from link.theory.charge import Reset, charge_kernels
 
-__all__ = ["count_laws", "pixel_errors"]
-
 Array = npt.NDArray[np.float64]
 _FINEST: Final = 1000
 """Largest threshold that is modelled electron by electron. A larger one is scaled down together

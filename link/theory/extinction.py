@@ -7,8 +7,6 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Particles", "extinction_db_per_km", "size_exponent"]
-
 Particles = Literal["kim", "kruse"]
 PRINTED: Final = 3.91
 """-ln 0.02, Koschmieder at a contrast of 2 %, as printed by Kim (exact: 3.912)."""

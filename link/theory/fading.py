@@ -25,11 +25,6 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "Convention", "amplitude_of", "awgn_ook", "gamma_gamma_ook", "log_normal_ook",
-    "log_normal_sigma",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 Convention = Literal["peak", "average"]
 _FINE, _COARSE = 0.4, 0.125

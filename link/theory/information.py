@@ -20,8 +20,6 @@ from numba import njit
 
 from link.theory.charge import Reset
 
-__all__ = ["InformationRate", "fsc_information_rate"]
-
 Array = npt.NDArray[np.float64]
 _RULES: Final[dict[Reset, int]] = {"hard": 0, "residual": 1, "subtract": 2}
 _DEPTH: Final = 8

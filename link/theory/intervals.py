@@ -7,8 +7,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["JUDGED", "clopper_pearson", "pointwise_level"]
-
 JUDGED: Final = 100
 """Number of errors from which a point is compared with theory: its relative spread is then a
 tenth."""

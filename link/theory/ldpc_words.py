@@ -16,8 +16,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ldpc_word_error", "sign_information"]
-
 _BITS: Final = 8448
 """Data bits of the measured words."""
 _MEASURED: Final = {

@@ -10,10 +10,6 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "correlation_time", "gamma_gamma", "rytov", "scintillation_index",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 RYTOV: Final = {"plane": 1.23, "spherical": 0.4 * 1.23}
 """Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., section 8.2."""

@@ -20,8 +20,6 @@ import numpy.typing as npt
 
 from link.theory.intervals import clopper_pearson
 
-__all__ = ["SoftInformation", "soft_information"]
-
 _FACTORS: Final = (1 / 64, 64.0)
 """Smallest and largest factor of the soft values that is tried."""
 _STEPS: Final = 20

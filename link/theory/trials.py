@@ -16,11 +16,6 @@ from numba import njit
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.theory.charge import PixelChannel
 
-__all__ = [
-    "awgn_trials", "burst_word_trials", "charge_trials", "gamma_gamma_trials", "log_normal_trials",
-    "poisson_trials", "rs_word_trials",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 _CHUNK = 1 << 18
 """Trials computed at once: some megabytes."""

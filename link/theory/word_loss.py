@@ -7,8 +7,6 @@ from link.mode import EVERY_RATE, Mode
 from link.theory.ldpc_words import ldpc_word_error, sign_information
 from link.theory.words import byte_error, rs_word_error
 
-__all__ = ["word_loss"]
-
 
 def word_loss(mode: Mode, errors: float) -> float:
     """Returns the share of lost words, for independent bits of this error rate.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["burst_byte_error", "burst_word_error", "byte_error", "rs_word_error"]
-
 Array = npt.NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from link.setup.modes import tag_warning
 from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view
 
-__all__ = ["Amounts", "amounts", "carried"]
-
 
 @dataclass(frozen=True)
 class Amounts:

@@ -35,11 +35,6 @@ from link.trial.near import Lead, Near, near
 from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LEVEL, LinkPlan, half_width
 
-__all__ = [
-    "ESTIMATED", "KIND", "LinkCheck", "Paired", "check_link", "check_variants", "compare",
-    "goodput_change",
-]  # fmt: skip
-
 KIND = "bit error rate, half-widths of its interval"
 """Kind of a link's error."""
 ESTIMATED = f"{KIND}, estimated from bits that are nearly wrong"

@@ -29,8 +29,6 @@ from link.trial.stages import (
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 
-__all__ = ["link_forecast"]
-
 BLOCKS: Final = 4
 """Blocks at the start of the run that are timed. The first warms up; of the others that show data
 throughout the fastest counts, since other load of the machine only adds time."""

@@ -26,8 +26,6 @@ from sensor import CameraSetting, SpikeCamera
 from sensor.latched.reference.error import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 
-__all__ = ["link_ladder"]
-
 TIMED: Final = 2
 """Blocks of the whole chip that are timed, after one that is not."""
 _FULL: Final = "reference"

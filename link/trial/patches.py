@@ -35,8 +35,6 @@ from sensor import CameraSetting
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
-__all__ = ["Decided", "LinkPatches", "Variant"]
-
 SIDE: Final = 48, 104
 """Smallest and largest side of a patch, camera pixels; between them a tenth of the sensor's shorter
 side, and at least four cells."""

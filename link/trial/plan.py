@@ -33,11 +33,6 @@ from sensor.latched.effects.costs import QUIET
 from sensor.latched.fast import charge_error
 from sensor.latched.tiers import Tier
 
-__all__ = [
-    "LEVEL", "Compared", "LinkPlan", "LinkSurvey", "camera_changes", "half_width", "survey_link",
-    "uncertainty",
-]  # fmt: skip
-
 LEVEL: Final = 0.999
 """Confidence of the interval of the bit error rate."""
 _NORMAL: Final = 3.29

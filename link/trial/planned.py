@@ -21,8 +21,6 @@ from link.trial.patches import LinkPatches
 from link.trial.plan import Compared, LinkPlan, LinkSurvey, survey_link
 from sensor import SpikeCamera
 
-__all__ = ["PlannedLink", "check_plan", "is_checked", "plan_link", "survey_of"]
-
 ARITHMETIC: Final = "32-bit arithmetic"
 """Name of the effect for which the exact tier is taken."""
 _BLURRED: Final = 2.0

@@ -32,11 +32,6 @@ from link.setup.distances import OTHERS
 from link.setup.setup import FileLinkSetup
 from link.trial.amounts import Amounts
 
-__all__ = [
-    "PROGRAM", "Spell", "StageTime", "evaluation_times", "receiver_times", "recorder_time",
-    "stage_document", "timed",
-]  # fmt: skip
-
 PROGRAM: Final = 1.2
 """Start of the program and its libraries, s."""
 CLOSED_FORM: Final = 1.7

@@ -11,8 +11,6 @@ from link.trial.forecast import link_forecast
 from link.trial.ladder import link_ladder
 from sensor import CameraSetting
 
-__all__ = ["LinkStudy"]
-
 
 class LinkStudy:
     """Study of a link; see `Study`.

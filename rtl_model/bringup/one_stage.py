@@ -16,8 +16,6 @@ from rtl_model.bringup.bench.uptime import Uptime
 from rtl_model.host import Cause, LineFault
 from rtl_model.registers import MAGIC
 
-__all__ = ["failed_stage", "run_stage"]
-
 _EXTRA_S = 5.0  # after a stage has failed, to examine the line
 _KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well
     "stuck-bit", "alias", "memory", "reset", "restore", "scratch", "rate", "stands-still", "rows",

@@ -12,8 +12,6 @@ from rtl_model.host import Cause, LineFault, Lines
 from rtl_model.host.csr import CsrMap
 from rtl_model.host.ports import AS_EVER
 
-__all__ = ["BringUp", "stop_sensor"]
-
 
 @dataclass(frozen=True)
 class BringUp:

@@ -33,8 +33,6 @@ from rtl_model.host.ether import is_udp
 from rtl_model.host.log import LineLog
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
-__all__ = ["ALLOWED_S", "CHECKS", "BringUp", "bring_up"]
-
 CHECKS: dict[str, Callable[[SerialBench], Figures]] = {
     "bytes": check_bytes,
     "identity": check_identity,

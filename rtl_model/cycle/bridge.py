@@ -16,8 +16,6 @@ from rtl_model.cycle.system import System
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 
-__all__ = ["Behind", "Bridge", "Reply"]
-
 _WRITES = {0x01: 4, 0x03: 0}  # command: step of the byte address
 _READS = {0x02: 4, 0x04: 0}
 _HEADER = 6

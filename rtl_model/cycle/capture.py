@@ -9,8 +9,6 @@ import zlib
 from collections import deque
 from collections.abc import Sequence
 
-__all__ = ["Capture", "record"]
-
 
 def record(sequence: int, frame: int, row: int, words: Sequence[int]) -> list[int]:
     """The 32-bit words of a captured row: sequence, frame and row, bits, CRC-32.

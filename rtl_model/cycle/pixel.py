@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CHARGE_MAX", "Pattern", "ResetRule", "increments", "step"]
-
 CHARGE_MAX = 4095
 """Largest charge: 12 bits, saturating."""
 

@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 from rtl_model.geometry import Geometry
 
-__all__ = ["Sink", "SinkTile"]
-
 
 class SinkTile(NamedTuple):
     """A displayed tile.

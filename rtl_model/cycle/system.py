@@ -28,8 +28,6 @@ from rtl_model.registers import (
     reset_value,
 )
 
-__all__ = ["System"]
-
 _BY_ADDRESS = {register.address: register for register in REGISTERS}
 _RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
 _SINK_DATA = next(entry.address for entry in REGISTERS if entry.name == "sink_data")

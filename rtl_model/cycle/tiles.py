@@ -10,8 +10,6 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
 
-__all__ = ["TILE", "Tiles", "rows_of"]
-
 TILE = np.dtype(
     [("clock", "<u8"), ("frame", "<u4"), ("row", "<u2"), ("tile", "<u2"), ("bits", "<u8")]
 )

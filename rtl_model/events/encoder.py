@@ -16,8 +16,6 @@ from sensor.codec.bits import lowest_bit
 from sensor.codec.packets.event import packet_of_line
 from sensor.codec.packets.packet import Packet
 
-__all__ = ["CODE", "CRC_TABLE", "OUTPUT", "EventEncoder", "Output", "Ready", "packets_in"]
-
 CODE = 4
 """Number of the code `event` in packets."""
 OUTPUT = np.dtype([("clock", "<u8"), ("data", "<u2"), ("last", "u1")], align=True)

@@ -11,8 +11,6 @@ from cosim.spikes.viform import Words
 from rtl_model.cycle import TILE, Tiles
 from rtl_model.events.size import EventSize
 
-__all__ = ["random_ready", "steady_words", "tiles_of"]
-
 
 def steady_words(
     size: EventSize, cycles: int, rate: float, spread: float, jitter: float, seed: int

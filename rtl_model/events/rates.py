@@ -12,8 +12,6 @@ from rtl_model.events.encoder import EventEncoder
 from rtl_model.events.light import steady_words, tiles_of
 from rtl_model.events.size import EventSize
 
-__all__ = ["Carried", "measure", "most_rate"]
-
 THRESHOLD: Final = 1000.0
 """Electrons of a spike."""
 SPREAD: Final = 0.5

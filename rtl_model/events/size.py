@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["EventSize"]
-
 
 class EventSize(NamedTuple):
     """Parameters of `viform_event_encoder` and `viform_event_decoder`.

@@ -13,8 +13,6 @@ from rtl_model.events.encoder import OUTPUT, Output, Ready
 from rtl_model.events.size import EventSize
 from rtl_model.verilated import VerilatedModule, library
 
-__all__ = ["VerilatedDecoder", "VerilatedEncoder"]
-
 
 class _Verilated(VerilatedModule):
     """A module behind a shim. Raises InputError where Verilator is missing."""

@@ -17,8 +17,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
 from rtl_model.verilated import VERILOG, build_crc, verilog_files
 
-__all__ = ["Design", "design_for"]
-
 
 class Design(NamedTuple):
     """A build for a target.

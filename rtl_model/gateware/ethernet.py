@@ -20,8 +20,6 @@ from typing import Literal, NamedTuple
 
 from cosim import InputError
 
-__all__ = ["ETHERNET", "Ethernet", "Network", "core_config", "ethernet_named", "network"]
-
 BUFFER_WORDS = 256
 """Longest Etherbone record that the core takes: 255 words and their address."""
 

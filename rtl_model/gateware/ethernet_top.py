@@ -7,8 +7,6 @@ from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import OPEN, TOP, life, span, wrapped
 from rtl_model.geometry import Geometry
 
-__all__ = ["CORE", "ethernet_pins", "ethernet_top"]
-
 CORE = "liteeth_core"
 """Name of LiteEth's module; its file ends in `.v`."""
 

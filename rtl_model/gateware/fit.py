@@ -10,8 +10,6 @@ from rtl_model.gateware.design import Design
 from rtl_model.gateware.top import TOP
 from rtl_model.synthesis import synthesise
 
-__all__ = ["Fit", "fit"]
-
 
 class Fit(NamedTuple):
     """Cells of a build, and those of the device (`*_of`).

@@ -8,8 +8,6 @@ from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import pins
 from rtl_model.geometry import Geometry
 
-__all__ = ["readme"]
-
 
 def readme(
     target: Target,

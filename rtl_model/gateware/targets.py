@@ -21,8 +21,6 @@ from typing import Literal, NamedTuple
 
 from cosim import InputError
 
-__all__ = ["TARGETS", "Device", "GatewareFamily", "Target", "target_named"]
-
 GatewareFamily = Literal["ecp5", "xc7"]
 """Supported families of FPGAs: ECP5 by the open tools, 7 series by Vivado."""
 

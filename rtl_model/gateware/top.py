@@ -7,8 +7,6 @@ import math
 from rtl_model.gateware.targets import Target
 from rtl_model.geometry import Geometry
 
-__all__ = ["OPEN", "PORTS", "TOP", "life", "pins", "span", "top_module", "wrapped"]
-
 TOP = "viform_top"
 """Name of the module; its file ends in `.v`."""
 

@@ -15,8 +15,6 @@ from rtl_model.imagers.catalogue import by_number
 from rtl_model.imagers.device.registers import HEAD, IMAGER_MAGIC, IMAGER_VERSION
 from rtl_model.registers import MAGIC, VERSION
 
-__all__ = ["Board", "BoardInfo", "ImagerInfo", "recognised"]
-
 _HEAD = {register.name: register.address for register in HEAD}
 _IDENTIFIER_WORDS = 256  # longest identifier of LiteX
 _IDENTIFIER_BLOCK = 16

@@ -12,8 +12,6 @@ from rtl_model.host.log import LineLog, Logged
 from rtl_model.host.ports import AS_EVER, Lines, open_port
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S, Uartbone
 
-__all__ = ["Bone", "check_answers", "opened_bone", "patience_s"]
-
 
 class Bone(Protocol):
     """Words at byte addresses: `Uartbone` over a serial line, `Etherbone` over UDP."""

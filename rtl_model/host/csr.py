@@ -20,8 +20,6 @@ from rtl_model.imagers.catalogue import IMAGERS, design
 from rtl_model.imagers.device.registers import CONSTANT
 from rtl_model.registers import REGISTERS, Register, csr_csv
 
-__all__ = ["CsrMap", "CsrRegister", "MemoryRegion", "default_map", "imager_map", "read_csr"]
-
 _MODES = ("ro", "rw", "wo")
 _TOP = 1 << 32
 _WORDS_MAX = 1 << 10  # of a register; the longest of LiteX have some tens

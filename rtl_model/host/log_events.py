@@ -12,11 +12,6 @@ from cosim import InputError
 from cosim.errors import quote
 from rtl_model.host.log import FORMAT
 
-__all__ = [
-    "Answer", "AnyEvent", "Datagram", "Dropped", "LogEvent", "Opened", "Request", "Stray",
-    "read_log",
-]  # fmt: skip
-
 
 def _printable(text: str) -> str:
     if not text.isprintable():

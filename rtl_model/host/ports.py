@@ -32,11 +32,6 @@ except ImportError:  # Windows, whose ports pyserial opens without it
         """Is never raised."""
 
 
-__all__ = [
-    "AS_EVER", "Level", "Lines", "Port", "SerialPort", "is_pty", "latency_timer", "open_port",
-    "ports_here",
-]  # fmt: skip
-
 _POLL_S = 0.01  # interval at which a read checks its deadline
 _COUNTED_S = 0.1  # most of the time between two such looks that counts
 _TIMERS = Path("/sys/bus/usb-serial/devices")

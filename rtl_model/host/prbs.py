@@ -10,8 +10,6 @@ from rtl_model.host.faults import LineFault
 from rtl_model.host.uartbone import FINAL
 from rtl_model.prbs import ORDERS, Prbs
 
-__all__ = ["ORDERS", "Exchanged", "PrbsReport", "check", "exchange"]
-
 _FAULTS = 3  # most interrupted answers of one measurement over a serial line
 _MISMATCHES = 2  # wrong blocks over UDP in a row that are read again
 _IN_A_ROW = 8  # most consecutive ones over UDP, which may lose any packet

@@ -16,8 +16,6 @@ from rtl_model.host.board import Board
 from rtl_model.host.capture import SETTINGS, Captured, burst, stop
 from rtl_model.host.faults import Cause, LineFault
 
-__all__ = ["LEVELS", "Reading", "check_levels", "read_charges"]
-
 LEVELS: Final = tuple(1 << n for n in range(1, 8))
 """Levels that a reading may have."""
 

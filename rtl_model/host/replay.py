@@ -12,8 +12,6 @@ from cosim.errors import shorten
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log_events import Answer, Dropped, LogEvent, Opened, Request, Stray, read_log
 
-__all__ = ["ReplayPort"]
-
 _ANSWER = 4 * 255  # bytes of the longest answer
 
 

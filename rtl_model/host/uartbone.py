@@ -21,11 +21,6 @@ from rtl_model.host.ports import Port
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = [
-    "BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone", "check_address",
-    "read_request", "write_request",
-]  # fmt: skip
-
 PATIENCE_S, SIMULATED_PATIENCE_S = 0.3, 3.0
 """Longest wait for an answer beyond line time, s. A busy machine may suspend the thread of a
 simulated board."""

@@ -27,8 +27,6 @@ from rtl_model.verilated import (
     write_view,
 )
 
-__all__ = ["Outcome", "run"]
-
 _ENDLESS = 1 << 62
 # States in which the capture registers may change between two reads.
 _MOVING = mask("capture_state", "armed") | mask("capture_state", "busy")

@@ -12,8 +12,6 @@ from cosim.errors import one_line
 from rtl_model.cycle import Tiles
 from rtl_model.lockstep.program import Program
 
-__all__ = ["Difference", "first_difference"]
-
 
 @dataclass
 class Difference:

@@ -16,8 +16,6 @@ import numpy as np
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS
 
-__all__ = ["ADDRESS", "Chunk", "Program", "Write"]
-
 ADDRESS = {entry.name: entry.address for entry in REGISTERS} | {
     memory.name: memory.address for memory in MEMORIES
 }

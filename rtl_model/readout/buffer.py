@@ -24,8 +24,6 @@ from cosim.files.raw_layout import BLOCK_BYTES
 from cosim.stage import State
 from rtl_model.readout.timing import BLOCK_PS, ScanTiming
 
-__all__ = ["ROW_BYTES", "ROW_PS", "RowBuffer"]
-
 ROW_BYTES: Final = 2 * BLOCK_BYTES
 ROW_PS: Final = 2 * BLOCK_PS
 """Duration of a row on the chip's output, ps."""

@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from cosim.files.durable import put, sync, sync_all
 
-__all__ = ["HostFile"]
-
 _PART: Final = 1 << 24
 """Bytes that are checked at a time."""
 

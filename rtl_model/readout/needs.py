@@ -16,8 +16,6 @@ from cosim.clock import PS
 from rtl_model.readout.buffer import ROW_BYTES, ROW_PS, RowBuffer
 from rtl_model.readout.timing import BIT_RATE, ScanTiming
 
-__all__ = ["Needs", "needed_buffer", "needed_rate"]
-
 _ROW_BITS: Final = ROW_BYTES * 8
 _MOST: Final = 4000
 """Cycles of a run whose losses a plan computes, at most."""

@@ -9,8 +9,6 @@ from cosim.files.raw_layout import BLOCK_BYTES, HALF, RAW_SIZE
 from cosim.spikes.viform import Words, unpack_planes
 from rtl_model.readout.window import Window
 
-__all__ = ["read_in_numpy"]
-
 
 def read_in_numpy(words: Words, cycles: int, window: Window | None = None) -> npt.NDArray[np.uint8]:
     """Raw bytes of the chip's output, (cycles, blocks, 64) uint8.

@@ -13,8 +13,6 @@ from cosim.files.raw_layout import BLOCK_BYTES, RAW_SIZE
 from cosim.spikes.viform import Words, words_for
 from rtl_model.readout.window import Window
 
-__all__ = ["Readout"]
-
 _LOCAL: Final = 8
 """Blocks of a work-group; a fixed size lets PoCL compile the kernel only once."""
 

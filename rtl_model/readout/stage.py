@@ -20,8 +20,6 @@ from rtl_model.readout.host_file import HostFile
 from rtl_model.readout.reference import read_in_numpy
 from rtl_model.readout.scan import Readout
 
-__all__ = ["LOST", "RAW", "ScanStage"]
-
 RAW: Final = "readout.raw"
 """The bytes that the host gets, in the folder of a run."""
 LOST: Final = "readout.npz"

@@ -18,8 +18,6 @@ from cosim.config.amounts import at_most
 from cosim.files.raw_layout import BLOCK_BYTES, FRAME_BYTES
 from rtl_model.readout.window import Window
 
-__all__ = ["BIT_RATE", "BLOCK_PS", "ScanTiming"]
-
 BIT_RATE: Final = FRAME_BYTES * 8 * 40_000
 """Rate of the chip's output, bit/s: 40.96 Gbit/s."""
 BLOCK_PS: Final = BLOCK_BYTES * 8 * PS // BIT_RATE

@@ -14,8 +14,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers.parameters import parameters
 from rtl_model.registers.table import MEMORIES, REGISTERS, Memory, Register
 
-__all__ = ["csr_csv", "csr_text"]
-
 _CSR_BYTES = 0x1000  # registers and identifier have lower addresses
 
 

@@ -9,11 +9,6 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-__all__ = [
-    "MAGIC", "MEMORIES", "REGISTERS", "VERSION", "WRITE_WORDS", "Field", "Memory", "Register",
-    "mask", "quantum",
-]  # fmt: skip
-
 MAGIC = 0x53504B32
 """First word of a Viform board, ASCII "SPK2"."""
 VERSION = 0x0001_0002

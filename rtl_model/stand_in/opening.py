@@ -16,8 +16,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.host import Board, BoardInfo, LineFault, Lines, is_pty, opened_bone
 from rtl_model.host.ether import is_loopback, is_udp, udp_address
 
-__all__ = ["OpenBoard", "open_board", "parse_address"]
-
 _BAUD: Final = Geometry().baud
 _VIRTUAL: Final = "virtual"
 _VIRTUAL_BAUD: Final = 3_000_000

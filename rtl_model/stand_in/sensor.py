@@ -22,8 +22,6 @@ from rtl_model.registers import mask, quantum
 from rtl_model.stand_in.opening import OpenBoard
 from rtl_model.stand_in.stepping import Stepper
 
-__all__ = ["BoardSensor", "finest_level", "quantise", "written_levels"]
-
 LEVELS: Final = 16
 STEP_MOST: Final = 255
 FRAMES_MOST: Final = 1 << 20

@@ -17,8 +17,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import quantum
 from rtl_model.stream.ring import Fifo, Tile
 
-__all__ = ["Command", "ExternalArray", "Memory", "pack", "state_words"]
-
 _BITS = 20  # of a pixel in a word: 12 of charge, 8 of electrons a tick
 
 

@@ -9,8 +9,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.stream.ring import Tile
 from rtl_model.stream.sensor import MARKER, TRAINING, check_word
 
-__all__ = ["Lane", "Lines"]
-
 FIND = 4
 """Training words in a row that are an alignment."""
 LOSE = 4

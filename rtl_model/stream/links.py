@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["LINKS", "Link", "raw_rate"]
-
 
 class Link(NamedTuple):
     """A link from an FPGA board to a host.

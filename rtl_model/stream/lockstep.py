@@ -13,8 +13,6 @@ from rtl_model.stream.program import Case
 from rtl_model.stream.ring import Beat
 from rtl_model.stream.verilated import COLUMNS, VerilatedStream
 
-__all__ = ["Outcome", "beats", "model_outputs", "run"]
-
 Numbers = npt.NDArray[np.uint64]
 
 

@@ -17,8 +17,6 @@ from rtl_model.stream.external import ExternalArray, Memory
 from rtl_model.stream.lines import Lines
 from rtl_model.stream.ring import Ring, Tile
 
-__all__ = ["array_outputs", "external_outputs", "lines_outputs"]
-
 _RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
 _WORD = (1 << 64) - 1
 

@@ -17,8 +17,6 @@ from rtl_model.stream.external import state_words
 from rtl_model.stream.lines import SKEW
 from rtl_model.stream.sensor import disturbed, lane_words
 
-__all__ = ["Case"]
-
 Numbers = npt.NDArray[np.uint64]
 
 

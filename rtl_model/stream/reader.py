@@ -12,8 +12,6 @@ from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.stream.ring import Beat
 
-__all__ = ["Received", "read_stream"]
-
 _NUMBERS = 1 << 20  # a head has the plane's number modulo this
 
 

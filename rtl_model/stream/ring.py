@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections import deque
 from typing import Generic, NamedTuple, TypeVar
 
-__all__ = ["Beat", "Fifo", "Ring", "Tile"]
-
 T = TypeVar("T")
 
 

@@ -15,8 +15,6 @@ from fastcrc import crc8
 
 from rtl_model.geometry import Geometry
 
-__all__ = ["MARKER", "TRAINING", "check_word", "disturbed", "lane_words"]
-
 TRAINING = 0xE9
 """Word of a pause. Its rotations differ from each other in four bits or more."""
 MARKER = 0x02

@@ -11,8 +11,6 @@ import numpy.typing as npt
 from rtl_model.geometry import Geometry
 from rtl_model.verilated import VerilatedModule, library
 
-__all__ = ["COLUMNS", "VerilatedStream"]
-
 _STREAM = ("valid", "data", "last", "user", "lost_planes", "lost_rows")
 COLUMNS: dict[str, tuple[str, ...]] = {
     "array": _STREAM,

@@ -30,21 +30,6 @@ from cosim.errors import MissingPackages
 from cosim.files.whole import whole
 from rtl_model.geometry import Geometry
 
-__all__ = [
-    "CACHE_BYTES",
-    "PACKAGES",
-    "UNUSED_DAYS",
-    "VERILOG",
-    "BuildFailed",
-    "Trace",
-    "build_crc",
-    "fst_library",
-    "library",
-    "missing",
-    "prune",
-    "verilog_files",
-]  # fmt: skip
-
 _SHARED = Path(__file__).parent.resolve()  # headers of several rooms' shims
 VERILOG = Path(__file__).parents[1] / "verilog"
 """Folder of the design's sources."""

@@ -7,8 +7,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-__all__ = ["VerilatedModule"]
-
 
 class VerilatedModule:
     """One instance of a library that `build.library` has built; a context that ends it.

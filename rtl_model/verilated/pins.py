@@ -14,8 +14,6 @@ from rtl_model.verilated.build import library
 from rtl_model.verilated.module import VerilatedModule
 from rtl_model.verilated.system import Waves
 
-__all__ = ["VerilatedPins"]
-
 _SHIM = Path(__file__).with_name("pins.cpp")
 _BITS = 10
 

@@ -16,8 +16,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.verilated.build import Trace, library
 from rtl_model.verilated.module import VerilatedModule
 
-__all__ = ["SHIM", "VerilatedSystem", "Waves", "trace_format"]
-
 SHIM = Path(__file__).with_name("system.cpp")
 
 _ROOM = 1 << 16  # tiles of one call

@@ -22,12 +22,10 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 from rtl_model.virtual.faults import Faults, parse
 from rtl_model.virtual.line import Bytes, FaultyLine
-from rtl_model.virtual.pace import LINGER_S, Pace, measured_speed
+from rtl_model.virtual.pace import Pace, measured_speed
 from rtl_model.virtual.served import Served
 from rtl_model.virtual.simulators import ROOM, Level, Simulator, make_simulator
 from rtl_model.virtual.terminal import Terminal
-
-__all__ = ["LEVELS", "LINGER_S", "VirtualBoard", "nominal_clock"]
 
 LEVELS: tuple[Level, ...] = ("bytes", "pins", "model")
 

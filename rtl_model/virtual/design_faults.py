@@ -15,8 +15,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import MAGIC, REGISTERS
 from rtl_model.virtual.faults import Faults
 
-__all__ = ["FOREIGN_MAGIC", "FaultySystem", "inject_faults"]
-
 FOREIGN_MAGIC = 0x4C695465
 """ASCII "LiTe": the magic word of another design."""
 

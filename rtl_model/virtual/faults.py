@@ -23,8 +23,6 @@ from typing import Literal, NamedTuple
 from cosim import InputError
 from rtl_model.geometry import Geometry
 
-__all__ = ["ByteFault", "Faults", "Kind", "Way", "parse"]
-
 Way = Literal["rx", "tx"]
 Kind = Literal["drop", "flip", "extra", "cut", "power-cycle"]
 

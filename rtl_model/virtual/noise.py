@@ -9,8 +9,6 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from rtl_model.virtual.faults import Way
 
-__all__ = ["BITS", "noise"]
-
 BITS = 10
 """Bits of a byte on the line: start, eight data bits, stop."""
 

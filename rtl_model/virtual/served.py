@@ -12,8 +12,6 @@ from cosim import ViformError
 from rtl_model.geometry import Geometry
 from rtl_model.virtual.pace import MARGIN
 
-__all__ = ["Served"]
-
 _ATTENTION_S = 0.2  # interval at which `wait` checks the thread
 
 

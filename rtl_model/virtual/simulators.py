@@ -21,8 +21,6 @@ from rtl_model.virtual.noise import noise
 if TYPE_CHECKING:
     from rtl_model.cycle import Behind
 
-__all__ = ["ROOM", "Level", "Simulator", "faulty_library", "make_simulator"]
-
 Level = Literal["bytes", "pins", "model"]
 
 ROOM = 4096

@@ -8,8 +8,6 @@ from typing import Any
 from cosim import InputError
 from scenarios.assemble.schema.scenario import Scenario
 
-__all__ = ["refuse_device", "refuse_keys", "refuse_leftovers", "with_section"]
-
 _SECTIONS = {
     "asynchronous": "asynchronous",
     "channel": "asynchronous",

@@ -14,11 +14,6 @@ if TYPE_CHECKING:
 
     from scenarios.assemble.schema.scenario import AnyScenario
 
-__all__ = [
-    "Device", "Resume", "ScenarioName", "ScenarioOptions", "Scheduler", "Tolerance", "Workers",
-    "check_figure", "count_workers", "expand_options",
-]  # fmt: skip
-
 ScenarioName = Annotated[
     str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
 ]

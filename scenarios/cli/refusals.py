@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-__all__ = ["parser_refusal"]
-
 _SAID = re.compile(r"Invalid value for '(?P<name>[^']+)': (?:Value error, )?(?P<why>.*)", re.DOTALL)
 _MUST = (
     (re.compile(r"Input should be greater than or equal to (\S+)"), "at least {}"),

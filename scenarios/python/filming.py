@@ -23,8 +23,6 @@ from scenarios.python.frames import array_of, rate_of, write_frames
 from scenarios.python.running import run, source_file
 from scenarios.python.words import in_python
 
-__all__ = ["film"]
-
 
 @in_python
 def film(

@@ -17,8 +17,6 @@ from cosim.files.event_file import ENDING, read_events
 from cosim.files.intensities import read_intensities
 from scenarios.python.streams import Stream, open_stream
 
-__all__ = ["Run"]
-
 
 @dataclass(frozen=True, repr=False)
 class Run:

@@ -18,8 +18,6 @@ from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.calls import Called
 from scenarios.python.words import in_python
 
-__all__ = ["Link"]
-
 SIZE: Final = 100_000
 """Bytes of a call for which the mode is chosen, by default."""
 _MOST: Final = 1_000_000_000

@@ -19,8 +19,6 @@ from scenarios.python.finished import Run
 from scenarios.python.words import in_python
 from scenarios.run import run_scenario
 
-__all__ = ["run", "source_file"]
-
 
 def source_file(
     out: str | os.PathLike[str] | None, folder: str, ending: str, *, resume: bool

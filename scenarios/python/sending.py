@@ -15,8 +15,6 @@ from scenarios.python.link import Link
 from scenarios.python.running import run, source_file
 from scenarios.python.words import in_python
 
-__all__ = ["send"]
-
 
 @overload
 def send(

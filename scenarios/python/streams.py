@@ -15,8 +15,6 @@ from cosim.spikes.viform import Sliceable, SpikeStream, Words
 from scenarios.python.words import in_python
 from sensor.codec.files import open_any
 
-__all__ = ["Stream", "as_stream", "open_stream", "save_stream"]
-
 
 class Stream(Sliceable):
     """A stream in a file, which is read where it is used. Its parts are in memory.

@@ -21,8 +21,6 @@ from sensor.reconstruct import METHODS, reconstruct
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
 from sensor.reconstruct.readings import DimLight
 
-__all__ = ["MethodRow", "compare_methods", "truth_of_file", "truth_of_run"]
-
 Truths = Mapping[int, Plane]
 """True reflectance, white = 1, (H, W), by cycle."""
 _PNG: Final = b"\x89PNG\r\n\x1a\n"

@@ -23,8 +23,6 @@ from sensor.reconstruct import reconstruct
 from sensor.reconstruct.intervals import isi, spike_cycles
 from sensor.reconstruct.playback import PLAYED
 
-__all__ = ["Opened", "open_recording", "open_run", "with_scene"]
-
 _KEPT: Final = 1 << 28
 """Bytes of decoded chunks in memory: 2048 cycles of 1000 x 1000 pixels."""
 _PLANES: Final = 8

@@ -36,8 +36,6 @@ from cosim.errors import ViformError
 if TYPE_CHECKING:
     from scenarios.view.opened import Opened
 
-__all__ = ["CONNECTIONS", "HOST", "MOST", "ViewServer"]
-
 HOST: Final = "127.0.0.1"
 MOST: Final = 4096
 """Cycles of a pixel in one answer, at most."""

@@ -36,8 +36,6 @@ from sensor.asynchronous.readout.channel import Channel, ChannelModel
 from sensor.asynchronous.readout.recorder import Output, gather_events
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["EventCamera", "FilmedEvents", "LiveEvents", "Sending"]
-
 MOST = 20_000_000
 """Events of a call beyond which it ends."""
 _ENDLESS = 2**62

@@ -12,8 +12,6 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.spikes.events import time_order
 
-__all__ = ["EventModel", "Firings", "latched", "least_electrons"]
-
 
 def least_electrons(level: int, threshold: int, levels: int) -> int:
     """The least electrons that read as `level` of `levels`: floor(levels n / threshold) = level."""

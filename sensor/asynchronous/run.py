@@ -20,8 +20,6 @@ from sensor.asynchronous.readout.shots import EventShot
 from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["EventRun", "EventSpec", "EventStart", "EventViews"]
-
 
 @dataclass(frozen=True, eq=False)
 class EventSpec:

@@ -29,8 +29,6 @@ from sensor.calibrate.reset_rule import reset_rule
 from sensor.calibrate.trains import Trains, read_trains
 from sensor.laboratory.laws import measure_laws
 
-__all__ = ["Calibration", "Recording", "calibrate"]
-
 Role = Literal["flat", "scene", "moving", "dark", "saturated"]
 _SCENE: Final = 0.3
 """Correlation of neighbouring pixels from which constant light is a scene and not uniform."""

@@ -22,8 +22,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["dark_likelihood"]
-
 Counts = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
 _LEAST: Final = 1e-12

@@ -11,8 +11,6 @@ from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.calibrate.histograms import Histogram
 
-__all__ = ["intervals_figure"]
-
 _BLUE: Final = "#2f5fa8"
 _SHOWN: Final = 1e-7
 """Least share of the intervals that the axis shows."""

@@ -11,8 +11,6 @@ import numpy.typing as npt
 from sensor.calibrate.interval_law import latched_probabilities
 from sensor.calibrate.trains import Trains
 
-__all__ = ["Histogram", "compare_histograms"]
-
 Values = npt.NDArray[np.float64]
 _PIXELS: Final = 4096
 """Pixels of a comparison at most, evenly spaced."""

@@ -14,10 +14,6 @@ from sensor.calibrate.parameter import DEVIATIONS, Parameter, proportion, rooted
 from sensor.calibrate.pattern import PatternFit
 from sensor.calibrate.trains import Trains
 
-__all__ = [
-    "defect_parameters", "noise_parameters", "outside_parameters", "pattern_parameters",
-]  # fmt: skip
-
 _TOLD: Final = 2.0
 """Ratio of the limits of the threshold from which it counts as known."""
 _DARK: Final = "record with the lens capped: --dark DARK.dat"

@@ -31,8 +31,6 @@ import numpy.typing as npt
 from sensor.calibrate.interval_law import latched_third, sample_variance
 from sensor.calibrate.trains import Trains
 
-__all__ = ["Estimate", "Noise", "measure_noise"]
-
 Values = npt.NDArray[np.float64]
 _SPARE: Final = 0.02
 """Share of pixels, those with fewest spikes, whose intervals are not used: with the same number of

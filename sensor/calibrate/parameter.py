@@ -7,8 +7,6 @@ from typing import Any
 
 from cosim.config.amounts import amount
 
-__all__ = ["Parameter", "proportion", "rooted"]
-
 DEVIATIONS = 1.959964
 """Standard errors to either side that hold 95 % of a normal law."""
 

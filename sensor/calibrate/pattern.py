@@ -41,8 +41,6 @@ import numpy.typing as npt
 from sensor.calibrate.censored import dark_likelihood
 from sensor.calibrate.trains import Trains
 
-__all__ = ["MOST_PIXELS", "PatternFit", "fit_pattern"]
-
 Values = npt.NDArray[np.float64]
 MOST_PIXELS: Final = 65_536
 """Pixels of the likelihood at most, evenly spaced over larger chips."""

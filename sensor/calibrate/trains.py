@@ -13,8 +13,6 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream, words_for
 
-__all__ = ["LEAST_CYCLES", "Sums", "Trains", "read_trains"]
-
 LEAST_CYCLES: Final = 64
 """Shortest recording that is read, cycles; a pixel at 0.3 spikes a cycle then has 19 spikes."""
 _BYTES: Final = 1 << 30

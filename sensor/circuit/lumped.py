@@ -27,8 +27,6 @@ import numpy as np
 from cosim.clock import PS
 from sensor.circuit.circuit import Circuit
 
-__all__ = ["Lumped", "lump"]
-
 _CELLS: Final = 400
 """Cells of light a decade."""
 

@@ -16,8 +16,6 @@ from numba import njit
 from sensor.circuit.closed import crossing_time, output, relaxed, wait_for
 from sensor.circuit.relax import relax, swing_of
 
-__all__ = ["DELAY", "INTEGRATE", "RESET", "steady_interval", "within"]
-
 INTEGRATE, DELAY, RESET = 0, 1, 2
 
 

@@ -10,8 +10,6 @@ from pydantic import Field, model_validator
 from cosim.config.quantity import Capacitance, Duration, Quantity, Section, Time
 from sensor.circuit.circuit import Circuit
 
-__all__ = ["CircuitSection"]
-
 _FEMTO = 1e-15
 
 

@@ -29,11 +29,6 @@ from sensor.codec.follow import (
 from sensor.codec.law import effective_q
 from sensor.codec.line import LINE_CARRY, LINE_COLUMNS, LINE_STATE, from_line, lines, to_line
 
-__all__ = [
-    "BAND", "CHUNK", "CODES", "Code", "Frame", "band_memory", "decode_band", "encode",
-    "encode_band", "frame_count", "workers",
-]  # fmt: skip
-
 CODES: Final = ("line", "repeat", "statistical")
 CHUNK: Final = 16
 """Words in a chunk, 512 cycles."""

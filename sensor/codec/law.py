@@ -16,9 +16,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammainc
 
-__all__ = ["LATCH_VARIANCE", "effective_q", "entropy_bounds", "event_rate", "width_law",
-           "width_sigma"]  # fmt: skip
-
 LATCH_VARIANCE = 1 / 6
 """Variance that the latch adds to the variance of the interval, tick^2."""
 _PHASES = 256

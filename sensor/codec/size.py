@@ -15,19 +15,6 @@ from cosim.run.result import Metric
 from cosim.spikes.viform import Words, unpack_planes
 from sensor.codec.coding import Code, encode
 
-__all__ = [
-    "LAYOUTS",
-    "REFINE",
-    "K",
-    "Sizes",
-    "coded_size",
-    "layout",
-    "measure_sizes",
-    "sample_places",
-    "size_metrics",
-    "zstd_size",
-]
-
 SAMPLE = 128
 """Rows, and pixels of each, whose size is measured in a run's stream."""
 _BITS = 1 << 26

@@ -32,8 +32,6 @@ from sensor.codec.packets.encoder import StreamEncoder
 from sensor.codec.packets.packet import HEADER, Packet
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["VFL", "VflStream", "write_vfl"]
-
 VFL = ".vfl"
 """Ending of the files."""
 _MAGIC = b"VIFVFL1\n"

@@ -26,8 +26,6 @@ from sensor.continuous.sampled import stationary, walk
 from sensor.continuous.setting import ContinuousSetting
 from sensor.continuous.state import Monitors, Reports, collect
 
-__all__ = ["ContinuousCamera"]
-
 _STEPS = 64
 """Ticks in one call of the sampled kernel: bounds the room that noisy pixels can need."""
 _NONE = np.zeros(0)

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Converter"]
-
 Values = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.uint32]
 

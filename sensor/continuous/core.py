@@ -24,8 +24,6 @@ from cosim.stage import BLOCK
 from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.setting import ContinuousSetting
 
-__all__ = ["Collected", "FilmedIntensities", "IntensityCamera", "LiveIntensities"]
-
 MOST = 20_000_000
 """Reports of a call beyond which it ends."""
 

@@ -12,8 +12,6 @@ from cosim.config.amounts import amount
 from cosim.report.frames import FRAMES, FrameColumn, frames_part
 from sensor.continuous.run import ContinuousRun
 
-__all__ = ["reports_explorer"]
-
 _FULL: Final = 65_535
 """Largest value shown."""
 

@@ -32,8 +32,6 @@ from sensor.continuous.shots import (
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import write_images
 
-__all__ = ["ContinuousMachine"]
-
 _METHOD: Final = ("continuous",)
 _COLUMNS: Final = ("row", "column", "time", "value")
 _DRAWN: Final = 10

@@ -15,8 +15,6 @@ from sensor.continuous.shots import ContinuousShot, PixelLight
 from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["STREAM", "ContinuousRun", "ContinuousSpec", "ContinuousViews"]
-
 STREAM: Final = "stream.intensities.npz"
 """The reports' name in a run's folder."""
 

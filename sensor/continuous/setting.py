@@ -11,8 +11,6 @@ from sensor.continuous.converter import Converter
 from sensor.device.chips import Chip
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["QUIET", "ContinuousSetting", "quiet_floor"]
-
 QUIET = 6.0
 """Standard deviations of shot noise that the threshold holds at least where no floor is given. A
 change is measured from a reference that is as noisy as the current itself, so their difference has

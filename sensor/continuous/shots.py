@@ -17,11 +17,6 @@ from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.fidelity import Estimate, to_white
 from sensor.sections.sensor import SPIKING, SensorSection
 
-__all__ = [
-    "ContinuousShot", "PixelLight", "effect_names", "notes_of", "report_ages", "report_metrics",
-    "take_shots",
-]  # fmt: skip
-
 FEW = 100
 """Electrons a time constant below which the shot noise drawn is a limit's (docs/continuous.md)."""
 Instants = npt.NDArray[np.int64]

@@ -8,8 +8,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CHUNK", "Monitors", "Reports", "collect"]
-
 CHUNK = 256
 """Pixels whose reports share one buffer, and one task of a processor core."""
 

@@ -12,8 +12,6 @@ from typing import Any, Final
 
 from sensor.device.steering import BOARD, ClockSteering
 
-__all__ = ["CHIPS", "GIVEN", "MOST_PIXELS", "Chip"]
-
 
 @dataclass(frozen=True)
 class Chip:

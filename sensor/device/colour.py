@@ -25,8 +25,6 @@ from cosim.light.illuminant import photon_density
 from cosim.light.mosaic import Mosaic
 from cosim.light.radiometry import photons_per_lux
 
-__all__ = ["absorbed", "filter_array", "response"]
-
 Values = npt.NDArray[np.float64]
 
 LUMINANCE: Final = (0.2126, 0.7152, 0.0722)

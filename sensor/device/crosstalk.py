@@ -15,8 +15,6 @@ import numpy as np
 
 from cosim.light.light import Box, Plane, PlaneMap
 
-__all__ = ["crosstalk_map", "side_share"]
-
 
 def side_share(crosstalk: float) -> float:
     """Share a that goes to each side, where `crosstalk` (0 to 1) is what a pixel loses in all."""

@@ -7,8 +7,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["mix"]
-
 
 @njit(cache=True, nogil=True)
 def _walk(share, before, here, after):  # type: ignore[no-untyped-def]

@@ -19,8 +19,6 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.stopping import threads
 from cosim.compute.streams import Stream
 
-__all__ = ["DOUBLING", "DevicePattern", "FixedPattern", "dark_current"]
-
 DOUBLING: Final = 6.5
 """Kelvin in which dark current doubles: 6 to 7 for silicon near room temperature."""
 _GRAIN: Final = 1 << 24

@@ -11,8 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-__all__ = ["USUAL", "Sized"]
-
 USUAL: Final = "no source for a spike chip: a round number usual for CMOS image sensors"
 
 

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 
 from cosim.clock import PS, Clock
 
-__all__ = ["BOARD", "ClockSteering"]
-
 
 @dataclass(frozen=True)
 class ClockSteering:

@@ -14,8 +14,6 @@ from sensor.device.ktc import ktc_electrons
 from sensor.dynamic_range.converter import Converter
 from sensor.dynamic_range.noise import BOLTZMANN_EV, ZERO_CELSIUS, DarkLaw, SensorNoise
 
-__all__ = ["CONVERTERS", "KODAK", "SENSORS", "ConverterPart", "SensorPart"]
-
 
 @dataclass(frozen=True)
 class SensorPart:

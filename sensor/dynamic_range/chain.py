@@ -33,8 +33,6 @@ from fractions import Fraction
 from sensor.dynamic_range.converter import Converter
 from sensor.dynamic_range.decibels import decibels
 
-__all__ = ["Chain", "document_dynamic_range", "gain_counted_once", "rounding_variance"]
-
 
 def document_dynamic_range(
     saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,

@@ -16,8 +16,6 @@ import numpy.typing as npt
 
 from sensor.dynamic_range.decibels import as_ratio, decibels
 
-__all__ = ["Mapping"]
-
 Values = npt.NDArray[np.float64]
 
 

@@ -20,8 +20,6 @@ from sensor.dynamic_range.chain import Chain
 from sensor.dynamic_range.decibels import decibels
 from sensor.imagers.draws import normal, poisson
 
-__all__ = ["MeasuredRange", "chain_values", "measure_chain"]
-
 Values = npt.NDArray[np.float64]
 
 _PEDESTAL: Final = 12.0

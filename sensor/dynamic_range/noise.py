@@ -13,8 +13,6 @@ from typing import Final
 
 from sensor.device.pattern import DOUBLING, dark_current
 
-__all__ = ["BOLTZMANN_EV", "ZERO_CELSIUS", "DarkLaw", "SensorNoise"]
-
 ZERO_CELSIUS: Final = 273.15
 """K, by definition of the Celsius scale."""
 BOLTZMANN_EV: Final = 8.617333262e-5

@@ -13,8 +13,6 @@ from sensor.dynamic_range.converter import ConverterRule, converter_rule
 from sensor.dynamic_range.decibels import sensor_dynamic_range
 from sensor.dynamic_range.mapping import Mapping
 
-__all__ = ["Budget", "Choice", "Judged", "sweep"]
-
 _TIE: Final = 6
 """Dynamic ranges that agree to this many decimals of a dB count as equal."""
 

@@ -18,8 +18,6 @@ import numpy.typing as npt
 
 from sensor.dynamic_range.decibels import decibels
 
-__all__ = ["DALSA", "FullWell"]
-
 Values = npt.NDArray[np.float64]
 
 

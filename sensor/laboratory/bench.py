@@ -18,8 +18,6 @@ from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Effect
 from sensor.imagers import Exposed
 
-__all__ = ["LEAST_VARIANCE", "Bench", "Pixels", "Stack", "take_levels"]
-
 Values = npt.NDArray[np.float64]
 
 

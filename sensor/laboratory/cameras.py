@@ -16,8 +16,6 @@ from sensor.imagers.emccd.chip import PITCH
 from sensor.laboratory.bench import Bench
 from sensor.laboratory.spiking import SpikeCounter, silicon_setting
 
-__all__ = ["CAMERAS", "Camera"]
-
 
 @dataclass(frozen=True)
 class Camera:

@@ -22,8 +22,6 @@ from sensor.laboratory.bench import LEAST_VARIANCE, Bench, Stack
 from sensor.laboratory.estimate import Estimate, deviations
 from sensor.laboratory.transfer import PhotonTransfer, measure_transfer
 
-__all__ = ["LEVEL", "Parameter", "Report", "measure_camera"]
-
 LEVEL = 0.99
 """Of the confidence limits."""
 SENSITIVITY, LINEARITY = "sensitivity", "linearity"

@@ -9,8 +9,6 @@ import numpy as np
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.laboratory.emva import Report
 
-__all__ = ["photon_transfer_figure"]
-
 _BLUE, _GREEN = "#2f5fa8", "#3a8f5c"
 
 

@@ -18,8 +18,6 @@ from numba import njit
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream, words_for
 
-__all__ = ["MEANS", "IntervalLaw", "Laws", "measure_laws"]
-
 MEANS: Final = (2.5, 3.0, 4.0, 6.0, 8.0)
 """Mean intervals whose pixels are pooled, cycles."""
 WITHIN: Final = 0.1

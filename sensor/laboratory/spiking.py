@@ -23,8 +23,6 @@ from sensor.latched.camera import SpikeCamera
 from sensor.latched.effects.catalogue import silicon_sizes
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["SpikeCounter", "silicon_setting"]
-
 _BLOCK = 2048
 """Cycles that are simulated at once."""
 _ODD = 2654435761

@@ -10,8 +10,6 @@ import numpy as np
 from sensor.laboratory.bench import Bench, Stack, take_levels
 from sensor.laboratory.estimate import Estimate
 
-__all__ = ["PhotonTransfer", "measure_transfer"]
-
 
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:

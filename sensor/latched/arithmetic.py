@@ -34,8 +34,6 @@ from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-__all__ = ["exact_error", "fast_error", "moved_spikes"]
-
 Values = npt.NDArray[np.float64]
 
 _JUMP: Final = 2 / (3 * np.sqrt(3))

@@ -17,8 +17,6 @@ from sensor.latched.fine_tiles import FineTiles
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, TierPixels, tier_pixels
 
-__all__ = ["SpikeCamera"]
-
 
 class SpikeCamera:
     """Exposes the pixels of a chip, or of some of its rows, to light.

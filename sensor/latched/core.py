@@ -44,8 +44,6 @@ from sensor.latched.stages import SceneStage
 from sensor.latched.survey import SceneSurvey, summarise, survey_scene
 from sensor.latched.tiers import Tier, TierPixels
 
-__all__ = ["Filmed", "LatchedBounds", "LatchedCamera", "LiveCamera"]
-
 WINDOW: Final = 41
 """Cycles of the window of an image, by default."""
 _TOGETHER: Final = 1024

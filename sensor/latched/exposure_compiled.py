@@ -11,8 +11,6 @@ from numba import njit
 
 from sensor.latched.pixel.fixed_point import LARGEST, ONE
 
-__all__ = ["add_parts", "fix_level"]
-
 _MOST = float(LARGEST)
 _ONE = float(ONE)
 

@@ -20,8 +20,6 @@ from sensor.latched.patches import PatchCamera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-__all__ = ["FineTiles", "MixedPatches"]
-
 Words = npt.NDArray[np.uint32]
 Tiles = Mapping[Tier, npt.NDArray[np.bool_]]
 """Which tiles or patches each of the better tiers simulates."""

@@ -33,8 +33,6 @@ from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.readings import Readings, quantised
 
-__all__ = ["ReadingCamera", "joined"]
-
 _PREFIX: Final = "reading:"
 
 

@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 
-__all__ = ["row_delays", "row_offsets"]
-
 
 def row_delays(clock: Clock, height: int, skew: float) -> npt.NDArray[np.float64]:
     """Delay from a latch edge to the sampling of each row of a chip, (height,) ps."""

@@ -23,8 +23,6 @@ from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.writes import Phase, Registers, Write, phases_of
 
-__all__ = ["CameraSetting"]
-
 _CLEARANCE: Final = 1.1
 """Safety factor of `CameraSetting.slack`."""
 

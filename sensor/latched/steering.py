@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["ClockMoves"]
-
 Moves = npt.NDArray[np.int64]
 
 

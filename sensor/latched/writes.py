@@ -23,8 +23,6 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Phase", "Registers", "Write", "phases_of", "rows_read", "threshold_shares"]
-
 
 @dataclass(frozen=True)
 class Write:

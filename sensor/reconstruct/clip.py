@@ -15,8 +15,6 @@ from cosim.report.png import for_display
 from cosim.run.progress import Progress
 from sensor.reconstruct.playback import tfp
 
-__all__ = ["CLIPS", "write_clip"]
-
 CLIPS = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".gif")
 """Endings of clips."""
 _CODECS = {".webm": "libvpx-vp9", ".gif": "gif"}

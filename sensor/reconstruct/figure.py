@@ -12,8 +12,6 @@ from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, canvas_of, subplots
 from sensor.reconstruct.intervals import spike_cycles
 
-__all__ = ["interval_figure"]
-
 _DOTS = 110
 """Dots an inch."""
 _PITCH = 0.85

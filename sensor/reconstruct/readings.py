@@ -25,10 +25,6 @@ from cosim.files.whole import whole
 from cosim.spikes.viform import SpikeStream, count_spikes
 from sensor.reconstruct.intervals import least_width
 
-__all__ = [
-    "READINGS", "Dim", "DimLight", "Readings", "quantised", "read_readings", "write_readings",
-]  # fmt: skip
-
 READINGS = "readings.npz"
 """Readings in the folder of a run."""
 Mask = npt.NDArray[np.bool_]

@@ -23,11 +23,6 @@ from sensor.reconstruct.intervals import interval_rate, isi
 from sensor.reconstruct.playback import tfp, tfp_span
 from sensor.reconstruct.readings import Dim, DimLight
 
-__all__ = [
-    "LATCHED", "Shot", "Truth", "colour_differences", "interval_latency", "spike_rate",
-    "take_shots", "write_colour", "write_images",
-]  # fmt: skip
-
 _THREADS: Final = 2
 """That make and encode images: each holds several planes."""
 LATCHED: Final = ("tfp", "tfi")

@@ -8,8 +8,6 @@ from pydantic import Field
 
 from cosim.config.quantity import Duration, Frequency, Section
 
-__all__ = ["AsynchronousSection", "ChannelSection", "Side"]
-
 Side = Annotated[int, Field(ge=1, le=65535)]
 
 

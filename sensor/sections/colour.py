@@ -8,8 +8,6 @@ from pydantic import Field
 
 from cosim.config.quantity import Quantity, Section
 
-__all__ = ["ColourSection"]
-
 
 class ColourSection(Section):
     """Colour filters on the pixels. Neither chip has any: their curves are assumed."""

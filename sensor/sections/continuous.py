@@ -9,8 +9,6 @@ from pydantic import Field
 from cosim.config.quantity import Quantity, Section, Time
 from sensor.sections.asynchronous import Side
 
-__all__ = ["ContinuousSection"]
-
 TimeConstant = Annotated[float, Quantity("time", above=0, most=1)]
 Threshold = Annotated[float, Quantity("current", above=0, most=1e12)]
 

@@ -9,8 +9,6 @@ from pydantic import Field, model_validator
 from cosim.config.quantity import Quantity, Section
 from cosim.errors import InputError
 
-__all__ = ["ReadoutSection"]
-
 Span = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
 
 

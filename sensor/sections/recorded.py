@@ -10,8 +10,6 @@ from cosim.config.quantity import Duration, Frequency, Section, Time
 from cosim.files.plane_order import BitOrder, ByteOrder, Flip, PlaneOrder
 from sensor.sections.asynchronous import Side
 
-__all__ = ["RecordedSection"]
-
 LATENCY = 0.1
 """Default of source_latency, s: up to it, a response seems immediate (Card, Robertson and
 Mackinlay, CHI 1991)."""

@@ -27,8 +27,6 @@ from sensor.sections.preset_file import with_preset
 from sensor.sections.sub_threshold import DarkLimit, SubThresholdSection
 from sensor.sections.writes import LEVELS, Writes, check_writes
 
-__all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
-
 SPIKING = tuple(
     name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.readouts
 )

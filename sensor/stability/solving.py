@@ -19,8 +19,6 @@ from sensor.circuit.solvers import solved_train
 from sensor.circuit.train import spike_train
 from sensor.stability.circuits import DIGITS, FARAD, Q, Train, Values, shipped
 
-__all__ = ["SOLVING", "Solve", "Switch", "halving", "light_steps", "resets"]
-
 # 8 -------------------------------------------------------------------------------------------
 
 RATE: Final = 1e9

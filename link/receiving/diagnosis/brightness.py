@@ -6,8 +6,6 @@ from typing import Final
 
 from link.verdict import Cause, Verdict
 
-__all__ = ["SATURATED", "brightness_verdict"]
-
 _DIM: Final = 0.6
 """Rate of the tags' white below which the panel is dim."""
 SATURATED: Final = 0.5

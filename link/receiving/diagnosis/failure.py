@@ -17,8 +17,6 @@ from link.receiving.pilots.signal import pilot_signal
 from link.receiving.recording import Recording
 from link.verdict import Cause, Verdict
 
-__all__ = ["explain_failure"]
-
 Floats = npt.NDArray[np.float64]
 _DARK: Final = 0.004
 """Rate below which the image counts as dark: a spike in 250 ticks."""

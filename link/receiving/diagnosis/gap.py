@@ -9,8 +9,6 @@ from link.coding import blocks_of
 from link.receiving.received import Instant
 from link.receiving.session import Session
 
-__all__ = ["gap_text"]
-
 _FRAMES: Final = 4
 """Number of lost frames in a row, and of correct frames around them, from which a stream has a
 gap."""

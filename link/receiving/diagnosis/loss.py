@@ -12,8 +12,6 @@ from link.receiving.diagnosis.gap import gap_text
 from link.receiving.session import Session
 from link.verdict import Cause, Verdict
 
-__all__ = ["WRONG_PPM", "explain_loss"]
-
 WRONG_PPM: Final = 2000.0
 """Clock offset from which a clock counts as wrong, parts per million."""
 _BLURRED: Final = 0.7

@@ -17,8 +17,6 @@ from link.receiving.refining import project
 from link.receiving.tags import LEAST_MODULE, find_tags, tag_corners, tag_places
 from link.verdict import Cause, Verdict
 
-__all__ = ["PEAK", "edge_blur", "few_tags_verdict", "no_tag_verdict"]
-
 _SHINES: Final = 0.1
 """Rate of the brightest pixels below which the content of an image cannot be identified."""
 PEAK: Final = 6.5

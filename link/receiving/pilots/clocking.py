@@ -19,8 +19,6 @@ from link.receiving.pilots.sequence import sequence_peak, sequence_values, shows
 from link.receiving.pilots.signal import PilotSignal
 from link.timing import Timing
 
-__all__ = ["Clocking", "clock_by_pilots"]
-
 Floats = npt.NDArray[np.float64]
 _STRETCH: Final = (192, 40)
 """Smallest length of the search, ticks and symbols."""

@@ -16,8 +16,6 @@ from link.receiving.pilots.sequence import sequence_peak, sequence_values
 from link.receiving.pilots.signal import PilotSignal
 from link.receiving.recording import Gap
 
-__all__ = ["missing_ticks"]
-
 Floats = npt.NDArray[np.float64]
 _MOST: Final = 8
 """Missing ticks at a place, at most. Where more are missing the light may have been broken."""

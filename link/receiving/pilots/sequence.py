@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from link.layout import PERIOD, pilots
 
-__all__ = ["global_clock", "sequence_peak", "sequence_values", "shows_sequence"]
-
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = 4
 """Steps of a tick in the search for the sequence."""

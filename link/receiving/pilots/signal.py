@@ -12,8 +12,6 @@ from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 
-__all__ = ["PilotSignal", "pilot_signal"]
-
 Floats = npt.NDArray[np.float64]
 _BANDS: Final = 32
 """Bands of camera rows, at most."""

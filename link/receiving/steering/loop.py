@@ -21,8 +21,6 @@ from typing import Final
 
 import numpy as np
 
-__all__ = ["GAINS", "LoopGains", "PhaseLoop", "centred"]
-
 
 @dataclass(frozen=True)
 class LoopGains:

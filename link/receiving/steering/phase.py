@@ -28,8 +28,6 @@ from link.receiving.recording import Recording
 from link.receiving.synthesis import Levels, Witnesses, choose_witnesses, known_cells, match
 from link.timing import Registration, Timing
 
-__all__ = ["Acquisition", "PhaseDetector"]
-
 _MATCH: Final = 0.15
 """Smallest correlation of the spikes with the light of the known cells."""
 _NOISES: Final = (0.035, 0.05, 0.07, 0.09)

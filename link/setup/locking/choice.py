@@ -15,8 +15,6 @@ from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 from sensor.device.steering import ClockSteering
 
-__all__ = ["choose_and_lock"]
-
 
 def choose_and_lock(
     modem: Modem, setting: LinkSetting, steering: ClockSteering | None, size: int,

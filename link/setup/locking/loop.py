@@ -42,8 +42,6 @@ from link.timing import Timing
 from sensor.device.steering import ClockSteering
 from sensor.latched.steering import ClockMoves
 
-__all__ = ["INTERVAL", "SOURCES", "ClockLock", "Locking"]
-
 SOURCES: Final = ("cosim", "sensor", "display", "link")
 """Packages that choose a mode, lock a clock and predict what arrives."""
 

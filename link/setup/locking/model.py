@@ -27,8 +27,6 @@ from link.setup.truth import true_timing
 from link.timing import Timing
 from sensor import SpikeCamera
 
-__all__ = ["BEFORE", "PhaseModel", "at_lock"]
-
 BEFORE: Final = 3
 """Dark ticks of the model before a window."""
 _LEAST_COLUMNS: Final = 32

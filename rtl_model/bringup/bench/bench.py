@@ -20,8 +20,6 @@ from rtl_model.host.csr import CsrMap
 from rtl_model.host.ether import Etherbone
 from rtl_model.registers import REGISTERS
 
-__all__ = ["Bench", "Burst", "SerialBench", "UdpBench"]
-
 _CHANGED_BY_READING = {register.name for register in REGISTERS if register.read_effect}
 
 Result = TypeVar("Result")

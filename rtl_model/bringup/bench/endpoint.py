@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from rtl_model.virtual import Level, VirtualBoard
     from rtl_model.virtual.ethernet import EthernetBoard
 
-__all__ = ["VIRTUAL", "Endpoint", "checked_level", "csr_map", "open_endpoint", "virtual_board"]
-
 VIRTUAL = "virtual"
 """Name of the port that starts a virtual board."""
 

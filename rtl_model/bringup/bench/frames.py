@@ -17,8 +17,6 @@ from rtl_model.bringup.bench.wrong_bits import compare
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, capture
 
-__all__ = ["capture_and_compare", "compare_burst", "frame_clock", "read_pattern"]
-
 
 def frame_clock(board: Board) -> Clock:
     """The frame clock from the board's registers: nominal clock divided by clocks of a tick."""

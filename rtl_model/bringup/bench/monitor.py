@@ -27,8 +27,6 @@ from rtl_model.host import CsrMap, LineFault, Uartbone
 from rtl_model.host.uartbone import FINAL
 from rtl_model.registers import REGISTERS, Register, identifier
 
-__all__ = ["LineMonitor"]
-
 _TRIES = 12  # readings until two agree
 _COUNTERS = 7  # words from uart_rx_bytes to uart_writes_crc
 _GROW = ("rx", "tx", "framing", "aborts", "unknown", "words")  # counts of the board

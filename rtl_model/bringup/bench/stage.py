@@ -7,8 +7,6 @@ from typing import Any, Literal, TypeAlias
 
 from cosim import ViformError
 
-__all__ = ["STAGES", "UDP_STAGES", "Figures", "Outcome", "Report", "Stage", "StageFault"]
-
 STAGES = (
     "port", "bytes", "identity", "counters", "registers", "prbs", "patterns", "threshold", "timing",
 )  # fmt: skip

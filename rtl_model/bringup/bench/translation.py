@@ -17,8 +17,6 @@ from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.stage import StageFault
 from rtl_model.host import LineFault
 
-__all__ = ["find_translation"]
-
 _LF, _CR, _XON, _XOFF, _ALL_ONES, _HIGH = 0x0A, 0x0D, 0x11, 0x13, 0xFF, 0xB3
 _NEUTRAL: Final = bytes((0x5A, 0x35, 0x5A, 0x35))
 """A word that no known translation changes."""

@@ -18,8 +18,6 @@ from rtl_model.bringup.machine.waves import Trace, write_waves
 from rtl_model.bringup.run import BringUp, bring_up
 from rtl_model.host import LineFault
 
-__all__ = ["LOG", "BoardChain"]
-
 LOG = "line.jsonl"
 """File of a run's folder that lists every transaction on the line."""
 

@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from rtl_model.geometry import Geometry
 
-__all__ = ["make_image"]
-
 
 def make_image(size: Geometry, seed: int) -> npt.NDArray[np.uint8]:
     """A bright disc on a ramp with uniform noise: (rows, columns) uint8, electrons a tick.

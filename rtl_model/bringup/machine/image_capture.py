@@ -14,8 +14,6 @@ from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, opened_bone, pattern
 
-__all__ = ["ImageCapture", "capture_image"]
-
 
 class ImageCapture(NamedTuple):
     """Captured frames of the image.

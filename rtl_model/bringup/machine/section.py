@@ -9,9 +9,6 @@ from pydantic import Field, model_validator
 from cosim import InputError
 from cosim.config.quantity import Section
 
-__all__ = ["BoardSection"]
-
-
 _SLOWEST = 9600
 """Baud of the cycle model: each bit takes a simulated clock its time, minutes for slower lines."""
 

@@ -16,8 +16,6 @@ from rtl_model.bringup.machine.image import make_image
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS
 
-__all__ = ["Trace", "checked_trace", "write_waves"]
-
 _FRAMES = 2
 _WORDS = 64  # of a request
 _ANSWER = 6  # bytes' time that an answer of one word takes, with a margin

@@ -10,8 +10,6 @@ from rtl_model.bringup.bench.bench import SerialBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ports import latency_timer
 
-__all__ = ["check_counters"]
-
 ERRORS = ("uart_framing_errors", "uart_watchdog_aborts", "uart_unknown_commands")
 _ROUND_TRIPS = 64
 _LATENCY_S = 4e-3  # beyond line time; a larger one is caused by an adapter's timer

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["count_spikes"]
-
 
 def count_spikes(frames: int, electrons: int, level: int, rule: int) -> int:
     """Spikes of one pixel that starts without charge.

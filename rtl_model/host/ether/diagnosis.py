@@ -12,8 +12,6 @@ from rtl_model.host.ether.etherbone import AROUND, WRITE_MEM, Etherbone
 from rtl_model.host.ether.exchange import Counts, is_answered
 from rtl_model.host.ether.packet import MOST_WORDS, record_packet
 
-__all__ = ["Losses", "count_losses", "most_words"]
-
 _BACK = WRITE_MEM.to_bytes(4, "big")
 _SETTLE = 0.1  # share of the patience after which no late answer is expected
 _WORD = 1 << 32

@@ -33,8 +33,6 @@ from rtl_model.registers import MAGIC, MEMORIES, VERSION
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["AROUND", "WRITE_MEM", "Etherbone"]
-
 AROUND = 5
 """Words of a numbered write's record besides its data and one address: head, second address, and
 the word read."""

@@ -20,8 +20,6 @@ from rtl_model.host.faults import Cause, LineFault
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["Counts", "Exchange", "PacketPort", "is_answered", "silent"]
-
 _LATER = 3  # answers to later requests that prove a loss, as in TCP (RFC 5681, section 3.2)
 _GAIN, _VARIATION_GAIN = 1 / 8, 1 / 4  # of the smoothed round trip and its variation (RFC 6298)
 _LEAST_WAIT_S = 20e-3  # before an answer is overdue: a busy machine may suspend a thread so long

@@ -25,8 +25,6 @@ from rtl_model.virtual.pace import Pace, measured_speed
 from rtl_model.virtual.served import Served
 from rtl_model.virtual.simulators import Level
 
-__all__ = ["EthernetBoard"]
-
 _AT_ONCE = 64  # requests that are answered before the end of the board is looked for
 _BUFFER = 1 << 21  # bytes asked of the system for each direction
 _LONGEST = 65_536

@@ -30,8 +30,6 @@ from sensor import CameraSetting
 from sensor.latched.check.plan_check import PlanCheck, absent_on, finding
 from sensor.latched.check.samples import TileSamples
 
-__all__ = ["Verifier"]
-
 
 class Verifier(PlanCheck, DisplayTrial):
     """The stage that checks a plan.

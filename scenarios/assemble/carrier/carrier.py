@@ -37,8 +37,6 @@ from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 from sensor.latched.readout import readout_stages
 
-__all__ = ["LINK_STREAM", "RECEIVED", "Carrier", "make_carrier"]
-
 LINK_STREAM: Final = "link.zarr"
 """Recording of the link's camera in the folder of a run."""
 RECEIVED: Final = "received.zarr"

@@ -19,8 +19,6 @@ from sensor.codec.packets.rate import RateControl
 
 Mask = npt.NDArray[np.bool_]
 
-__all__ = ["Counts", "Decoder", "Sender"]
-
 
 @dataclass(frozen=True)
 class Counts:

@@ -15,8 +15,6 @@ from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.encoder import StreamEncoder
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["CutCode"]
-
 SIDE: Final = 8
 """Side of the tiles in which patches are coded, pixels: it divides that of every code."""
 

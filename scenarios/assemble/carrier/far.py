@@ -21,8 +21,6 @@ from cosim.stage import BLOCK, Block, State, blocks
 from link.receiving.packets import PacketReceiver
 from sensor.codec.packets.packet import LENGTH
 
-__all__ = ["FarEnd", "PacketDecoder", "Schedule"]
-
 Mask = npt.NDArray[np.bool_]
 ReadBack = Callable[[int, int], Words]
 

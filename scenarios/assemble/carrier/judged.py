@@ -34,8 +34,6 @@ from sensor.reconstruct.fidelity import judge, psnr, to_white
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import LATCHED, Shot, Truth, spike_rate, take_shots
 
-__all__ = ["CarrierOutcome", "Watch", "carrier_speeds", "judge_carrier"]
-
 WATCHED: Final = (DIM, GREY, WHITE)
 """Lights after a step that is watched through the whole chain, spikes a cycle."""
 _PART = 8

@@ -14,8 +14,6 @@ from scenarios.assemble.carrier.coding import Sender
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 
-__all__ = ["CodedProbeCamera"]
-
 
 @dataclass(frozen=True)
 class CodedProbeCamera:

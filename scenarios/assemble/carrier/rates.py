@@ -21,8 +21,6 @@ from sensor.reconstruct.fidelity import psnr, to_white
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import Shot
 
-__all__ = ["RATES", "RatePoint", "code_rates", "rates_figure"]
-
 RATES: Final = (0.1e9, 0.2e9, 0.5e9, 1e9, 2e9, 5e9, 10e9)
 """Rates of the link, for MEGAPIXEL pixels, bit/s."""
 MEGAPIXEL: Final = 1_000_000

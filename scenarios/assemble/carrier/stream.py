@@ -12,8 +12,6 @@ from scenarios.assemble.schema.scenario import ImagerScenario, RecordingScenario
 from sensor.codec.packets.section import CodeSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["THRESHOLD", "CarriedStream"]
-
 THRESHOLD: Final = 1000.0
 """Threshold of pixels that have none, electrons: of an unknown chip, and of held values. The
 statistical code takes its noise for that of the spikes, and the link's chip has it by default."""

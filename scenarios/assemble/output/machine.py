@@ -27,8 +27,6 @@ from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.carrier.stages import Later
 from scenarios.assemble.output.setup import ReadoutSetup
 
-__all__ = ["ReadoutMachine", "ReadoutStudy", "with_readout"]
-
 SCAN, _RECORDER = "scan", "recorder"
 """Names of stages: the readout, and the one that it stands before."""
 

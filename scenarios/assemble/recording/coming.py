@@ -22,8 +22,6 @@ from cosim.stage import State, section
 from scenarios.assemble.recording.lateness import Lateness
 from scenarios.assemble.recording.origin import Origin
 
-__all__ = ["ComingPlanes"]
-
 _LOOK_S: Final = 0.1
 """Time after which a waiting chain looks whether the user has asked to stop, s."""
 _PATIENCE: Final = 10

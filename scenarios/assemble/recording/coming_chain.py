@@ -16,8 +16,6 @@ from cosim.run.chain import STREAM, BlockChain
 from cosim.run.progress import Progress
 from scenarios.assemble.recording.coming import ComingPlanes
 
-__all__ = ["ComingChain"]
-
 _TOLD_S: Final = 0.5
 """Least time between two texts of the progress, s."""
 _LEAST_S: Final = 1e-9

@@ -20,8 +20,6 @@ from scenarios.assemble.recording.origin import open_origin
 from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Coming", "comes", "open_coming", "refuse_pipe"]
-
 _KEYS: Final = "sensor.width and sensor.height"
 
 

@@ -15,8 +15,6 @@ import numpy as np
 from cosim import Clock
 from cosim.stage import State
 
-__all__ = ["Lateness"]
-
 _NS: Final = 1000
 """Picoseconds in a nanosecond."""
 

@@ -22,8 +22,6 @@ from scenarios.assemble.schema.scenario import RecordingScenario
 from sensor.codec.files import open_any
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Recording", "given_size", "known_white", "open_recording", "recorded", "white_of"]
-
 FASTEST: Final = 1e6
 """Fastest clock of planes, Hz; events of a faster one must be latched by another clock."""
 BRIGHT: Final = 0.99

@@ -8,8 +8,6 @@ from cosim.report.parts import figure, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page, Run
 
-__all__ = ["recording_page"]
-
 
 def recording_page(
     title: str, clock: Clock, run: Run, facts: list[list[str]], explorer: str

@@ -13,8 +13,6 @@ from typing import Any
 from cosim.config.units import KINDS
 from scenarios.assemble.schema.export import export
 
-__all__ = ["Key", "keys", "table"]
-
 
 @dataclass(frozen=True)
 class Key:

@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 from cosim import InputError
 from cosim.run.inputs import FILE, PIPE
 
-__all__ = ["check_order", "is_recording"]
-
 Data = dict[str, Any]
 
 

@@ -23,17 +23,6 @@ from sensor.sections.readout import ReadoutSection
 from sensor.sections.recorded import RecordedSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = [
-    "AnyScenario",
-    "BoardScenario",
-    "ImageSection",
-    "ImagerScenario",
-    "LinkScenario",
-    "RecordingScenario",
-    "Scenario",
-    "imager_scenario",
-]
-
 
 class ImageSection(Section):
     """The instants and the window of the images that a run reconstructs."""

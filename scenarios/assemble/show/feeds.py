@@ -45,10 +45,6 @@ from scenarios.assemble.recording.machine import RecordingMachine
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.continuous.machine import ContinuousMachine
 
-__all__ = [
-    "ContinuousFeed", "EventFeed", "Feed", "FrameFeed", "Planes", "RecordedFeed",
-]  # fmt: skip
-
 
 @dataclass(frozen=True, eq=False)
 class Planes:

@@ -17,8 +17,6 @@ from scenarios.assemble.show.feeds import Feed, Planes
 from scenarios.assemble.show.playing import SHOWN, Played, Playing
 from scenarios.assemble.show.screen import ScreenViews
 
-__all__ = ["PlayedMachine"]
-
 
 @dataclass(frozen=True, eq=False)
 class _Views:

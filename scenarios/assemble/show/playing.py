@@ -20,8 +20,6 @@ from scenarios.assemble.show.feeds import Planes
 from scenarios.assemble.show.screen import Screen
 from sensor.latched.stages import SceneStage
 
-__all__ = ["SHOWN", "Played", "Playing"]
-
 SHOWN: Final = "shown.zarr"
 """The planes that the source has given, in the folder of a run whose recording are no planes."""
 

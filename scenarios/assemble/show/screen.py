@@ -33,8 +33,6 @@ from scenarios.assemble.show.sections import (
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import display_lines
 
-__all__ = ["Screen", "ScreenViews", "make_screen"]
-
 OVERVIEW = "displays.png"
 """Figure of all displays; the page of the source has one of its own."""
 

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.run.shown import SilentProgress
 from rtl_model.bringup.bench.endpoint import csr_map
 from scenarios.cli.board.connection import BoardOptions, endpoint_of, warn_of_latency
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.bringup.bench.stage import Stage
-
-__all__ = ["board_bringup", "print_stage"]
 
 
 @expand_options

@@ -8,11 +8,10 @@ from typing import Annotated
 
 import typer
 
+from cosim.run.shown import make_progress
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["board_compare"]
+from scenarios.cli.output import Json, print_document, tell
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,6 @@ from scenarios.cli.output import print_document
 if TYPE_CHECKING:
     from rtl_model.host import Board, LineFault
 
-__all__ = [
-    "BoardOptions", "Connection", "Csr", "LineOptions", "connect", "endpoint_of",
-    "warn_of_latency",
-]  # fmt: skip
-
 Csr = Annotated[
     Path | None, typer.Option(help="csr.csv of the loaded design; the Viform board's when absent")
 ]

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.config.amounts import number
+from cosim.run.shown import SilentProgress
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.gateware import Design, Fit
-
-__all__ = ["board_gateware"]
 
 
 _IP, _MAC = "192.168.1.50", "10:e2:d5:00:00:01"  # of a board that is given none

@@ -14,8 +14,6 @@ from scenarios.cli.output import Json, print_document, tell
 if TYPE_CHECKING:
     from rtl_model.host import CsrMap
 
-__all__ = ["assignment", "board_regs"]
-
 
 @expand_options
 def board_regs(

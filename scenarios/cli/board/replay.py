@@ -14,8 +14,6 @@ from scenarios.cli.output import Json, print_document, tell
 if TYPE_CHECKING:
     from rtl_model.host.log_events import LogEvent
 
-__all__ = ["board_replay"]
-
 _PRINTED = 4  # most words of a transaction that are printed
 
 

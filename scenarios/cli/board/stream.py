@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from cosim.run.shown import SilentProgress
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.stream.program import Case
-
-__all__ = ["board_stream"]
 
 
 @dataclass(frozen=True)

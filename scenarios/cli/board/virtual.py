@@ -12,16 +12,15 @@ import typer
 
 from cosim.compute.stopping import said
 from cosim.config.amounts import number
+from cosim.run.shown import SilentProgress
 from rtl_model.bringup.bench.endpoint import checked_level, virtual_board
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
     from rtl_model.virtual import VirtualBoard
     from rtl_model.virtual.ethernet import EthernetBoard
-
-__all__ = ["board_virtual"]
 
 
 @dataclass(frozen=True)

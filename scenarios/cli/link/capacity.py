@@ -11,9 +11,8 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, number
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["link_capacity"]
+from cosim.run.shown import make_progress
+from scenarios.cli.output import Json, print_document, tell
 
 
 def link_capacity(

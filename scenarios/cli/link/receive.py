@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, count
-from scenarios.cli.output import Json, SilentProgress, print_document, size_option, tell
+from cosim.run.shown import SilentProgress
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from cosim import Clock
     from link.receiving import Received
-
-__all__ = ["link_receive"]
 
 _WORDS = 8
 """Of a block that is read at a time: 256 ticks."""

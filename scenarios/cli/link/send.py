@@ -12,10 +12,9 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import amount, count, number
+from cosim.run.shown import make_progress
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document
-
-__all__ = ["link_send"]
+from scenarios.cli.output import Json, print_document
 
 _MOST_BLOCKS = 100_000
 """Of one rate in --rates."""

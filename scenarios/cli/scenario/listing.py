@@ -11,8 +11,6 @@ import typer
 from cosim import InputError
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["list_scenarios"]
-
 
 def list_scenarios(
     prefix: Annotated[

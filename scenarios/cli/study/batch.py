@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.run.shown import make_progress
 from scenarios.cli.options import (
     Resume,
     ScenarioOptions,
@@ -17,9 +18,7 @@ from scenarios.cli.options import (
     Workers,
     count_workers,
 )
-from scenarios.cli.output import Json, make_progress, print_document
-
-__all__ = ["BatchOptions"]
+from scenarios.cli.output import Json, print_document
 
 
 @dataclass(frozen=True)

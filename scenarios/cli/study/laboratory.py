@@ -11,8 +11,6 @@ from cosim.config.amounts import count, number
 from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, print_document, size_option
 
-__all__ = ["laboratory"]
-
 _STANDARD = "EMVA 1288 release 4.0 linear"
 
 

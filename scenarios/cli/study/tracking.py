@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import number
+from cosim.run.shown import make_progress
 from scenarios.cli.options import check_figure
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["compare_tracking"]
+from scenarios.cli.output import Json, print_document, tell
 
 
 def compare_tracking(

@@ -19,8 +19,6 @@ from cosim import Box, Plane
 from scenarios.scenes.charts.chart_art import FINE, bars, edge, faces, slow, still, words
 from scenarios.scenes.drawing.canvas import check_instant, check_shape
 
-__all__ = ["PURSUIT", "SLOW", "Chart"]
-
 PURSUIT = 4000.0
 """Speed of the fast strips, which an eye follows, pixels/s, for any size of picture."""
 SLOW = 1000.0

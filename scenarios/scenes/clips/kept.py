@@ -19,8 +19,6 @@ from typing import Any, Final
 
 from cosim import Plane
 
-__all__ = ["KEPT_BYTES", "Fitted", "KeptFile", "Opened", "bytes_kept", "forget_frames", "kept_file"]
-
 KEPT_BYTES: Final = 1 << 28
 """Bytes of all frames that are kept, at most, in a process."""
 _FILES: Final = 1 << 12

@@ -21,8 +21,6 @@ from scenarios.scenes.clips.heif import Still, decoded_still, still_in
 from scenarios.scenes.clips.tiff import Page, tiff_pages
 from scenarios.scenes.clips.timeline import Timeline
 
-__all__ = ["Pictures", "array_clip", "open_clip", "shown"]
-
 _KEPT: Final = 3
 """Frames in memory."""
 _REMEMBERED: Final = 1 << 28

@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from cosim import PS, Block, Clock, Light, Piece
 
-__all__ = ["MOTION", "ExposedScene", "ExposedSource"]
-
 MOTION: Final = 0.25
 """Longest motion within a piece of light, pixels, if a piece is longer than a cycle."""
 

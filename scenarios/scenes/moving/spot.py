@@ -13,8 +13,6 @@ from scipy.special import erf
 
 from scenarios.scenes.moving.texture import Texture
 
-__all__ = ["Spot"]
-
 Knot = tuple[float, float, float]
 
 

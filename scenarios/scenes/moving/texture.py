@@ -10,8 +10,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Texture"]
-
 WAVES: Final = 10
 """Number of waves. More have less contrast, because their sum must stay within the range."""
 WAVELENGTHS: Final = (8.0, 64.0)

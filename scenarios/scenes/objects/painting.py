@@ -16,10 +16,6 @@ from numba import njit
 
 from scenarios.scenes.objects.plate import Matrix, Plate
 
-__all__ = [
-    "HIDDEN", "MIXED", "SEEN", "Mask", "Tables", "flow", "paint", "surfaces", "tabulate",
-]  # fmt: skip
-
 SEEN: Final = 0
 """In an occlusion mask: the pixel shows one surface, which is seen at the other instant."""
 MIXED: Final = 128

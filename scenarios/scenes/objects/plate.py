@@ -17,8 +17,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CATEGORIES", "FOCAL", "Matrix", "Plate", "Wave", "intrinsics"]
-
 Matrix = npt.NDArray[np.float64]
 
 FOCAL: Final = 1.2

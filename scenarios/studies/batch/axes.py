@@ -12,8 +12,6 @@ import numpy as np
 
 from cosim import InputError
 
-__all__ = ["Axis", "check_axes", "grid", "latin_hypercube", "read_axis"]
-
 MOST: Final = 100_000
 """Largest number of points."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")

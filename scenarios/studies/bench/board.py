@@ -23,8 +23,6 @@ from rtl_model.host import default_map
 from rtl_model.host.bone import patience_s
 from rtl_model.host.ether import Etherbone, answer_packet, open_udp, record_packet
 
-__all__ = ["AIM", "board_rows"]
-
 AIM: Final = 100e6
 """Real time: Ethernet of 100 Mbit/s, whose payload is less, bit/s."""
 SECONDS: Final = 3.0

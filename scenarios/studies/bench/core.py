@@ -16,8 +16,6 @@ from cosim.spikes.viform import WORD, Words
 from display import FixedEye
 from scenarios.python import Camera, Display, Link
 
-__all__ = ["core_rows", "send_rows"]
-
 CHIP: Final = (250, 400)
 """Rows and columns of the clip of SpikeOne, and of its chip."""
 FRAMES, RATE = 20, 2000.0

@@ -22,8 +22,6 @@ from link.theory.soft_information import soft_information
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 
-__all__ = ["DETECTORS", "information_rows", "time_rows"]
-
 DETECTORS: Final = ("joint", "packed")
 """Names; the ratio of a row is over the first."""
 HEIGHT: Final = 480

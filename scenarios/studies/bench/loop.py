@@ -16,8 +16,6 @@ from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
 
-__all__ = ["LOOPS", "loop_rows"]
-
 LOOPS: Final[dict[str, tuple[str, ...]]] = {
     "loop.glass": ("glass",), "loop.glass-over-light": ("glass-over-light",),
 }  # fmt: skip

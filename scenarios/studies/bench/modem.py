@@ -39,8 +39,6 @@ from link.timing import Registration
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 
-__all__ = ["Filmed", "film_link", "modem_rows"]
-
 BYTES: Final = 4_000_000
 """Of the file."""
 RATE: Final = 0.935

@@ -42,8 +42,6 @@ from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["LARGE", "PARTS", "Row", "bench"]
-
 CYCLES = 512
 PLAIN_CYCLES = 8
 MEAN = 0.034

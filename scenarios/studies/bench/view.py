@@ -33,8 +33,6 @@ from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row
 from cosim.spikes.viform import Viform, Words
 from cosim.stage import Block
 
-__all__ = ["view_rows", "write_stream"]
-
 SHAPE: Final = (1000, 1000)
 CYCLES: Final = 20_000
 _BLOCK: Final = 64

@@ -8,8 +8,6 @@ from typing import Any, Final
 
 from cosim.run.timing import Row, least_of
 
-__all__ = ["AIM", "code_rows"]
-
 AIM: Final = 8e9
 """Data that the link should carry, bit/s."""
 

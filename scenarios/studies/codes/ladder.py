@@ -22,8 +22,6 @@ from sensor.codec.packets.layered import LAYERS
 from sensor.codec.packets.through import from_packets, size_of, to_packets
 from sensor.codec.size import coded_size
 
-__all__ = ["Rung", "fidelity", "ladder", "speed", "statistical"]
-
 WINDOW = 41
 SIDE = 512
 """Side of the part in the middle of a stream that is measured, pixels."""

@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FIGURES", "Camera", "Figure", "Snr"]
-
 FIGURES = (
     "dynamic_range", "dynamic_range_controls", "blur", "noise", "data_rate", "data_rate_pixel",
     "latency", "psnr", "psnr_smear_corrected", "skew", "exposure", "saturated", "off",

@@ -12,8 +12,6 @@ from cosim.report.summary import Answer, big, listed, paragraph
 from scenarios.studies.compare.row import FIGURES, Camera
 from sensor.dynamic_range import decibels
 
-__all__ = ["summary_of_comparison"]
-
 _BEST: Final[tuple[tuple[str, str, bool, Callable[[float], str]], ...]] = (
     ("psnr", "highest PSNR", True, decibel),
     ("blur", "sharpest edge", False, lambda v: amount(v, "pixels")),

@@ -24,8 +24,6 @@ from scenarios.studies.dataset.item import make_item
 from scenarios.studies.dataset.order import Item, Order
 from scenarios.studies.dataset.places import PARTS, Places, digest_of, write_config
 
-__all__ = ["build_dataset"]
-
 
 def build_dataset(
     order: Order, folder: Path, *, device: str | None, workers: int, scheduler: str | None,

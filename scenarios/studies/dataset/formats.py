@@ -21,8 +21,6 @@ from numpy.lib.format import write_array
 
 from cosim import InputError
 
-__all__ = ["read_flo", "run_lengths", "write_arrays", "write_flo", "write_grey"]
-
 MAGIC: Final = np.float32(202021.25)
 _BAD: Final = "a .flo file: PIEH, width, height, and 8 bytes a pixel"
 

@@ -14,8 +14,6 @@ from cosim.errors import quote, shorten
 from scenarios.assemble.schema.loading import shipped
 from sensor.device.chips import CHIPS
 
-__all__ = ["CameraChoice", "SourceChoice", "read_cameras", "read_sources"]
-
 CLIPS: Final = frozenset({
     ".avi", ".bmp", ".gif", ".jpeg", ".jpg", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg",
     ".png", ".tif", ".tiff", ".webm", ".y4m",

@@ -16,8 +16,6 @@ from scenarios.studies.dataset.build import build_dataset
 from scenarios.studies.dataset.inputs import read_cameras, read_sources
 from scenarios.studies.dataset.order import CHECK, Order, read_split
 
-__all__ = ["dataset", "order_of"]
-
 
 def order_of(
     sources: Sequence[str], cameras: Sequence[str], vary: Sequence[str],

@@ -16,8 +16,6 @@ from scenarios.studies.batch.axes import MOST, Axis, check_axes, latin_hypercube
 from scenarios.studies.dataset.inputs import CameraChoice, SourceChoice
 from scenarios.studies.dataset.reading import SPLITS
 
-__all__ = ["CHECK", "Item", "Order", "read_split"]
-
 CHECK: Final = 100
 """One item of so many is measured against full physics."""
 _SHARED: Final = ("duration", "image.at")

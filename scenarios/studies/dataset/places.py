@@ -28,8 +28,6 @@ from cosim.files.whole import whole
 from scenarios.studies.dataset.order import Item
 from scenarios.studies.dataset.reading import SUMS
 
-__all__ = ["PARTS", "Places", "digest_of", "write_config"]
-
 PARTS: Final = ".parts"
 """Folder for items that are not finished."""
 _TIME: Final = 946_684_800

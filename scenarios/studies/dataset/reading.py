@@ -14,8 +14,6 @@ from cosim.archive import load_arrays
 from cosim.files.dat import DatStream
 from cosim.spikes.viform import part_of
 
-__all__ = ["SPLITS", "SUMS", "SpikeDataset", "torch_dataset"]
-
 SPLITS: Final = ("train", "val", "test")
 SUMS: Final = "SHA256SUMS"
 """The file that is written last: a data set without it is not finished."""

@@ -27,8 +27,6 @@ from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["principle_rows"]
-
 # Assumptions of section 4: lux, um2, quantum efficiency, e; s; e/s.
 SUN, AREA, EFFICIENCY, THRESHOLD = 1e5, 100.0, 0.7, 100
 SHORTEST = 1e-8

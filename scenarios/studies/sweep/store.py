@@ -12,8 +12,6 @@ import zarr
 
 from scenarios.studies.batch.axes import Axis
 
-__all__ = ["metric_values", "write_store"]
-
 Row = dict[str, Any] | None
 
 

@@ -10,8 +10,6 @@ from typing import Final
 from cosim import Clock, InputError
 from sensor import CHIPS, EFFECTS, CameraSetting
 
-__all__ = ["Conditions"]
-
 CLOCK: Final = Clock(40_000)
 
 

@@ -20,8 +20,6 @@ from scenarios.studies.tracking.conditions import Conditions
 from scenarios.studies.tracking.pictures import Picture
 from sensor.reconstruct.flow import flow_grey, optical_flow
 
-__all__ = ["Flow", "make_texture", "measure_flow"]
-
 NEAR: Final = 8.0
 """Median motion between the windows that is enough, pixels."""
 LONGEST: Final = 0.15

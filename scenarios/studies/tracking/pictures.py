@@ -14,8 +14,6 @@ from scenarios.scenes.moving import ExposedScene, ExposedSource
 from scenarios.studies.tracking.conditions import Conditions
 from sensor import SpikeCamera
 
-__all__ = ["Picture", "frame_pictures", "spike_pictures"]
-
 STEP = 64
 """Cycles that are simulated at once."""
 

@@ -15,8 +15,6 @@ from scenarios.studies.tracking.detection import Background, detect
 from scenarios.studies.tracking.pictures import Picture
 from scenarios.studies.tracking.tracker import Track, Tracker
 
-__all__ = ["RIGHT", "WARM", "Pursuit", "make_spot", "pursue"]
-
 RIGHT: Final = 4.0
 """Largest distance of a right position from the true one, pixels: about the object's width at half
 height (4.7)."""

@@ -16,8 +16,6 @@ from scenarios.studies.tracking.flow import WARM, Flow, make_texture, measure_fl
 from scenarios.studies.tracking.pictures import Picture, frame_pictures, spike_pictures
 from scenarios.studies.tracking.pursuit import Pursuit, make_spot, pursue
 
-__all__ = ["SPIKES", "Row", "run_tracking", "tracking_document", "tracking_table"]
-
 SPIKES: Final = "spikes"
 """Name of the spike camera in a row."""
 FLOW_BLOCK: Final = 4

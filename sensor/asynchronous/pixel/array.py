@@ -24,8 +24,6 @@ from sensor.asynchronous.pixel.engine import advance
 from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import NO_TABLE, interval_table
 
-__all__ = ["AsynchronousPixels"]
-
 TILE: Final = 2048
 """Pixels that are run together; results do not depend on it."""
 _BUFFER: Final = 1 << 15

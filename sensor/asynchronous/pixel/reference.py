@@ -23,8 +23,6 @@ from cosim.light.light import Light
 from sensor.asynchronous.model import EventModel
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["Followed", "exact_thresholds", "follow", "quantile_error"]
-
 Reals = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 Numbers = npt.NDArray[np.uint32]

@@ -24,8 +24,6 @@ from cosim.compute.philox_compiled import random_words
 from cosim.compute.streams import Stream
 from sensor.asynchronous.pixel.gamma import tails, xdensity
 
-__all__ = ["LEAST", "RARE", "SKIP", "fitting", "geometric", "interval_moments", "stretch"]
-
 LEAST: Final = 256
 """Intervals in the shortest stretch that is drawn at once."""
 RARE: Final = 1 / LEAST

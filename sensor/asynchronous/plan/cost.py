@@ -17,8 +17,6 @@ from sensor.asynchronous.pixel.reference import follow
 from sensor.asynchronous.plan.plan import EventPlan
 from sensor.asynchronous.plan.verify import View
 
-__all__ = ["Cost", "least", "reference_cost"]
-
 _FEW: Final = 8
 _MANY: Final = 64
 """Intervals a pixel whose difference in time is the cost of one."""

@@ -20,8 +20,6 @@ from cosim.clock import PS
 from sensor.asynchronous.model import EventModel
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["CONFIDENCE", "SIDE", "EventEffect", "EventScene", "event_effects", "summarise"]
-
 SIDE: Final = 16
 """Pixels along a tile."""
 CONFIDENCE: Final = 3.2905

@@ -21,8 +21,6 @@ from sensor.asynchronous.pixel.reference import exact_thresholds
 from sensor.asynchronous.pixel.skipping import LEAST, RARE, stretch
 from sensor.asynchronous.plan.effects import CONFIDENCE
 
-__all__ = ["WeakError", "weak_error"]
-
 _SPARE: Final = 64
 """Thresholds drawn beyond those needed, for those that would have been sent."""
 

@@ -16,8 +16,6 @@ import numpy.typing as npt
 from sensor.asynchronous.plan.effects import EventEffect, EventScene, event_effects
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["EVERYTHING", "LATER", "EventPlan", "make_plan"]
-
 Reals = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.uint32]
 LATER = "later reports"

@@ -29,11 +29,6 @@ from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.thresholds import first_thresholds
 
-__all__ = [
-    "KIND", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
-    "verify",
-]  # fmt: skip
-
 REPORTS = 8
 """Reports of a pixel that are compared where every spike is sent."""
 RANDOM = 4

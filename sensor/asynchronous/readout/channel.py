@@ -25,8 +25,6 @@ from numba import njit
 from cosim.stage import section
 from sensor.asynchronous.model import Firings
 
-__all__ = ["Channel", "ChannelModel", "Sent"]
-
 Arbitration = Literal["fifo", "priority", "round-robin"]
 Buffer = Literal["pixel", "row", "fifo"]
 

@@ -17,8 +17,6 @@ from cosim.stage import section
 from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.asynchronous.readout.channel import Channel
 
-__all__ = ["STREAM", "Output", "gather_events"]
-
 STREAM = "stream.events.npz"
 """The event stream's name in a run's folder."""
 

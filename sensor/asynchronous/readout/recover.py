@@ -22,8 +22,6 @@ from sensor.asynchronous.readout.estimate import (
 )
 from sensor.dynamic_range import decibels, spike_dynamic_range
 
-__all__ = ["WITHIN", "Recovered", "dynamic_range", "formula", "recover", "unheard"]
-
 WITHIN = 0.2
 """Relative error up to which a target counts as recovered, if every brighter one does."""
 ALONE: Final = 0.683

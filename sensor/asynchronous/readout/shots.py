@@ -13,8 +13,6 @@ from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.asynchronous.readout.image import rate_image
 from sensor.reconstruct.fidelity import Estimate, to_white
 
-__all__ = ["EventShot", "first_instants", "take_event_shots"]
-
 Instants = npt.NDArray[np.int64]
 
 

@@ -15,8 +15,6 @@ from cosim.spikes.held import held_events
 from cosim.spikes.staged import StagedStream
 from sensor.asynchronous.run import EventRun
 
-__all__ = ["events_explorer"]
-
 _SPIKES: Final = 16
 """Spikes of white within the window of TFP, about."""
 _ENOUGH: Final = 1024

@@ -12,8 +12,6 @@ from sensor.codec.packets.layered import LAYERS, Layered
 from sensor.codec.packets.part import MOST_CYCLES, TileCode
 from sensor.codec.packets.single import FirstSpike, Raw
 
-__all__ = ["KINDS", "StreamCode"]
-
 
 @dataclass(frozen=True)
 class StreamCode:

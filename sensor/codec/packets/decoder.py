@@ -18,8 +18,6 @@ from sensor.codec.packets.fill import steady
 from sensor.codec.packets.packet import Packet
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["Decoded", "StreamDecoder"]
-
 Mask = npt.NDArray[np.bool_]
 COUNTERS = ("taken", "refused", "late", "damaged", "held", "missing")
 

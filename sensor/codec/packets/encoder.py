@@ -13,8 +13,6 @@ from sensor.codec.packets.packet import Packet
 from sensor.codec.packets.part import Layer
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["StreamEncoder"]
-
 
 class StreamEncoder:
     """Encodes a stream from cycle 0 on; groups of `code.cycles` cycles, each of them complete.

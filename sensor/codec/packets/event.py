@@ -30,8 +30,6 @@ from sensor.codec.follow import FOLLOW_STATE, follow
 from sensor.codec.packets.packet import HEADER, Packet
 from sensor.codec.packets.part import Layer
 
-__all__ = ["MOST_EVENT_CYCLES", "Event", "Gap", "encode_events", "gaps_of", "packet_of_line"]
-
 MOST_EVENT_CYCLES: Final = 128
 """Cycles of a packet at most, as a width has seven bits."""
 SIDE: Final = 128

@@ -18,8 +18,6 @@ from cosim.spikes.viform import WORD
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.part import MOST_CYCLES
 
-__all__ = ["HEADER", "LENGTH", "Packet"]
-
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<I")
 HEADER = _HEAD.size + _CRC.size

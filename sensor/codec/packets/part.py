@@ -8,8 +8,6 @@ from typing import Protocol
 
 from cosim.spikes.viform import Words
 
-__all__ = ["MOST_CYCLES", "Layer", "TileCode"]
-
 MOST_CYCLES = 512
 """Cycles of a packet, at most."""
 

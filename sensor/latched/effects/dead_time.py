@@ -16,8 +16,6 @@ from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.sampling import check_within_cycle
 from sensor.latched.effects.windows import bound_of, shift_error
 
-__all__ = ["DEAD_TIME"]
-
 
 class _DeadTime(PixelEffect):
     name = "reset dead time"

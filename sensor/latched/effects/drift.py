@@ -25,8 +25,6 @@ from sensor.latched.effects.costs import crosstalk_cost
 from sensor.latched.effects.effect import Key, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, shift_error
 
-__all__ = ["COMMON_DRIFT", "KNOT", "STEP", "Drift"]
-
 KNOT: Final = 512
 """Cycles between the values of the drift: those of the recording, about."""
 STEP: Final = 128

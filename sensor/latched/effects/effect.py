@@ -23,8 +23,6 @@ from sensor.device.pattern import FixedPattern
 from sensor.device.silicon import Sized
 from sensor.latched.pixel.transfer import Transfer
 
-__all__ = ["ALL_READOUTS", "CommonGain", "Dependence", "Key", "Operation", "PixelEffect", "Setting"]
-
 ALL_READOUTS: Final = ("synchronous", "asynchronous", "continuous")
 
 

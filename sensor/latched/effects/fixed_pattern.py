@@ -30,8 +30,6 @@ from sensor.latched.effects.effect import (
 )
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 
-__all__ = ["DARK", "DEFECTS", "PATTERN_EFFECTS", "PRNU", "THRESHOLD_FPN", "WARM"]
-
 _PATTERN: Final = (
     "a recording of a 400 x 250 chip: 2.9 % in all without its warm pixels, how much of it of the "
     "light is assumed"

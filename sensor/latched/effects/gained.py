@@ -7,8 +7,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["gained", "gained_on_all_cores", "scaled_on_all_cores"]
-
 
 @njit(cache=True, nogil=True)
 def gained(first, last, part, gain, out):  # type: ignore[no-untyped-def]

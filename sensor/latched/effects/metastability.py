@@ -19,8 +19,6 @@ from cosim.clock import Clock
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
-__all__ = ["Metastability"]
-
 
 @dataclass(frozen=True)
 class Metastability:

@@ -34,8 +34,6 @@ from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["LANES", "PixelArray"]
-
 
 @dataclass(frozen=True, eq=False)
 class PixelArray:

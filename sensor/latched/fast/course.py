@@ -29,8 +29,6 @@ from cosim.spikes.viform import WORD
 from sensor.latched.fast.joints import Joint, Weights, merged, weighed
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["MOST_PLANES", "Course", "Segment", "check_covered", "course_of", "parts_of"]
-
 MOST_PLANES: Final = 16
 """Most planes of a segment, including its base, and of a launch of a kernel."""
 

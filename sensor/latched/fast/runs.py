@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
 
-__all__ = ["Run", "runs_of"]
-
 _ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 

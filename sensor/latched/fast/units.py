@@ -23,25 +23,6 @@ from sensor.latched.pixel.interval import KNOTS
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.thresholds import thresholds
 
-__all__ = [
-    "BANK",
-    "BITS",
-    "CAP",
-    "DEAD_TIME",
-    "DEEPEST",
-    "EMPTY",
-    "NOISE",
-    "NOTHING",
-    "RESET",
-    "TIMING",
-    "Units",
-    "current_thresholds",
-    "draw_thresholds",
-    "first_charge",
-    "quantile",
-    "units_of",
-]
-
 Array = npt.NDArray[np.float64]
 
 NOISE: Final = 1

@@ -9,8 +9,6 @@ from cosim.compute.philox_compiled import ten_rounds
 from cosim.compute.streams import Stream
 from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS
 
-__all__ = ["first_deficits", "look_up"]
-
 _SHOT, _INITIAL = np.uint64(Stream.SHOT_NOISE), np.uint64(Stream.INITIAL_CHARGE)
 _TOGETHER = 1024
 """Pixels whose words are drawn at once."""

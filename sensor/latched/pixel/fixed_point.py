@@ -12,8 +12,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FRACTION_BITS", "LARGEST", "ONE", "Charge", "to_fixed"]
-
 FRACTION_BITS: Final = 40
 ONE: Final = 1 << FRACTION_BITS
 """One electron."""

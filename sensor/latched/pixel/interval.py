@@ -24,8 +24,6 @@ from cosim.compute.kept import kept
 from cosim.compute.stopping import threads
 from sensor.latched.pixel.fixed_point import ONE, Charge
 
-__all__ = ["KNOTS", "MANTISSA_BITS", "NO_TABLE", "interval_table", "knot_places", "threshold"]
-
 MANTISSA_BITS: Final = 7
 _M: Final = 1 << MANTISSA_BITS
 KNOTS: Final = (31 - MANTISSA_BITS + 1) * _M + 1

@@ -10,8 +10,6 @@ from cosim.compute.streams import Stream
 from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import threshold
 
-__all__ = ["first_thresholds", "initial_deficit", "spike_words", "thresholds"]
-
 
 def spike_words(
     k: npt.NDArray[np.uint64], pixels: npt.NDArray[np.uint32], seed: int

@@ -30,8 +30,6 @@ from sensor.latched.reference.course import (
 )
 from sensor.latched.reference.law import draw
 
-__all__ = ["expose"]
-
 _STREAM = np.uint64(Stream.SHOT_NOISE)
 _SAME = 2.0**-50
 """Relative tolerance within which charge counts as at a threshold."""

@@ -24,8 +24,6 @@ from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["ReferencePixels"]
-
 Values = npt.NDArray[np.float64]
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _KEYS = {

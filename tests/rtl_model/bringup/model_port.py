@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from rtl_model.cycle import Bridge
 from rtl_model.geometry import Geometry
 
-__all__ = ["ModelPort", "received"]
-
 _BITS = 10
 
 

@@ -15,8 +15,6 @@ from rtl_model.events.size import EventSize
 from rtl_model.events.verilated import VerilatedDecoder, VerilatedEncoder
 from sensor.codec.packets.event import Event, encode_events, gaps_of
 
-__all__ = ["Light", "Result", "run"]
-
 _CHUNK = 1 << 23
 """Pixel-cycles of a chunk, about."""
 

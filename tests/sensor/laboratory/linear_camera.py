@@ -20,8 +20,6 @@ from cosim.plan.effects import Bound, Effect, Summary
 from sensor.imagers import Exposed, ImagerSummary, normal
 from sensor.imagers.draws import poisson
 
-__all__ = ["LinearPixels"]
-
 _COST = 60.0
 """ns a pixel-frame of one draw, about."""
 _SOURCE = "EMVA 1288 release 4.0 linear, section 2"

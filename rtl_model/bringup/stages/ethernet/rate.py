@@ -11,8 +11,6 @@ from rtl_model.bringup.bench.bench import UdpBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ether import AROUND, Etherbone
 
-__all__ = ["Rates", "check_rate", "measured_rates"]
-
 _SECONDS = 0.5  # of each direction
 _PACKETS = 64  # of the first measurement, then as many as take the time
 _MOST_PACKETS = 1 << 17

@@ -16,8 +16,6 @@ from scenarios.assemble.camera.setup import CameraSetup
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.tiers import Tier
 
-__all__ = ["HALO", "Band", "expose_band"]
-
 HALO = 1
 """Rows around a band that are simulated as well where pixels share light (cross-talk)."""
 
