@@ -143,7 +143,8 @@ class ArrayReader:
     """One array of an archive, which is read from its first element in parts of any size.
 
     Attributes:
-        dtype, shape: from its header. Memory is allocated only for the parts that are read.
+        dtype, shape: dtype and shape of the array, from its header. Memory is allocated only for
+            the parts that are read.
     """
 
     def __init__(self, member: IO[bytes], name: str) -> None:

@@ -87,7 +87,7 @@ def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) ->
     threads.
 
     Args:
-        what, remedy: for the message.
+        what, remedy: subject of the message, and its advice.
         need: bytes of the program with its data at its peak.
         loaded: whether its libraries are loaded already.
     """

@@ -179,7 +179,7 @@ class Device:
     Attributes:
         handle: pyopencl's device.
         name: "platform: device".
-        number: in the order of `probe`; devices of one name differ in it.
+        number: index of the device in the order of `probe`; devices of one name differ in it.
     """
 
     handle: Any

@@ -32,7 +32,7 @@ class Outputs:
     An array keeps its memory as long as it, or any view of it, exists.
 
     Args:
-        dtype: of the arrays.
+        dtype: dtype of the arrays.
         new: (size, dtype) -> memory.
     """
 

@@ -29,7 +29,7 @@ from typing import Final, NoReturn
 GRACE_S: Final = 1.5
 """Time between a signal and the end of the process, s."""
 _AGAIN_S: Final = 0.2
-"""That after a second signal, s, which cuts off a checkpoint as well."""
+"""Time after a second signal that cuts off a checkpoint as well, s."""
 _NUMBERS: Final = (signal.SIGINT, signal.SIGTERM)
 _CODE: Final = 130
 """Exit code of an interrupted command."""

@@ -56,7 +56,7 @@ class DatStream:
         path: the file.
         size: stored width and height of the frames; 416 x 250 means 400 x 250 with head.
         notes: information for the user about the interpretation of the file.
-        order: of bits, bytes and rows, if it is not that of a `.dat`.
+        order: order of bits, bytes and rows, if it is not that of a `.dat`.
 
     Raises:
         InputError: the file does not consist of whole frames.

@@ -94,7 +94,7 @@ def open_stream(
         path: a file, the folder of a run for its stream.zarr, or a config.yaml or its folder for
             the recording that it names.
         size: stored (width, height), for formats without a header. It must agree with a header.
-        order: of bits, bytes and rows, for a `.dat` alone.
+        order: order of bits, bytes and rows, for a `.dat` alone.
 
     Raises:
         InputError: there is no such stream.

@@ -72,4 +72,4 @@ class PlaneOrder:
 
 
 DAT_ORDER: Final = PlaneOrder()
-"""That of `.dat`."""
+"""Order of `.dat`."""

@@ -44,7 +44,7 @@ _WRITTEN = 1 << 29
 _AHEAD = 2
 """Blocks that a recorder compresses and writes at the same time."""
 _SHARE = 8
-"""They take at most one part in so many of the free memory."""
+"""The blocks take at most one part in so many of the free memory."""
 
 
 @contextmanager

@@ -71,7 +71,7 @@ class Light:
     object, so that a part needs to prepare it only once.
 
     Attributes:
-        pieces: in order; each starts where the previous one stops.
+        pieces: pieces in order; each starts where the previous one stops.
         unit: "lux" on the plane.
     """
 

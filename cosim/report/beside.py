@@ -35,7 +35,7 @@ def beside(
     """The HTML of the explorer.
 
     Args:
-        names: of the things.
+        names: names of the things.
         viewed: what a view is, for its label.
         views: pictures by the name of their view, (things, instants), grey and with the sRGB curve;
             those of a view have one size.

@@ -75,7 +75,7 @@ def whole_page(
     """A page as HTML, with the script of explorers if it holds any.
 
     Args:
-        title: of the page, text.
+        title: title of the page, text.
         head: HTML before the list of sections: heading and what comes first.
         sections: HTML of the sections, each of which begins with <h2>.
         scripts: further JavaScript, as text, which runs when all of the page is there.

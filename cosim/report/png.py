@@ -73,7 +73,7 @@ def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 75
 
     Args:
         ending: ".png" or ".jpg".
-        quality: of a JPEG.
+        quality: quality of a JPEG.
     """
     import cv2
 

@@ -51,7 +51,7 @@ class Finding:
 
     Attributes:
         effect: name of the effect to reinstate.
-        message: one line for the user.
+        message: text for the user, one line.
         promised: the bound, None if unknown.
         measured: upper limit of the measurement, None if unknown.
         tile: number of the tile, None if the finding concerns the whole plane.

@@ -50,7 +50,8 @@ class Pipeline:
         """Runs blocks until the iterator ends, and until the last of them has passed all stages.
 
         Args:
-            blocks: in order; it is read by a thread of its own, a few blocks ahead.
+            blocks: blocks in order; the iterator is read by a thread of its own, a few blocks
+                ahead.
             done: called in this thread after each block.
 
         Raises:

@@ -96,7 +96,7 @@ def number(
         by: what computed the number.
         relation: relation of `computed` to `printed`.
         note: remark for the reader.
-        proof: for an error of the document, whether a calculation proves it; None otherwise. The
+        proof: proof, for an error of the document, that a calculation shows it; None otherwise. The
             row then holds if the numbers differ and the proof is true.
     """
     value = float(Decimal(printed))

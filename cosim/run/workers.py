@@ -32,7 +32,7 @@ class Workers(Protocol):
         """Yields (key, result) of each task, in the order in which they end.
 
         Args:
-            function: of a module that the workers can import.
+            function: function of a module that the workers can import.
             tasks: its arguments by key. They and the results can be pickled.
         """
         ...

@@ -22,7 +22,7 @@ class StagedStream:
     Args:
         stage: makes the planes of consecutive blocks.
         shape: (H, W).
-        cycles, clock: of the planes, which begin at the instant 0.
+        cycles, clock: number and clock of the planes, which begin at the instant 0.
     """
 
     def __init__(

@@ -206,7 +206,7 @@ class Viform(Sliceable):
     Attributes:
         words: (ceil(cycles / 32), H, W) uint32.
         cycles: number of latch cycles.
-        clock: of the latches.
+        clock: clock of the latches.
         start: number of the first cycle.
 
     Raises:

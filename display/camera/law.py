@@ -46,7 +46,7 @@ def pulse_banding(duty: float, frequency: float, exposure: float) -> float:
 
     Args:
         duty: share of the period in which the light is on, above 0 to 1.
-        frequency: of the pulses, Hz.
+        frequency: frequency of the pulses, Hz.
         exposure: s.
     """
     periods = exposure * frequency

@@ -45,7 +45,7 @@ class PanelCamera:
         mapping: maps words of the stream to words of the panel; None for equal sizes.
 
     Attributes:
-        section, shutter: as above.
+        section, shutter: settings of the camera and its shutter, as above.
         frames: complete frames, in order.
     """
 

@@ -55,7 +55,7 @@ class Fidelity:
     Attributes:
         display, observer: names of display and observer.
         psnr, ssim: means over instants; PSNR in dB.
-        bands: for the still eye, the bands that contain pixels; () for other observers.
+        bands: bands that contain pixels, for the still eye; () for other observers.
     """
 
     display: str

@@ -57,7 +57,7 @@ class OpenCLRenderer:
         device: OpenCL device, None for the default one.
 
     Attributes:
-        panel, batch, images: as given.
+        panel, batch, images: panel, planes a batch and images, as given.
 
     Raises:
         InputError: there is no OpenCL device, or not enough memory.

@@ -97,7 +97,7 @@ class PlaneByPlane:
 
         Args:
             planes: (n, height, width) of 0 and 1.
-            shift: for "pursuit", shift along the rows from plane to plane, pixels.
+            shift: shift along the rows from plane to plane for "pursuit", pixels.
         """
         with self._context:
             self._context.enable(moderngl.BLEND)

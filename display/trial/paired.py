@@ -107,8 +107,8 @@ class DisplayPatches:
         """These displays after the words of the whole run, changed. Needs `keep`.
 
         Args:
-            names: of the displays.
-            change: from the words of a camera, (words, pixels), and their cycles, to others.
+            names: names of the displays.
+            change: map from the words of a camera, (words, pixels), and their cycles, to others.
         """
         assert self._kept is not None
         chosen = {name: self._settings[name] for name in names}

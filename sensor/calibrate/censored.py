@@ -37,8 +37,9 @@ def dark_likelihood(
     Args:
         spikes: number of spikes.
         first, last: instants of the first and last spike, cycles.
-        cycles: of the recording.
-        mean, variance: of d before the dark recording is read, spikes a cycle, (n,).
+        cycles: number of cycles of the recording.
+        mean, variance: mean and variance of d before the dark recording is read, spikes a cycle,
+            (n,).
         squared: relative variance of an interval.
         dead: dead time, cycles.
     """

@@ -22,7 +22,7 @@ def intervals_figure(histograms: tuple[Histogram, ...], path: Path) -> Data:
 
     Args:
         histograms: one or more.
-        path: of the PNG file.
+        path: path of the PNG file.
 
     Returns:
         What was drawn: the intervals of recording and model, and how many of them.

@@ -103,8 +103,8 @@ def latched_probabilities(
 
     Args:
         mean: mean intervals, cycles, (n,), above `lost`.
-        spread: of X less `lost`, relative, above 0.
-        skew: of X, above 0; at most 2 `spread`.
+        spread: spread of X less `lost`, relative, above 0.
+        skew: skew of X, above 0; at most 2 `spread`.
         lost: dead time, cycles.
         longest: last interval with a probability of its own, cycles.
     """

@@ -74,7 +74,7 @@ def pattern_parameters(
     """Fixed pattern, dark current and dead time.
 
     Args:
-        fit: of the flats, with the dark recording if it has spikes enough.
+        fit: fit of the flats, with the dark recording if it has spikes enough.
         hertz: clock.
         dark: the dark recording; None for none.
         dim: whether the dark recording has too few spikes to be in the fit.

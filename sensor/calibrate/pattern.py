@@ -63,7 +63,7 @@ class PatternFit:
         dark: D; None if it is not identified.
         gain: A. dark_spread: B. common: C; None without D.
         dead: dead time, cycles; None with fewer than two levels.
-        covariance: of (light ..., dark, A, B, C, dead), nan where not identified.
+        covariance: covariance of (light ..., dark, A, B, C, dead), nan where not identified.
         pixels: number of pixels.
         misfit: squared distance of the pixels' x from the model over its expectation, and the
             number of standard errors from 1.

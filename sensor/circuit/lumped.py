@@ -39,8 +39,8 @@ class Lumped:
         dead_time: seconds.
         dark_current: electrons a second, 0 or less.
         shift: electrons, added to the threshold.
-        bound: of the relative error of the rate that remains, infinite where the leak may hold the
-            charge below the threshold.
+        bound: bound of the relative error of the rate that remains, infinite where the leak may
+            hold the charge below the threshold.
     """
 
     dead_time: float

@@ -41,8 +41,8 @@ def within(phase, charge, volts, wait, goal, rate, slope, left, circuit):  # typ
 
     Args:
         wait: time that the reset has left.
-        circuit: as `Circuit.packed`. During the delay the leak and C are those at the threshold and
-            their tangents there, which is exact where C is constant.
+        circuit: circuit as `Circuit.packed`. During the delay the leak and C are those at the
+            threshold and their tangents there, which is exact where C is constant.
     """
     leak, a, electrons, gain, pole, trip, ohmic, _ = (
         circuit[0], circuit[1], circuit[2], circuit[3], circuit[4], circuit[5], circuit[6],

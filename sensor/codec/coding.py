@@ -47,8 +47,9 @@ class Code:
     Attributes:
         name: `line` and `repeat` are lossless; `statistical` sends changes beyond `k` standard
             deviations of a width.
-        k: of the statistical code.
-        threshold, threshold_noise: of the pixel that the widths come from, electrons.
+        k: parameter k of the statistical code.
+        threshold, threshold_noise: threshold and noise of the pixel that the widths come from,
+            electrons.
         refine: widths in the mean that is sent after a change; 0 for none (the rule of the paper).
     """
 

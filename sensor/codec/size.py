@@ -28,7 +28,7 @@ REFINE = 8
 """Widths in its means, which come far nearer to the light than the paper's single widths."""
 UNIT = "bit/pixel-cycle"
 _THREADS = 2
-"""That measure a size each: a code has the events of 512 cycles of the sample in memory."""
+"""Threads that measure a size each: a code has the events of 512 cycles of the sample in memory."""
 _UNPACKED = 1024
 """Planes that are unpacked at a time, a byte a bit."""
 
@@ -38,7 +38,7 @@ class Sizes:
     """Bits per pixel and cycle; a raw stream has 1.
 
     Attributes:
-        zstd, repeat, line, statistical: of each form.
+        zstd, repeat, line, statistical: bits of each form.
         pixels, all_pixels: number of pixels that were measured, and of the stream.
     """
 

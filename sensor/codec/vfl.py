@@ -77,8 +77,8 @@ class VflStream:
     """A file as a stream. Opening reads it once, to check it; the last group read is kept.
 
     Attributes:
-        shape, cycles, clock, start: of the stream.
-        code: that it went through.
+        shape, cycles, clock, start: shape, cycles, clock and start of the stream.
+        code: code that the stream went through.
 
     Raises InputError for what is no such file, whole and undamaged, and where memory is short.
     """

@@ -59,7 +59,7 @@ class ContinuousCamera:
     from the pieces of light and from the ticks of the clock.
 
     Args:
-        setting: of the sensor.
+        setting: setting of the sensor.
         rows: rows of the chip that are simulated, all if None. The number of a pixel, and so its
             noise, is its place on the whole chip.
     """

@@ -43,7 +43,7 @@ class _Sink(Collected):
     """Collects the reports, with checkpoints.
 
     Attributes:
-        light: of the pixels drawn.
+        light: light of the pixels drawn.
     """
 
     shape: tuple[int, int]

@@ -27,7 +27,7 @@ class ContinuousShot:
     """One instant.
 
     Attributes:
-        cycle: of sensor.clock.
+        cycle: cycle of sensor.clock.
         truth: reflectance in its middle, white = 1, (H, W).
         continuous: last reports by its end, white = 1, (H, W); black without a report.
         age: ticks from that report to the instant, (H, W) int64; -1 without a report.

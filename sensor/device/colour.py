@@ -64,7 +64,7 @@ def response(micrometres: float, wavelength_nm: float) -> Values:
 
     Args:
         micrometres: depth of the silicon that collects charge.
-        wavelength_nm: at which lux are counted as photons.
+        wavelength_nm: wavelength at which lux are counted as photons.
     """
     counted = photons_per_lux(wavelength_nm) * absorbed(wavelength_nm, micrometres)
     made = np.empty((3, 3))

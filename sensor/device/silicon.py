@@ -19,9 +19,9 @@ class Sized:
     """A size.
 
     Attributes:
-        value: in the unit of its key.
+        value: value in the unit of the key.
         provenance: whether it was published for this chip.
-        source: where it is from.
+        source: source of the value.
     """
 
     value: float

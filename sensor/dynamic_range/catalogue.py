@@ -22,8 +22,8 @@ class SensorPart:
     Attributes:
         full_well: electrons, linear.
         sensitivity: volts an electron.
-        watts: None where unknown, as price, in any one unit.
-        source: of its figures.
+        watts: power; None where unknown, as price, in any one unit.
+        source: source of the part's figures.
     """
 
     name: str
@@ -40,7 +40,7 @@ class ConverterPart:
     """A converter that a budget may choose.
 
     Attributes:
-        watts, price: as of a sensor.
+        watts, price: power and price as of a sensor.
     """
 
     name: str

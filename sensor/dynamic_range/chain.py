@@ -82,7 +82,7 @@ class Chain:
 
     Attributes:
         full_well: electrons at which the sensor's linear range ends.
-        noise: of the sensor in the dark, electrons RMS.
+        noise: noise of the sensor in the dark, electrons RMS.
         sensitivity: volts an electron.
         circuit: volts RMS at the sensor's output.
         analog, digital: gains.

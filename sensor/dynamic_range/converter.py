@@ -18,7 +18,7 @@ class Converter:
     """An analog to digital converter.
 
     Attributes:
-        bits: of a value.
+        bits: bits of a value.
         full_scale: volts that the largest value stands for.
         noise: volts RMS at the input, without quantisation.
         hertz: most samples a second.

@@ -25,7 +25,7 @@ class Mapping:
 
     Attributes:
         gamma: 1 is linear.
-        bits: of the output.
+        bits: bits of the output.
     """
 
     gamma: float = 1.0

@@ -49,8 +49,8 @@ class SensorNoise:
     """Noise of a sensor at its reference, electrons RMS.
 
     Attributes:
-        reset, white: at `celsius`.
-        transfer: at `hertz`, the pixel clock.
+        reset, white: reset and white noise at `celsius`.
+        transfer: transfer noise at `hertz`, the pixel clock.
         dark: its law.
     """
 
@@ -67,7 +67,7 @@ class SensorNoise:
         """Each part, electrons RMS.
 
         Args:
-            seconds: over which dark charge gathers.
+            seconds: time over which dark charge gathers.
             signal: electrons.
         """
         warm = math.sqrt((celsius + ZERO_CELSIUS) / (self.celsius + ZERO_CELSIUS))

@@ -22,8 +22,8 @@ class Camera:
     """A camera of the catalogue.
 
     Attributes:
-        name: on the command line.
-        title: for people.
+        name: name on the command line.
+        title: title for people.
         bench: makes its bench from the seed of the temporal noise.
         notes: how its parameters are to be read.
     """
@@ -103,4 +103,4 @@ CAMERAS: Final = {
         ),
     )
 }  # fmt: skip
-"""By name."""
+"""Cameras by name."""

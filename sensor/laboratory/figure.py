@@ -18,8 +18,8 @@ def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "p
 
     Args:
         report: the measurement.
-        name: of the camera.
-        path: of the file.
+        name: name of the camera.
+        path: path of the file.
         form: "png" or "svg".
     """
     curve = report.transfer.curve()

@@ -48,8 +48,8 @@ class IntervalLaw:
     Attributes:
         mean: centre of the class, cycles.
         pixels: number of pixels.
-        variance: of an interval about the mean of its pixel, cycles^2.
-        correlation: of successive intervals of a pixel.
+        variance: variance of an interval about the mean of its pixel, cycles^2.
+        correlation: correlation of successive intervals of a pixel.
         histogram: share of intervals of 1 to LONGEST cycles, (LONGEST,).
     """
 

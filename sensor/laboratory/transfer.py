@@ -21,7 +21,7 @@ class PhotonTransfer:
         saturation: number of the level with the largest variance.
         gain: K, DN/e.
         responsivity: DN/photon.
-        bits: of a value.
+        bits: bits of a value.
         linear: share of saturation up to which slopes are fitted.
     """
 

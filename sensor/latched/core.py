@@ -97,7 +97,7 @@ class Filmed(Viform):
     Attributes:
         error: Bounds of the error of the simulation; None if they are not known.
         notes: What a user must know of the light and of the plan.
-        degraded: Those of the notes that say what the light lacks, as at the end of a clip.
+        degraded: Notes that say what the light lacks, as at the end of a clip.
         white_rate: Spikes a cycle of the scene's white; None if it is not known.
     """
 

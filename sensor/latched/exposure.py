@@ -59,7 +59,7 @@ class Exposure:
     pixel fires in every cycle in any case.
 
     Args:
-        clock: of the latches.
+        clock: clock of the latches.
         gain: photoelectrons a second per unit of light.
         pattern: fixed pattern of these pixels, None if all are nominal.
         offsets: (H,) int64, ps from a clock edge to the sampling instant of each row; None for 0.

@@ -44,7 +44,7 @@ class ReadingCamera:
 
     Args:
         camera: the camera.
-        setting: that of the user, whose shot noise a reading has.
+        setting: setting of the user, whose shot noise a reading has.
         every: cycles between two readings.
         levels: N of a reading, 1 to 65535.
 

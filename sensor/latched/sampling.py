@@ -25,7 +25,7 @@ def row_offsets(
     """Offset from a latch edge to the instant at which the charge of each row is compared.
 
     Args:
-        clock: of the latches.
+        clock: clock of the latches.
         height: rows of the chip.
         skew: share of a cycle over which all rows are sampled, 0 to 1.
         delay: delay of the comparator in seconds, 0 to a cycle.

@@ -34,9 +34,9 @@ class CameraSetting:
 
     Attributes:
         chip: preset of the chip.
-        clock: of the latches.
+        clock: clock of the latches.
         threshold: electrons.
-        seed: of the run, below 2^32.
+        seed: seed of the run, below 2^32.
         wavelength_nm: wavelength at which lux is converted to photons.
         effects: the inherent effects that are kept, by default all of them.
         reset: rule for the charge beyond the threshold.

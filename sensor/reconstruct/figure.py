@@ -37,7 +37,7 @@ def interval_figure(
         truth: (pixels, knots) true rate over the span, spikes/cycle.
         span: first cycle, and the one after the last.
         instants: cycles that are marked.
-        path: of the PNG.
+        path: path of the PNG.
 
     Returns:
         The bars and the light drawn: pixel, time, spikes a cycle.

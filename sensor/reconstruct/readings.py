@@ -63,7 +63,7 @@ class Dim:
 
     Attributes:
         read: pixels whose light is from a reading, (H, W).
-        rate: this light, spikes a cycle, 0 elsewhere, (H, W).
+        rate: rate of the light, spikes a cycle, 0 elsewhere, (H, W).
         dark: pixels that are rejected as dark, (H, W).
     """
 

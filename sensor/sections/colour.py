@@ -18,6 +18,6 @@ class ColourSection(Section):
     depth: Annotated[float, Quantity("length", above=0, most=1000)] = Field(
         default=3.0,
         examples=["3 um"],
-        description="of the silicon that collects charge; with its absorption it is the quantum "
-        "efficiency by wavelength",
+        description="depth of the silicon that collects charge; with its absorption it is the "
+        "quantum efficiency by wavelength",
     )

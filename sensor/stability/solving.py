@@ -121,7 +121,7 @@ def resets(switch: Switch, spikes: int = 10) -> float:
 # 21 ------------------------------------------------------------------------------------------
 
 Solve = Callable[[Circuit, Values, Values, Values, Values, float], Values]
-"""As `Train`, at a relative tolerance."""
+"""Solver as `Train`, at a relative tolerance."""
 
 
 def _solve(device: Device | None) -> list[Solve]:

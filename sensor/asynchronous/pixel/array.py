@@ -42,13 +42,13 @@ class AsynchronousPixels:
 
     Args:
         model: rules of a pixel.
-        shape: of the array, (H, W).
+        shape: shape of the array, (H, W).
         gain: photoelectrons a second for a unit of light.
-        pattern: of the device, None for a perfect one.
+        pattern: pattern of the device, None for a perfect one.
         start: instant at which the run begins, ps.
         most: firings of the whole run beyond which it ends with InputError.
         tile: pixels that are run together.
-        numbers: of the pixels that are run, (n,); all if None.
+        numbers: numbers of the pixels that are run, (n,); all if None.
     """
 
     def __init__(

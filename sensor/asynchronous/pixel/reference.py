@@ -34,8 +34,8 @@ class Followed:
 
     Attributes:
         exact: widths, ps.
-        width: in ticks.
-        instant: of the end, ps, rounded up.
+        width: width in ticks.
+        instant: instant of the end, ps, rounded up.
         level: `EventModel.levels` for a spike.
         sent: whether the rule of changes sends it.
         count: intervals that ended, (n,).

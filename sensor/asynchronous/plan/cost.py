@@ -40,11 +40,11 @@ class Cost:
     """Time that the reference takes.
 
     Attributes:
-        numbers: of the pixels that were timed.
-        intervals_timed: of the longer call.
+        numbers: numbers of the pixels that were timed.
+        intervals_timed: number of intervals of the longer call.
         each: time of an interval, s.
         pixel: time of a pixel, s.
-        intervals: of the whole array, as long as its light is known.
+        intervals: number of intervals of the whole array, as long as its light is known.
         seconds: time of all of them, s.
     """
 

@@ -111,12 +111,12 @@ class EventEffect:
     """An effect of an asynchronous pixel that a plan may leave out.
 
     Attributes:
-        name: as reports print it.
-        source: of its bound.
+        name: name as reports print it.
+        source: source of the effect's bound.
         kind: "proof", or "estimate", which counts twice.
         work: what leaving it out saves, in draws of a threshold; nothing for what is kept whatever
             it changes.
-        bound: by tile.
+        bound: bound of what leaving it out changes, by tile.
     """
 
     name: str

@@ -33,8 +33,8 @@ class WeakError:
 
     Attributes:
         intervals, pixels: number of unsent intervals, and of their pixels.
-        mean: of the charge, relative to the closed form.
-        variance: of the charge's deviation over the closed form, less 1.
+        mean: mean of the charge, relative to the closed form.
+        variance: variance of the charge's deviation over the closed form, less 1.
     """
 
     intervals: int

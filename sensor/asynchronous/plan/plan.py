@@ -30,7 +30,7 @@ class EventPlan:
     Attributes:
         scene: what bounds are computed from.
         effects: all that the camera has.
-        bounds: of what leaving an effect out changes, relative, (effects, tiles).
+        bounds: bounds of what leaving an effect out changes, relative, (effects, tiles).
         left_out: whether it is, (effects, tiles) bool.
     """
 

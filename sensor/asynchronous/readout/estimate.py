@@ -36,7 +36,7 @@ class Observed:
 
     Attributes:
         widths: ticks of the pixels that fired first, counted from the edge of a tick.
-        levels: of the pixels that were read first.
+        levels: levels of the pixels that were read first.
         silent: number of pixels without a report.
         waited: time without a report of these, ps.
     """

@@ -42,7 +42,7 @@ class Output:
             all that has fired.
         parts, leaves: firings that have crossed, and when, ps.
         offered: number of firings so far.
-        turns: of the pixels' loop.
+        turns: turns of the pixels' loop.
         fired: whether a pixel has fired at all, (pixels,) bool.
     """
 

@@ -21,7 +21,7 @@ class EventShot:
     """One instant.
 
     Attributes:
-        cycle: of sensor.clock.
+        cycle: cycle of sensor.clock.
         truth, tfi: reflectance, and its estimate from the event that holds the instant, white = 1,
             (H, W).
     """

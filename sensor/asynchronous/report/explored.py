@@ -31,8 +31,8 @@ def _clock(judged: EventRun, clock: Clock) -> tuple[Clock, int]:
 
 
 def events_explorer(judged: EventRun) -> str:
-    """Returns the HTML of the section; "" for targets of steady light, whose decades no planes of
-    one clock can show."""
+    """HTML of the section; "" for targets of steady light, whose decades no planes of one clock can
+    show."""
     if judged.views.recovered:
         return ""
     spec, events = judged.spec, judged.views.events

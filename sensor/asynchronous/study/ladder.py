@@ -31,7 +31,7 @@ _BRIGHTEST: Final = 1024
 _DIGITS: Final = 200_000
 """Terms that checking the reference's quantiles may add up."""
 _ROUNDING: Final = 2.0**-50
-"""Of the reference's instants: a few roundings of float64 each."""
+"""Rounding of the reference's instants: a few roundings of float64 each."""
 
 
 def _run(start: EventStart, plan: EventPlan) -> None:

@@ -19,10 +19,10 @@ class StreamCode:
 
     Attributes:
         kind: name in the catalogue.
-        cycles: of a packet, a multiple of 32.
+        cycles: cycles of a packet, a multiple of 32.
         tile: side of a tile, pixels.
-        layers: that are made, of `layered`.
-        k, refine, threshold, threshold_noise: of `statistical`, see `Code`; electrons.
+        layers: number of layers that are made, of `layered`.
+        k, refine, threshold, threshold_noise: settings of `statistical`, see `Code`; electrons.
     """
 
     kind: str = "layered"

@@ -28,7 +28,7 @@ class Decoded:
 
     Attributes:
         words: (n, H, W) uint32.
-        first, cycles: which.
+        first, cycles: first cycle and number of cycles.
         held: (rows, columns) of tiles; whether a tile's spikes are, in any of these cycles, those
             of the rate that it had last.
         missing: the same of tiles that were never received, whose bits are 0.

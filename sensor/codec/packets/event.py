@@ -78,8 +78,8 @@ def encode_events(words: Words, cycles: int, gaps: Sequence[Gap] = ()) -> bytes:
 
     Args:
         words: (n, H, W) uint32, H and W at most 128; their bits in gaps are taken as 0.
-        cycles: of the packet, 1 to 128.
-        gaps: in order, without an overlap.
+        cycles: cycles of the packet, 1 to 128.
+        gaps: gaps in order, without an overlap.
 
     Raises ValueError for more cycles, rows or columns.
     """

@@ -18,7 +18,8 @@ class Layer:
 
     Attributes:
         data: its bytes.
-        spikes: those whose time is known from this layer on; a spike is in one layer alone.
+        spikes: number of spikes whose time is known from this layer on; a spike is in one layer
+            alone.
         gain: the squared error of counts in a window of 41 cycles that it takes away, summed over
             pixels and cycles, estimated.
     """

@@ -11,7 +11,7 @@ class Tiles:
 
     Attributes:
         shape: (height, width) of the sensor in pixels.
-        side: of a tile, pixels.
+        side: side of a tile, pixels.
     """
 
     shape: tuple[int, int]

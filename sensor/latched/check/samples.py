@@ -36,7 +36,7 @@ class _SampleGrid:
     """One box in every tile of a grid, at a random place.
 
     Attributes:
-        height, width: of the chip.
+        height, width: height and width of the chip.
         boxes: (tiles, 4) first row, stop row, first column, stop column of each.
     """
 

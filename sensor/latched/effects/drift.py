@@ -51,7 +51,7 @@ class Drift:
     Args:
         clock: whose cycles are counted.
         size: RMS of the gain at a knot.
-        seed: of the run.
+        seed: seed of the run.
     """
 
     def __init__(self, clock: Clock, size: float, seed: int) -> None:

@@ -72,7 +72,7 @@ class Operation(NamedTuple):
     """Operating point of a chip, which effects read when a scenario is turned into a setting.
 
     Attributes:
-        clock: of the latches.
+        clock: clock of the latches.
         threshold: electrons, at the selected level.
         celsius: temperature of the chip, degC.
     """

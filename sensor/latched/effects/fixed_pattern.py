@@ -208,7 +208,11 @@ class _Defects(_PatternEffect):
         ),
         "hot_current": Key(
             Current,
-            Field(default=0.0, examples=["100000 e/s"], description="that a hot pixel has on top"),
+            Field(
+                default=0.0,
+                examples=["100000 e/s"],
+                description="dark current that a hot pixel has on top",
+            ),
             readouts=ALL_READOUTS,
         ),
         "dead_pixels": Key(

@@ -81,7 +81,9 @@ class _ComparatorDelay(PixelEffect):
         "comparator_delay": Key(
             Time,
             Field(
-                default=0.0, examples=["1 us"], description="from full to fired; at most a cycle"
+                default=0.0,
+                examples=["1 us"],
+                description="delay from full to fired; at most a cycle",
             ),
             readouts=("synchronous", "asynchronous"),
             silicon=Sized(20e-9, "assumed", USUAL),

@@ -174,7 +174,7 @@ class Bank:
             lanes: (n,) place of each pixel in its group.
             cycles: (n,) cycle in which each pixel fires.
             crossing: thresholds that the pixel has crossed before in this cycle.
-            seed: of the run.
+            seed: seed of the run.
         """
         return self.values[offsets(groups, cycles, crossing, seed) + lanes]
 

@@ -40,7 +40,7 @@ def first_deficits(pixels, seed, table, noisy, q, random, beyond, out):  # type:
 
     Args:
         pixels: (n,) uint32.
-        seed: of the run, uint64.
+        seed: seed of the run, uint64.
         table: quantiles of the first threshold, used only if `noisy`; else it is `q`.
         noisy: whether thresholds are drawn.
         q: mean threshold, Q24.40.

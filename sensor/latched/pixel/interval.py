@@ -115,8 +115,8 @@ def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
 
 
 NO_TABLE: Charge = np.zeros(1, np.int64)
-"""In place of a table where no lookup occurs. It is read-only like the tables; otherwise numba
-would compile the loops a second time."""
+"""Array in place of a table where no lookup occurs. It is read-only like the tables; otherwise
+numba would compile the loops a second time."""
 NO_TABLE.setflags(write=False)
 
 

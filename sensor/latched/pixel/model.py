@@ -60,7 +60,7 @@ class ExactModel:
 
     Attributes:
         threshold: electrons, positive, below 2^21.
-        seed: of the run, below 2^32.
+        seed: seed of the run, below 2^32.
         effects: the inherent effects that are kept.
         threshold_noise: standard deviation in electrons, drawn anew for each spike (kTC,
             comparator).

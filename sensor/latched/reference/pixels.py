@@ -49,7 +49,7 @@ class ReferencePixels:
     Args:
         model: rules of a pixel.
         numbers: (n,) uint32, numbers of the pixels on the chip.
-        clock: of the latches.
+        clock: clock of the latches.
         gain: electrons a second per unit of light.
         pattern: fixed pattern of these pixels, None if all are nominal.
         offsets: (n,) int64, ps from a clock edge to the latch of each pixel; None for 0.
