@@ -29,7 +29,7 @@ def run_stage(
     """Runs the check of a stage. The outcome records every fault of the board or the line.
 
     Args:
-        name: of the stage.
+        name: name of the stage.
         check: returns the figures of a stage that has passed.
         bench: the board under test.
         allowed: time limit, s.
@@ -114,7 +114,7 @@ def failed_stage(
     otherwise be the design's.
 
     Args:
-        name: of the stage.
+        name: name of the stage.
         seconds: duration, s.
         fault: the fault that ended it.
         evidence: errors of the line during the stage, None if unknown.

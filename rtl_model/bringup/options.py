@@ -18,7 +18,7 @@ class BringUp:
     """Options of a bring-up.
 
     Attributes:
-        baud: of the line.
+        baud: baud of the line.
         csr: registers of the loaded design; None for the Viform board's.
         stop_at_first: whether the stages after a failed one are left out. They always are after a
             failure of the port, bytes or identity stage.

@@ -71,7 +71,7 @@ def bring_up(
     Args:
         port: an open serial port, or the name of a port over any line. A port that is opened here
             is closed at the end.
-        options: of the bring-up; the defaults if None.
+        options: options of the bring-up; the defaults if None.
         progress: receives each stage when it has ended.
         note: receives one line before a slow step.
 

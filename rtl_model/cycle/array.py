@@ -23,7 +23,7 @@ class PixelArray:
     """Charge, registers `sensor_*` and the frame in progress.
 
     Attributes:
-        geometry: of the build.
+        geometry: geometry of the build.
         memory: pattern memory as the bus reads it, (rows, padded columns) uint8.
     """
 

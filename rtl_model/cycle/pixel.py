@@ -45,7 +45,7 @@ def increments(
     Args:
         pattern, level: registers `sensor_pattern` and `sensor_level`.
         frame: number since the clear.
-        row, column: of the pixels; they are broadcast.
+        row, column: rows and columns of the pixels; they are broadcast.
         memory: bytes of the pattern memory of these pixels.
     """
     row, column = np.asarray(row, np.int64), np.asarray(column, np.int64)

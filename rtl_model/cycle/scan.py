@@ -139,7 +139,8 @@ def scan(  # type: ignore[no-untyped-def]
         state: (STATE,) int64, updated.
         charge: (rows, lanes * tiles) int32, updated.
         memory: pattern memory, (rows, lanes * tiles) uint8.
-        lanes, columns, row_clocks, tick_minimum: of the build.
+        lanes, columns, row_clocks, tick_minimum: lanes, columns, clocks of a row and shortest tick
+            of the build.
         clock, stop: edges.
         out: (n,) `TILE`, large enough.
     """

@@ -69,7 +69,7 @@ class EventDecoder:
     """The decoder after reset, at clock 0.
 
     Attributes:
-        size: of the build.
+        size: size of the build.
         clock: edges passed.
     """
 

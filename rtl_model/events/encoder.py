@@ -52,7 +52,7 @@ class EventEncoder:
     """The encoder after reset, at clock 0.
 
     Attributes:
-        size: of the build.
+        size: size of the build.
         clock: edges passed.
     """
 

@@ -18,12 +18,12 @@ def steady_words(
     """Words of pixels at steady light: each integrates its own rate plus noise, and fires at 1.
 
     Args:
-        size: of the array.
+        size: size of the array.
         cycles: a multiple of 32.
         rate: mean of the pixels, spikes a cycle.
         spread: pixels have rates of 1 - spread to 1 + spread times that.
         jitter: noise of a cycle's charge, uniform, as a share of the pixel's rate.
-        seed: of rates, phases and noise.
+        seed: seed of rates, phases and noise.
     """
     rng = np.random.default_rng(seed)
     rates = rate * (1 + spread * rng.uniform(-1, 1, size.pixels))
@@ -54,7 +54,7 @@ def tiles_of(words: Words, size: EventSize, tick: int, first: int = 0, clock: in
 
     Args:
         words: (n, rows, columns) uint32.
-        size: of the array.
+        size: size of the array.
         tick: clocks of a frame, at least `size.tick_minimum`.
         first: number of the first frame.
         clock: edge of the first tile.

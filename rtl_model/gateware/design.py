@@ -23,7 +23,7 @@ class Design(NamedTuple):
 
     Attributes:
         target: the board.
-        geometry: with the target's clock, and memories that fit its device.
+        geometry: geometry with the target's clock, and memories that fit its device.
         build: value of `ctrl_build`.
         ethernet: PHY that replaces the serial line, None for the line.
         network: addresses of the board on it.

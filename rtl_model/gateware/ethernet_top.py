@@ -33,7 +33,7 @@ def ethernet_top(target: Target, ethernet: Ethernet, geometry: Geometry, build: 
     Args:
         target: the board.
         ethernet: its PHY.
-        geometry: of the build, at the PHY's clock of the design.
+        geometry: geometry of the build, at the PHY's clock of the design.
         build: parameter BUILD, the value of `ctrl_build`.
     """
     kind = ethernet.kind

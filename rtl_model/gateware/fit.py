@@ -19,7 +19,7 @@ class Fit(NamedTuple):
     Attributes:
         luts: look-up tables. In an ECP5 each cell of a carry chain counts as two.
         flip_flops: flip-flops.
-        block_rams: of 18 kbit; one of 36 kbit counts as two.
+        block_rams: block RAMs of 18 kbit; one of 36 kbit counts as two.
     """
 
     luts: int

@@ -20,7 +20,7 @@ def readme(
 
     Args:
         target: the board.
-        geometry: of the build.
+        geometry: geometry of the build.
         build: value of `ctrl_build`.
         ethernet: PHY that replaces the serial line, None for the line.
         network: addresses of the board on it.

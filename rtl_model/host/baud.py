@@ -94,7 +94,7 @@ def find_baud(
     board's rate.
 
     Args:
-        port: to the board.
+        port: port to the board.
         nominal: rate at which the search begins, baud.
         time_scale: seconds of the host's time to a second of the board's clock.
         patience_s: wait for an answer beyond line time, s.

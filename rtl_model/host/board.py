@@ -26,9 +26,9 @@ class BoardInfo(NamedTuple):
     """Size and build of a Viform board, from its registers.
 
     Attributes:
-        rows, columns, lanes: of the pixel array.
+        rows, columns, lanes: rows, columns and lanes of the pixel array.
         clock_hz: nominal clock, Hz.
-        version: of the register map.
+        version: version of the register map.
         build: CRC-32 of Verilog and parameters, 0 if unknown.
         capture_words, sink_words: sizes of the memories, words.
         baud: `clock_hz` divided by the clocks of a bit.
@@ -67,7 +67,7 @@ class ImagerInfo(NamedTuple):
         imager: its name.
         rows, columns: pixels.
         clock_hz: nominal clock, Hz.
-        version: of the register map.
+        version: version of the register map.
         build: `ctrl_build`.
         baud: `clock_hz` divided by the clocks of a bit.
     """
@@ -184,7 +184,7 @@ class Board:
         Raises LineFault SHORT, GARBLED, RESTARTED or MISPLACED. Nothing is written twice.
 
         Args:
-            address: of the first word, bytes.
+            address: address of the first word, bytes.
             values: words, 32 bits each.
             fixed: whether all are written to the same address.
             readback: whether the words are read again, which also checks the address.

@@ -82,7 +82,7 @@ def opened_bone(
 
     Args:
         url: a device, a URL of pyserial, or `udp:HOST[:PORT]`.
-        baud: of a serial line.
+        baud: baud of a serial line.
         simulated: whether a simulated board is behind it, for which the host waits longer.
         time_scale: seconds of the host's time to a second of the board's clock.
         log: file that records every transaction, None for none.

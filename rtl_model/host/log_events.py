@@ -43,10 +43,10 @@ class Opened(_Event):
     """The first event.
 
     Attributes:
-        format: of the log.
+        format: format of the log.
         port: name of the port.
-        baud: of the line; None over UDP.
-        simulated, time_scale, frames: of the session; None if it did not state them.
+        baud: baud of the line; None over UDP.
+        simulated, time_scale, frames: settings of the session; None if it did not state them.
     """
 
     event: Literal["open"]

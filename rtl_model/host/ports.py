@@ -61,7 +61,7 @@ class Port(Protocol):
     """A bidirectional stream of bytes: a serial port, a log, or a model of a board.
 
     Attributes:
-        name: for messages.
+        name: name for messages.
         baud: rate of the host.
     """
 
@@ -69,13 +69,13 @@ class Port(Protocol):
     baud: int
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that arrive within `deadline_s` seconds."""
+        """Reads `count` bytes, or those that arrive within `deadline_s` seconds."""
 
     def write(self, data: bytes, deadline_s: float = _WRITE_S) -> None:
         """Sends all bytes within `deadline_s` seconds. Raises LineFault if that fails."""
 
     def drain(self) -> bytes:
-        """Returns the unread bytes without waiting."""
+        """Unread bytes without waiting."""
 
     def set_baud(self, baud: int) -> None:
         """Changes the host's rate."""
@@ -95,7 +95,7 @@ class SerialPort:
         self.baud = int(inner.baudrate)
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that arrive within `deadline_s` seconds."""
+        """Reads `count` bytes, or those that arrive within `deadline_s` seconds."""
         limit = Countdown(deadline_s, _COUNTED_S)
         got = b""
         with _named(self.name):
@@ -134,7 +134,7 @@ class SerialPort:
             select.select([], [file], [], _POLL_S)
 
     def drain(self) -> bytes:
-        """Returns the contents of the input buffer."""
+        """Contents of the input buffer."""
         got = b""
         with _named(self.name):
             while waiting := self.inner.in_waiting:
@@ -216,7 +216,7 @@ def open_port(url: str, baud: int, *, exclusive: bool = True, lines: Lines = AS_
 
     Args:
         url: a device or a URL of pyserial.
-        baud: of the line.
+        baud: baud of the line.
         exclusive: whether other programs are locked out, if the system supports it.
         lines: modem lines to set. Linux asserts both for the moment in which it opens a device.
 

@@ -28,8 +28,8 @@ class Reading(NamedTuple):
     Attributes:
         level: floor(levels charge / Q), at most levels - 1; (rows, columns) uint16, 0 outside the
             window.
-        levels: of the reading.
-        frames: since the clear, of which the charges are.
+        levels: number of levels of the reading.
+        frames: number of frames since the clear, of which the charges are.
         captured: the passes.
     """
 

@@ -31,7 +31,7 @@ class Write(NamedTuple):
     """A bus write.
 
     Attributes:
-        clock: of its strobe.
+        clock: clock of the write's strobe.
         address: bytes.
         value: 32 bits.
     """

@@ -72,9 +72,9 @@ class RowBuffer:
     """Buffer and link behind the row scan.
 
     Args:
-        timing: of the scan.
-        rate: of the link, bit/s, whole kbit/s; as fast as the chip is `BIT_RATE`.
-        size: of the buffer, bytes, at least a row.
+        timing: timing of the scan.
+        rate: rate of the link, bit/s, whole kbit/s; as fast as the chip is `BIT_RATE`.
+        size: size of the buffer, bytes, at least a row.
 
     Attributes:
         offered, lost: rows so far.

@@ -23,7 +23,7 @@ class HostFile:
     It is opened for each part, so that a run that ends early leaves nothing open.
 
     Args:
-        path: of the whole file.
+        path: path of the whole file.
 
     Attributes:
         written: bytes so far, also of the run that is resumed.

@@ -24,10 +24,11 @@ class Readout:
 
     Args:
         device: OpenCL device.
-        window: that is read; the whole chip if None. Raises InputError for one outside the chip.
+        window: window that is read; the whole chip if None. Raises InputError for one outside the
+            chip.
 
     Attributes:
-        window: that is read.
+        window: window that is read.
         blocks: number of blocks in a cycle.
     """
 

@@ -28,11 +28,11 @@ class ScanTiming:
     """Timing of the scan of a window.
 
     Args:
-        clock: of the latch cycles.
-        window: that is read; the whole chip if None.
+        clock: clock of the latch cycles.
+        window: window that is read; the whole chip if None.
 
     Attributes:
-        clock, window: as above.
+        clock, window: clock and window as above.
         blocks: number of blocks in a cycle.
 
     Raises:

@@ -34,7 +34,7 @@ def csr_text(
     Args:
         registers, memories: the map.
         values: parameters of the build, which give the sizes of the memories.
-        clock_hz: of the bus, Hz.
+        clock_hz: clock of the bus, Hz.
         constants: further constants, listed after LiteX's.
     """
     groups: dict[str, int] = {}

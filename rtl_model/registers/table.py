@@ -26,7 +26,7 @@ class Field(NamedTuple):
     """A field of a register.
 
     Attributes:
-        name: of the field.
+        name: name of the field.
         high, low: its first and last bit, both inclusive.
         text: meaning.
     """
@@ -65,8 +65,8 @@ class Memory(NamedTuple):
     """A memory of 32-bit words.
 
     Attributes:
-        name: of the memory.
-        address: of the first word, bytes.
+        name: name of the memory.
+        address: address of the first word, bytes.
         size: name of the parameter that gives the size in bytes.
         mode: "ro", "rw" or "wo".
         text: meaning.

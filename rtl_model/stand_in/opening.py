@@ -28,7 +28,7 @@ class OpenBoard(NamedTuple):
     Attributes:
         board: its registers.
         info: its size and build.
-        name: for messages.
+        name: name for messages.
     """
 
     board: Board
@@ -42,7 +42,7 @@ def parse_address(address: str, key: str) -> tuple[str, int, Lines]:
     Args:
         address: `serial:PORT[,BAUD][,dtr=off][,rts=off]` or `udp:HOST[:PORT]`; the baud and lines
             of the latter have no meaning.
-        key: of the scenario, for messages.
+        key: key of the scenario, for messages.
 
     Raises:
         InputError: for another text.
@@ -86,8 +86,8 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
     A fault of the line, at the start or during use, raises InputError.
 
     Args:
-        address: as in `parse_address`.
-        key: of the scenario, for messages.
+        address: address as in `parse_address`.
+        key: key of the scenario, for messages.
         virtual: geometry of a virtual board, which is the cycle model; the default one if None.
     """
     port, baud, lines = parse_address(address, key)

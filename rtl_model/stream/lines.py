@@ -79,11 +79,11 @@ class Lines:
     """All lanes: rows are put together and checked, and leave as tiles.
 
     Args:
-        geometry: of the sensor.
+        geometry: geometry of the sensor.
 
     Attributes:
         lanes: each lane's alignment.
-        tile: at the pins before the next edge; None for none.
+        tile: tile at the pins before the next edge; None for none.
         bad_rows, missed_rows: rows with an error, and rows that lack a lane.
     """
 

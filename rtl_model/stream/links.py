@@ -9,10 +9,10 @@ class Link(NamedTuple):
     """A link from an FPGA board to a host.
 
     Attributes:
-        name: of the link.
+        name: name of the link.
         line_rate: bits a second as the standard counts them, after line coding.
         payload, overhead: bits of a packet that are free for spikes, and bits around them.
-        source: of both.
+        source: source of both.
     """
 
     name: str
@@ -47,7 +47,7 @@ LINKS: tuple[Link, ...] = (
     Link("PCIe 3.0 x4", 4 * 8e9 * 128 / 130, *_PCIE, _PCIE_SOURCE),
     Link("PCIe 3.0 x8", 8 * 8e9 * 128 / 130, *_PCIE, _PCIE_SOURCE),
 )
-"""From the slowest to the fastest."""
+"""Links from the slowest to the fastest."""
 
 
 def raw_rate(rows: int, columns: int, clock_hz: float) -> float:

@@ -39,8 +39,8 @@ def read_stream(beats: Iterable[Beat], geometry: Geometry) -> Received:
     number that does not rise is a cleared sensor, and raises.
 
     Args:
-        beats: in order, from the stream's start.
-        geometry: of the build.
+        beats: beats in order, from the stream's start.
+        geometry: geometry of the build.
 
     Raises:
         InputError: for beats that are no packets of this geometry.

@@ -33,7 +33,7 @@ def lane_words(
 
     Args:
         planes: (rows, columns) bool by number.
-        geometry: of the sensor; `lanes` is the width of a tile, eight columns a data lane.
+        geometry: geometry of the sensor; `lanes` is the width of a tile, eight columns a data lane.
         training: clocks of training before the first row.
         pause: clocks of training after each row, at least four.
     """

@@ -29,11 +29,11 @@ class VerilatedStream(VerilatedModule):
 
     Args:
         source: "array", "external" or "lines".
-        geometry: of the build.
+        geometry: geometry of the build.
         settings: further parameters: DEPTH, and of "external" PIXELS and IN_FLIGHT.
         sources: folder of the Verilog; the design's if None.
-        memory: of "external", the contents of its memory.
-        latency: of that memory, clocks from a command to its word, at least 1.
+        memory: contents of the memory of "external".
+        latency: latency of that memory, clocks from a command to its word, at least 1.
 
     Raises:
         InputError: if Verilator is missing.

@@ -116,7 +116,7 @@ def library(
 
     Args:
         top: name of the Verilog module. The shim sees its class as `Vtop` of "Vtop.h".
-        geometry: of the build; its parameters that the module has are set.
+        geometry: geometry of the build; its parameters that the module has are set.
         shim: C++ source with `extern "C"` functions. It sees the parameters as macros, such as
             VIFORM_ROWS, VIFORM_COLUMNS and VIFORM_LANES, and, with a trace, VIFORM_FST or
             VIFORM_VCD.

@@ -14,7 +14,7 @@ class VerilatedModule:
     Subclasses declare the shim's other functions on `_library`, whose first argument is `_board`.
 
     Args:
-        path: of the library.
+        path: path of the library.
     """
 
     def __init__(self, path: Path) -> None:

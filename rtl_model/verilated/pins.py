@@ -22,7 +22,7 @@ class VerilatedPins(VerilatedModule):
     """`viform_board` in Verilator, with a host that sends 8N1 at the board's baud.
 
     Args:
-        geometry: of the build.
+        geometry: geometry of the build.
         waves: waveforms to write. The file is complete when the board is closed.
 
     Attributes:

@@ -30,7 +30,7 @@ class Waves:
     Attributes:
         path: file.
         first, last: first clock, and the clock after the last one.
-        format: of the file.
+        format: format of the file.
     """
 
     def __init__(self, path: Path, first: int = 0, last: int = 1 << 62) -> None:
@@ -52,7 +52,7 @@ class VerilatedSystem(VerilatedModule):
     """`viform_system` in Verilator. Clock n is the n-th edge after reset.
 
     Args:
-        geometry, sources, build: as in `build.library`.
+        geometry, sources, build: geometry, sources and build as in `build.library`.
         waves: waveforms to write, None for none. The file is complete when the system is closed.
 
     Raises:

@@ -38,7 +38,7 @@ def write_view(
 
     Args:
         trace: file of waveforms.
-        geometry: of the build.
+        geometry: geometry of the build.
         signals: names with their scopes.
         cursor: clock of the primary marker.
         marks: clocks of the markers A, B, ...; 26 at most are used.

@@ -56,7 +56,7 @@ class VirtualBoard(Served):
     """A board that is served at `port` from `start`, or the start of the context, to its end.
 
     Args:
-        geometry: of the build; the default one if None.
+        geometry: geometry of the build; the default one if None.
         level: "bytes" and "pins" run the Verilog, "model" the cycle model at byte level.
         faults: texts (see `virtual.faults`), or parsed ones.
         link: symbolic link to create for the port.

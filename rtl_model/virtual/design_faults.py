@@ -33,8 +33,8 @@ def inject_faults(verilog: Path, folder: Path, geometry: Geometry, faults: Fault
     Args:
         verilog: folder of the sources.
         folder: existing folder for the copy.
-        geometry: of the build.
-        faults: of which those of the design are injected.
+        geometry: geometry of the build.
+        faults: faults, of which those of the design are injected.
     """
     from rtl_model.verilated import verilog_files  # not needed by the cycle model
 

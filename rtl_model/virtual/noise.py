@@ -23,7 +23,7 @@ def noise(share: float, seed: int, way: Way, first: int, count: int) -> npt.NDAr
 
     Args:
         share: probability that a bit is inverted.
-        seed: of the noise.
+        seed: seed of the noise.
         way: direction.
         first: number of the first byte.
         count: number of bytes.

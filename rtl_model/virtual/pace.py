@@ -6,7 +6,8 @@ import time
 from typing import Protocol
 
 LINGER_S = 0.3
-"""In the board's time: three times its watchdog, longer than a cut line and a power cycle."""
+"""Time in the board's time, s: three times its watchdog, longer than a cut line and a power
+cycle."""
 MARGIN = 2.0
 """Factor of a host's waiting times, for other work of the machine."""
 

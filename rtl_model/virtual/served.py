@@ -19,7 +19,7 @@ class Served:
     """Start, end and failure of the thread. A subclass opens its port and gives the turns.
 
     Attributes:
-        geometry: of the build.
+        geometry: geometry of the build.
         speed: measured simulation speed, clocks of the board per second of wall time.
         clock: clocks simulated since the last power-on.
     """

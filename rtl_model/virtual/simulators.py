@@ -67,9 +67,9 @@ def make_simulator(
     The Verilog is compiled if it is not cached.
 
     Args:
-        level: of simulation.
-        geometry: of the build.
-        faults: of the design and, at level "pins", of the line.
+        level: level of simulation.
+        geometry: geometry of the build.
+        faults: faults of the design and, at level "pins", of the line.
         imager: name of a conventional imager; None for the board.
 
     Raises:

@@ -23,7 +23,7 @@ class Deadline:
 
     Attributes:
         inner: the wrapped port.
-        name: for messages.
+        name: name for messages.
     """
 
     def __init__(self, inner: Port | PacketPort) -> None:

@@ -45,9 +45,9 @@ def compare_burst(
     """Compares captured planes with the cycle model's.
 
     Args:
-        name: of the test pattern.
+        name: name of the test pattern.
         captured: frames from `first_frame` on, the sensor having started without charge.
-        size: of the board.
+        size: geometry of the board.
         registers: values of the `sensor_*` registers during the burst.
         image: contents of the pattern memory, (rows, columns); None if no pixel reads it.
         first_frame: number of the first frame.

@@ -29,7 +29,7 @@ class BoardChain:
     again.
 
     Attributes:
-        report: of the bring-up, once the chain has run.
+        report: report of the bring-up, once the chain has run.
         image: the captured frames; None if a stage or the capture failed.
         fault: the line's fault that ended the capture, None if there was none.
     """

@@ -20,7 +20,7 @@ class ImageCapture(NamedTuple):
 
     Attributes:
         captured: the frames with their timing.
-        burst: their comparison with the cycle model.
+        burst: comparison of the frames with the cycle model.
         clock: frame clock.
     """
 

@@ -41,7 +41,7 @@ class BoardMachine:
 
         Args:
             section: the board, its port and the frames to capture.
-            seed: of the image's noise.
+            seed: seed of the image's noise.
             toml: the resolved scenario, as TOML.
             trace: file for the waveforms of a virtual board, None for none.
 

@@ -26,7 +26,7 @@ class Trace(NamedTuple):
 
     Attributes:
         path: file.
-        geometry: of the build.
+        geometry: geometry of the build.
     """
 
     path: Path
@@ -38,7 +38,7 @@ def checked_trace(path: Path | None, geometry: Geometry | None) -> Trace | None:
 
     Args:
         path: file, None for none.
-        geometry: of the virtual board, None for a real one.
+        geometry: geometry of the virtual board, None for a real one.
 
     Raises InputError for a real board, another file ending, or a missing folder.
     """

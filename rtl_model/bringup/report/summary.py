@@ -12,7 +12,7 @@ from cosim.report.summary import Answer, big, paragraph
 from rtl_model.bringup.bench.stage import Report
 
 _CHANCE: Final = 0.05
-"""That a line of the stated error rate shows no wrong bit."""
+"""Chance that a line of the stated error rate shows no wrong bit."""
 
 
 def answers(report: Report) -> list[Answer]:

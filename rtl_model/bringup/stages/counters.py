@@ -133,7 +133,7 @@ def _check_written(
         bench: the board under test.
         written: words written.
         before: the board's count and CRC-32 before.
-        figures: of the stage, for a fault.
+        figures: figures of the stage, for a fault.
     """
     count, crc = bench.bone.read_twice(bench.address("uart_writes"), 2)
     count = (count - before[0]) & 0xFFFFFFFF

@@ -46,8 +46,8 @@ def _capture_burst(
     Args:
         bench: the board under test.
         board: its registers.
-        name: of the test pattern.
-        registers: written before the burst.
+        name: name of the test pattern.
+        registers: registers written before the burst, by name.
         image: contents of the pattern memory, (rows, columns).
         frames: number of frames.
     """

@@ -21,7 +21,7 @@ class Losses(NamedTuple):
     """What became of packets that were not repeated.
 
     Attributes:
-        counts: of the packets.
+        counts: counts of the packets.
         to_board, from_board: net packets added (lost, if negative) in that direction.
     """
 
@@ -36,7 +36,7 @@ def count_losses(bone: Etherbone, packets: int) -> Losses:
     They are numbered writes whose number has been passed, which the board counts and refuses.
 
     Args:
-        bone: of a Viform board.
+        bone: Etherbone of a Viform board.
         packets: number of packets.
     """
     exchange = bone.exchange

@@ -69,7 +69,7 @@ class Packet(NamedTuple):
 
     Attributes:
         probe, reply: flags PF and PR.
-        records: of the packet.
+        records: records of the packet.
         rest: bytes after the first four, which the reply to a probe repeats.
     """
 

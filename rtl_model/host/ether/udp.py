@@ -101,7 +101,7 @@ class UdpPort:
     has the same number, unless the board is on this machine or the port is in use.
 
     Attributes:
-        name: for messages.
+        name: name for messages.
         same_port: whether LiteEth's answers arrive here.
     """
 

@@ -37,7 +37,7 @@ class EthernetBoard(Served):
 
     Args:
         url: `udp:HOST[:PORT]`; with port 0 the system chooses one.
-        geometry: of the build; the default one if None.
+        geometry: geometry of the build; the default one if None.
         level: "bytes" runs the Verilog, at its bus; "model" the cycle model.
         faults: texts (see `virtual.faults`), or parsed ones: silent, slow, and those of the design.
         imager: name of a conventional imager to simulate instead, at level "model".

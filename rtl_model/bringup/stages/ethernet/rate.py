@@ -56,10 +56,10 @@ def measured_rates(bone: Etherbone, base: int, words: int, seconds: float) -> Ra
     """Writes and reads a memory in the longest packets; its contents are restored.
 
     Args:
-        bone: of the board.
+        bone: Etherbone of the board.
         base: byte address of the memory.
-        words: of the memory.
-        seconds: of each direction, about.
+        words: words of the memory.
+        seconds: time of each direction, about, s.
     """
     previous = bone.read_words(base, words).tobytes()
     random = np.random.Generator(np.random.Philox(1))
