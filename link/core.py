@@ -224,7 +224,7 @@ class LinkCore:
         """Sends bytes.
 
         Args:
-            data: one byte or more.
+            data: bytes to send, at least one.
             number: number of the call, below 2^64.
 
         Raises:

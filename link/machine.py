@@ -159,8 +159,7 @@ class LinkMachine:
         )  # fmt: skip
 
     def _identity(self) -> str:
-        """Returns a text that depends on the scenario, the mode, the plan, the file and the
-        version."""
+        """A text that depends on the scenario, the mode, the plan, the file and the version."""
         setup, plan = self._setup, self._link.plan
         text = to_toml(setup.scenario.model_copy(update={"title": ""})) + viform_version()
         text += f"{setup.mode} {plan.tier} {sorted(plan.left_out)}"

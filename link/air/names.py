@@ -35,7 +35,7 @@ class Scene:
 
 
 def simplified(scene: Scene, effects: Collection[str]) -> Scene:
-    """Returns the scene without the effects that are not in `effects`.
+    """Scene without the effects that are not in `effects`.
 
     Fog, ambient light, surroundings and defocus have no number of their own in the scene; the code
     that computes them distinguishes them.

@@ -48,15 +48,14 @@ class Frame:
 
 
 def write_frame(frame: Frame, size: int) -> npt.NDArray[np.uint8]:
-    """Returns a frame as `size` bytes."""
+    """A frame as `size` bytes."""
     body = _HEAD.pack(_MAGIC, _VERSION, frame.session, frame.length) + frame.packet
     body = body.ljust(size - _CRC.size, b"\0")
     return np.frombuffer(body + _CRC.pack(crc32c(body)), np.uint8)
 
 
 def read_frame(data: npt.NDArray[np.uint8], symbol: int) -> Frame | None:
-    """Returns the frame in `data`, with a symbol of `symbol` bytes; None unless every part is
-    correct."""
+    """Frame in `data`, with a symbol of `symbol` bytes; None unless every part is correct."""
     raw = data.tobytes()
     body, end = raw[: -_CRC.size], raw[-_CRC.size :]
     if not body.startswith(_MAGIC) or _CRC.pack(crc32c(body)) != end:

@@ -71,7 +71,7 @@ def decode_in_numpy(
 
 
 def _answers(value: _Integers) -> _Integers:
-    """Returns what checks answer to their bits' values, both (words, degree, Z)."""
+    """What checks answer to their bits' values, both (words, degree, Z)."""
     size = np.abs(value)
     two = np.partition(size, 1, axis=1)
     other = np.where(size == two[:, :1], two[:, 1:2], two[:, :1])

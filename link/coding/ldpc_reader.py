@@ -18,7 +18,7 @@ class LdpcReader:
     """Reads the words of blocks; see `WordReader`.
 
     Args:
-        form: of the blocks.
+        form: form of the blocks.
         device: OpenCL device of the decoder; None for the compiled form, with the same bits.
     """
 

@@ -14,7 +14,7 @@ _DEVICES: Final = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECA
 
 
 def safe_name(name: str) -> str:
-    """Returns the last part of a path, as a name that stays in the folder it is written to.
+    """Last part of a path, as a name that stays in the folder it is written to.
 
     Characters that a file system refuses, that control a terminal or reverse the direction of text
     become "_". An empty result becomes "file".

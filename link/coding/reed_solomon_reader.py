@@ -47,7 +47,7 @@ class ReedSolomonReader:
     def _correct(
         self, words: _Bytes, quality: npt.NDArray[np.float32]
     ) -> tuple[_Bytes, Flags, Flags]:
-        """Returns corrected codewords, where there is one, and where it is accepted on its own."""
+        """Corrected codewords, where there is one, and where it is accepted on its own."""
         corrected, ok, _ = self._code.repair(words)
         sound = ok.copy()
         for share in _ERASED:

@@ -45,7 +45,7 @@ def store_group(soft, stream, steps, most, out):  # type: ignore[no-untyped-def]
     Args:
         soft: (symbols, cells) float32.
         stream: (cells,) uint8, the keystream.
-        steps: of a unit.
+        steps: number of steps in a unit of the soft values.
         most: largest number of steps.
         out: (symbols, cells) int8, filled.
     """

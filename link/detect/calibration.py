@@ -27,7 +27,7 @@ _HALVINGS: Final = 24
 
 
 def confidence(soft: npt.NDArray[np.float32], known: npt.NDArray[np.bool_]) -> float:
-    """Returns the factor that makes soft values match their error rate.
+    """Factor that makes soft values match their error rate.
 
     Args:
         soft: log likelihood ratios ln P(spikes | on) - ln P(spikes | off).

@@ -34,7 +34,7 @@ def make_detector(
     *,
     pixel: PixelLaw | None = None,
 ) -> Detector:
-    """Returns a detector by its name.
+    """A detector by its name.
 
     Args:
         name: key of DETECTORS.

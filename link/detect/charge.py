@@ -48,7 +48,7 @@ class ChargeLaws:
 def charge_laws(
     pixel: PixelLaw, shares: npt.ArrayLike, fractions: npt.ArrayLike, levels: int = LEVELS
 ) -> ChargeLaws:
-    """Returns the transition probabilities.
+    """Transition probabilities.
 
     Args:
         pixel: the pixel; light and reset must be known.

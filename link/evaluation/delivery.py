@@ -19,7 +19,7 @@ VERDICT: Final = "verdict.json"
 
 
 def judge_delivery(setup: FileSetup, received: Received) -> tuple[Verdict, bool]:
-    """Returns the verdict, and whether the file arrived as it was sent."""
+    """Verdict, and whether the file arrived as it was sent."""
     delivered = received.delivered
     if delivered is not None:
         if delivered == (setup.payload.data, setup.payload.name):

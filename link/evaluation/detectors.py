@@ -21,7 +21,7 @@ COUNTED: Final = {
 
 
 def compare_detectors(seed: int) -> list[dict[str, Any]]:
-    """Returns the rows of `link.detect.comparison` for a residual reset and a background of 0.1 Q.
+    """Rows of `link.detect.comparison` for a residual reset and a background of 0.1 Q.
 
     `theory` is the error rate of deciding by the count of spikes; None if it does not apply.
     """

@@ -57,7 +57,7 @@ def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Seque
 
     Args:
         sent, decided: bits of the data cells.
-        layout: of the cells.
+        layout: layout of the cells.
         symbols: numbers of the symbols to compare.
         last: number of the transmission's last symbol.
     """

@@ -48,7 +48,7 @@ _NOT_MODELLED: Final = frozenset(
 
 
 def _soft(setup: FileLinkSetup, received: Received) -> SoftValues | None:
-    """Returns the receiver's sample of soft values with the sent bits."""
+    """Receiver's sample of soft values with the sent bits."""
     if received.mode != setup.mode or not len(received.soft):
         return None
     symbol, cell = received.soft_at.T
@@ -62,8 +62,7 @@ def _soft(setup: FileLinkSetup, received: Received) -> SoftValues | None:
 
 
 def _eye(setup: FileLinkSetup, stream: SpikeStream, received: Received) -> Eye | None:
-    """Returns the eye diagram, if the receiver has located the panel and its symbols in the sent
-    mode."""
+    """Eye diagram, if the receiver has located the panel and its symbols in the sent mode."""
     registration, timing = received.registration, received.timing
     if received.mode != setup.mode or registration is None or timing is None:
         return None

@@ -25,7 +25,7 @@ _ALTERNATE: Final = "0111"
 
 
 def _either(text: str, inverted_too: str) -> tuple[int, int]:
-    """Returns a part's bits at negative and at positive running disparity."""
+    """A part's bits at negative and at positive running disparity."""
     unbalanced = 2 * text.count("1") != len(text)
     code = int(text[::-1], 2)  # the first symbol is the lowest bit
     inverted = code ^ ((1 << len(text)) - 1)

@@ -20,7 +20,7 @@ where these are smaller than LEAST_CELL in the image."""
 def scenario_input(
     scenario: LinkScenario, camera: CameraSetting
 ) -> tuple[CapacityInput, Mode, list[str]]:
-    """Returns the input of a scenario, its mode, and the names of the assumed parts of the mode.
+    """Input of a scenario, its mode, and the names of the assumed parts of the mode.
 
     Raises:
         InputError: if the scenario cannot be simulated.
@@ -47,12 +47,12 @@ def scenario_input(
 
 
 def capacity_input(setting: LinkSetting, scene: CellScene, mode: Mode) -> CapacityInput:
-    """Returns the input of a link that is set up.
+    """Input of a link that is set up.
 
     Args:
         setting: the link.
         scene: light of its cells.
-        mode: of the transmission.
+        mode: mode of the transmission.
     """
     camera, panel = setting.camera, setting.optics
     sensor = camera.chip.width * camera.chip.height

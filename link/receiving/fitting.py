@@ -33,11 +33,11 @@ def fit_by_known(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
     levels: Levels, known: KnownSymbols,
 ) -> Floats | None:  # fmt: skip
-    """Returns the homography; None with too few pixels, or if it changes implausibly.
+    """Homography; None with too few pixels, or if it changes implausibly.
 
     Args:
         recording: spikes.
-        layout, registration, timing: of the transmission, so far.
+        layout, registration, timing: layout, registration and timing of the transmission, so far.
         levels: light of the cells.
         known: the known symbols.
     """
@@ -76,8 +76,7 @@ def fit_by_known(
 
 
 def _newton(h: Floats, u: Floats, v: Floats, by: list[Floats]) -> Floats | None:
-    """Returns the change of the homography, from ln P without shift and shifted right, left, down,
-    up."""
+    """Change of the homography, from ln P without shift and shifted right, left, down, up."""
     still, right, left, down, up = by
     slope_x, slope_y = (right - left) / (2 * _MOVE), (down - up) / (2 * _MOVE)
     bend_x, bend_y = (2 * still - right - left) / _MOVE**2, (2 * still - down - up) / _MOVE**2

@@ -20,7 +20,7 @@ class PacketReceiver:
         shape: (height, width) of the camera.
         cycles: length of the recording, ticks.
         detector: its name.
-        interleave: as used by the sender.
+        interleave: interleaving as used by the sender.
         begin: cycle from which on the receiver listens, a multiple of the blocks' length.
         device: OpenCL device of the words' decoder; None for the compiled form.
 

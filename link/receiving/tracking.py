@@ -22,7 +22,7 @@ static."""
 def drift_by_tags(
     recording: Recording, layout: Layout, refined: Refined, lit: tuple[int, int]
 ) -> Floats:
-    """Returns rows (tick, dx, dy), (n, 3), camera pixels against the refined homography.
+    """Rows (tick, dx, dy), (n, 3), camera pixels against the refined homography.
 
     There are no rows if no significant motion was measured.
     """
@@ -58,7 +58,7 @@ def drift_by_tags(
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
-    """Returns the displacements of all parts of a recording, (n, 3), in order of ticks."""
+    """Displacements of all parts of a recording, (n, 3), in order of ticks."""
     some = [part for part in parts if len(part)]
     if not some:
         return np.zeros((0, 3))

@@ -46,8 +46,8 @@ class Tuned:
     confidence: float | None
 
     def found(self, recording: Recording) -> Acquired | None:
-        """Returns the transmission in a recording that contains its training; None if it is not
-        where it was."""
+        """Transmission in a recording that contains its training; None if it is not where it
+        was."""
         was = self.acquired
         layout, home = was.layout, was.refined
         lit = lit_span(recording, layout, home.homography)
@@ -74,8 +74,8 @@ class Tuned:
         return replace(was, refined=refined, pace=pace, lit=lit)
 
     def at(self, registration: Registration, timing: Timing) -> Joint | None:
-        """Returns the detector at a place and time; None if the phase falls into a class that it
-        has not learned."""
+        """Detector at a place and time; None if the phase falls into a class that it has not
+        learned."""
         moved = self.detector.moved(registration, timing)
         met = ClassesMet(moved, timing, timing.rows, 0, TRAINING)
         return moved if met.within(self.met) else None

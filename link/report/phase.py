@@ -35,7 +35,7 @@ def _figure(lock: ClockLock, path: Path) -> Data:
 
 
 def phase_section(lock: ClockLock | None, figures: Path) -> str:
-    """Returns the section on a locked clock; writes its figure. Empty without a lock."""
+    """Section on a locked clock; writes its figure. Empty without a lock."""
     if lock is None:
         return ""
     path = figures / "phase.png"

@@ -17,7 +17,7 @@ class PlaneStream:
 
     Attributes:
         sent: the transmission.
-        clock: of the panel.
+        clock: clock of the panel.
     """
 
     sent: Transmission
@@ -34,6 +34,6 @@ class PlaneStream:
         return self.sent.planes
 
     def read_words(self, first: int, stop: int) -> Words:
-        """Returns words of the stream; see `SpikeStream`."""
+        """Words of the stream; see `SpikeStream`."""
         count = max(min(stop * WORD, self.cycles) - first * WORD, 0)
         return np.ascontiguousarray(self.sent.words(first * WORD, count))

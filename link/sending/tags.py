@@ -26,8 +26,7 @@ class Tag:
 
 
 def draw_tags(layout: Layout) -> tuple[Tag, ...]:
-    """Returns the tags at top left, top right, bottom right, bottom left; they are the same in
-    every plane.
+    """Tags at top left, top right, bottom right, bottom left; they are the same in every plane.
 
     The family is that of Olson, ICRA 2011, and Wang & Olson, IROS 2016.
     """

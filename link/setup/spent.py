@@ -13,8 +13,8 @@ class Spent:
     """Time by stage, s; a stage that comes again adds to its time.
 
     Attributes:
-        wall: on the clock.
-        processor: of all threads of the program. Other programs do not lengthen it.
+        wall: time on the clock.
+        processor: time of all threads of the program. Other programs do not lengthen it.
     """
 
     wall: dict[str, float] = field(default_factory=dict)

@@ -9,7 +9,7 @@ from link.theory.words import byte_error, rs_word_error
 
 
 def word_loss(mode: Mode, errors: float) -> float:
-    """Returns the share of lost words, for independent bits of this error rate.
+    """Share of lost words, for independent bits of this error rate.
 
     With a low-density parity-check code it is an estimate: the bits are taken for signs in white
     noise, whose information follows from their errors. With a rate for each block it is the loss

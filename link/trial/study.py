@@ -18,7 +18,7 @@ class LinkStudy:
     Args:
         name: short name of the scenario.
         scenario: the scenario.
-        camera: that of [sensor], with every effect.
+        camera: camera of [sensor], with every effect.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
     """
 

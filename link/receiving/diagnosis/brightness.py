@@ -14,7 +14,7 @@ saturated."""
 
 
 def brightness_verdict(white: float, black: float) -> Verdict | None:
-    """Returns the verdict; None if the light is adequate.
+    """Verdict; None if the light is adequate.
 
     Args:
         white, black: spikes a tick of the white and the black of the tags.

@@ -31,11 +31,11 @@ def explain_loss(
     session: Session, evidence: Evidence, recording_stop: int,
     interrupted: tuple[int, float] | None = None, unbroken: bool = False,
 ) -> Verdict:  # fmt: skip
-    """Returns the cause for a transmission that was detected, but did not arrive whole.
+    """Cause for a transmission that was detected, but did not arrive whole.
 
     Args:
-        session: of the transmission.
-        evidence: of its acquisition.
+        session: session of the transmission.
+        evidence: evidence of the transmission's acquisition.
         recording_stop: end of the recording, ticks.
         interrupted: tick after which the sequence of the pilots jumped, and by how many ticks.
         unbroken: whether the pilots were found to go on in light without a jump.
@@ -122,8 +122,7 @@ def explain_loss(
 
 
 def _hole(session: Session) -> float:
-    """Returns the share of the data cells whose soft values are much smaller than the usual
-    ones."""
+    """Share of the data cells whose soft values are much smaller than the usual ones."""
     if not session.symbols:
         return 0.0
     quality = session.quality / session.symbols

@@ -35,7 +35,7 @@ class PilotSignal:
 
 
 def pilot_signal(recording: Recording, layout: Layout, homography: Floats) -> PilotSignal | None:
-    """Returns the spikes of the pilots in a recording; None if no pilot is in view."""
+    """Spikes of the pilots in a recording; None if no pilot is in view."""
     rows, columns = _pilot_pixels(layout, homography, recording.shape)
     if not len(rows) or not recording.ticks:
         return None
@@ -54,7 +54,7 @@ def pilot_signal(recording: Recording, layout: Layout, homography: Floats) -> Pi
 def _pilot_pixels(
     layout: Layout, homography: Floats, shape: tuple[int, int]
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Returns the camera rows and columns of the pixels well inside pilots."""
+    """Camera rows and columns of the pixels well inside pilots."""
     row, column = np.nonzero(layout.pilot)
     cell = layout.mode.cell
     scale = float(np.sqrt(abs(np.linalg.det(homography[:2, :2]))))
