@@ -19,7 +19,7 @@ _SECTIONS = {
 }
 """Sections and keys of [sensor] that exist for one readout only, with that readout."""
 _IMAGED = ("sub_threshold", "dark_limit")
-"""Those that only images from the stream use."""
+"""Keys that only images from the stream use."""
 
 
 def refuse_leftovers(scenario: Scenario) -> None:

@@ -34,7 +34,8 @@ def check_figure(figure: Path | None, *endings: str, option: str = "--figure") -
 
     Args:
         figure: file of the option; None if absent.
-        endings: of names that can be drawn, the preferred one first; `.png` if none is given.
+        endings: endings of names that can be drawn, the preferred one first; `.png` if none is
+            given.
         option: its name.
     """
     from cosim import InputError

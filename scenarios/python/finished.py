@@ -23,7 +23,7 @@ class Run:
     """The folder of a complete run.
 
     Attributes:
-        folder: of the run; a text becomes a path.
+        folder: folder of the run; a text becomes a path.
         notes: lines that the command line would print.
 
     Raises:

@@ -122,7 +122,7 @@ class Link(Called):
         """Sends bytes.
 
         Args:
-            data: One byte or more.
+            data: bytes to send, at least one.
             call: Number of the call, from 0; the next one if None. Equal seeds, numbers and bytes
                 give equal results.
 

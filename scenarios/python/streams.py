@@ -23,8 +23,8 @@ class Stream(Sliceable):
         path: the file or folder.
         shape: (height, width) in pixels.
         cycles: number of latch cycles.
-        clock: of the latches.
-        notes: on the interpretation of the file.
+        clock: clock of the latches.
+        notes: notes on the interpretation of the file.
     """
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:

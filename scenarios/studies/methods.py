@@ -48,7 +48,7 @@ class MethodRow:
     Attributes:
         method: its name.
         window: its window, cycles; the best of those in `searched`; None for none.
-        psnr_db, ssim: against the true light; see `sensor.reconstruct.fidelity`.
+        psnr_db, ssim: PSNR (dB) and SSIM against the true light; see `sensor.reconstruct.fidelity`.
         edge_px: 10 to 90 % width of an edge of the truth, blurred to fit the image; None where
             blur explains none of the images.
         processor_s: processor time of one image, all threads together.

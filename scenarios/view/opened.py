@@ -36,10 +36,10 @@ class Opened:
     """A stream that is shown; for one thread at a time.
 
     Attributes:
-        title: of the page.
+        title: title of the page.
         stream: the stream.
         white: rate that is white, spikes a cycle; 1 where it is not known.
-        window: of TFP, cycles.
+        window: window of TFP, cycles.
         source: the scene of the run, None if it is not known.
         notes: what a user should know.
         file: a file of the stream, another one of which means another stream; None to check none.

@@ -116,7 +116,7 @@ class ViewServer(ThreadingHTTPServer):
         port: port, or 0 for a free one. Raises OSError if it is taken.
 
     Attributes:
-        address: of the page, with the token.
+        address: address of the page, with the token.
         invitation: address that leads to the page once, for the command line of a browser, which
             every user of the machine can read.
         opened: the stream; until it is set, the page says that it is being opened.

@@ -141,7 +141,7 @@ class LatchedMachine:
         return copies * self.setup.cycles * self.pixels
 
     def trial(self, progress: Progress) -> list[Finding]:
-        """Returns []: the plan is checked during the recording."""
+        """No finding: the plan is checked during the recording."""
         return []
 
     def keep(self, effects: Sequence[str]) -> LatchedMachine:

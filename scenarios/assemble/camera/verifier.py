@@ -119,7 +119,7 @@ class Verifier(PlanCheck, DisplayTrial):
         patches does.
 
         Args:
-            change: from the words of the patches, (words, pixels), and their cycles, to others.
+            change: map from the words of the patches, (words, pixels), and their cycles, to others.
             what: names the part, for the result.
         """
         assert self.displays is not None

@@ -27,7 +27,7 @@ class CutCode:
     alone. So patches can be coded without the rest of their tiles.
 
     Attributes:
-        code: of the run.
+        code: code of the run.
         shape: (height, width) of the stream.
         cut: number of layers sent, by first cycle and tile, where some were left out.
         plane: the patches.

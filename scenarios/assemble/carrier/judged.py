@@ -79,7 +79,7 @@ class Watch:
         display: the display at the far end; None for none.
         probe: the source in the small, for the display's probes; None if it has none.
         before: latencies of the source, up to the stream.
-        after: those of the display, if it has no probe.
+        after: latencies of the display, if it has no probe.
     """
 
     scene: Truth | None
@@ -190,10 +190,10 @@ def judge_carrier(
     Args:
         carrier: code and link.
         watch: how pictures are taken at both ends.
-        stages: of the whole chain, after its last block.
+        stages: stages of the whole chain, after its last block.
         sent: recording of the stream that was sent, in the folder of the run.
         seconds: wall time of each stage, s; that of the rates is added.
-        outcome: of the source and the display, which shows the decoded stream.
+        outcome: outcome of the source and the display, which shows the decoded stream.
     """
     near, far = stages["code"], stages["receiver"]
     received = far.receiver.received

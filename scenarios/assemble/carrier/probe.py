@@ -25,7 +25,7 @@ class CodedProbeCamera:
     Attributes:
         camera: the camera.
         section, code: the code of the run.
-        bits: that the link carries for a pixel in a cycle.
+        bits: bits that the link carries for a pixel in a cycle.
     """
 
     camera: ProbeCamera

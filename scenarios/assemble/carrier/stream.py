@@ -26,12 +26,12 @@ class CarriedStream:
     """A stream of 1-bit planes for a link.
 
     Attributes:
-        title, tolerance, seed: of the scenario.
+        title, tolerance, seed: title, tolerance and seed of the scenario.
         code, link: its sections.
         chip: section of the chip that makes the stream; None for another source.
         shape: (height, width) of the stream.
-        clock, cycles: of the stream.
-        threshold, noise: of the pixels that fire, electrons.
+        clock, cycles: clock and number of cycles of the stream.
+        threshold, noise: threshold and noise of the pixels that fire, electrons.
     """
 
     title: str

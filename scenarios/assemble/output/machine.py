@@ -142,7 +142,7 @@ def with_readout(setup: ReadoutSetup | None, machine: Machine, device: str | Non
 
     Args:
         setup: the readout.
-        machine: of a scene before the chip, or of a link that it films.
+        machine: machine of a scene before the chip, or of a link that it films.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
     """
     if setup is None:

@@ -23,7 +23,7 @@ class ReadoutSetup:
 
     Attributes:
         section: the section [readout].
-        timing: of the row scan, with its window.
+        timing: timing of the row scan, with its window.
     """
 
     section: ReadoutSection

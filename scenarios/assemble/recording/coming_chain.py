@@ -69,7 +69,7 @@ class ComingChain(BlockChain):
 
     Attributes:
         planes: the first stage, as it is without a link.
-        recorder: of the stream.
+        recorder: recorder of the stream.
         again: whether the source can be read again, so that an interrupted run can go on.
     """
 

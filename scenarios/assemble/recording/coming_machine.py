@@ -50,7 +50,7 @@ class ComingMachine:
         live: the link and the display, laid out for the cycles asked for; None if they play the
             stream after its end, or if there are none.
         waits: why they do so, in words; "" if they do not.
-        device: for them.
+        device: device for the link and the display.
     """
 
     unit = "planes"

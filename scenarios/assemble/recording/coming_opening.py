@@ -32,7 +32,7 @@ class Coming:
         path: the file or pipe; a name for standard input.
         again: whether the source can be read again.
         sized_by: what has told the size of a plane, in words.
-        note: on the size; "" for none.
+        note: note on the size; "" for none.
     """
 
     planes: ComingPlanes

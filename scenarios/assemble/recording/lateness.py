@@ -23,7 +23,7 @@ class Lateness:
     """Counts the late planes of a stream.
 
     Args:
-        clock: of the planes.
+        clock: clock of the planes.
         bound: delay up to which a plane is in time, ps.
 
     Attributes:

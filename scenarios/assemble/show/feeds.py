@@ -99,7 +99,7 @@ class Feed(Protocol):
 
     Attributes:
         shape: (height, width) of the planes.
-        clock, cycles: of the planes.
+        clock, cycles: clock and number of the planes.
         white_rate: spikes a cycle of the scene's white.
         white: what white means, in words, for the notes.
     """

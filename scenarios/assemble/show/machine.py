@@ -108,7 +108,7 @@ class PlayedMachine:
         """Evaluates a stream that has been played.
 
         Args:
-            recording: of the source.
+            recording: recording of the source.
             inner: the source's own outcome.
             planes: the planes, after their last block.
             played: the link and the display, after their last block.

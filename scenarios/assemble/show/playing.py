@@ -50,7 +50,7 @@ class Playing:
         screen: the display; None without one.
         board: the board that displays the planes; None without one.
         carrier: the link; None without one.
-        clock, cycles, shape: of the stream.
+        clock, cycles, shape: clock, cycles and shape of the stream.
         opened: stack that closes display and board.
     """
 

@@ -24,7 +24,7 @@ def board_bringup(
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html and junit.xml, created if missing")
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, max=4096, help="in each captured burst")] = 8,
+    frames: Annotated[int, typer.Option(min=1, max=4096, help="frames in each captured burst")] = 8,
     all_stages: Annotated[
         bool, typer.Option("--all", help="continue after a failed stage, if possible")
     ] = False,

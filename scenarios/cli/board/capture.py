@@ -27,7 +27,7 @@ def board_capture(
         ),
     ],
     frames: Annotated[
-        int | None, typer.Option(min=1, help="in the captured burst", show_default="8")
+        int | None, typer.Option(min=1, help="frames in the captured burst", show_default="8")
     ] = None,
     levels: Annotated[
         int | None,

@@ -20,7 +20,7 @@ def board_regs(
     options: LineOptions,
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME", help="to read; all without read effect if none"),
+        typer.Argument(metavar="NAME", help="registers to read; all without read effect if none"),
     ] = None,
     assignments: Annotated[
         list[str] | None,

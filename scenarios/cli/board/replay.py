@@ -25,7 +25,9 @@ def board_replay(
     ] = False,
     frames: Annotated[
         int | None,
-        typer.Option(min=1, max=4096, help="in the bring-up's bursts; as in the log when absent"),
+        typer.Option(
+            min=1, max=4096, help="frames in the bring-up's bursts; as in the log when absent"
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

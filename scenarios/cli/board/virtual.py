@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 class BuildOptions:
     """Options of the simulated build."""
 
-    rows: Annotated[int | None, typer.Option(min=1, max=4095, help="of pixels, 32 when absent")] = (
-        None
-    )
+    rows: Annotated[
+        int | None, typer.Option(min=1, max=4095, help="rows of pixels, 32 when absent")
+    ] = None
     columns: Annotated[
-        int | None, typer.Option(min=1, max=4096, help="of pixels, 32 when absent")
+        int | None, typer.Option(min=1, max=4096, help="columns of pixels, 32 when absent")
     ] = None
     lanes: Annotated[
         int | None, typer.Option(help="pixels computed in a clock, 32 (when absent) or 64")
@@ -72,7 +72,7 @@ def board_virtual(
     ] = None,
     baud: Annotated[
         int | None,
-        typer.Option(min=50, max=12_000_000, help="of the line", show_default="115200"),
+        typer.Option(min=50, max=12_000_000, help="baud of the line", show_default="115200"),
     ] = None,
     udp: Annotated[
         str | None,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from link.receiving import Received
 
 _WORDS = 8
-"""Of a block that is read at a time: 256 ticks."""
+"""Words of a block that is read at a time: 256 ticks."""
 
 
 def link_receive(
@@ -32,7 +32,7 @@ def link_receive(
         str, typer.Option(help="packed, joint, threshold or forward-backward")
     ] = "packed",
     interleave: Annotated[
-        bool, typer.Option("--interleave/--no-interleave", help="as the sender had it")
+        bool, typer.Option("--interleave/--no-interleave", help="interleaving as the sender had it")
     ] = True,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     json: Json = False,

@@ -41,7 +41,7 @@ class BatchOptions(ScenarioOptions):
         """Makes a batch and prints its document; ends with exit code 1 if a run of it failed.
 
         Args:
-            name: of the folder in runs/.
+            name: name of the folder in runs/.
             build: makes it; called with the folder, and device, workers, scheduler, resume and
                 progress by name.
             show: prints the document, with the folder, as text.

@@ -38,7 +38,7 @@ class SizedSource:
 
     Attributes:
         shape: rows and columns of the array.
-        notes: those of the drawing, with the size at which it is drawn.
+        notes: notes of the drawing, with the size at which it is drawn.
         pursuit: speed along the rows that an eye follows, pixels/s of the array; None without one.
     """
 

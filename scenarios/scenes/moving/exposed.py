@@ -40,7 +40,7 @@ class ExposedSource:
 
     Args:
         scene: the scene.
-        illuminance: of reflectance 1 on the pixels, lux.
+        illuminance: illuminance of reflectance 1 on the pixels, lux.
         clock: latch clock.
         longest: cycles of the longest piece.
     """

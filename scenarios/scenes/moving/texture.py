@@ -26,9 +26,9 @@ class Texture:
 
     Attributes:
         shape: (rows, columns).
-        velocity: of columns and rows, pixels/s.
+        velocity: velocity along columns and rows, pixels/s.
         level, swing: mean reflectance, and largest deviation from it.
-        seed: of directions and phases.
+        seed: seed of directions and phases.
     """
 
     shape: tuple[int, int]

@@ -17,7 +17,7 @@ from numba import njit
 from scenarios.scenes.objects.plate import Matrix, Plate
 
 SEEN: Final = 0
-"""In an occlusion mask: the pixel shows one surface, which is seen at the other instant."""
+"""Value in an occlusion mask: the pixel shows one surface, which is seen at the other instant."""
 MIXED: Final = 128
 """Its centre is seen at the other instant, but the pixel, or its place there, is at an edge."""
 HIDDEN: Final = 255

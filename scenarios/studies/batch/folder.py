@@ -18,7 +18,7 @@ def begin_batch(what: str, folder: Path, stated: dict[str, Any], inner: str, res
 
     Args:
         what: kind of the batch, such as "sweep".
-        folder: of the batch.
+        folder: folder of the batch.
         stated: the batch as it was asked for.
         inner: name of the folder for the results.
         resume: whether the batch may be there.

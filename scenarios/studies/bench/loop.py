@@ -21,9 +21,9 @@ LOOPS: Final[dict[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """Scenario, and values of --set, by the name of the row."""
 DURATION: Final = "16 ms"
-"""Of light: a part of the shipped scenarios, whose cost grows with the time."""
+"""Duration of light: a part of the shipped scenarios, whose cost grows with the time."""
 WARM: Final = "2 ms"
-"""Of light: a run before those that are timed, which builds kernels and shaders for all. No
+"""Duration of a run before those that are timed, which builds kernels and shaders for all. No
 shorter than the window of an image."""
 
 
@@ -37,7 +37,7 @@ def loop_rows(device: Device | None, ceiling: float | None) -> list[Row]:
 
     Args:
         device: OpenCL device, None for the compiled form.
-        ceiling: of the machine; chains have none.
+        ceiling: ceiling of the machine; chains have none.
     """
     rows = []
     for name, (scenario, *sets) in LOOPS.items():

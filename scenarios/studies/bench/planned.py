@@ -16,7 +16,7 @@ from sensor.latched.pixel.bank import LANES
 from sensor.latched.pixel.model import ExactModel
 
 THRESHOLD: Final = 1000.0
-"""Of the pixels, electrons."""
+"""Threshold of the pixels, electrons."""
 
 
 def planned_pixels(

@@ -270,7 +270,8 @@ PARTS = {
 }  # fmt: skip
 """The parts that have a benchmark."""
 LARGE: Final = ("growth", "view")
-"""Those that take minutes, much memory or gigabytes of disk, and are measured on request alone."""
+"""Measurements that take minutes, much memory or gigabytes of disk, and are made on request
+alone."""
 
 
 def _need_gl() -> None:

@@ -44,7 +44,7 @@ _STEPS: Final = 15
 _FAR: Final = 37
 """Blocks between two jumps."""
 _PAUSE_S: Final = 0.1
-"""Between two steps of a user who scrolls: ten pictures a second."""
+"""Pause between two steps of a user who scrolls, s: ten pictures a second."""
 
 
 def _block(random: np.random.Generator, shape: tuple[int, int]) -> Words:

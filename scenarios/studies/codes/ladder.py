@@ -36,9 +36,9 @@ class Rung:
     """A size and what it keeps.
 
     Attributes:
-        name: of the code and its setting.
+        name: name of the code and its setting.
         size: bits per pixel and cycle, with all headers.
-        psnr: of TFP against that of the stream, dB; infinite if all is there.
+        psnr: PSNR of TFP against that of the stream, dB; infinite if all is there.
     """
 
     name: str

@@ -34,8 +34,8 @@ class Snr:
 
     Attributes:
         reflectance: mean of the pixels.
-        measured: of a camera's images.
-        formula: by the closed form of its pixels; None where there is none.
+        measured: ratio in a camera's images.
+        formula: ratio by the closed form of the camera's pixels; None where there is none.
     """
 
     reflectance: float

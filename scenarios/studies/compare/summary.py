@@ -29,8 +29,8 @@ def summary_of_comparison(
 
     Args:
         cameras: what was measured.
-        document: of the comparison so far.
-        seconds: that it took.
+        document: document of the comparison so far.
+        seconds: time that the comparison took, s.
     """
     kinds = len({camera.seconds for camera in cameras if camera.seconds})
     done = (

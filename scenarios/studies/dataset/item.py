@@ -39,7 +39,7 @@ def make_item(
 
     Args:
         item: the item.
-        places: of its files.
+        places: places of the item's files.
         device: see `choose_device`.
         checked: whether the error is measured against full physics on patches.
 

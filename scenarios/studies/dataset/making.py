@@ -47,7 +47,7 @@ def dataset(
         vary: ranges by key, such as {"scene.illuminance": "200:2000 lux:log"}.
         samples: scenes of each source.
         split: shares of train, val and test.
-        seed: of all that is drawn.
+        seed: seed of all that is drawn.
         tolerance: allowed relative error of each item.
         check: an item of so many is measured against full physics; 0 for none.
         device: number or part of the name of an OpenCL device, or "numba".

@@ -39,7 +39,7 @@ class Places:
     """Paths of a data set, relative to its folder.
 
     Args:
-        folder: of the data set.
+        folder: folder of the data set.
         items: all items.
     """
 

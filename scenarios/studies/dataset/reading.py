@@ -24,11 +24,11 @@ class SpikeDataset:
     PyTorch.
 
     Args:
-        folder: of the data set.
+        folder: folder of the data set.
         split: train, val or test.
         camera: label of the only camera to take; all if None. Cameras of several sizes do not fit
             into one batch.
-        cycles: so many cycles from the middle of each recording; all if None.
+        cycles: cycles from the middle of each recording; all if None.
         unfinished: whether a data set that was interrupted is opened, with the items that it has.
 
     An item is a dictionary of

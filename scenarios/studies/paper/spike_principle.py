@@ -160,7 +160,7 @@ def _measured_range(longest: float, levels: int) -> float:
 
     Args:
         longest: seconds after which a pixel that is not full is read.
-        levels: of that reading, N.
+        levels: number of levels of that reading, N.
     """
     clock, shortest, end = Clock(PS), round(SHORTEST * PS), round(longest * PS)
     model = EventModel(THRESHOLD, 1, clock, shortest, end, levels, shot=False)

@@ -17,7 +17,7 @@ from scenarios.run import run_scenario
 
 
 def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any]:
-    """Returns the document of the result, as `viform run --json` prints it.
+    """Document of the result, as `viform run --json` prints it.
 
     Args:
         name: short name of the scenario.

@@ -36,9 +36,9 @@ class Sweep:
     Attributes:
         scenario: name of a scenario or a TOML file.
         axes: what varies.
-        assignments: of --set.
+        assignments: assignments of --set.
         samples: points of a Latin hypercube; None for all combinations.
-        tolerance, seed: of each point; those of the scenario if None.
+        tolerance, seed: tolerance and seed of each point; those of the scenario if None.
     """
 
     scenario: str
@@ -86,12 +86,12 @@ def run_sweep(
 
     Args:
         sweep: the sweep.
-        folder: to create, or with `resume` that of an interrupted sweep.
-        device: of the points.
+        folder: folder to create, or with `resume` that of an interrupted sweep.
+        device: device of the points.
         workers, scheduler: see `run_jobs`.
         resume: whether an interrupted sweep goes on.
-        progress: of the points.
-        metrics: in the figure; those that vary most if empty.
+        progress: progress of the points.
+        metrics: metrics in the figure; those that vary most if empty.
 
     Returns:
         The document of the sweep: its axes, and the rows of its points.

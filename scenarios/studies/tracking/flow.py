@@ -43,7 +43,7 @@ class Flow:
         error: mean distance of the flow's velocity from the true one (endpoint error for a motion
             of 1 s), pixels/s.
         window_s: time between the middles of the two windows.
-        latency_s: from the beginning of the first window until the second has been read.
+        latency_s: time from the beginning of the first window until the second has been read.
     """
 
     error: float

@@ -23,7 +23,7 @@ class Picture:
     """An estimate of reflectance.
 
     Attributes:
-        start, stop: of its exposure, s.
+        start, stop: limits of the picture's exposure, s.
         ready: instant at which its last pixel has left the camera, s.
         values: (H, W) float32, white = 1.
     """

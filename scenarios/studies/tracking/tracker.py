@@ -51,7 +51,7 @@ class Track:
     """The state of a track.
 
     Attributes:
-        time: of the state, s.
+        time: time of the state, s.
         x, y: position, columns and rows.
         vx, vy: velocity, pixels/s; 0 after the first detection.
         hits: number of detections that made it.

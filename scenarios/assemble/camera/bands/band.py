@@ -31,7 +31,7 @@ class Band:
         tier: its arithmetic.
         flags: flags of the fast tier for the rows with their halo, (rows, groups) uint8; None in
             another tier.
-        device: as for `choose_device`.
+        device: device as for `choose_device`.
     """
 
     rows: tuple[int, int]

@@ -47,7 +47,7 @@ class Bands:
 
     Attributes:
         workers, scheduler: see `workers_for`.
-        device: as for `choose_device`.
+        device: device as for `choose_device`.
     """
 
     workers: int
