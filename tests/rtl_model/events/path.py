@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtl_model.events.decoder import EventDecoder
 from rtl_model.events.encoder import OUTPUT, EventEncoder, packets_in
 from rtl_model.events.light import random_ready, steady_words, tiles_of
 from rtl_model.events.size import EventSize
-from rtl_model.events.verilated import VerilatedDecoder, VerilatedEncoder
 from sensor.codec.packets.event import Event, encode_events, gaps_of
+from tests.rtl_model.events.decoder import EventDecoder
+from tests.rtl_model.events.verilated import VerilatedDecoder, VerilatedEncoder
 
 _CHUNK = 1 << 23
 """Pixel-cycles of a chunk, about."""
