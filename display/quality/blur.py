@@ -95,11 +95,6 @@ def mprt(blur_edge_times: Sequence[float]) -> float:
     return float(np.mean(blur_edge_times))
 
 
-def mprt_full_width(blur_edge_times: Sequence[float]) -> float:
-    """MPRT in the convention of TestUFO, s: of the full width. An ideal hold of T has T."""
-    return ebet(mprt(blur_edge_times))
-
-
 def cmr_like(extended: float) -> float:
     """Ratio of clear to blurred pixels, %: an edge that crosses n pixels in 1/60 s with a blur of m
     pixels has 100 n / m. It is not VESA's ClearMR. `extended`: EBET, s; raises ValueError unless it

@@ -139,7 +139,7 @@ class Air:
         scene = simplified(scene, names)
         panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
         self._ticks, self._planes, self._first = source.ticks, planes, first_light
-        self._panel, self._clock, self._aim = panel, camera.clock, aim
+        self._panel, self._clock = panel, camera.clock
         self.shape = shape = camera.chip.height, camera.chip.width
         self.symbols = -(-planes // source.ticks)
         self._levels = level = levels(optics, air, names)

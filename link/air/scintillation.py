@@ -148,14 +148,6 @@ class Flicker:
         parts = [gammaincinv(s, ndtr(normal[:, n])) / s for n, s in enumerate(self.shape)]
         return np.asarray(parts[0] * parts[1], np.float64)
 
-    def quantiles(self, chance: float) -> tuple[float, float]:
-        """A lower and an upper limit, each exceeded with at most this probability."""
-        from scipy.special import ndtri
-
-        z = float(ndtri(chance if self.shape is None else chance / 2))
-        low, high = self.factors(np.array([[z, z], [-z, -z]]))
-        return float(low), float(high)
-
 
 def flicker(
     structure: float, wavelength_nm: float, distance: float, diameter: float, wind: float,

@@ -37,11 +37,6 @@ class Inbox(BlockReader):
         """Frames that the file fills, known from its first correct frame; None before."""
         return self._needed
 
-    @property
-    def frames_gathered(self) -> int:
-        """Different frames of the most advanced file."""
-        return max((len(session) for session in self._sessions.values()), default=0)
-
     def _reads_parts(self) -> bool:
         return self._whole is None
 

@@ -269,10 +269,8 @@ class Receiver:
             return self._unusable or explain_failure(self.recording, self._evidence)
         inbox = session.inbox
         if inbox.file is None:
-            assert self._evidence is not None
             loss = explain_loss(
                 session,
-                self._evidence,
                 self.recording.stop,
                 self.interrupted or self._gap(),
                 self._unbroken,

@@ -15,14 +15,6 @@ _FAR: Final = 1e5
 there."""
 
 
-def entropy(p: npt.ArrayLike) -> Array:
-    """Binary entropy, bits."""
-    from scipy.special import entr
-
-    p = np.asarray(p, np.float64)
-    return np.asarray((entr(p) + entr(1 - p)) / np.log(2))
-
-
 def poisson_best_duty(dark: npt.ArrayLike) -> Array:
     """Optimal share of time at peak power: (1+s)^(1+s) / (s^s e) - s.
 

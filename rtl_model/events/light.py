@@ -4,7 +4,6 @@ ready."""
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from cosim.spikes.viform import Words
@@ -81,15 +80,3 @@ def _scan(words, lanes, row_clocks, tick, first, clock, tiles):  # type: ignore[
                 tiles[to].frame = first + frame
                 tiles[to].row, tiles[to].tile = row, tile
                 tiles[to].bits = bits
-
-
-def random_ready(clocks: int, share: float, seed: int) -> npt.NDArray[np.uint8]:
-    """`m_tready` of a receiver that is ready in a share of the clocks, at random, and pauses now
-    and then for up to 500 clocks; with share 1 it is always ready."""
-    rng = np.random.default_rng(seed)
-    if share >= 1:
-        return np.ones(clocks, np.uint8)
-    ready = (rng.integers(0, 256, clocks, np.uint8) < round(256 * share)).astype(np.uint8)
-    for at in rng.integers(0, clocks, clocks // 20_000):
-        ready[at : at + rng.integers(1, 500)] = 0
-    return ready

@@ -14,10 +14,6 @@ from rtl_model.registers import MAGIC
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-TOLERANCE_PERCENT = 5.0
-"""Largest deviation of two rates. A receiver that starts at the edge of the start bit and samples
-mid-bit reads the stop bit right up to half a bit in 9.5, 5.3 %, less the rounding of the edge."""
-
 REACH_PERCENT = 20
 """Range of the search on either side of the nominal rate."""
 

@@ -111,12 +111,6 @@ class Opened:
         return [truth_at(self.source, middle(c), [(y, x, "")])[0] for c in cycles]
 
 
-def open_run(path: Path, size: tuple[int, int] | None = None) -> Opened:
-    """The stream of a run's folder with its scene, or any stream alone: `open_recording`, then
-    `with_scene`."""
-    return with_scene(open_recording(path, size), path)
-
-
 def open_recording(path: Path, size: tuple[int, int] | None = None) -> Opened:
     """The stream of a run's folder or any stream, without a scene.
 

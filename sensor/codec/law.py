@@ -28,11 +28,6 @@ def effective_q(q: float, noise: float = 0.0) -> float:
     return 1 / (1 / q + (noise / q) ** 2)
 
 
-def width_sigma(mean: float, q: float, noise: float = 0.0) -> float:
-    """Standard deviation of a latched width of `mean` ticks, in ticks."""
-    return math.sqrt(mean**2 / effective_q(q, noise) + LATCH_VARIANCE)
-
-
 def _reach(mean: float, q: float) -> int:
     """Largest width of the computation, ticks; the probability beyond it is negligible.
 

@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 
-from link.receiving.acquiring import Evidence
 from link.receiving.diagnosis.brightness import brightness_verdict
 from link.receiving.diagnosis.gap import gap_text
 from link.receiving.session import Session
@@ -28,14 +27,13 @@ loss of every frame."""
 
 
 def explain_loss(
-    session: Session, evidence: Evidence, recording_stop: int,
+    session: Session, recording_stop: int,
     interrupted: tuple[int, float] | None = None, unbroken: bool = False,
 ) -> Verdict:  # fmt: skip
     """Cause for a transmission that was detected, but did not arrive whole.
 
     Args:
         session: session of the transmission.
-        evidence: evidence of the transmission's acquisition.
         recording_stop: end of the recording, ticks.
         interrupted: tick after which the sequence of the pilots jumped, and by how many ticks.
         unbroken: whether the pilots were found to go on in light without a jump.

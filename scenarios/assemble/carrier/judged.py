@@ -132,7 +132,7 @@ def _rows(stage: str, cycles: npt.ArrayLike, period_ps: float) -> list[Latency]:
     return latency_rows(stage, ps)
 
 
-def _latency(carrier: Carrier, near: NearEnd, far: FarEnd, period_ps: float) -> list[Latency]:
+def _latency(carrier: Carrier, far: FarEnd, period_ps: float) -> list[Latency]:
     """Time of each stage from the latch of a spike until it is shown, over all packets.
 
     A packet waits for the end of its group, in the send buffer, and is on the panel for the rest of
@@ -226,7 +226,7 @@ def judge_carrier(
         if row.rate == GREY
         for stage, part in zip(PARTS, row.parts, strict=True)
     ]
-    latency = [*watch.before, *_latency(carrier, near, far, 1e12 / clock.hz)]
+    latency = [*watch.before, *_latency(carrier, far, 1e12 / clock.hz)]
     metrics = {
         **outcome.metrics,
         "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),

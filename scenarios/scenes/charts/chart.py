@@ -113,10 +113,6 @@ class Chart:
         """First row of the strip with the edge, and the row after its last."""
         return _rows(self.shape[0], *STRIPS[2][:2])
 
-    def edge_at(self, t: float) -> float:
-        """Column of the edge from dark to mid grey at t, 0 to the width."""
-        return (PURSUIT * check_instant(t) + self.shape[1] / 4) % self.shape[1]
-
     def points(self) -> list[tuple[int, int, str]]:
         """Characteristic pixels (row, column, label)."""
         height, width = self.shape
