@@ -22,8 +22,6 @@ import numpy.typing as npt
 from cosim.compute.memory import check_memory
 from cosim.errors import shorten
 
-__all__ = ["ArchiveWriter", "ArrayReader", "load_arrays", "open_arrays", "save_array"]
-
 _ENTRY = 46
 """Bytes of the shortest entry in an archive's directory (APPNOTE.TXT, section 4.3.12). An entry
 with a damaged comment length hides the next one, which zipfile does not notice."""
@@ -145,7 +143,8 @@ class ArrayReader:
     """One array of an archive, which is read from its first element in parts of any size.
 
     Attributes:
-        dtype, shape: from its header. Memory is allocated only for the parts that are read.
+        dtype, shape: dtype and shape of the array, from its header. Memory is allocated only for
+            the parts that are read.
     """
 
     def __init__(self, member: IO[bytes], name: str) -> None:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, isfinite
 
-__all__ = ["PS", "Clock", "seconds_to_ps"]
-
 PS = 10**12
 """Picoseconds in a second."""
 

@@ -19,11 +19,6 @@ from contextlib import contextmanager, suppress
 from copy import copy
 from typing import Final
 
-__all__ = [
-    "InputError", "Interrupted", "MissingPackages", "ViformError", "one_line", "quote", "say",
-    "section_at", "shorten",
-]  # fmt: skip
-
 LONGEST: Final = 80
 """Characters of a wrong value that a message repeats."""
 

@@ -13,8 +13,6 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy.typing as npt
 
-__all__ = ["BLOCK", "Block", "Stage", "State", "Stateful", "WithFiles", "blocks", "section"]
-
 BLOCK = 64
 """Latch cycles in a block, unless a scenario sets another number."""
 State = dict[str, npt.NDArray[Any]]

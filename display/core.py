@@ -29,8 +29,6 @@ from display.render.kinds import RendererKind
 from display.render.opencl import OpenCLRenderer
 from display.setting import DisplaySetting
 
-__all__ = ["ARITHMETIC", "Bounds", "CalledDisplay", "LiveDisplay", "short_notes"]
-
 Images = dict[str, npt.NDArray[np.float32]]
 Mapped = Callable[[Words], Words]
 

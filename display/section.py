@@ -21,8 +21,6 @@ from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
 
-__all__ = ["OBSERVERS", "DisplaySection"]
-
 OBSERVERS = ("eye", "pursuit", "camera")
 """Names of the observers of a display."""
 # The upper limit up to which the renderer is accurate to 1e-6 of white.
@@ -124,12 +122,12 @@ class DisplaySection(Section):
     pitch: Annotated[float, Quantity("length", above=0, most=1e5)] | None = Field(
         default=None,
         examples=["250 um"],
-        description="of the panel's pixels, for a distance that is a length",
+        description="pitch of the panel's pixels, for a distance that is a length",
     )
     distance: Distance = Field(
         default=60.0,
         examples=[60.0],
-        description="of the observer: pixels per degree of visual angle, or a length with pitch",
+        description="viewing distance: pixels per degree of visual angle, or a length with pitch",
     )
     pursuit: Annotated[float, Quantity("speed", least=-1e6, most=1e6)] | None = Field(
         default=None,
@@ -161,8 +159,8 @@ class DisplaySection(Section):
     )
     colour: Literal["as-camera"] | None = Field(
         default=None,
-        description="as-camera: a pixel of the panel emits the colour of the camera's filter in "
-        "its place (sensor.colour); without it the panel has one colour",
+        description="colour of the panel; as-camera: a pixel of the panel emits the colour of the "
+        "camera's filter in its place (sensor.colour); without it the panel has one colour",
     )
     renderer: RendererKind = Field(
         default="auto",
@@ -246,7 +244,7 @@ class DisplaySection(Section):
         """Observers by their names in the section, in its order, for a stream from cycle 0 on.
 
         Args:
-            names: those of the observers.
+            names: names of the observers.
             clock: clock of the stream.
             instants: cycles of the images.
             cycles: length of the stream.

@@ -12,8 +12,6 @@ from display.effects import SPANS, emission_effect, planes_effect, row_timing_ef
 from display.observe.views import Observer, Views, panel_views
 from display.panels.panel import SpikePanel
 
-__all__ = ["DisplaySetting"]
-
 MOTION: Final = 1.0
 """Maximum motion of light on the retina of a pursuing eye within a span of planes, pixels. With
 0.5, the PSNR of the scenario `glass` is the same within 0.1 dB."""

@@ -20,8 +20,6 @@ from display.observe.views import Views
 from display.panels.panel import SpikePanel
 from display.render.golden import GoldenRenderer
 
-__all__ = ["SHOWING", "Renderers"]
-
 Renderers = Callable[[SpikePanel, int, int], Any]
 """(panel, planes in a span, images) -> a renderer with the interface of `GoldenRenderer`."""
 Values = npt.NDArray[np.float64]

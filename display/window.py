@@ -11,8 +11,6 @@ import numpy.typing as npt
 from cosim import InputError
 from display.render.shader import vertex
 
-__all__ = ["Window", "open_window"]
-
 _FRAGMENT = """#version 330
 uniform sampler2D picture; uniform vec2 size;
 out vec4 colour;

@@ -42,8 +42,6 @@ from sensor.device.steering import ClockSteering
 from sensor.latched.readout import DuplicatedRows
 from sensor.latched.tiers import Tier
 
-__all__ = ["Crossed", "LinkBounds", "LinkCore"]
-
 _PLANS: Final = 8
 """Plans that are kept."""
 _STEADY: Final = 0.1
@@ -226,7 +224,7 @@ class LinkCore:
         """Sends bytes.
 
         Args:
-            data: one byte or more.
+            data: bytes to send, at least one.
             number: number of the call, below 2^64.
 
         Raises:

@@ -22,11 +22,6 @@ import numpy.typing as npt
 
 from link.mode import Mode
 
-__all__ = [
-    "PERIOD", "TAG_MODULES", "TRAINING", "Layout", "closing",
-    "is_closing", "pilots", "training",
-]  # fmt: skip
-
 TRAINING: Final = 48
 """Symbols of known data before the first group."""
 PERIOD: Final = 960
@@ -51,7 +46,7 @@ half."""
 
 @cache
 def pilots() -> npt.NDArray[np.bool_]:
-    """Returns the pilots' bits over a period, (PERIOD,).
+    """Pilots' bits over a period, (PERIOD,).
 
     A maximal-length sequence of x^10 + x^7 + 1 (Golomb, Shift Register Sequences, 1967), truncated
     from 1023.
@@ -66,7 +61,7 @@ def pilots() -> npt.NDArray[np.bool_]:
 
 @lru_cache(maxsize=4)
 def training(layout: Layout) -> npt.NDArray[np.bool_]:
-    """Returns the bits of the data cells before the first group, (TRAINING, cells).
+    """Bits of the data cells before the first group, (TRAINING, cells).
 
     In format 1 they are random in even symbols and inverted in odd ones, so that every cell is on
     half of the time, as the line codes have it. In format 2 all of them are random: charge that a
@@ -82,7 +77,7 @@ def training(layout: Layout) -> npt.NDArray[np.bool_]:
 
 
 def closing(layout: Layout) -> npt.NDArray[np.bool_]:
-    """Returns the bits of the data cells after the last group, (`Layout.closing`, cells)."""
+    """Bits of the data cells after the last group, (`Layout.closing`, cells)."""
     return training(layout)[: layout.closing]
 
 
@@ -162,5 +157,5 @@ class Layout:
         return len(self.data)
 
     def group_bytes(self, groups: int) -> int:
-        """Returns the whole bytes that all data cells carry in `groups` groups."""
+        """Whole bytes that all data cells carry in `groups` groups."""
         return self.cells * self.mode.code.bits * groups // 8

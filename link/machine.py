@@ -31,8 +31,6 @@ from link.setup.setup import FileLinkSetup
 from link.trial.planned import PlannedLink, check_plan, plan_link
 from sensor.latched.readout import readout_stages
 
-__all__ = ["LinkMachine", "PanelLoop"]
-
 
 class PanelLoop(Protocol):
     """A board that shows the panel's planes and sends them back."""
@@ -161,8 +159,7 @@ class LinkMachine:
         )  # fmt: skip
 
     def _identity(self) -> str:
-        """Returns a text that depends on the scenario, the mode, the plan, the file and the
-        version."""
+        """A text that depends on the scenario, the mode, the plan, the file and the version."""
         setup, plan = self._setup, self._link.plan
         text = to_toml(setup.scenario.model_copy(update={"title": ""})) + viform_version()
         text += f"{setup.mode} {plan.tier} {sorted(plan.left_out)}"

@@ -13,11 +13,6 @@ from typing import Any, Final, Protocol
 from link.line_codes import CATALOGUE
 from link.line_codes.code import LineCode
 
-__all__ = [
-    "CELLS", "CODES", "EVERY_RATE", "LINE_CODES", "PARITIES", "RATES", "STEP", "TICKS", "Mode",
-    "Modem", "codes_of", "ticks_chosen", "word_code",
-]  # fmt: skip
-
 LINE_CODES: Final = tuple(CATALOGUE)
 """Names of the line codes."""
 CELLS: Final = (1, 2, 3, 4, 6, 8, 12, 16)
@@ -68,20 +63,20 @@ class Modem(Protocol):
 
 
 def ticks_chosen(line: str) -> tuple[int, ...]:
-    """Returns the lengths of a symbol that a run chooses itself in a line code. Symbols of one tick
-    need a training like their data, which scrambled symbols have."""
+    """Lengths of a symbol that a run chooses itself in a line code. Symbols of one tick need a
+    training like their data, which scrambled symbols have."""
     return TICKS[0:4] if line == "scrambled" else TICKS[1:4]
 
 
 def codes_of(line: str) -> list[tuple[int | None, float | None]]:
-    """Returns the parities and rates of a mode with a line code: of Reed-Solomon codes, and of
-    low-density parity-check codes for scrambled symbols, whose soft values are those of bits."""
+    """Parities and rates of a mode with a line code: of Reed-Solomon codes, and of low-density
+    parity-check codes for scrambled symbols, whose soft values are those of bits."""
     codes: list[tuple[int | None, float | None]] = [(parity, None) for parity in PARITIES]
     return codes + [(None, rate) for rate in RATES] if line == "scrambled" else codes
 
 
 def word_code(parity: int | None, rate: float | None) -> str:
-    """Returns the name of a code of words, for people. Without both, each block has a rate."""
+    """Name of a code of words, for people. Without both, each block has a rate."""
     if parity is not None:
         return f"Reed-Solomon ({_WORD}, {_WORD - parity})"
     if rate is None:
@@ -100,13 +95,13 @@ class Mode:
     """A mode of transmission.
 
     Attributes:
-        width, height: of the panel, pixels, multiples of 32.
+        width, height: width and height of the panel, pixels, multiples of 32.
         cell: side of a cell, panel pixels.
         ticks: length of a symbol, panel planes.
         line: name of the line code, applied to each cell independently.
         parity: parity bytes of 255 of a Reed-Solomon code; None for the other code.
-        rate: of a low-density parity-check code, which needs scrambled symbols; None for the other
-            code.
+        rate: rate of a low-density parity-check code, which needs scrambled symbols; None for the
+            other code.
         adaptive: whether each block has a low-density parity-check code of its own rate, one of
             EVERY_RATE; then parity and rate are None.
     """
@@ -194,7 +189,7 @@ class Mode:
 
     @classmethod
     def from_tags(cls, tags: tuple[int, int, int, int]) -> Mode:
-        """Returns the mode of these tags. Raises ValueError if they belong to no mode."""
+        """Mode of these tags. Raises ValueError if they belong to no mode."""
         if [tag % 4 for tag in tags] != [0, 1, 2, 3]:
             raise ValueError(f"tags must be of corners 0, 1, 2 and 3, not {tags}")
         wide, high, size, code = (tag // 4 for tag in tags)

@@ -14,10 +14,6 @@ from link.mode import CELLS, CODES, LINE_CODES, PARITIES, RATES, TICKS
 from sensor.sections.readout import ReadoutSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = [
-    "AimSection", "AirSection", "LinkScenario", "LinkSection", "ModemSection", "PanelSection",
-]  # fmt: skip
-
 Slow = Annotated[float, Quantity("time", least=0, most=0.01)]
 Metres = Annotated[float, Quantity("length", above=0, most=1e11)]  # in um, as lengths are
 Sides = Annotated[int, Field(ge=128, le=4640, multiple_of=32)]
@@ -28,11 +24,13 @@ class PanelSection(Section):
 
     width: Sides = 960
     height: Sides = 960
-    pitch: Metres = Field(default=500.0, examples=["500 um"], description="of its pixels")
-    luminance: Annotated[float, Quantity("luminance", above=0, most=1e6)] = Field(
-        default=1000.0, examples=["1000 cd/m²"], description="of a pixel that is on"
+    pitch: Metres = Field(
+        default=500.0, examples=["500 um"], description="pitch of the panel's pixels"
     )
-    reflectance: Reflectance = Field(default=0.04, description="of its face")
+    luminance: Annotated[float, Quantity("luminance", above=0, most=1e6)] = Field(
+        default=1000.0, examples=["1000 cd/m²"], description="luminance of a pixel that is on"
+    )
+    reflectance: Reflectance = Field(default=0.04, description="reflectance of the panel's face")
     rise: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
     decay: Slow = Field(default=0.0, examples=["1 us"], description="time constant of the emitter")
     row_scan: Share | None = Field(
@@ -41,7 +39,8 @@ class PanelSection(Section):
         "with sensor.row_skew when absent",
     )
     clock_offset: Annotated[float, Field(ge=-1e5, le=1e5)] = Field(
-        default=20.0, description="of its clock against the camera's, parts per million"
+        default=20.0,
+        description="offset of the panel's clock against the camera's, parts per million",
     )
     phase: Share | None = Field(
         default=None, description="ticks by which its planes are late; by chance when absent"
@@ -53,7 +52,7 @@ class AimSection(Section):
     """How the panel stands in the camera's view, and its lens."""
 
     focal_length: Metres = Field(
-        default=39_000.0, examples=["39 mm"], description="of the camera's lens"
+        default=39_000.0, examples=["39 mm"], description="focal length of the camera's lens"
     )
     on_level: Annotated[float, Field(gt=0, le=1000)] = Field(
         default=1.4,
@@ -68,20 +67,20 @@ class AimSection(Section):
         description="distance the lens is focused at; the panel's when absent",
     )
     blur: Annotated[float, Field(ge=0, le=100)] = Field(
-        default=0.3, description="of the lens, standard deviation in camera pixels"
+        default=0.3, description="blur of the lens, standard deviation in camera pixels"
     )
     offset_x: Annotated[float, Field(ge=-1e5, le=1e5)] = Field(
-        default=3.3, description="of the panel's centre from the sensor's, camera pixels"
+        default=3.3, description="offset of the panel's centre from the sensor's, camera pixels"
     )
     offset_y: Annotated[float, Field(ge=-1e5, le=1e5)] = -2.6
     rotation: Annotated[float, Quantity("angle", least=-180, most=180)] = Field(
         default=0.3, examples=["0.3 deg"]
     )
     tilt_x: Annotated[float, Quantity("angle", least=-80, most=80)] = Field(
-        default=0.5, examples=["0.5 deg"], description="of the panel about its vertical"
+        default=0.5, examples=["0.5 deg"], description="tilt of the panel about its vertical"
     )
     tilt_y: Annotated[float, Quantity("angle", least=-80, most=80)] = Field(
-        default=-0.4, examples=["-0.4 deg"], description="of the panel about its horizontal"
+        default=-0.4, examples=["-0.4 deg"], description="tilt of the panel about its horizontal"
     )
     vibration: Annotated[float, Field(ge=0, le=100)] = Field(
         default=0.05, description="standard deviation of the image's shift, camera pixels"
@@ -119,18 +118,20 @@ class AirSection(Section):
     )
     particles: Literal["kim", "kruse"] = Field(default="kim", description="law of extinction")
     structure: Annotated[float, Field(ge=0, le=1e-9)] = Field(
-        default=1e-14, description="of refractive index, Cn2 in m^(-2/3)"
+        default=1e-14, description="structure parameter of the refractive index, Cn2 in m^(-2/3)"
     )
     wind: Annotated[float, Field(ge=0, le=200)] = Field(
-        default=1.0, description="across the path, m/s"
+        default=1.0, description="speed of the wind across the path, m/s"
     )
     sun: Annotated[float, Quantity("illuminance", least=0, most=2e5)] = Field(
         default=0.0,
         examples=["100 klux"],
-        description="of a sun near the view, on a plane that faces it",
+        description="illuminance of a sun near the view, on a plane that faces it",
     )
     sun_angle: Annotated[float, Quantity("angle", least=-90, most=90)] = Field(
-        default=10.0, examples=["10 deg"], description="between it and the panel's centre"
+        default=10.0,
+        examples=["10 deg"],
+        description="angle between the sun and the panel's centre",
     )
     glare: Share = Field(default=0.005, description="share of the lens's light spread everywhere")
 
@@ -148,15 +149,16 @@ class ModemSection(Section):
         default="auto", description="code along time; scrambled symbols have none"
     )
     code: Literal[("auto", *CODES)] = Field(  # type: ignore[valid-type]
-        default="auto", description="of the words; ldpc decides softly and needs scrambled symbols"
+        default="auto",
+        description="code of the words; ldpc decides softly and needs scrambled symbols",
     )
     parity: Literal[("auto", *PARITIES)] = Field(  # type: ignore[valid-type]
         default="auto", description="bytes of a Reed-Solomon codeword of 255 that are parity"
     )
     rate: Literal[("auto", "adaptive", *RATES)] = Field(  # type: ignore[valid-type]
         default="auto",
-        description="of the ldpc code, data bits to a bit sent; adaptive: of each block its own, "
-        "by the phase of the clocks, only where the link sends a file",
+        description="rate of the ldpc code, data bits to a bit sent; adaptive: of each block its "
+        "own, by the phase of the clocks, only where the link sends a file",
     )
     interleave: bool = Field(default=True, description="spread each codeword over the panel")
     overhead: Annotated[float, Field(ge=0, le=10)] = Field(
@@ -201,16 +203,16 @@ class LinkSection(Section):
 
     file: str | None = Field(default=None, description="random bytes when absent")
     size: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
-        default=4_000_000, description="of the random bytes"
+        default=4_000_000, description="size of the random bytes"
     )
     join: Time = Field(
         default=0.0,
         examples=["3 ms"],
-        description="from the start of the stream until the receiver begins to listen; only where "
-        "the link carries one",
+        description="time from the start of the stream until the receiver begins to listen; only "
+        "where the link carries one",
     )
     distance: Metres = Field(
-        default=2e6, examples=["2 m"], description="from the panel to the lens"
+        default=2e6, examples=["2 m"], description="distance from the panel to the lens"
     )
     sensor: Annotated[SensorSection | None, placed("link.sensor")] = Field(
         default=None,
@@ -233,7 +235,7 @@ class LinkScenario(Section):
 
     title: str = Field(examples=["A file over light"])
     duration: Duration | None = Field(
-        default=None, description="of light; as long as the file takes when absent"
+        default=None, description="duration of light; as long as the file takes when absent"
     )
     tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1

@@ -21,11 +21,6 @@ from sensor import CameraSetting
 from sensor.device.steering import ClockSteering
 from sensor.sections.sensor import LensSection, SensorSection
 
-__all__ = [
-    "LARGEST", "LEAD", "SLOWEST_F_NUMBER", "TAIL", "LinkSetting", "Payload", "check_receiver",
-    "link_setting", "payload_of", "read_payload", "steering_of",
-]  # fmt: skip
-
 LEAD, TAIL = 8, 4
 """Camera cycles before the panel's first light, and after its last plane."""
 LARGEST = 1_000_000_000
@@ -45,7 +40,7 @@ class Payload:
     """What is sent.
 
     Attributes:
-        name: of the file in `received/`.
+        name: name of the file in `received/`.
         data: its bytes.
     """
 
@@ -79,7 +74,7 @@ class LinkSetting:
         self, source: Source, planes: int, effects: Collection[str] | None = None,
         places: Places | None = None,
     ) -> Air:  # fmt: skip
-        """Returns the stage that makes the light on the camera; see `Air` for its arguments."""
+        """Stage that makes the light on the camera; see `Air` for its arguments."""
         return Air(
             source, Scene(self.panel, self.optics, self.aim, self.air), self.camera,
             first_light=self.first_light, planes=planes, effects=effects, places=places,
@@ -91,8 +86,7 @@ def _random(seed: int, stream: int) -> np.random.Generator:
 
 
 def payload_of(scenario: LinkScenario) -> Payload:
-    """Returns the file, or random bytes of the scenario's seed. Raises InputError for a missing
-    file."""
+    """File, or random bytes of the scenario's seed. Raises InputError for a missing file."""
     section = scenario.link
     if section.file is None:
         return Payload(_RANDOM_NAME, _random(scenario.seed, _STREAM_BYTES).bytes(section.size))
@@ -100,7 +94,7 @@ def payload_of(scenario: LinkScenario) -> Payload:
 
 
 def read_payload(path: Path) -> Payload:
-    """Returns a file to send. Raises InputError for one that cannot be read."""
+    """A file to send. Raises InputError for one that cannot be read."""
 
     def bad(problem: str) -> InputError:
         return InputError("link.file", "a file that can be read", f"{path} ({problem})", "check it")
@@ -138,13 +132,13 @@ def _refuse_lens(lens: LensSection, section: str) -> None:
 
 
 def _panel_clock(clock: Clock, ppm: float) -> Clock:
-    """Returns the camera's nominal clock with an offset in parts per million."""
+    """Camera's nominal clock with an offset in parts per million."""
     rate = Fraction(clock.num, clock.den) * (1 + Fraction(repr(ppm)) / 10**6)
     return Clock(rate.numerator, rate.denominator)
 
 
 def _optics(scenario: LinkScenario, camera: CameraSetting) -> Optics:
-    """Returns the panel and the lens, with its f-number or the one for the requested brightness."""
+    """Panel and the lens, with its f-number or the one for the requested brightness."""
     section, panel, aim = scenario.link, scenario.link.panel, scenario.link.aim
     optics = Optics(
         width=panel.width, height=panel.height, pitch=panel.pitch * _MICRO,
@@ -175,7 +169,7 @@ def check_receiver(sensor: SensorSection, name: str = "sensor") -> None:
 
     Args:
         sensor: its section.
-        name: of the section.
+        name: name of the section.
     """
     if sensor.readout != "synchronous":
         raise InputError(
@@ -203,7 +197,7 @@ def check_receiver(sensor: SensorSection, name: str = "sensor") -> None:
 
 
 def steering_of(sensor: SensorSection) -> ClockSteering | None:
-    """Returns the steering of a link's camera; None if its ticks keep their length.
+    """Steering of a link's camera; None if its ticks keep their length.
 
     By default it is used where the chip's board has it and the reset is hard.
     """
@@ -213,11 +207,11 @@ def steering_of(sensor: SensorSection) -> ClockSteering | None:
 
 
 def link_setting(scenario: LinkScenario, camera: CameraSetting) -> LinkSetting:
-    """Returns the link of a scenario.
+    """Link of a scenario.
 
     Args:
         scenario: the scenario.
-        camera: that of [sensor], with every effect.
+        camera: camera of [sensor], with every effect.
 
     Raises:
         InputError: if the scenario cannot be simulated.

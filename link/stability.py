@@ -20,13 +20,11 @@ from cosim.run.case import Case
 from link.line_codes import decode_line, encode_line
 from link.theory import gamma_gamma_ook, poisson_capacity, rs_word_error
 
-__all__ = ["LINKING"]
-
 Floats = npt.NDArray[np.float64]
 
 
 def _worst(pairs: Sequence[tuple[float, float]]) -> float:
-    """Returns the largest relative error of (value, truth); infinite if a value is not a number."""
+    """Largest relative error of (value, truth); infinite if a value is not a number."""
     errors = [abs(value / truth - 1) if truth else abs(value) for value, truth in pairs]
     return max(error if math.isfinite(error) else math.inf for error in errors)
 
@@ -42,8 +40,7 @@ def _capacity(device: Device | None) -> Capacity:
 
 
 def background(capacity: Capacity) -> float:
-    """Returns the largest relative error of the Poisson capacity, for backgrounds from 0 to
-    1e18."""
+    """Largest relative error of the Poisson capacity, for backgrounds from 0 to 1e18."""
     pairs = []
     with localcontext() as context:
         context.prec = 80
@@ -68,7 +65,7 @@ def _fading(device: Device | None) -> Fading:
 
 
 def fading(rate: Fading) -> float:
-    """Returns the largest relative error of a gamma-gamma error rate.
+    """Largest relative error of a gamma-gamma error rate.
 
     Shapes are so large that there is practically no fading, and signals so strong that one term of
     the series is left.
@@ -90,7 +87,7 @@ def _plain(a: float) -> float:
 
 
 def _two_fold(a: float, shape: float) -> float:
-    """Returns the mean over the quantiles of both variates.
+    """Mean over the quantiles of both variates.
 
     Gauss-Legendre quadrature on intervals that shrink towards both ends.
     """
@@ -107,7 +104,7 @@ def _two_fold(a: float, shape: float) -> float:
 
 
 def _deep(a: float, alpha: float, beta: float) -> float:
-    """Returns the error rate of a strong signal.
+    """Error rate of a strong signal.
 
     The density near 0 is (alpha beta)^beta Gamma(alpha - beta) / (Gamma(alpha) Gamma(beta)) I^(beta
     - 1), and the integral of Q(t) t^(beta - 1) is 2^(beta/2) Gamma((beta + 1) / 2) / (2 beta
@@ -130,7 +127,7 @@ def _tails(device: Device | None) -> Tails:
 
 
 def tails(rate: Tails) -> float:
-    """Returns the largest relative error of word error rates down to 1e-300."""
+    """Largest relative error of word error rates down to 1e-300."""
     pairs = []
     cases = ((255, 16, 1e-2), (255, 16, 1e-9), (255, 8, 1e-33), (31, 1, 1e-150), (255, 64, 0.2))
     with localcontext() as context:
@@ -155,7 +152,7 @@ def _decode(device: Device | None) -> Decode:
 
 
 def metrics(decode: Decode, cells: int = 200) -> float:
-    """Returns the number of wrong values of line codes read from soft values of any size.
+    """Number of wrong values of line codes read from soft values of any size.
 
     Some soft values have the wrong sign. The truth is the largest integer sum over all words; words
     with equal sums are left out.
@@ -194,7 +191,7 @@ def _encode(device: Device | None) -> Encode:
 
 
 def _longest(bits: npt.NDArray[np.bool_]) -> int:
-    """Returns the longest run of equal symbols of any cell."""
+    """Longest run of equal symbols of any cell."""
     longest, run = 1, np.ones(bits.shape[1], np.int64)
     for before, now in pairwise(bits):
         run = np.where(before == now, run + 1, 1)
@@ -203,7 +200,7 @@ def _longest(bits: npt.NDArray[np.bool_]) -> int:
 
 
 def payloads(encode: Encode, groups: int = 400) -> float:
-    """Returns the largest excess of a run over the code's limit, or of the ON share over 1/2.
+    """Largest excess of a run over the code's limit, or of the ON share over 1/2.
 
     Payloads are one repeated value (each value in one cell), and all values in turn.
     """

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Registration", "Timing"]
-
 
 @dataclass(frozen=True)
 class Timing:
@@ -23,7 +21,7 @@ class Timing:
         period: ticks of a symbol, those of the mode but for the clock offset.
         slope: delay of the last row against the first, ticks; 0 if the panel scans in step with the
             camera.
-        rows: of the camera.
+        rows: number of rows of the camera.
     """
 
     first: float
@@ -32,7 +30,7 @@ class Timing:
     rows: int
 
     def start(self, symbol: npt.ArrayLike, row: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Returns the tick at which symbols begin in rows, broadcast together."""
+        """Tick at which symbols begin in rows, broadcast together."""
         n, r = np.asarray(symbol, np.float64), np.asarray(row, np.float64)
         return self.first + n * self.period + self.slope * r / self.rows
 
@@ -56,19 +54,19 @@ class Registration:
     def camera(
         self, x: npt.ArrayLike, y: npt.ArrayLike, tick: float | None = None
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Returns the camera (x, y) of panel pixels, at a tick, or without drift."""
+        """Camera (x, y) of panel pixels, at a tick, or without drift."""
         x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         u, v, w = np.tensordot(self.homography, np.stack([x, y, np.ones_like(x)]), 1)
         dx, dy = self.shift(tick) if tick is not None else (0.0, 0.0)
         return u / w + dx, v / w + dy
 
     def shift(self, tick: float) -> tuple[float, float]:
-        """Returns the displacement (dx, dy) of the image at a tick."""
+        """Displacement (dx, dy) of the image at a tick."""
         dx, dy = self.shifts(np.array([tick]))[0]
         return float(dx), float(dy)
 
     def shifts(self, ticks: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Returns the displacements (dx, dy) of the image at ticks, (n, 2)."""
+        """Displacements (dx, dy) of the image at ticks, (n, 2)."""
         if not len(self.drift):
             return np.zeros((len(ticks), 2))
         at, dx, dy = self.drift.T

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["Geometry"]
-
 
 class Geometry(NamedTuple):
     """Parameters of a build.
@@ -14,11 +12,11 @@ class Geometry(NamedTuple):
     never fire.
 
     Attributes:
-        rows: of pixels, 1 to 4095.
-        columns: of pixels, 1 to 4096.
+        rows: rows of pixels, 1 to 4095.
+        columns: columns of pixels, 1 to 4096.
         lanes: pixels computed in one clock, 32 or 64.
         clock_hz: the board's clock, Hz.
-        baud: of the serial line.
+        baud: baud of the serial line.
         capture_words, sink_words: sizes of the two memories, words, powers of two.
     """
 

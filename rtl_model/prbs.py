@@ -6,8 +6,6 @@ with all ones. The taps, counted from 0, are those of LiteX (litex/soc/cores/prb
 
 from __future__ import annotations
 
-__all__ = ["ORDERS", "TAPS", "Prbs"]
-
 TAPS: dict[int, tuple[int, int]] = {7: (5, 6), 15: (13, 14), 23: (17, 22), 31: (27, 30)}
 """The two taps of each order. Any other order behaves as 31."""
 ORDERS = tuple(TAPS)

@@ -19,8 +19,6 @@ from cosim.errors import MissingPackages
 from rtl_model.geometry import Geometry
 from rtl_model.verilated import VERILOG
 
-__all__ = ["Cells", "Family", "synthesise"]
-
 Family = Literal["ice40", "ecp5", "xc7"]
 
 # Passes of yosys for each family.
@@ -51,7 +49,7 @@ class Cells:
     """Cells of one build.
 
     Attributes:
-        family: of the FPGA.
+        family: family of the FPGA.
         luts, flip_flops, distributed_rams, carries: numbers of cells.
         block_rams: number of block RAMs of all sizes.
         large_block_rams: block RAMs of double size among these: an xc7's RAMB36.
@@ -78,8 +76,8 @@ def synthesise(
     """Counts the cells of a module.
 
     Args:
-        family: of the FPGA.
-        geometry: of the build; the 32 x 32 build if None.
+        family: family of the FPGA.
+        geometry: geometry of the build; the 32 x 32 build if None.
         top: name of the module.
         settings: its Verilog parameters; those of `geometry` if None.
         sources: folder of the Verilog.

@@ -48,8 +48,6 @@ from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.report import write_report
 
-__all__ = ["Done", "run_scenario"]
-
 Report = Callable[[Machine, Run], list[str]]
 REPORT: Report = write_report
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 
-__all__ = ["reading"]
-
 _CODE = """
 import re, resource, sys
 from pathlib import Path

@@ -78,6 +78,15 @@ KINDS = {"Scenario", "LinkScenario", "ImagerScenario", "BoardScenario", "Recordi
 
 MAX_LINES = 400
 
+# How the description of a value does not begin: it says what the value is, so a noun comes first.
+NAMELESS = re.compile(
+    r"(of|by|that|as|in|from|for|with|at|on|to|those|which|where|when|whether one|before|after"
+    r"|between|below|across|about|around|against|without|they|since)\b(?! most\b)",
+    re.IGNORECASE,
+)
+DESCRIBED = re.compile(r"\*{0,2}\w+(?:, \*{0,2}\w+)*(?: \([^)]*\))?: (.*)")
+"""A value in a docstring: its names, and the first line of its description."""
+
 # A text file that ships must not know the machine it was written on, nor a package index.
 MACHINE = re.compile(
     r"(?<![\w.])/(?:work|root|opt/(?:wheels|pypi))/"
@@ -113,7 +122,7 @@ def imported(tree: ast.AST, package: list[str]) -> Iterator[tuple[int, str]]:
 
 
 def broken_rules(root: Path) -> list[str]:
-    """Returns one line for each place in the packages under `root` that breaks the house."""
+    """One line for each place in the packages under `root` that breaks the house."""
     found = []
     for package, allowed in MAY_IMPORT.items():
         for path in sorted((root / package).rglob("*.py")):
@@ -127,6 +136,9 @@ def broken_rules(root: Path) -> list[str]:
                 found.append(f"{place}:{lines}: must be under {MAX_LINES} lines: one idea a file")
             if path.name == "__init__.py":
                 found += [f"{place}:{line}: {what}" for line, what in undeclared(tree)]
+            else:
+                found += [f"{place}:{line}: {what}" for line, what in listed(tree, place)]
+            found += [f"{place}:{line}: {what}" for line, what in loose_words(tree, place)]
             for line, name in imported(tree, list(place.parent.parts)):
                 top, *rest = name.split(".")
                 if top in MAY_IMPORT and top != package:
@@ -143,6 +155,16 @@ def broken_rules(root: Path) -> list[str]:
             for line, name in texts(tree):
                 found.append(f"{place}:{line}: {name} must name its encoding")
     return found
+
+
+def listed(tree: ast.Module, place: Path) -> Iterator[tuple[int, str]]:
+    """Yields (line, message) for the `__all__` of a module: a package alone lists its names."""
+    if "imagers" in place.parts:  # theirs go with their move
+        return
+    for node in tree.body:
+        targets = getattr(node, "targets", None) or [getattr(node, "target", node)]
+        if any(isinstance(target, ast.Name) and target.id == "__all__" for target in targets):
+            yield node.lineno, "only an __init__.py has an __all__"
 
 
 def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
@@ -179,8 +201,58 @@ def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, name
 
 
+def text_of(node: ast.AST) -> ast.Constant | None:
+    """The text of a statement that is a text alone, as a docstring is."""
+    value = node.value if isinstance(node, ast.Expr) else None
+    return value if isinstance(value, ast.Constant) and isinstance(value.value, str) else None
+
+
+def described(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yields (line, begin of the description) of each value that a docstring, the text after an
+    assignment, a key or an option describes."""
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        body = body if isinstance(body, list) else []
+        for before, after in zip([node, *body], body, strict=False):
+            text = text_of(after)
+            if text is None:
+                continue
+            if isinstance(before, ast.Assign | ast.AnnAssign):
+                yield text.lineno, text.value
+            elif before is node:
+                block, items = "", ""  # the heading, and the indentation of its items
+                for n, line in enumerate(text.value.split("\n")):
+                    indent, said = re.match(r"( *)(.*)", line).groups()
+                    item = re.match(DESCRIBED, said)
+                    if said in ("Attributes:", "Args:"):
+                        block, items = f"{indent} ", ""
+                    elif not indent.startswith(block):
+                        block = "" if said else block
+                    elif block and item and indent == (items or indent):
+                        items = indent
+                        yield text.lineno + n, item[1]
+        for word in node.keywords if isinstance(node, ast.Call) else ():
+            if word.arg in ("description", "help") and isinstance(word.value, ast.Constant):
+                yield word.value.lineno, str(word.value.value)
+
+
+def loose_words(tree: ast.Module, place: Path) -> Iterator[tuple[int, str]]:
+    """Yields (line, message) for descriptions of values without a noun at their beginning, and for
+    docstrings that begin with "Returns"."""
+    if "imagers" in place.parts:  # theirs follow with their move
+        return
+    for line, text in described(tree):
+        if word := NAMELESS.match(text):
+            yield line, f"a description must begin with its noun, not with {word[0]}"
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        text = text_of(body[0]) if isinstance(body, list) and body else None
+        if text is not None and text.value.startswith("Returns "):
+            yield text.lineno, "a docstring must say what the function gives, without Returns"
+
+
 def modules(root: Path) -> dict[str, Path]:
-    """Returns dotted name -> file of every module of the packages; a package's is its __init__."""
+    """Dotted name -> file of every module of the packages; a package's is its __init__."""
     found = {}
     for package in MAY_IMPORT:
         for path in sorted((root / package).rglob("*.py")):
@@ -195,7 +267,7 @@ def is_of_types(node: ast.AST) -> bool:
 
 
 def uses(root: Path) -> dict[str, set[tuple[str, str | None]]]:
-    """Returns module -> (module, name or None) of ours that it imports when it runs."""
+    """Module -> (module, name or None) of ours that it imports when it runs."""
     known = modules(root)
     found: dict[str, set[tuple[str, str | None]]] = {}
     for module, path in known.items():
@@ -216,7 +288,7 @@ def uses(root: Path) -> dict[str, set[tuple[str, str | None]]]:
 
 
 def circles(edges: dict[str, set[str]]) -> list[list[str]]:
-    """Returns the strongly connected components of more than one node (Tarjan 1972)."""
+    """Strongly connected components of more than one node (Tarjan 1972)."""
     index: dict[str, int] = {}
     low: dict[str, int] = {}
     stack: list[str] = []
@@ -244,12 +316,12 @@ def circles(edges: dict[str, set[str]]) -> list[list[str]]:
 
 
 def room_of(module: str) -> str:
-    """Returns the room of a module: package.room, or the package itself for its __init__."""
+    """Room of a module: package.room, or the package itself for its __init__."""
     return ".".join(module.split(".")[:2])
 
 
 def crooked_rooms(root: Path) -> list[str]:
-    """Returns one line for each import that runs against the order of rooms, and each circle."""
+    """One line for each import that runs against the order of rooms, and each circle."""
     edges = uses(root)
     found = []
     for package, order in ROOMS.items():
@@ -281,12 +353,13 @@ def crooked_rooms(root: Path) -> list[str]:
 
 
 def idle_exports(root: Path) -> list[str]:
-    """Returns names in an `__init__` that no module but itself, nor `viform`, imports from it."""
+    """Names in an `__init__` that nothing outside its folder imports from it."""
     known = modules(root)
     used = set()
     for path in (*known.values(), *root.glob("viform.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and known.get(node.module or "") != path:
+            home = known.get(getattr(node, "module", None) or "", root / "no/__init__.py")
+            if isinstance(node, ast.ImportFrom) and home.parent not in path.parents:
                 used |= {(node.module, alias.name) for alias in node.names}
     found = []
     for package, path in known.items():
@@ -296,14 +369,14 @@ def idle_exports(root: Path) -> list[str]:
             if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
                 names = ast.literal_eval(node.value)
                 found += [
-                    f"{package}: nothing imports {name}"
+                    f"{package}: nothing outside imports {name}"
                     for name in names if (package, name) not in used
                 ]  # fmt: skip
     return found
 
 
 def asked_kinds(root: Path) -> list[str]:
-    """Returns one line for each test of a scenario's kind outside `scenarios/assemble`."""
+    """One line for each test of a scenario's kind outside `scenarios/assemble`."""
     found = []
     for module, path in modules(root).items():
         if module.startswith("scenarios.assemble"):
@@ -339,7 +412,7 @@ def undeclared(tree: ast.Module) -> Iterator[tuple[int, str]]:
 
 
 def git(root: Path, *words: str) -> str:
-    """Returns what git says of a clone; skips the test where there is none."""
+    """What git says of a clone; skips the test where there is none."""
     # git refuses a clone that another user owns, which a container often runs in.
     command = ["git", "-c", f"safe.directory={root}", "-C", str(root), *words]
     try:
@@ -349,13 +422,13 @@ def git(root: Path, *words: str) -> str:
 
 
 def tracked(root: Path) -> list[Path]:
-    """Returns the files git tracks or would add; skips the test where there is no clone."""
+    """Files git tracks or would add; skips the test where there is no clone."""
     listed = git(root, "ls-files", "-z", "--cached", "--others", "--exclude-standard")
     return [root / name for name in listed.split("\0") if name and (root / name).is_file()]
 
 
 def machine_words(path: Path) -> list[str]:
-    """Returns what a text file says of the machine it was made on; of a binary file, nothing."""
+    """What a text file says of the machine it was made on; of a binary file, nothing."""
     data = path.read_bytes()
     if b"\0" in data:
         return []
@@ -374,6 +447,14 @@ def write_house(root: Path, **files: str) -> None:
 
 def test_the_house_holds():
     assert broken_rules(ROOT) == []
+
+
+def test_no_test_lists_its_names():
+    assert not [
+        f"{path.relative_to(ROOT)}:{line}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for line, _ in listed(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT))
+    ]
 
 
 def test_rooms_import_one_way_and_nothing_imports_in_a_circle():
@@ -423,6 +504,7 @@ def test_a_planted_circle_export_or_question_is_found(tmp_path):
         tmp_path,
         cosim__clock='"""A module."""\nfrom cosim.errors import E\n',
         cosim__errors='"""A module."""\nfrom cosim.clock import C\n',
+        cosim__frames='"""A module."""\nfrom cosim import C\n',
         cosim____init__='"""A part."""\nfrom cosim.clock import C\n\n__all__ = ["C"]\n',
         scenarios__run='"""A module."""\nif isinstance(x, (int, LinkScenario)):\n    pass\n',
     )
@@ -432,7 +514,7 @@ def test_a_planted_circle_export_or_question_is_found(tmp_path):
         "cosim.clock cosim.errors: must not import in a circle",
         "cosim.clock cosim.errors: rooms must not import in a circle",
     ]
-    assert idle_exports(tmp_path) == ["cosim: nothing imports C"]
+    assert idle_exports(tmp_path) == ["cosim: nothing outside imports C"]
     assert asked_kinds(tmp_path) == ["scenarios.run:2: asks of what kind a scenario is"]
 
 
@@ -494,6 +576,15 @@ def test_a_clone_has_the_bytes_of_the_repository(tmp_path):
         ("sensor__a", "TextIOWrapper(raw)", "TextIOWrapper must name its encoding"),
         ("sensor__a", "subprocess.run(words, text=True)", "run must name its encoding"),
         ("sensor__a", "from tests import helpers", "sensor must not import the tests"),
+        (
+            "sensor__a",
+            'def f():\n    """Gives x.\n\n    Args:\n        a, b (int): of x.\n    """',
+            "sensor/a.py:6: a description must begin with its noun, not with of",
+        ),
+        ("sensor__a", 'X = 3\n"""By name."""', "begin with its noun, not with By"),
+        ("sensor__a", 'x: int = Field(description="that is left")', "its noun, not with that"),
+        ("sensor__a", 'def f():\n    """Returns x."""', "sensor/a.py:3: a docstring must say what"),
+        ("sensor__a", "__all__ = ['f']", "sensor/a.py:2: only an __init__.py has an __all__"),
         ("sensor__a", "x = 1\n" * 398, "sensor/a.py:400: must be under 400 lines"),
     ],
 )

@@ -147,7 +147,7 @@ class Box:
         )
 
     def calls(self) -> list[str]:
-        """Returns the calls since the last time."""
+        """Calls since the last time."""
         path = self.root / "calls"
         lines = path.read_text().splitlines() if path.exists() else []
         path.unlink(missing_ok=True)
@@ -605,7 +605,7 @@ def test_elsewhere_than_debian_the_packages_are_named(tmp_path):
 
 
 def pins(name: str) -> dict[str, str]:
-    """Returns {package: version} of a lock; every line of it must be `package==version`."""
+    """{package: version} of a lock; every line of it must be `package==version`."""
     lines = [line.split("#")[0].strip() for line in (ROOT / name).read_text().splitlines()]
     return dict(line.split("==") for line in lines if line)
 

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from cosim.errors import say, shorten
 
-__all__ = ["cache_folder", "prepare_caches"]
-
 _SAID: set[str] = set()
 """Values of VIFORM_CACHE that a line has said are not used."""
 

@@ -16,8 +16,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-__all__ = ["cores_in_groups", "free_in_groups"]
-
 _GROUPS: Final = Path("/sys/fs/cgroup")
 _OWN: Final = Path("/proc/self/cgroup")
 
@@ -41,7 +39,7 @@ def free_in_groups(groups: Path = _GROUPS, own: Path = _OWN) -> int | None:
     """Bytes that this process may still take; None without a limit, or where none can be read.
 
     Args:
-        groups: where the groups are mounted.
+        groups: folder in which the groups are mounted.
         own: file that says which are those of this process.
     """
     free = [

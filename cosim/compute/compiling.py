@@ -6,8 +6,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["begin_compiling", "compiled_within", "compiles", "end_compiling"]
-
 _state = {"now": 0, "last": float("-inf")}
 """How many functions are being compiled, and when the last one was, s of the monotonic clock."""
 

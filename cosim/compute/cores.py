@@ -22,8 +22,6 @@ from cosim.compute.cgroup import cores_in_groups
 from cosim.compute.forks import use
 from cosim.errors import InputError
 
-__all__ = ["all_cores", "beside", "by_rows", "cores"]
-
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Given = TypeVar("_Given")
 _BUSY = threading.RLock()

@@ -14,8 +14,6 @@ from weakref import WeakKeyDictionary
 
 from cosim.errors import InputError
 
-__all__ = ["lose_in_forks", "use"]
-
 _HERE: Final[set[str]] = set()
 _BEFORE: Final[set[str]] = set()
 """Libraries that this process has used, and those that its parents had when they forked it."""

@@ -26,8 +26,6 @@ import numpy.typing as npt
 
 from cosim.compute.cache_folder import cache_folder
 
-__all__ = ["described", "kept", "kept_value", "sources_of"]
-
 _Value = TypeVar("_Value")
 
 _MOST: Final = 256
@@ -87,8 +85,9 @@ def kept(
     """The array that `make` computes, from an earlier run if there is one.
 
     Args:
-        name: of the table, for the name of its file.
-        arguments: on which the array depends; their text tells them apart. Bytes are allowed.
+        name: name of the table, for the name of its file.
+        arguments: values on which the array depends; their text tells them apart. Bytes are
+            allowed.
         sources: paths of the source files that compute it.
         make: computes it.
     """
@@ -112,8 +111,8 @@ def kept_value(
 
     Args:
         name: name of the value, for that of its file.
-        arguments: on which it depends, see `described`; one that is made in each run if they cannot
-            be described.
+        arguments: value on which it depends, see `described`; one that is made in each run if they
+            cannot be described.
         packages: whose source files compute it.
         kind: its type, with which pydantic reads it.
         make: computes it.

@@ -13,15 +13,6 @@ from cosim.compute.cgroup import free_in_groups
 from cosim.compute.cores import cores
 from cosim.errors import InputError
 
-__all__ = [
-    "check_memory",
-    "check_plane",
-    "check_program",
-    "free_memory",
-    "keep_freed",
-    "largest_file",
-]
-
 _GIB = 2**30
 _LITTLE: Final = 16 << 20
 """Bytes for which free memory is not asked: to read the limits takes longer than a call."""
@@ -98,7 +89,7 @@ def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) ->
     threads.
 
     Args:
-        what, remedy: for the message.
+        what, remedy: subject of the message, and its advice.
         need: bytes of the program with its data at its peak.
         loaded: whether its libraries are loaded already.
     """

@@ -28,8 +28,6 @@ import numpy as np
 
 from cosim.compute.compiling import begin_compiling, end_compiling
 
-__all__ = ["tolerate"]
-
 
 def tolerate() -> None:
     """From now on, a compiled function that the disk does not take is not kept, and one that cannot

@@ -34,17 +34,6 @@ from cosim.compute.memory import largest_file
 from cosim.compute.pocl_files import pocl_files
 from cosim.errors import InputError, MissingPackages, quote
 
-__all__ = [
-    "INSTALL",
-    "Device",
-    "choose_device",
-    "open_device",
-    "opencl_packages",
-    "probe",
-    "shared_device",
-    "wide_cl",
-]
-
 _SHARED: Final[dict[str | None, Device | None]] = {}
 """Devices that are open for the whole process, by what was wanted."""
 _OPENING: Final = Lock()
@@ -190,7 +179,7 @@ class Device:
     Attributes:
         handle: pyopencl's device.
         name: "platform: device".
-        number: in the order of `probe`; devices of one name differ in it.
+        number: index of the device in the order of `probe`; devices of one name differ in it.
     """
 
     handle: Any

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Outputs"]
-
 New = Callable[[int, "np.dtype[Any]"], npt.NDArray[Any]]
 
 _KEPT = 3
@@ -34,7 +32,7 @@ class Outputs:
     An array keeps its memory as long as it, or any view of it, exists.
 
     Args:
-        dtype: of the arrays.
+        dtype: dtype of the arrays.
         new: (size, dtype) -> memory.
     """
 

@@ -17,8 +17,6 @@ import numpy.typing as npt
 from cosim.compute.opencl import wide_cl
 from cosim.compute.streams import Stream
 
-__all__ = ["philox4x32", "philox_cl", "seed_of"]
-
 _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = 0x9E3779B9, 0xBB67AE85
 _LOW, _32 = np.uint64(0xFFFFFFFF), np.uint64(32)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["fill_words", "pick", "random_words", "ten_rounds", "word_at"]
-
 _LOW = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
 

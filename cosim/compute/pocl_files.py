@@ -32,8 +32,6 @@ from typing import Any, Final
 
 from cosim.errors import say
 
-__all__ = ["PoclFiles", "drop_damaged", "keep_sums", "pocl_files"]
-
 _SUMS: Final = "sums"
 _ACCESSED: Final = "last_accessed"
 _WAIT_S: Final = 120

@@ -26,15 +26,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, NoReturn
 
-__all__ = [
-    "GRACE_S", "Stopped", "end_now", "end_on_signals", "ending", "finishing", "first_signal",
-    "heed", "interrupt", "leave", "said", "threads", "undone",
-]  # fmt: skip
-
 GRACE_S: Final = 1.5
 """Time between a signal and the end of the process, s."""
 _AGAIN_S: Final = 0.2
-"""That after a second signal, s, which cuts off a checkpoint as well."""
+"""Time after a second signal that cuts off a checkpoint as well, s."""
 _NUMBERS: Final = (signal.SIGINT, signal.SIGTERM)
 _CODE: Final = 130
 """Exit code of an interrupted command."""

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from enum import IntEnum, unique
 
-__all__ = ["Stream"]
-
 
 @unique
 class Stream(IntEnum):
     """Numbers of the streams; those between the groups are free."""
 
     NONE = 0
-    """For an effect without draws."""
+    """Number for an effect without draws."""
     SHOT_NOISE = 1
     """Thresholds of intervals, with shot noise and threshold noise in one draw."""
     INITIAL_CHARGE = 2

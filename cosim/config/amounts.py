@@ -12,11 +12,6 @@ import math
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import Final
 
-__all__ = [
-    "THIN", "UNKNOWN", "amount", "at_least", "at_most", "count", "decibel", "elapsed", "number",
-    "percent",
-]  # fmt: skip
-
 THIN: Final = "\N{NARROW NO-BREAK SPACE}"
 """Separator of thousands."""
 UNKNOWN: Final = "unknown"

@@ -9,8 +9,6 @@ from typing import Any
 from pydantic import GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticKnownError, core_schema
 
-__all__ = ["Choice"]
-
 
 @dataclass(frozen=True)
 class Choice:

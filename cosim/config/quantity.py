@@ -24,25 +24,6 @@ from cosim.config.units import (
 )
 from cosim.errors import section_at
 
-__all__ = [
-    "Capacitance",
-    "Charge",
-    "Current",
-    "Duration",
-    "Frequency",
-    "Illuminance",
-    "Noise",
-    "Quantity",
-    "Reflectance",
-    "Section",
-    "Share",
-    "Spread",
-    "Temperature",
-    "Time",
-    "Wavelength",
-    "placed",
-]
-
 
 @dataclass(frozen=True)
 class Quantity:

@@ -10,8 +10,6 @@ from typing import Any, Final
 import tomli_w
 from pydantic import BaseModel
 
-__all__ = ["read_text", "read_toml", "to_toml"]
-
 _MARKS: Final = {
     codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16",
 }  # fmt: skip

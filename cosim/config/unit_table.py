@@ -7,8 +7,6 @@ few names of pint's other units, such as `yd`, are now those of these units with
 
 from __future__ import annotations
 
-__all__ = ["UNITS"]
-
 UNITS = """
 quecto- = 1e-30 = q-
 ronto- = 1e-27 = r-

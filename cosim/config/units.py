@@ -19,8 +19,6 @@ from cosim.config.unit_table import UNITS
 if TYPE_CHECKING:
     import pint
 
-__all__ = ["KINDS", "Kind", "format_quantity", "parse_quantity", "readable_quantity"]
-
 
 @dataclass(frozen=True)
 class Kind:

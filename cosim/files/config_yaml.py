@@ -18,16 +18,6 @@ import yaml
 from cosim.errors import InputError
 from cosim.files.whole import whole
 
-__all__ = [
-    "CONFIG",
-    "Config",
-    "adjacent_config",
-    "check_config",
-    "read_config",
-    "recording_of",
-    "write_config",
-]
-
 CONFIG = "config.yaml"
 """Name of such a file."""
 _LARGEST = 2**13

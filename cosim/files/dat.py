@@ -21,16 +21,6 @@ from cosim.files.plane_order import DAT_ORDER, PlaneOrder
 from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
-__all__ = [
-    "DAT_CLOCK",
-    "DAT_SIZE",
-    "HEAD_SIZE",
-    "DatStream",
-    "check_dat_size",
-    "pixels_of",
-    "write_dat",
-]
-
 Size = tuple[int, int]
 """(width, height) in columns and rows."""
 
@@ -66,7 +56,7 @@ class DatStream:
         path: the file.
         size: stored width and height of the frames; 416 x 250 means 400 x 250 with head.
         notes: information for the user about the interpretation of the file.
-        order: of bits, bytes and rows, if it is not that of a `.dat`.
+        order: order of bits, bytes and rows, if it is not that of a `.dat`.
 
     Raises:
         InputError: the file does not consist of whole frames.

@@ -25,8 +25,6 @@ from cosim.files.config_yaml import CONFIG, Config, adjacent_config
 from cosim.files.dat import DAT_SIZE, HEAD_SIZE, DatStream, Size, check_dat_size
 from cosim.files.plane_order import DAT_ORDER, PlaneOrder
 
-__all__ = ["guess_size", "open_dat"]
-
 LARGE_SIZE = (1000, 1000)
 PRINTED_SIZE = (450, 200)
 _DAT, _HEAD, _LARGE, _PRINTED = (

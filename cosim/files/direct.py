@@ -20,8 +20,6 @@ from typing import Any, Final
 from zarr.core.buffer import Buffer
 from zarr.storage import LocalStore
 
-__all__ = ["DirectStore"]
-
 _LEAST: Final = 1 << 20
 """Bytes of a file from which on it is written directly."""
 _ALIGNED: Final = 4096

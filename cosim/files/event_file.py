@@ -27,8 +27,6 @@ from cosim.files.whole import whole
 from cosim.spikes.events import COLUMNS, Events, event_blocks
 from cosim.spikes.viform import SpikeStream, count_spikes
 
-__all__ = ["ENDING", "EventFile", "EventSource", "read_events", "write_events"]
-
 ENDING = ".events.npz"
 PART = 2**20
 """Events of a part."""

@@ -13,8 +13,6 @@ from cosim.files.event_file import ENDING, EventFile, Part
 from cosim.spikes.events import mark_planes
 from cosim.spikes.viform import WORD, Words, words_for
 
-__all__ = ["EventStream"]
-
 _WORD_BYTES = 20
 """Memory of a word that is not 0, in the sparse form. An event has at most one."""
 _BYTES = 64

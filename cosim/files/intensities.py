@@ -14,8 +14,6 @@ from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.spikes.intensities import Intensities
 
-__all__ = ["read_intensities", "write_intensities"]
-
 
 def write_intensities(reports: Intensities, path: Path) -> None:
     """Writes reports as `.npz` without loss."""

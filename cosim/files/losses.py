@@ -12,8 +12,6 @@ from cosim.files.dat_size import guess_size
 from cosim.files.raw import RAW_CLOCK
 from cosim.spikes.viform import SpikeStream
 
-__all__ = ["losses"]
-
 _CLOCKS: dict[str, Clock] = {".dat": DAT_CLOCK, ".raw": RAW_CLOCK}
 """Formats that hold only spikes, and the clock with which they are read."""
 

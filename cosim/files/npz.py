@@ -18,8 +18,6 @@ from cosim.files.dat import DAT_CLOCK
 from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Viform, pack_planes, words_for
 
-__all__ = ["read_npz", "write_npz"]
-
 
 def write_npz(stream: SpikeStream, path: Path) -> None:
     """Writes a stream as `.npz` without loss, a word at a time."""

@@ -20,8 +20,6 @@ from cosim.files.recorder import write_zarr
 from cosim.files.zarr_store import ZarrStream
 from cosim.spikes.viform import SpikeStream
 
-__all__ = ["FORMATS", "ending_of", "locate_stream", "notes_of", "open_stream", "write_stream"]
-
 
 def _write_events(stream: SpikeStream, path: Path) -> None:
     """Writes events; those of an event file keep properties that planes do not hold."""
@@ -96,7 +94,7 @@ def open_stream(
         path: a file, the folder of a run for its stream.zarr, or a config.yaml or its folder for
             the recording that it names.
         size: stored (width, height), for formats without a header. It must agree with a header.
-        order: of bits, bytes and rows, for a `.dat` alone.
+        order: order of bits, bytes and rows, for a `.dat` alone.
 
     Raises:
         InputError: there is no such stream.

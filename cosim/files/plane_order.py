@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 
-__all__ = ["DAT_ORDER", "BitOrder", "ByteOrder", "Flip", "PlaneOrder"]
-
 BitOrder = Literal["little", "big"]
 ByteOrder = Literal["little", "big-16", "big-32", "big-64"]
 Flip = Literal["vertical", "none", "horizontal", "both"]
@@ -74,4 +72,4 @@ class PlaneOrder:
 
 
 DAT_ORDER: Final = PlaneOrder()
-"""That of `.dat`."""
+"""Order of `.dat`."""

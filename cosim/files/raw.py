@@ -27,8 +27,6 @@ from cosim.files.raw_layout import (
 from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
-__all__ = ["RAW_CLOCK", "RawStream", "write_raw"]
-
 RAW_CLOCK = Clock(40_000)
 """Clock of the chip, which the file does not contain."""
 

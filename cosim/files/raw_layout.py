@@ -13,8 +13,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["BLOCKS", "BLOCK_BYTES", "FRAME_BYTES", "HALF", "RAW_SIZE", "TABLE", "Table", "markers"]
-
 RAW_SIZE = (1000, 1000)
 """Width and height of the pixels."""
 BLOCK_BYTES = 64

@@ -33,10 +33,6 @@ from cosim.stage import Block, State
 if TYPE_CHECKING:
     import zarr
 
-__all__ = [
-    "NOT_KEPT", "STORES", "Recorder", "kept_bytes", "storing", "streams_kept", "write_zarr",
-]  # fmt: skip
-
 NOT_KEPT: Final = "none"
 """Name of the store whose streams are removed at the end of a run."""
 STORES: Final = {"raw": None, "fast": 1, "small": 9, NOT_KEPT: None}
@@ -48,7 +44,7 @@ _WRITTEN = 1 << 29
 _AHEAD = 2
 """Blocks that a recorder compresses and writes at the same time."""
 _SHARE = 8
-"""They take at most one part in so many of the free memory."""
+"""The blocks take at most one part in so many of the free memory."""
 
 
 @contextmanager

@@ -18,8 +18,6 @@ from cosim.compute.stopping import heed
 from cosim.errors import InputError
 from cosim.files.durable import put, sync, sync_tree
 
-__all__ = ["NO_ROOM", "how_to_make_room", "identity", "refusal", "remove_parts", "whole"]
-
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, and of a file that is larger than the user or the disk allows."""
 

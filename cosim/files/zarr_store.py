@@ -25,8 +25,6 @@ from cosim.files.whole import identity
 from cosim.files.zstd import HEAD, content_size
 from cosim.spikes.viform import Words, spikes_beyond, words_for
 
-__all__ = ["CHUNK", "KEPT", "VERSION", "ZarrStream", "form_of", "not_a_store"]
-
 VERSION = 1
 CHUNK = 2
 """Words in a chunk: 64 cycles, a block."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["HEAD", "content_size"]
-
 HEAD: Final = 18
 """Bytes of the longest header of a frame (RFC 8878, section 3.1.1)."""
 _MAGIC: Final = b"\x28\xb5\x2f\xfd"

@@ -13,8 +13,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ASPECT", "CHARTS", "Regions", "bar_width", "draw", "regions"]
-
 Values = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Regions = tuple[Mask, Mask]

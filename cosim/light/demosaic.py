@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from cosim.light.mosaic import Mosaic
 
-__all__ = ["balanced", "delta_e", "in_colour"]
-
 Image = npt.NDArray[np.float32]
 
 _GREEN: Final = ((0, 0, -2, 0, 0), (0, 0, 4, 0, 0), (-2, 4, 8, 4, -2), (0, 0, 4, 0, 0),

@@ -22,8 +22,6 @@ import numpy.typing as npt
 
 from cosim.light.radiometry import LUMINOUS_EFFICACY, PLANCK, SPEED_OF_LIGHT, luminous_curve
 
-__all__ = ["BOLTZMANN", "ILLUMINANTS", "LAMP", "black_body", "photon_density"]
-
 BOLTZMANN: Final = 1.380649e-23
 """J/K, exact by definition of the SI (2019)."""
 LAMP_KELVIN: Final = 2856.0

@@ -16,8 +16,6 @@ import numpy.typing as npt
 
 from cosim.light.light import Light, Plane, PlaneMap
 
-__all__ = ["FASTEST_F_NUMBER", "Lens", "diffraction_mtf"]
-
 FASTEST_F_NUMBER = 0.5
 """Lowest f-number of a lens in air: the sine of its cone's half angle, 1/(2N), is at most 1."""
 

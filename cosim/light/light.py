@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from cosim.clock import PS
 
-__all__ = ["Box", "Light", "Piece", "Plane", "Scaled"]
-
 Plane = npt.NDArray[np.float32]
 """(height, width) float32."""
 Box = tuple[int, int, int, int]
@@ -100,7 +98,7 @@ class Light:
     object, so that a part needs to prepare it only once.
 
     Attributes:
-        pieces: in order; each starts where the previous one stops.
+        pieces: pieces in order; each starts where the previous one stops.
         unit: "lux" on the plane.
     """
 

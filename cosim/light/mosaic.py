@@ -12,8 +12,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FILTERS", "Mosaic"]
-
 FILTERS: Final = ("rggb", "bggr", "grbg", "gbrg")
 """Arrays by the colours of rows 0 and 1, columns 0 and 1."""
 Values = npt.NDArray[np.float64]

@@ -14,15 +14,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "LUMINOUS_EFFICACY",
-    "PLANCK",
-    "SPEED_OF_LIGHT",
-    "luminous_curve",
-    "luminous_efficiency",
-    "photons_per_lux",
-]
-
 PLANCK: Final = 6.62607015e-34
 """J s, exact by definition of the SI (2019)."""
 SPEED_OF_LIGHT: Final = 299_792_458.0

@@ -15,8 +15,6 @@ import numpy.typing as npt
 from cosim.light.light import Box, Light, Plane
 from cosim.stage import Block
 
-__all__ = ["Points", "Sketch", "Source", "Target", "truth_at"]
-
 Points = list[tuple[int, int, str]]
 """Row, column and name of pixels."""
 

@@ -12,8 +12,6 @@ from numba import njit
 
 from cosim.light.light import Plane
 
-__all__ = ["Likeness", "inside", "inside_mean"]
-
 C1, C2 = np.float32(0.01**2), np.float32(0.03**2)
 """Constants of Wang et al. for peak 1."""
 HALF = np.float32(0.5)

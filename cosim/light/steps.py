@@ -11,8 +11,6 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.stage import BLOCK, Block
 
-__all__ = ["PushedLight", "light_steps"]
-
 
 def light_steps(
     source: Source,
@@ -28,7 +26,7 @@ def light_steps(
     Args:
         source: scene.
         relay: map from the light of the scene to the light on the pixels.
-        clock: of the blocks.
+        clock: clock of the blocks.
         stop: end of the run, ps.
         most: upper limit of a step, cycles; None for no limit.
     """

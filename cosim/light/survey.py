@@ -23,8 +23,6 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Sketch, Source
 from cosim.stage import BLOCK, Block
 
-__all__ = ["SAMPLES", "Coded", "Codes", "Sketched", "Survey", "limits", "survey", "through"]
-
 SAMPLES = 9
 """Instants at which a rendered scene is sampled."""
 

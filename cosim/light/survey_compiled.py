@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["most_of_tiles", "widen", "widen_by_codes"]
-
 
 @njit(cache=True, nogil=True)
 def widen(plane, before, share, least, most, slope, moved):  # type: ignore[no-untyped-def]

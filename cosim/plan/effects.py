@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from cosim.compute.streams import Stream
 
-__all__ = ["Bound", "Effect", "Kind", "Summary", "free"]
-
 Values = npt.NDArray[np.float64]
 """One number a tile, (tiles,) float64; a float stands for one tile, or for all."""
 Kind = Literal["proof", "estimate"]

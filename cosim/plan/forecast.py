@@ -10,8 +10,6 @@ import numpy as np
 
 from cosim.plan.planner import Plan, Values
 
-__all__ = ["Speeds", "forecast_document"]
-
 
 @dataclass(frozen=True)
 class Speeds:

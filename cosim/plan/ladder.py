@@ -8,8 +8,6 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-__all__ = ["LADDER", "Row", "distinct_plans", "fit_order", "fit_rows"]
-
 LADDER: Final = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
 """Tolerances of the ladder."""
 _CLEAR: Final = 3.0

@@ -20,11 +20,6 @@ from cosim.light.light import Light, PlaneMap
 from cosim.plan.patches import PatchPlane
 from cosim.stage import Block
 
-__all__ = [
-    "CONFIDENCE", "Measured", "Paired", "Span", "TrialCamera", "Values", "Words", "compare",
-    "windows", "worst",
-]  # fmt: skip
-
 CONFIDENCE = 0.999
 """Confidence level of all intervals."""
 Words = npt.NDArray[np.uint32]

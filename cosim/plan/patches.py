@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from cosim.light.light import Plane
 
-__all__ = ["Boxes", "PatchPlane"]
-
 
 class Boxes(Protocol):
     """A plane of (height, width) pixels in numbered boxes, such as `TileGrid`. A box has rows y0 to

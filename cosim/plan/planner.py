@@ -21,8 +21,6 @@ import numpy.typing as npt
 from cosim.plan.effects import Effect, Kind, Summary
 from cosim.plan.paired import Measured
 
-__all__ = ["ESTIMATE_WEIGHT", "SHARE", "Bounds", "Plan", "Row", "accepted_error", "make_plan"]
-
 SHARE = 0.5
 """Share of the tolerance for the bounds of all effects that are left out."""
 ESTIMATE_WEIGHT = 2.0

@@ -11,8 +11,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["TILE", "TileGrid"]
-
 TILE: Final = 16
 """Rows and columns of a tile."""
 

@@ -8,8 +8,6 @@ from typing import Any, Final
 from cosim.files.whole import whole
 from cosim.report.figures import INK, LINE, MARK, subplots
 
-__all__ = ["accuracy_figure"]
-
 _CHANCE: Final = "chance in one window of one tile's mean"
 _COLOURS: Final = {"fast": "#1c7ed6", "exact": "#2b8a3e", "reference": INK}
 

@@ -12,8 +12,6 @@ from cosim.report.explorer import explorer
 from cosim.report.parts import data_url
 from cosim.report.png import encode, reduced
 
-__all__ = ["beside"]
-
 _LONGEST, _EXACT = 400, 256
 """Longer side of a picture, pixels: larger ones than the first are reduced, and only those up to
 the second are without loss."""
@@ -37,7 +35,7 @@ def beside(
     """The HTML of the explorer.
 
     Args:
-        names: of the things.
+        names: names of the things.
         viewed: what a view is, for its label.
         views: pictures by the name of their view, (things, instants), grey and with the sRGB curve;
             those of a view have one size.

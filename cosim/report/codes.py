@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["look_up"]
-
 
 @njit(cache=True, nogil=True)
 def look_up(levels, most, table, out):  # type: ignore[no-untyped-def]

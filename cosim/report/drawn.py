@@ -13,8 +13,6 @@ import numpy as np
 
 from cosim.files.whole import whole
 
-__all__ = ["Data", "Value", "drawn", "save_figure", "write_figure"]
-
 LARGEST: Final = 48_000
 """Length of the CSV of a figure from which on points are left out, characters."""
 _CELLS: Final = 5_000

@@ -25,10 +25,6 @@ from cosim.report.pictures import busiest_box
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import WORD, SpikeStream, Words, words_for
 
-__all__ = [
-    "INSTANTS", "Truths", "explorer", "explorer_part", "kinds_in", "packed", "span_of",
-]  # fmt: skip
-
 CYCLES: Final = 4096
 """Cycles in a page, at most."""
 WHOLE, REGION = 30_000_000, 20_000_000
@@ -37,7 +33,7 @@ _ELEMENT: Final = re.compile(r"<section class='explorer' data-kind='(\w+)'")
 INSTANTS: Final = 17
 """Instants of the true light in a page, linear in between."""
 _LEVEL: Final = 1
-"""Of zlib: the next ones take several times as long for a tenth less."""
+"""Level of zlib: the next ones take several times as long for a tenth less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +41,7 @@ class Truths:
     """True light at some cycles.
 
     Attributes:
-        cycles: of the instants, ascending; the light is that of the middle of each.
+        cycles: cycles of the instants, ascending; the light is that of the middle of each.
         planes: (H, W) each, white = 1.
     """
 
@@ -91,7 +87,7 @@ def explorer_part(
         stream: the stream.
         at: cycle that is shown first.
         white: rate that is white, spikes a cycle.
-        window: of TFP, cycles.
+        window: window of TFP, cycles.
         truths: true light, None without any.
         told: whether the page names `viform view`, which needs a run that records planes.
     """

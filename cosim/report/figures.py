@@ -19,18 +19,6 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from cosim.report.png import write_png
 
-__all__ = [
-    "INK",
-    "LINE",
-    "MARK",
-    "canvas_of",
-    "load_ahead",
-    "overview_figure",
-    "own_settings",
-    "sheet_figure",
-    "subplots",
-]
-
 DOTS = 130
 """Dots an inch of figures with pictures."""
 PANEL = 416

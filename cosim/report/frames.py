@@ -16,8 +16,6 @@ import numpy.typing as npt
 
 from cosim.report.explorer import explorer, packed
 
-__all__ = ["FIGURES", "FRAMES", "VALUES", "FrameColumn", "frames_part"]
-
 FRAMES: Final = 96
 """Frames with a picture in a page, at most."""
 VALUES: Final = 2_400_000
@@ -34,9 +32,9 @@ class FrameColumn:
 
     Attributes:
         group: heading that it stands below.
-        name: of the figure, without spaces.
+        name: name of the figure, without spaces.
         unit: "" without one.
-        values: one for each frame; None where it is not known.
+        values: value of each frame; None where it is not known.
     """
 
     group: str
@@ -69,12 +67,12 @@ def frames_part(
         shapes: rows and columns of each frame.
         read: values of the n-th frame; what it has beyond the shape is not shown.
         full_scale: largest possible value.
-        numbers: of the frames.
+        numbers: numbers of the frames.
         ready_ms: instants at which the frames have left the imager, ms.
         columns: figures of the frames; among them `least` and `most`, the smallest and largest
             value, and `drawn`.
         texts: what a figure is, by its name.
-        unit: of the values.
+        unit: unit of the values.
         drawn: name of the figure that is drawn first over the frames.
     """
     shown = _evenly(len(shapes), FRAMES)

@@ -7,8 +7,6 @@ import re
 from collections.abc import Collection
 from typing import Final
 
-__all__ = ["TERMS", "explained", "terms_list"]
-
 TERMS: Final[dict[str, str]] = {
     "AprilTag": "A printed square pattern that a camera finds and identifies; four of them mark "
     "the corners of a panel.",

@@ -14,8 +14,6 @@ from cosim.report.explorer import kinds_in
 from cosim.report.glossary import explained, terms_list
 from cosim.run.called import as_called
 
-__all__ = ["whole_page", "write_page"]
-
 _POLICY: Final = (
     "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; form-action 'none'; base-uri 'none'"
@@ -77,7 +75,7 @@ def whole_page(
     """A page as HTML, with the script of explorers if it holds any.
 
     Args:
-        title: of the page, text.
+        title: title of the page, text.
         head: HTML before the list of sections: heading and what comes first.
         sections: HTML of the sections, each of which begins with <h2>.
         scripts: further JavaScript, as text, which runs when all of the page is there.

@@ -13,8 +13,6 @@ from cosim.report.drawn import Data
 from cosim.report.png import encode, reduced
 from cosim.run.result import Result
 
-__all__ = ["Card", "cards", "data_url", "figure", "plot", "run_time", "table", "video"]
-
 Card = tuple[str, str, str]
 """CSS class ("first" for the main ones), figure, and what it is."""
 _LOW: Final = 480
@@ -47,7 +45,7 @@ def figure(image: Any, caption: str, *, exact: bool = False) -> str:
     """A picture with its caption.
 
     Args:
-        image: of any size; larger pictures than LARGEST_PICTURE are reduced.
+        image: pixels of any size; larger pictures than LARGEST_PICTURE are reduced.
         exact: whether it is lossless (PNG) or a JPEG.
     """
     image = reduced(image)
@@ -128,9 +126,9 @@ def run_time(result: Result, seconds: dict[str, float], total: float) -> str:
     """Table of the wall time of each stage, throughputs, and the peak memory.
 
     Args:
-        result: of the run.
-        seconds: of each stage, s; stages may run side by side.
-        total: of the run so far, s.
+        result: result of the run.
+        seconds: wall time of each stage, s; stages may run side by side.
+        total: wall time of the run so far, s.
     """
     import resource  # POSIX only; pages of boards are written on Windows too
 

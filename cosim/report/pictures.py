@@ -11,8 +11,6 @@ from cosim.light.light import Box, Plane
 from cosim.report.png import LARGEST_PICTURE, for_display
 from cosim.spikes.viform import SpikeStream, count_spikes
 
-__all__ = ["WINDOWS", "accumulation", "busiest_box", "crop", "enlarge", "mark_pixels"]
-
 WINDOWS = (1, 2, 5, 50, 200, 800)
 """Cycles of accumulation in figure 3 of Huang 2022."""
 Grey = npt.NDArray[np.uint8]

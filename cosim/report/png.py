@@ -16,11 +16,6 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from cosim.files.whole import whole
 
-__all__ = [
-    "LARGEST_PICTURE", "Levels", "coloured", "encode", "for_display", "pictures", "pictures_wanted",
-    "reduced", "to_linear_bytes", "write_linear_png", "write_png",
-]  # fmt: skip
-
 Grey = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.floating[Any]]
 LARGEST_PICTURE: Final = 2000
@@ -78,7 +73,7 @@ def encode(image: npt.NDArray[np.uint8], ending: str = ".png", quality: int = 75
 
     Args:
         ending: ".png" or ".jpg".
-        quality: of a JPEG.
+        quality: quality of a JPEG.
     """
     import cv2
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
-__all__ = ["Answer", "big", "listed", "paragraph", "summary"]
-
 Answer = tuple[str, str]
 """A question, and HTML of its answer; one without an answer is left out."""
 
@@ -15,7 +13,7 @@ def summary(title: str, subtitle: str, answers: Sequence[Answer], *, outcome: st
     """HTML of a page's heading and its summary.
 
     Args:
-        title: of the page, text.
+        title: title of the page, text.
         subtitle: what it is about in one line, text.
         answers: what was done, how good the result is, how wrong it may be, how long it took, and
             what was left out, as far as the page has them.

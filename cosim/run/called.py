@@ -6,8 +6,6 @@ import os
 import re
 import shlex
 
-__all__ = ["as_called"]
-
 _COMMAND = re.compile(
     r"viform (?<![\w./-]viform )(?=(?:run|list|plan|test|doctor|convert|image|reconstruct|accuracy|"
     r"stability|paper|bench|link|board|design|compare|compare-methods|live|view|sweep|dataset|calibrate|"

@@ -15,8 +15,6 @@ from typing import Any
 
 from cosim.compute.opencl import Device
 
-__all__ = ["Case", "Row"]
-
 
 @dataclass(frozen=True)
 class Row:

@@ -19,8 +19,6 @@ from cosim.run.loop import (
 )
 from cosim.run.progress import Progress
 
-__all__ = ["CHECKPOINT", "STREAM", "BlockChain"]
-
 CHECKPOINT: Final = "checkpoint.npz"
 """File in the folder of a run that is not finished."""
 STREAM: Final = "stream.zarr"

@@ -14,11 +14,6 @@ from cosim.errors import InputError
 from cosim.files.whole import NO_ROOM, how_to_make_room, remove_parts, whole
 from cosim.run.inputs import add_digests
 
-__all__ = [
-    "REINSTATED", "begin_folder", "check_room", "check_trace_file", "claim_folder",
-    "how_to_resume", "output_folder", "room_for",
-]  # fmt: skip
-
 REINSTATED = "put_back.json"
 """File in the folder of a run that is not finished and has reinstated effects."""
 _GIB = 2**30

@@ -9,8 +9,6 @@ from typing import Final
 
 from cosim.run.progress import Pace, Progress, duration_text
 
-__all__ = ["Foresight"]
-
 _WATCHED_S: Final = 4.0
 """Time for which a recording is watched before it is extrapolated."""
 _LEAST_S: Final = 10.0

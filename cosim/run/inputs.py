@@ -9,11 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-__all__ = [
-    "FILE", "PATHS", "PIPE", "STANDARD_INPUT", "add_digests", "changed_files", "digest",
-    "named_path", "with_path",
-]  # fmt: skip
-
 PATHS: Final = (
     ("scene", "path"), ("link", "file"), ("board", "csr"), ("sensor", "source"),
     ("sensor", "preset"),

@@ -22,11 +22,6 @@ from cosim.files.whole import whole
 from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks, section
 
-__all__ = [
-    "Checkpoint", "Gate", "LostRecording", "discard_checkpoints", "earlier", "end_requests",
-    "noted_interrupts", "open_gate", "run_blocks", "stop_requests",
-]  # fmt: skip
-
 _DIGEST = "digest"
 """Name of the array with the digest of all others."""
 

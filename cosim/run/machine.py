@@ -15,11 +15,6 @@ from typing import Any, Final, Protocol
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Result, Throughput
 
-__all__ = [
-    "NO_REPORT", "REPORTS", "UNKNOWN", "BrokenPromise", "Chain", "Finding", "Machine", "Options",
-    "Outcome", "Page", "Recording", "Run", "Study",
-]  # fmt: skip
-
 UNKNOWN = Error(None, None, None)
 """The error of a run without a comparison."""
 NO_REPORT: Final = "none"
@@ -56,7 +51,7 @@ class Finding:
 
     Attributes:
         effect: name of the effect to reinstate.
-        message: one line for the user.
+        message: text for the user, one line.
         promised: the bound, None if unknown.
         measured: upper limit of the measurement, None if unknown.
         tile: number of the tile, None if the finding concerns the whole plane.

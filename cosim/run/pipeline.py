@@ -16,8 +16,6 @@ from typing import Any, Final
 
 from cosim.stage import Block, Stage
 
-__all__ = ["Pipeline"]
-
 _AHEAD: Final = 1
 """Blocks that wait before a stage."""
 _LOOK_S: Final = 0.1
@@ -52,7 +50,8 @@ class Pipeline:
         """Runs blocks until the iterator ends, and until the last of them has passed all stages.
 
         Args:
-            blocks: in order; it is read by a thread of its own, a few blocks ahead.
+            blocks: blocks in order; the iterator is read by a thread of its own, a few blocks
+                ahead.
             done: called in this thread after each block.
 
         Raises:

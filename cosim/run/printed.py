@@ -8,10 +8,6 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any, Literal
 
-__all__ = [
-    "By", "Relation", "Row", "agreement", "listed", "number", "turning_point", "unprinted",
-]  # fmt: skip
-
 Relation = Literal["=", "<", "<=", ">", ">="]
 """Relation of the computed to the printed number, as the document states it."""
 By = Literal["run", "component", "formula", "constant"]
@@ -100,7 +96,7 @@ def number(
         by: what computed the number.
         relation: relation of `computed` to `printed`.
         note: remark for the reader.
-        proof: for an error of the document, whether a calculation proves it; None otherwise. The
+        proof: proof, for an error of the document, that a calculation shows it; None otherwise. The
             row then holds if the numbers differ and the proof is true.
     """
     value = float(Decimal(printed))

@@ -30,8 +30,6 @@ from cosim.compute.cache_folder import cache_folder, prepare_caches
 from cosim.compute.child import python_child
 from cosim.errors import InputError, ViformError
 
-__all__ = ["RETRIES", "Processes"]
-
 RETRIES: Final = 3
 """Times that a task is run again after a worker was lost."""
 _START: Final = (

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final, Protocol
 
-__all__ = ["Pace", "Progress", "QuietProgress", "duration_text"]
-
 _KEPT: Final = 64
 """Steps from which on every other one is forgotten."""
 
@@ -65,7 +63,7 @@ class Pace:
         self._seen: list[tuple[int, float]] = []
 
     def step(self, done: int, now: float) -> float | None:
-        """Returns the time left after `done` steps at the time `now`, s; None if it is unknown."""
+        """Time left after `done` steps at the time `now`, s; None if it is unknown."""
         self._seen.append((done, now))
         if len(self._seen) < 4:
             return None

@@ -16,11 +16,6 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from cosim.files.whole import whole
 
-__all__ = [
-    "NO_REASON", "Error", "Latency", "Metric", "Result", "Throughput", "dumps", "latency_rows",
-    "read_result", "viform_version", "write_result",
-]  # fmt: skip
-
 
 def viform_version() -> str:
     """The installed version."""

@@ -14,11 +14,6 @@ from cosim.compute.compiling import compiled_within
 from cosim.errors import one_line, say
 from cosim.run.progress import Pace, QuietProgress, duration_text
 
-__all__ = [
-    "EVERY_S", "LineProgress", "SilentProgress", "TerminalProgress", "make_progress",
-    "progress_in_python",
-]  # fmt: skip
-
 
 class SilentProgress:
     """A progress that prints notes only."""

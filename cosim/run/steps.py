@@ -16,8 +16,6 @@ from cosim.run.folder import how_to_resume
 from cosim.run.loop import Checkpoint, stop_requests
 from cosim.run.progress import Progress
 
-__all__ = ["StepChain"]
-
 
 @dataclass
 class StepChain:
@@ -28,11 +26,11 @@ class StepChain:
 
     Attributes:
         title: what runs, for the progress bar.
-        folder: of the run.
+        folder: folder of the run.
         clock, cycles: unit and length of the run.
         steps: light, start and stop (ps) of each step.
-        stages: by name, from the pixels to the sink. `step` maps an input, start and stop (ps);
-            `state` and `restore` are those of `Stateful`.
+        stages: stages by name, from the pixels to the sink. `step` maps an input, start and stop
+            (ps); `state` and `restore` are those of `Stateful`.
         sink: the stage that holds the recording.
         identity: text that depends on all inputs of the run; a checkpoint of another is refused.
         seconds: wall time of each stage, s; with what was spent before the chain began.

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["BRIGHT", "DARK", "REAL_TIME", "REPEATS", "Row", "least", "least_of"]
-
 REPEATS = 5
 """Timed calls of a benchmark, of which the fastest counts."""
 REAL_TIME = 40e3

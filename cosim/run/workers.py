@@ -10,8 +10,6 @@ from typing import Any, Final, Protocol
 from cosim.errors import InputError
 from cosim.run.processes import RETRIES, Processes
 
-__all__ = ["MOST_WORKERS", "Workers", "check_workers", "workers_for"]
-
 MOST_WORKERS: Final = 1024
 """Largest number of processes."""
 _SECONDS: Final = 10
@@ -34,7 +32,7 @@ class Workers(Protocol):
         """Yields (key, result) of each task, in the order in which they end.
 
         Args:
-            function: of a module that the workers can import.
+            function: function of a module that the workers can import.
             tasks: its arguments by key. They and the results can be pickled.
         """
         ...

@@ -19,10 +19,6 @@ from cosim.spikes.events import Events, mark_planes
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, State
 
-__all__ = [
-    "Change", "Changes", "ClockedEvents", "HeldPlanes", "Reported", "latching_cycles", "tick_ends",
-]  # fmt: skip
-
 Cycles = npt.NDArray[np.int64]
 Values = npt.NDArray[np.int64]
 _LARGEST: Final = 2**30
@@ -53,7 +49,7 @@ class ClockedEvents:
 
     Args:
         events: full spikes, in the order of time.
-        clock, cycles: of the planes, which begin at the instant 0.
+        clock, cycles: clock and number of the planes, which begin at the instant 0.
 
     Attributes:
         spikes: spikes in the planes so far.
@@ -126,7 +122,7 @@ class HeldPlanes:
     Args:
         changes: the values; a pixel without one is dark.
         shape: (H, W).
-        clock: of the planes.
+        clock: clock of the planes.
         white: value that fires in every cycle, 1 to 2^30.
 
     Attributes:

@@ -17,11 +17,6 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, unpack_planes, words_for
 
-__all__ = [
-    "COLUMNS", "Events", "event_blocks", "events_of", "mark_planes", "only_full", "time_order",
-    "viform_of",
-]  # fmt: skip
-
 _PIXELS = 2**20
 """Pixel-cycles that `event_blocks` converts at a time."""
 Ticks = npt.NDArray[np.int64]

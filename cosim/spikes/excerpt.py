@@ -10,8 +10,6 @@ from cosim.clock import Clock
 from cosim.spikes.viform import WORD, SpikeStream, Viform, spikes_beyond, words_for
 from cosim.stage import Block
 
-__all__ = ["StreamStage"]
-
 
 class StreamStage:
     """Reads a stream; blocks begin at whole words. `step` is the only place that reads, so a stage

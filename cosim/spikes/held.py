@@ -12,8 +12,6 @@ from cosim.spikes.clocked import HeldPlanes, Reported, latching_cycles, tick_end
 from cosim.spikes.events import Events
 from cosim.spikes.intensities import Intensities
 
-__all__ = ["FINE", "held_events", "held_reports", "held_values"]
-
 FINE: Final = 2**30
 """Value of a spike in every cycle where values are no integers: they are rounded to 2^-30."""
 

@@ -17,8 +17,6 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.spikes.events import time_order
 
-__all__ = ["Intensities", "intensity_image", "join_intensities", "last_reports"]
-
 Ticks = npt.NDArray[np.int64]
 Places = npt.NDArray[np.uint16]
 Values = npt.NDArray[np.float64]

@@ -10,8 +10,6 @@ from cosim.clock import Clock
 from cosim.spikes.viform import WORD, Viform, Words
 from cosim.stage import Block, blocks
 
-__all__ = ["StagedStream"]
-
 
 class _Maker(Protocol):
     def step(self, data: Any, block: Block) -> Viform: ...
@@ -24,7 +22,7 @@ class StagedStream:
     Args:
         stage: makes the planes of consecutive blocks.
         shape: (H, W).
-        cycles, clock: of the planes, which begin at the instant 0.
+        cycles, clock: number and clock of the planes, which begin at the instant 0.
     """
 
     def __init__(

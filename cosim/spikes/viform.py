@@ -16,20 +16,6 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.errors import InputError
 
-__all__ = [
-    "WORD",
-    "Sliceable",
-    "SpikeStream",
-    "Viform",
-    "Words",
-    "count_spikes",
-    "pack_planes",
-    "part_of",
-    "spikes_beyond",
-    "unpack_planes",
-    "words_for",
-]
-
 WORD = 32
 """Latch cycles in a word."""
 _SHOWN: Final = 1000
@@ -220,7 +206,7 @@ class Viform(Sliceable):
     Attributes:
         words: (ceil(cycles / 32), H, W) uint32.
         cycles: number of latch cycles.
-        clock: of the latches.
+        clock: clock of the latches.
         start: number of the first cycle.
 
     Raises:

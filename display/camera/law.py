@@ -13,8 +13,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["banding", "pulse_banding"]
-
 _DARK = 0.01
 """Rows with less than this share of the light of the brightest row are not measured."""
 
@@ -48,7 +46,7 @@ def pulse_banding(duty: float, frequency: float, exposure: float) -> float:
 
     Args:
         duty: share of the period in which the light is on, above 0 to 1.
-        frequency: of the pulses, Hz.
+        frequency: frequency of the pulses, Hz.
         exposure: s.
     """
     periods = exposure * frequency

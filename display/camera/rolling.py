@@ -18,8 +18,6 @@ from cosim.config.amounts import at_least, at_most
 from display.camera.section import FramesSection
 from display.panels.panel import SpikePanel
 
-__all__ = ["Shutter", "make_shutter"]
-
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
 

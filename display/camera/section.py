@@ -10,8 +10,6 @@ from cosim import InputError
 from cosim.config.quantity import Charge, Noise, Quantity, Section
 from display.section import Size
 
-__all__ = ["FramesSection"]
-
 Span = Annotated[float, Quantity("time", above=0, most=10)]
 
 
@@ -23,7 +21,7 @@ class FramesSection(Section):
     frame_rate: Annotated[float, Quantity("frequency", least=1, most=20e3)] = Field(
         default=60.0, examples=["60 Hz"]
     )
-    exposure: Span = Field(default=2e-3, examples=["2 ms"], description="of every row")
+    exposure: Span = Field(default=2e-3, examples=["2 ms"], description="exposure of every row")
     readout: Annotated[float, Quantity("time", least=0, most=10)] = Field(
         default=8e-3,
         examples=["8 ms"],
@@ -40,7 +38,7 @@ class FramesSection(Section):
         default=0.8, description="share of the full well that the panel's white fills"
     )
     read_noise: Noise = Field(default=2.0, examples=["2 e"], description="RMS")
-    bits: Annotated[int, Field(ge=1, le=16)] = Field(default=10, description="of a value")
+    bits: Annotated[int, Field(ge=1, le=16)] = Field(default=10, description="bits of a value")
 
     @model_validator(mode="after")
     def _fits_a_frame(self) -> FramesSection:

@@ -16,8 +16,6 @@ from display.camera.rolling import Shutter
 from display.camera.section import FramesSection
 from display.trial.pixels import PanelPixels
 
-__all__ = ["Filmed", "PanelCamera"]
-
 State = dict[str, npt.NDArray[Any]]
 Values = npt.NDArray[np.float64]
 _SHOT: Final = 1
@@ -47,7 +45,7 @@ class PanelCamera:
         mapping: maps words of the stream to words of the panel; None for equal sizes.
 
     Attributes:
-        section, shutter: as above.
+        section, shutter: settings of the camera and its shutter, as above.
         frames: complete frames, in order.
     """
 

@@ -14,8 +14,6 @@ from cosim import PS
 from cosim.files.whole import whole
 from display.observe.slow_motion import SlowMotion
 
-__all__ = ["RATE", "chosen_tiles", "write_display_clip"]
-
 RATE = 25
 """Frame rate of the clip, 1/s."""
 TILES = 8

@@ -26,8 +26,6 @@ from display.render.factory import make_renderer
 from display.section import DisplaySection
 from display.setting import DisplaySetting
 
-__all__ = ["SPIKE", "DisplayChain", "make_display_chain"]
-
 SPIKE = "spike"
 """Name of the spike-continuous display among the displays."""
 

@@ -22,8 +22,6 @@ from display.quality.colorvideovdp import color_video_vdp
 from display.quality.fidelity import Fidelity, ImagesByObserver, display_fidelity
 from display.references.stage import TRUTH
 
-__all__ = ["SPIKE", "TRUTH", "DisplayOutcome", "chain_fidelity", "write_observer_images"]
-
 
 @dataclass(frozen=True, eq=False)
 class DisplayOutcome:

@@ -16,8 +16,6 @@ from display.observe.views import Observer, Views, panel_views
 from display.render.factory import DRAW, AnyRenderer
 from display.setting import DisplaySetting
 
-__all__ = ["PanelStage"]
-
 
 class PanelStage(LiveDisplay):
     """Shows a stream on a panel.

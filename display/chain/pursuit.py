@@ -15,8 +15,6 @@ import numpy as np
 from cosim import PS, Plane
 from cosim.light.source import Source
 
-__all__ = ["Pursuit", "measured_shift", "pursuit_of", "pursuit_without_scene"]
-
 APART = 5 * 10**9
 """Time between the instants, ps."""
 TILE = 128

@@ -16,8 +16,6 @@ from display.references.frames import FrameShow
 from display.references.projector import ProjectorShow
 from display.render.golden import GoldenRenderer
 
-__all__ = ["LightTap", "panel_waves", "spike_waves"]
-
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
 Place = tuple[int, int]

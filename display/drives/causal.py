@@ -21,8 +21,6 @@ from display.drives.intervals import (
     repaid,
 )
 
-__all__ = ["CAUSAL"]
-
 
 def _level(age: Any, tau: Any, memory: Any) -> Any:
     return packets_at(np.maximum(tau, age), memory)

@@ -17,8 +17,6 @@ from numba import njit
 
 from display.drives.drive import Drive
 
-__all__ = ["compiled", "level", "remember"]
-
 
 def level(age: float, tau: float, memory: float) -> float:
     """Placeholder of the drive's `level` in a kernel."""

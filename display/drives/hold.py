@@ -16,8 +16,6 @@ from display.drives.intervals import (
     repaid,
 )
 
-__all__ = ["HOLD"]
-
 
 def _level(age: Any, tau: Any, memory: Any) -> Any:
     return packets_at(tau, memory)

@@ -8,8 +8,6 @@ import numpy as np
 
 from display.drives.drive import Drive, Values
 
-__all__ = ["IMPULSE"]
-
 
 def _level(age: Any, tau: Any, memory: Any) -> Any:
     return (age == 0) * 1.0

@@ -16,11 +16,6 @@ from numba.extending import register_jitable
 
 from display.drives.drive import Values
 
-__all__ = [
-    "GLSL_LEVEL", "GLSL_REPAID", "interval_fluctuation", "interval_variation", "packets_at",
-    "repaid",
-]  # fmt: skip
-
 SHARE: Final = 0.25
 """Share of the balance that is repaid per interval. A larger share increases the flutter; a smaller
 share needs a wider balance for the largest bias, 1.25 at two spikes in three cycles."""

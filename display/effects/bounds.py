@@ -15,8 +15,6 @@ from display.effects.weights import Change, steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 
-__all__ = ["JUMP", "estimated", "promise", "proven"]
-
 JUMP: Final = math.sqrt(1 / 6 * 8 / 15)
 """Factor on equation (3), which holds for a step over the whole range at the worst moment: for
 light that steps once in a span, at a random moment, between uniformly distributed levels. The

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["BASE_COST", "EMISSION", "ROWS", "SPAN_COST"]
-
 _PLANES_A_SECOND: Final = {1: 336.0, 8: 9.4e3, 64: 12.0e3}
 _PIXELS: Final = 1e6
 BASE_COST: Final = 1e9 / (_PLANES_A_SECOND[64] * _PIXELS)

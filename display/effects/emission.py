@@ -15,8 +15,6 @@ from display.effects.weights import steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 
-__all__ = ["emission_effect"]
-
 
 def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
     """Without this effect, light follows its drive without delay.

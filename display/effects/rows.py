@@ -10,8 +10,6 @@ from display.effects.weights import delay_change
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 
-__all__ = ["row_timing_effect"]
-
 
 def row_timing_effect(panel: SpikePanel, observer: Observer) -> Effect:
     """Without this effect, all rows are shown with the first one. The weights of the last row

@@ -12,8 +12,6 @@ from display.effects.weights import span_change
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
 
-__all__ = ["SPANS", "planes_effect"]
-
 SPANS: Final = (1, 8, 64)
 """Numbers of planes in a span, from the full resolution to the planes of a draw call."""
 

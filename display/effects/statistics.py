@@ -14,8 +14,6 @@ import numpy.typing as npt
 from cosim.plan.effects import Summary
 from display.drives import Drive
 
-__all__ = ["base", "dark_rate", "fluctuation", "spread", "total_variation", "worst_rate"]
-
 Values = npt.NDArray[np.float64]
 _RATES: Final = 9
 """Number of rates within the range of a tile for which an estimate is evaluated."""

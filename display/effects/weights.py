@@ -35,10 +35,6 @@ import numpy.typing as npt
 from display.observe.views import Observer, Values
 from display.panels.panel import SpikePanel
 
-__all__ = [
-    "Change", "delay_change", "effective_planes", "span_change", "steps", "weight_steps",
-]  # fmt: skip
-
 _CHUNK: Final = 1 << 14
 """Number of planes that are evaluated together; a multiple of 64."""
 _NOTHING: Final = 1e-6

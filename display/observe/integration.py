@@ -19,8 +19,6 @@ import numpy.typing as npt
 from cosim.compute.cores import by_rows
 from display.observe.views import Observer
 
-__all__ = ["Gain", "LightPlanes", "ObserverImages", "Span", "reduced"]
-
 WAITING = 4
 """Maximum number of planes of light that wait to be added together."""
 Plane = npt.NDArray[np.float32]

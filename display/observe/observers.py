@@ -16,8 +16,6 @@ from cosim import PS
 from display.observe.temporal import STAGE_TIME, STAGES, frequency_scale
 from display.observe.views import Values
 
-__all__ = ["CameraPlane", "FixedEye", "PursuingEye", "eye_time"]
-
 Instants = npt.NDArray[np.int64]
 
 

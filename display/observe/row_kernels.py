@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["add_images", "add_reduced", "carry_errors"]
-
 
 @njit(cache=True, nogil=True)
 def _read(planes, pad, plane, down, y, lines):  # type: ignore[no-untyped-def]

@@ -12,8 +12,6 @@ from cosim.report.png import for_display
 from display.observe.integration import LightPlanes, reduced
 from display.observe.observers import CameraPlane
 
-__all__ = ["Film", "SlowMotion", "exposure_cycles", "slow_motion"]
-
 Values = npt.NDArray[np.floating[Any]]
 
 FRAMES: Final = 160

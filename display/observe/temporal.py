@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-__all__ = ["STAGES", "STAGE_TIME", "frequency_scale"]
-
 STAGES: Final = 15
 """Number of stages of the low-pass cascade, the sustained term of elaTCSF."""
 STAGE_TIME: Final = 0.00292069

@@ -16,8 +16,6 @@ import numpy.typing as npt
 
 from display.panels.panel import SpikePanel
 
-__all__ = ["Observer", "Views", "panel_views"]
-
 Values = npt.NDArray[np.float64]
 
 

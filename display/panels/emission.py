@@ -6,8 +6,6 @@ import math
 
 from display.panels.panel import SpikePanel
 
-__all__ = ["LEVELS", "relaxation", "slow"]
-
 LEVELS = 2**31 - 256
 """Number of steps of a stored level, whose maximum is 1 / pulse packets a cycle. An integer sums
 changes that a float32 level would lose. With a time constant of n cycles, a level settles within n

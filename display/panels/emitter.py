@@ -9,8 +9,6 @@ from numba import njit
 
 from display.panels.panel import SpikePanel
 
-__all__ = ["Emitter", "gone_in", "relax"]
-
 
 class Emitter(NamedTuple):
     """The emitter of a pixel, for compiled kernels.

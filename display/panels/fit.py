@@ -8,8 +8,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Fit", "fit_words"]
-
 Fit = Literal["exact", "nearest", "centre"]
 Words = npt.NDArray[np.uint32]
 

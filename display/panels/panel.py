@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from cosim import PS, Clock
 from display.drives import DRIVES, Drive
 
-__all__ = ["FramePanel", "Projector", "SpikePanel", "metric_key"]
-
 
 @dataclass(frozen=True)
 class SpikePanel:

@@ -26,8 +26,6 @@ from display.probes.waveform import every_drive
 from display.quality.blur import bet, blur_edge_width, cmr_like, ebet
 from display.references.projector import spread_errors
 
-__all__ = ["EXPOSURE", "SPEED", "Blur", "frame_blur", "retina", "spike_blur"]
-
 Values = npt.NDArray[np.float64]
 SPEED: Final = 4000.0
 """Speed of the edge and of the eye, pixels/s."""

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from cosim import Clock, Light, Viform
 
-__all__ = ["ProbeCamera"]
-
 
 class ProbeCamera(Protocol):
     """A camera that records test light with arrays of any size.

@@ -28,8 +28,6 @@ from display.quality.pstlm import LEAST_SECONDS, pst_lm
 from display.quality.svm import LEAST_RATE
 from display.references.projector import spread_errors
 
-__all__ = ["PATCH", "Flicker", "frame_flicker", "spike_flicker", "spike_pst_lm"]
-
 Values = npt.NDArray[np.float64]
 Area = Literal["patch", "pixel"]
 AREAS: Final[tuple[Area, Area]] = ("patch", "pixel")

@@ -42,8 +42,6 @@ from display.probes.light import phased_light, settling_cycles, too_much
 from display.probes.waveform import panel_light
 from display.quality.latency import fallen, half_way, risen
 
-__all__ = ["PARTS", "SIDE", "Delay", "Latency", "frame_latency", "spike_latency"]
-
 Values = npt.NDArray[np.float64]
 Parts = Sequence[Values | float]
 Way = Literal["rise", "fall"]

@@ -12,8 +12,6 @@ from cosim import Clock, Light, Piece
 from display.panels.panel import SpikePanel
 from display.probes.camera import ProbeCamera
 
-__all__ = ["MOST", "edge_light", "phased_light", "settling_cycles", "steady_light", "too_much"]
-
 MOST: Final = 5 * 10**7
 """Maximum number of samples of light that a probe keeps in memory. One that needs more, of a clock
 above some 1 MHz or of a slow panel, has no figure."""

@@ -19,8 +19,6 @@ from display.probes.flicker import Flicker, frame_flicker, spike_flicker, spike_
 from display.probes.latency import Latency, frame_latency, spike_latency
 from display.quality.blur import mprt
 
-__all__ = ["EDGES", "RATES", "Probes", "display_metrics", "kept_probes", "probe_display"]
-
 SPARSE: Final = 0.0015
 DIM: Final = 0.018
 GREY: Final = 0.18

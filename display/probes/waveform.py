@@ -22,8 +22,6 @@ from display.drives.compiled import compiled, level, remember
 from display.panels.emitter import Emitter, gone_in, relax
 from display.panels.panel import SpikePanel
 
-__all__ = ["every_drive", "panel_light"]
-
 _LANES: Final = 64
 """Number of pixels that are stepped together; their state fits into the first-level cache. The
 offsets of an array of this constant length let the compiler vectorise the step."""

@@ -19,10 +19,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "STEP_SHARE", "bet", "blur_edge_width", "cmr_like", "ebet", "mprt", "mprt_full_width",
-]  # fmt: skip
-
 Values = npt.NDArray[np.float64]
 LOW: Final = 0.1
 HIGH: Final = 0.9
@@ -97,11 +93,6 @@ def mprt(blur_edge_times: Sequence[float]) -> float:
     if not len(blur_edge_times):
         raise ValueError("MPRT must be of at least one transition, not of none")
     return float(np.mean(blur_edge_times))
-
-
-def mprt_full_width(blur_edge_times: Sequence[float]) -> float:
-    """MPRT in the convention of TestUFO, s: of the full width. An ideal hold of T has T."""
-    return ebet(mprt(blur_edge_times))
 
 
 def cmr_like(extended: float) -> float:

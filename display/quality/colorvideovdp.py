@@ -27,8 +27,6 @@ from cosim.compute.child import python_child
 from cosim.errors import say
 from display.observe.slow_motion import SlowMotion
 
-__all__ = ["color_video_vdp"]
-
 Frames = npt.NDArray[np.uint8]
 _CONTRAST: Final = 1e6
 """Contrast of a panel in a dark room, whose black is below the least luminance of the metric."""

@@ -16,8 +16,6 @@ from cosim.light.ssim import Likeness, inside_mean
 from cosim.run.result import Metric
 from display.panels.panel import metric_key
 
-__all__ = ["BANDS", "Band", "Fidelity", "ImagesByObserver", "display_fidelity"]
-
 BANDS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Edges of the bands of luminance, white = 1."""
 Images = npt.NDArray[np.float32]
@@ -57,7 +55,7 @@ class Fidelity:
     Attributes:
         display, observer: names of display and observer.
         psnr, ssim: means over instants; PSNR in dB.
-        bands: for the still eye, the bands that contain pixels; () for other observers.
+        bands: bands that contain pixels, for the still eye; () for other observers.
     """
 
     display: str

@@ -11,8 +11,6 @@ from display.quality.spectrum import spectrum, waveform
 from display.quality.svm import check_svm, svm_of
 from display.quality.tcsf import tcsf_visibility_of
 
-__all__ = ["FlickerFigures", "flicker_figures"]
-
 
 @dataclass(frozen=True)
 class FlickerFigures:

@@ -14,17 +14,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from display.quality.spectrum import Spectrum, spectrum, waveform
-
-__all__ = [
-    "LIMITS",
-    "Ieee1789",
-    "flicker_index",
-    "ieee_1789",
-    "ieee_1789_of",
-    "percent_flicker",
-    "risk_of",
-]
+from display.quality.spectrum import Spectrum, waveform
 
 Risk = Literal["no effect", "low risk", "high risk"]
 EXEMPT: Final = 3000.0
@@ -83,15 +73,10 @@ def risk_of(frequency: float, modulation: float) -> Ieee1789:
     return Ieee1789(frequency, modulation, no_effect, low_risk, risk)
 
 
-def ieee_1789(wave: npt.ArrayLike, rate: float) -> Ieee1789:
-    """The class of light sampled at `rate`, Hz, by its strongest component, whose amplitude over
-    the mean is the modulation. For short pulses, which have harmonics, it exceeds 100 %. For noise,
-    it is the energy in about one hertz (see `spectrum`)."""
-    return ieee_1789_of(spectrum(wave, rate))
-
-
 def ieee_1789_of(lines: Spectrum) -> Ieee1789:
-    """The class of a spectrum."""
+    """The class of a spectrum of light, by its strongest component, whose amplitude over the mean
+    is the modulation. For short pulses, which have harmonics, it exceeds 100 %. For noise, it is
+    the energy in about one hertz (see `spectrum`)."""
     frequency, contrast = lines.components()
     k = int(np.argmax(contrast))
     return risk_of(float(frequency[k]), float(100 * contrast[k]))

@@ -11,8 +11,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["fallen", "half_way", "relaxed", "risen"]
-
 Values = npt.NDArray[np.float64]
 
 

@@ -18,8 +18,6 @@ from numba import njit
 
 from display.quality.spectrum import Values, waveform
 
-__all__ = ["LEAST_SECONDS", "pst_lm"]
-
 HIGH_PASS: Final = 0.05
 LOW_PASS: Final = 35.0
 """Corner frequencies of Butterworth filters of order 1 and 6, Hz."""

@@ -18,8 +18,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["Spectrum", "spectrum", "waveform"]
-
 Values = npt.NDArray[np.float64]
 WINDOW: Final = 1.0
 """Length of a piece of a long waveform, s."""

@@ -17,8 +17,6 @@ import numpy.typing as npt
 
 from display.quality.spectrum import Spectrum, Values, spectrum
 
-__all__ = ["LEAST_RATE", "check_svm", "svm", "svm_of", "svm_threshold"]
-
 EXPONENT: Final = 3.7
 LOWEST: Final = 80.0
 HIGHEST: Final = 2000.0

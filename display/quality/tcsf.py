@@ -15,9 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from display.observe.temporal import DIMMEST, STAGE_TIME, STAGES, frequency_scale
-from display.quality.spectrum import Spectrum, Values, spectrum
-
-__all__ = ["critical_frequency", "sensitivity", "tcsf", "tcsf_visibility", "tcsf_visibility_of"]
+from display.quality.spectrum import Spectrum, Values
 
 KAPPA: Final = 2.12547
 GAIN: Final = 154.133
@@ -89,35 +87,14 @@ def sensitivity(
     return np.asarray(pooled ** (1 / BETA))
 
 
-def critical_frequency(contrast: float, luminance: float, field: tuple[float, float]) -> float:
-    """Critical flicker frequency, Hz, above which a sine of this contrast is not visible. Raises
-    ValueError if it is not visible at 10 Hz. The other arguments are those of `sensitivity`."""
-    from scipy.optimize import brentq
-
-    def beyond(f: float) -> float:
-        return float(contrast * sensitivity(f, luminance, field)[0]) - 1
-
-    if beyond(10.0) < 0:
-        raise ValueError(f"contrast must be visible at 10 Hz, not {contrast:g}")
-    return float(brentq(beyond, 10.0, 500.0))
-
-
-def tcsf_visibility(
-    wave: npt.ArrayLike, rate: float, luminance: float, field: tuple[float, float]
-) -> float:
+def tcsf_visibility_of(lines: Spectrum, luminance: float, field: tuple[float, float]) -> float:
     """Flicker over its threshold; above 1 it is visible.
 
     Args:
-        wave: samples of light.
-        rate: sampling rate, Hz.
+        lines: spectrum of the light.
         luminance: mean luminance, cd/m2.
         field: (width, height) of the field that flickers in phase, degrees.
     """
-    return tcsf_visibility_of(spectrum(wave, rate), luminance, field)
-
-
-def tcsf_visibility_of(lines: Spectrum, luminance: float, field: tuple[float, float]) -> float:
-    """The same for a spectrum."""
     gain = _gains(len(lines.frequency), float(lines.frequency[1]), luminance, field)
     return float(np.sqrt((lines.energy[: len(gain)] * gain**2).sum()))
 

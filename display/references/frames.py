@@ -13,8 +13,6 @@ from cosim import PS, Light, Plane, seconds_to_ps
 from display.observe.integration import Gain, LightPlanes, Span, Values
 from display.panels.panel import FramePanel
 
-__all__ = ["FrameShow"]
-
 Instants = npt.NDArray[np.int64]
 PARTS, MOST = 16, 1024
 """Number of integration intervals in a time constant of a slow pixel, and maximum number in a

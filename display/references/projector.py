@@ -13,8 +13,6 @@ from cosim.compute.cores import by_rows
 from display.observe.integration import LightPlanes, Span
 from display.panels.panel import Projector
 
-__all__ = ["ProjectorShow", "spread_errors"]
-
 BATCH = 128
 """Maximum number of planes computed at a time: each time, all images are read and written."""
 SPREAD = (0.7548776662466927, 0.5698402909980532)

@@ -18,8 +18,6 @@ from display.references.frames import FrameShow
 from display.references.projector import ProjectorShow
 from display.references.truth import TruthShow
 
-__all__ = ["LONGEST", "TRUTH", "ReferenceStage"]
-
 TRUTH = "truth"
 """Name of the true light among the displays."""
 LONGEST = 16

@@ -11,8 +11,6 @@ import numpy.typing as npt
 from cosim import Light, Piece, Plane
 from display.observe.integration import Gain, LightPlanes, Span, Values
 
-__all__ = ["TruthShow"]
-
 BATCH = 32
 """Number of planes of light that are integrated together."""
 Instants = npt.NDArray[np.int64]

@@ -17,11 +17,6 @@ from cosim.compute.child import python_child
 from cosim.compute.forks import use
 from cosim.errors import MissingPackages
 
-__all__ = [
-    "DRAW_BUFFERS", "GL_INSTALL", "check_alive", "gl_packages", "lost", "open_context", "probe_gl",
-    "software",
-]  # fmt: skip
-
 _DEBIAN = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri")
 """Debian packages of a headless GL on the processor."""
 GL_INSTALL = f"apt-get install -y {' '.join(_DEBIAN)}"

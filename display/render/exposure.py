@@ -12,8 +12,6 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FLUSH", "Exposures"]
-
 FLUSH = 16
 """Number of draw calls to an image before it is read back."""
 Values = npt.NDArray[np.float64]

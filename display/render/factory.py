@@ -13,8 +13,6 @@ from display.render.kinds import RendererKind
 from display.render.opencl import OpenCLRenderer
 from display.render.renderer import Renderer
 
-__all__ = ["DRAW", "AnyRenderer", "make_renderer"]
-
 DRAW = 128
 """Maximum number of planes in a step of a renderer."""
 AnyRenderer = Renderer | OpenCLRenderer | GoldenRenderer

@@ -15,8 +15,6 @@ from cosim.spikes.viform import WORD
 from display.observe.views import Views
 from display.panels.panel import SpikePanel
 
-__all__ = ["FOREVER", "GoldenRenderer"]
-
 FOREVER = np.uint32(2**32 - 1)
 """The largest age, which does not increase."""
 Values = npt.NDArray[np.float64]

@@ -23,8 +23,6 @@ from display.render.golden import FOREVER
 from display.render.pieces import split_images, takes_light
 from display.render.shader import states
 
-__all__ = ["OpenCLRenderer"]
-
 GROUPS: Final = 4
 """Number of groups of sixteen pixels that a work-item steps together."""
 LANES: Final = 16 * GROUPS
@@ -59,7 +57,7 @@ class OpenCLRenderer:
         device: OpenCL device, None for the default one.
 
     Attributes:
-        panel, batch, images: as given.
+        panel, batch, images: panel, planes a batch and images, as given.
 
     Raises:
         InputError: there is no OpenCL device, or not enough memory.

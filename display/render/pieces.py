@@ -9,8 +9,6 @@ import numpy as np
 
 from display.observe.views import Views
 
-__all__ = ["Piece", "group_size", "pieces", "split_images", "takes_light"]
-
 
 class Piece(NamedTuple):
     """Planes of a block in one draw call.

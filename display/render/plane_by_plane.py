@@ -17,8 +17,6 @@ from display.drives import DRIVES
 from display.render.context import open_context
 from display.render.shader import vertex
 
-__all__ = ["PlaneByPlane"]
-
 KEEP = 1 - 2**-10
 """Weight of the previous mean in the exponential mean."""
 _HEAD = """#version 330
@@ -99,7 +97,7 @@ class PlaneByPlane:
 
         Args:
             planes: (n, height, width) of 0 and 1.
-            shift: for "pursuit", shift along the rows from plane to plane, pixels.
+            shift: shift along the rows from plane to plane for "pursuit", pixels.
         """
         with self._context:
             self._context.enable(moderngl.BLEND)

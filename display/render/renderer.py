@@ -28,8 +28,6 @@ from display.render.golden import FOREVER
 from display.render.pieces import Piece, group_size, pieces, split_images, takes_light
 from display.render.shader import GROUPS, DriveSwitches, ObserverSwitches, states, vertex
 
-__all__ = ["Renderer"]
-
 PLANES = 128
 """Maximum number of planes in a draw call: four words per pixel."""
 TERMS = 64

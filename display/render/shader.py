@@ -12,8 +12,6 @@ from importlib.resources import files
 from cosim.spikes.viform import WORD
 from display.drives import Drive
 
-__all__ = ["GROUPS", "DriveSwitches", "ObserverSwitches", "states", "vertex"]
-
 PART = 8
 """Number of terms in a partial sum: shorter chains of float32 have smaller rounding errors."""
 GROUPS = 4

@@ -17,8 +17,6 @@ from display.render.golden import GoldenRenderer
 from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
 
-__all__ = ["display_ns", "golden_ns"]
-
 PIECE = 1 << 13
 """Maximum number of pixels on which the golden model is timed; its cost per pixel is constant."""
 REPEATS = 3

@@ -23,8 +23,6 @@ from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.setting import DisplaySetting
 from display.trial.pixels import PatchDisplay
 
-__all__ = ["TRUTH", "DisplayPatches", "DisplayTrial", "TrialDisplay", "partial_displays"]
-
 TRUTH = "truth"
 """Name of the display with every effect."""
 _NAMES = {FixedEye: "an eye", PursuingEye: "a pursuing eye", CameraPlane: "a camera"}
@@ -109,8 +107,8 @@ class DisplayPatches:
         """These displays after the words of the whole run, changed. Needs `keep`.
 
         Args:
-            names: of the displays.
-            change: from the words of a camera, (words, pixels), and their cycles, to others.
+            names: names of the displays.
+            change: map from the words of a camera, (words, pixels), and their cycles, to others.
         """
         assert self._kept is not None
         chosen = {name: self._settings[name] for name in names}

@@ -25,8 +25,6 @@ from display.panels.panel import SpikePanel
 from display.render.golden import FOREVER
 from display.setting import DisplaySetting
 
-__all__ = ["PanelPixels", "PatchDisplay"]
-
 Values = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint32]
 

@@ -27,8 +27,6 @@ from link.air.sun import sun_glare, sun_image
 from link.timing import Registration
 from sensor import CameraSetting
 
-__all__ = ["Air", "lens_psf"]
-
 _AROUND: Final = 2
 """Cycles of light before and after a block. Camera rows sample up to one cycle after the first row;
 panel rows are shown up to one of their cycles after the first."""
@@ -40,7 +38,7 @@ _COARSE: Final = 8
 
 
 def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
-    """Returns the point spread function of the lens at the panel's distance."""
+    """Point spread function of the lens at the panel's distance."""
     at_panel = lengths(optics, distance)
     cutoff = None
     if optics.diffraction:
@@ -51,7 +49,7 @@ def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
 
 @njit(cache=True, nogil=True)
 def _weigh(weights, light):  # type: ignore[no-untyped-def]
-    """Returns the sum of weights x light, both (h, w) float32."""
+    """Sum of weights x light, both (h, w) float32."""
     total = 0.0
     for row in range(light.shape[0]):
         line = np.float64(0)
@@ -141,7 +139,7 @@ class Air:
         scene = simplified(scene, names)
         panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
         self._ticks, self._planes, self._first = source.ticks, planes, first_light
-        self._panel, self._clock, self._aim = panel, camera.clock, aim
+        self._panel, self._clock = panel, camera.clock
         self.shape = shape = camera.chip.height, camera.chip.width
         self.symbols = -(-planes // source.ticks)
         self._levels = level = levels(optics, air, names)
@@ -204,7 +202,7 @@ class Air:
         return np.rint(row / height * self._panel.row_delay).astype(np.int64)
 
     def shift(self, ps: int) -> tuple[float, float]:
-        """Returns the shift (dx, dy) of the image by vibration at an instant, camera pixels."""
+        """Shift (dx, dy) of the image by vibration at an instant, camera pixels."""
         symbol = self._symbol(ps)
         if not 0 <= symbol < self.symbols:
             return 0.0, 0.0
@@ -212,8 +210,7 @@ class Air:
         return float(dx), float(dy)
 
     def step(self, data: Any, block: Block) -> Light:
-        """Returns the illuminance over the block and two cycles on either side, from instant 0
-        on."""
+        """Illuminance over the block and two cycles on either side, from instant 0 on."""
         start = max(self._clock.edge(block.start - _AROUND), 0)
         stop = self._clock.edge(block.stop + _AROUND)
         first = min(max(self._symbol(start), 0), self.symbols)
@@ -227,7 +224,7 @@ class Air:
         return Light(tuple(pieces))
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Returns all state that the next block depends on."""
+        """All state that the next block depends on."""
         return self._emission.state(min(max(self._resume, 0), self.symbols))
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
@@ -236,12 +233,12 @@ class Air:
         self._emission.restore(state)
 
     def _symbol(self, ps: int) -> int:
-        """Returns the symbol in the panel's first row at an instant; before and after the
-        transmission the number continues."""
+        """Symbol in the panel's first row at an instant; before and after the transmission the
+        number continues."""
         return self._panel.clock.cycle_at(ps - self._first) // self._ticks
 
     def _made(self, symbols: Sequence[int]) -> list[Piece]:
-        """Returns the pieces of symbols. Those that are not there are made on all cores."""
+        """Pieces of symbols. Those that are not there are made on all cores."""
         with threads(min(cores(), _TOGETHER), "air") as pool:
             made = {}
             for symbol in symbols:
@@ -275,7 +272,7 @@ class Air:
     def _lux(
         self, plane: npt.NDArray[Any], shift: tuple[float, float], factors: npt.NDArray[np.float64]
     ) -> Plane:
-        """Returns the illuminance while the panel shows this plane.
+        """Illuminance while the panel shows this plane.
 
         Args:
             plane: (height, width) of the panel, 1 for a pixel that is on.
@@ -307,7 +304,7 @@ class Air:
         return image if self._places is None else cut(image, self._places)
 
     def _spread(self, image: Plane) -> Plane:
-        """Returns the image after forward scattering by fog, computed on a coarse grid."""
+        """Image after forward scattering by fog, computed on a coarse grid."""
         import cv2
 
         height, width = image.shape

@@ -44,8 +44,6 @@ from link.air.summary import LinkSummary, ber_units, flicker_units
 from link.air.sun import sun_glare, sun_image
 from sensor import CameraSetting
 
-__all__ = ["Change", "air_effects", "charge_changes"]
-
 _PHASES: Final = 32
 _STILL: Final = 1e6
 """Correlation time of air without wind, s."""
@@ -98,7 +96,7 @@ class Change:
     patches: int = 1
 
     def units(self, scene: LinkSummary) -> float:
-        """Returns the change of the link's bit error rate, in half-widths of its interval."""
+        """Change of the link's bit error rate, in half-widths of its interval."""
         times = max(scene.cycles / self.duration, 1.0) if self.duration > 0 else 0.0
         if self.law is not None:
             return flicker_units(scene, self.law, times * self.patches)
@@ -106,7 +104,7 @@ class Change:
 
 
 def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> float:
-    """Returns e if one PSF is replaced by the other, in the middle of the panel."""
+    """Change e of the charges if one PSF is replaced by the other, in the middle of the panel."""
     if one == other:
         return 0.0
     if max(one.radius, other.radius) > 3:  # a camera pixel hardly resolves the panel pixel
@@ -120,8 +118,7 @@ def _blur_change(scene: Scene, shape: tuple[int, int], one: Psf, other: Psf) -> 
 
 
 def _displacement(scene: Scene, shape: tuple[int, int]) -> float:
-    """Returns the largest displacement of a corner of the panel's image by rotation and tilt,
-    camera pixels."""
+    """Largest displacement of a corner of the panel's image by rotation and tilt, camera pixels."""
     flat = replace(scene.aim, rotation=0.0, tilt=(0.0, 0.0))
     ends = []
     for aim in (scene.aim, flat):
@@ -131,7 +128,7 @@ def _displacement(scene: Scene, shape: tuple[int, int]) -> float:
 
 
 def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
-    """Returns the change of charges of every effect that is active in the scene, by name."""
+    """Change of charges of every effect that is active in the scene, by name."""
     panel, optics, aim, air = scene.panel, scene.optics, scene.aim, scene.air
     shape = camera.chip.height, camera.chip.width
     level, psf = levels(optics, air), lens_psf(optics, air.distance)
@@ -173,7 +170,7 @@ def charge_changes(scene: Scene, camera: CameraSetting) -> dict[str, Change]:
 
 
 def air_effects(scene: Scene, camera: CameraSetting) -> tuple[Effect, ...]:
-    """Returns every effect that is active in the scene. The bounds read a `LinkSummary`."""
+    """Every effect that is active in the scene. The bounds read a `LinkSummary`."""
     return tuple(_effect(name, change) for name, change in charge_changes(scene, camera).items())
 
 

@@ -15,8 +15,6 @@ import numpy.typing as npt
 from display import SpikePanel
 from display.trial.pixels import PanelPixels
 
-__all__ = ["Emission", "Source"]
-
 Pixels = npt.NDArray[np.bool_]
 _REMEMBERED = 16
 """Number of symbols whose initial state is stored, so that a run can continue from a checkpoint: a
@@ -56,7 +54,7 @@ class Emission:
         self._before: dict[int, npt.NDArray[np.float64]] = {}
 
     def planes(self, symbol: int) -> list[npt.NDArray[Any]]:
-        """Returns one plane (height, width) for the whole symbol, or one for each of its planes."""
+        """One plane (height, width) for the whole symbol, or one for each of its planes."""
         bits = self._source.pixels(symbol)
         if not self.slow:
             return [bits]
@@ -73,8 +71,7 @@ class Emission:
         return [plane.reshape(bits.shape).astype(np.float32) for plane in light]
 
     def state(self, symbol: int) -> dict[str, npt.NDArray[Any]]:
-        """Returns what `planes` needs to continue from a symbol: the next one, or one of the last
-        ones."""
+        """What `planes` needs to continue from a symbol: the next one, or one of the last ones."""
         if not self.slow:
             return {"symbol": np.array(symbol)}
         symbol = min(max(symbol, min(self._before, default=self._next)), self._next)

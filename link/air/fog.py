@@ -18,8 +18,6 @@ from typing import Final
 from cosim import InputError
 from link.theory.extinction import DB_PER_NEPER, Particles, extinction_db_per_km
 
-__all__ = ["airlight", "extinction", "forward_share", "halo_angle"]
-
 DROP: Final = 10e-6
 """Diameter of a drop, m (assumed)."""
 _CORE: Final = 0.42
@@ -28,7 +26,7 @@ Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007: 0.42 to 0.45 lambda N)."""
 
 
 def extinction(visibility: float, wavelength_nm: float, particles: Particles = "kim") -> float:
-    """Returns the extinction coefficient, 1/m, at a visibility in m."""
+    """Extinction coefficient, 1/m, at a visibility in m."""
     if not visibility > 0:
         raise InputError("link.air.visibility", "above 0", f"{visibility:g} m", "give a length")
     db_per_km = extinction_db_per_km(visibility / 1e3, wavelength_nm, particles)
@@ -36,12 +34,12 @@ def extinction(visibility: float, wavelength_nm: float, particles: Particles = "
 
 
 def forward_share(thickness: float) -> float:
-    """Returns h, the share of a scene's light that arrives forward-scattered."""
+    """h, the share of a scene's light that arrives forward-scattered."""
     return thickness * math.exp(-thickness) / 2
 
 
 def halo_angle(wavelength_nm: float) -> float:
-    """Returns the standard deviation of the halo along an axis, radians.
+    """Standard deviation of the halo along an axis, radians.
 
     Scattering at any point of the path counts by its distance from the panel, 1 / sqrt 3 on
     average.
@@ -50,5 +48,5 @@ def halo_angle(wavelength_nm: float) -> float:
 
 
 def airlight(illuminance: float) -> float:
-    """Returns the fog's luminance, cd/m2, under an illuminance in lux."""
+    """Fog's luminance, cd/m2, under an illuminance in lux."""
     return illuminance / math.pi

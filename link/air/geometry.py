@@ -17,8 +17,6 @@ import numpy.typing as npt
 from cosim import InputError
 from link.air.setting import Aim, AirSetting, Optics
 
-__all__ = ["Lengths", "affine_at", "image_of", "lengths", "panel_corners"]
-
 Matrix = npt.NDArray[np.float64]
 
 
@@ -27,8 +25,8 @@ class Lengths:
     """Distances and scales behind the lens.
 
     Attributes:
-        image: from lens to sensor, m.
-        camera: from lens to sensor, camera pixels.
+        image: distance from lens to sensor, m.
+        camera: distance from lens to sensor, camera pixels.
         magnification: m = v / d of the panel.
         extension: v / f, 1 + m if the lens is focused at the panel; scales the f-number.
         disc: radius of the image of a panel point by defocus alone, camera pixels.
@@ -42,7 +40,7 @@ class Lengths:
 
 
 def lengths(optics: Optics, distance: float) -> Lengths:
-    """Returns the lengths. Raises InputError if the panel or the focus is within the focal
+    """Lengths behind the lens. Raises InputError if the panel or the focus is within the focal
     length."""
     f, focus = optics.focal_length, distance if optics.focus is None else optics.focus
     for what, at in (("the distance", distance), ("the focus", focus)):
@@ -58,7 +56,7 @@ def lengths(optics: Optics, distance: float) -> Lengths:
 
 
 def _turn(aim: Aim) -> Matrix:
-    """Returns the rotation from the panel's axes to the lens's: the tilts, then the rotation."""
+    """Rotation from the panel's axes to the lens's: the tilts, then the rotation."""
     a, b, c = (math.radians(x) for x in (aim.rotation, aim.tilt[0], aim.tilt[1]))
     roll = np.array([[math.cos(a), -math.sin(a), 0], [math.sin(a), math.cos(a), 0], [0, 0, 1]])
     # Positive tilt: the panel's right (lower) side is further away.
@@ -68,7 +66,7 @@ def _turn(aim: Aim) -> Matrix:
 
 
 def image_of(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int]) -> Matrix:
-    """Returns the (3, 3) homography from panel to camera pixels, (x, y, 1).
+    """(3, 3) homography from panel to camera pixels, (x, y, 1).
 
     Args:
         optics, aim, air: the link.
@@ -97,13 +95,13 @@ def image_of(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int]) 
 
 
 def panel_corners(optics: Optics) -> Matrix:
-    """Returns the panel's outer corners in panel pixels, (4, 3): (x, y, 1)."""
+    """Panel's outer corners in panel pixels, (4, 3): (x, y, 1)."""
     x, y = optics.width - 0.5, optics.height - 0.5
     return np.array([[-0.5, -0.5, 1], [x, -0.5, 1], [x, y, 1], [-0.5, y, 1]])
 
 
 def affine_at(homography: Matrix, x: float, y: float) -> Matrix:
-    """Returns the (2, 2) derivative of camera (x, y) by panel (x, y), at a panel point."""
+    """(2, 2) derivative of camera (x, y) by panel (x, y), at a panel point."""
     u, v, w = homography @ np.array([x, y, 1.0])
     top = homography[:2, :2] - np.outer([u / w, v / w], homography[2, :2])
     return np.asarray(top / w, np.float64)

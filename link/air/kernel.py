@@ -23,8 +23,6 @@ import numpy.typing as npt
 
 from cosim.light.lens import diffraction_mtf
 
-__all__ = ["Psf", "kernel_table", "taps"]
-
 Values = npt.NDArray[np.float64]
 _GRID: Final = 384
 """Samples along a side of the kernel's square."""
@@ -66,14 +64,14 @@ class Psf:
 
 
 def taps(affine: Values, psf: Psf) -> int:
-    """Returns the number of panel pixels along a side that contribute to a camera pixel, even."""
+    """Number of panel pixels along a side that contribute to a camera pixel, even."""
     inverse = np.abs(np.linalg.inv(affine))
     reach = 0.5 + 0.5 * inverse.sum(axis=1) + psf.radius * np.sqrt((inverse**2).sum(axis=1))
     return 2 * math.ceil(float(reach.max()))
 
 
 def kernel_table(affine: Values, psf: Psf, count: int, phases: int) -> npt.NDArray[np.float32]:
-    """Returns the weights of panel pixels by sub-pixel position, each set of sum 1.
+    """Weights of panel pixels by sub-pixel position, each set of sum 1.
 
     Args:
         affine: (2, 2) camera pixels for a step of one panel pixel.

@@ -17,8 +17,6 @@ import numpy.typing as npt
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
-__all__ = ["DAMPING", "normal_draws", "resonance_step", "vibration"]
-
 Values = npt.NDArray[np.float64]
 DAMPING: Final = 0.1
 """Ratio to critical damping."""
@@ -27,7 +25,7 @@ DAMPING: Final = 0.1
 def normal_draws(
     seed: int, stream: Stream, axis: int | npt.NDArray[np.intp], count: int, first: int = 0
 ) -> Values:
-    """Returns (count, 2) standard normal numbers of counter (axis, 0, n, 0), n from `first` on.
+    """(count, 2) standard normal numbers of counter (axis, 0, n, 0), n from `first` on.
 
     For several axes the shape is (count, axes, 2).
     """
@@ -41,7 +39,7 @@ def normal_draws(
 
 
 def resonance_step(frequency: float, seconds: float) -> tuple[Values, Values]:
-    """Returns the step of the state (x, x' / w) over `seconds`.
+    """Step of the state (x, x' / w) over `seconds`.
 
     Args:
         frequency: undamped resonance, Hz.
@@ -65,14 +63,14 @@ def resonance_step(frequency: float, seconds: float) -> tuple[Values, Values]:
 def vibration(
     deviation: float, frequency: float, seconds: float, symbols: int, seed: int
 ) -> Values:
-    """Returns the shifts (dx, dy) of the image, (symbols, 2), camera pixels.
+    """Shifts (dx, dy) of the image, (symbols, 2), camera pixels.
 
     Args:
         deviation: standard deviation along each axis, camera pixels.
         frequency: resonance, Hz.
         seconds: duration of a symbol.
         symbols: number of symbols.
-        seed: below 2^32.
+        seed: seed below 2^32.
     """
     out = np.zeros((symbols, 2))
     if deviation <= 0:

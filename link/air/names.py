@@ -9,8 +9,6 @@ from typing import Final
 from display import SpikePanel
 from link.air.setting import Aim, AirSetting, Optics
 
-__all__ = ["NAMES", "Scene", "simplified"]
-
 NAMES: Final = (
     "lens blur", "diffraction", "defocus", "vibration", "misalignment", "fog extinction",
     "airlight", "fog blur", "ambient on the panel", "surroundings", "glare", "sun",
@@ -37,7 +35,7 @@ class Scene:
 
 
 def simplified(scene: Scene, effects: Collection[str]) -> Scene:
-    """Returns the scene without the effects that are not in `effects`.
+    """Scene without the effects that are not in `effects`.
 
     Fog, ambient light, surroundings and defocus have no number of their own in the scene; the code
     that computes them distinguishes them.

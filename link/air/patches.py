@@ -19,8 +19,6 @@ from link.air.motion import normal_draws
 from link.air.scintillation import Flicker, flicker, patch_side
 from link.air.setting import AirSetting, Optics
 
-__all__ = ["FlickerSeries", "Patches", "flicker_of"]
-
 Values = npt.NDArray[np.float64]
 _CHUNK: Final = 1 << 14
 _SYMBOLS: Final = 64
@@ -71,7 +69,7 @@ class FlickerSeries:
         law: law of the factors.
         seconds: duration of a symbol.
         patches: number of patches.
-        seed: below 2^32.
+        seed: seed below 2^32.
     """
 
     def __init__(self, law: Flicker, seconds: float, patches: int, seed: int) -> None:
@@ -84,7 +82,7 @@ class FlickerSeries:
         self._factors = np.zeros((0, patches))
 
     def __getitem__(self, symbol: int) -> Values:
-        """Returns the factors of a symbol, (patches,) float64."""
+        """Factors of a symbol, (patches,) float64."""
         if symbol < 0:
             raise IndexError(f"symbol must be 0 or more, not {symbol}")
         if self._law.index <= 0:
@@ -110,7 +108,7 @@ class FlickerSeries:
 
 
 def flicker_of(optics: Optics, air: AirSetting) -> tuple[Flicker, Patches]:
-    """Returns the law of scintillation of what a camera pixel images, and the panel's patches.
+    """Law of scintillation of what a camera pixel images, and the panel's patches.
 
     The field of a camera pixel is taken as a disc of equal area. Blur would average more and is
     neglected.

@@ -24,8 +24,6 @@ from link.air.geometry import affine_at
 from link.air.kernel import Psf, kernel_table, taps
 from link.air.tap_sum import four_by_four
 
-__all__ = ["Places", "Projection", "cut", "disc_kernel", "projection_of"]
-
 Places = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 """Patches of a camera: their rows, (patches, a), and their columns, (patches, b)."""
 
@@ -130,7 +128,7 @@ def _collect(inverse, tables, regions, phases, count, pad, shape, out):  # type:
 
 
 def cut(plane: npt.NDArray[Any], places: Places) -> npt.NDArray[Any]:
-    """Returns the patches of a plane, stacked: (patches a, b)."""
+    """Patches of a plane, stacked: (patches a, b)."""
     rows, columns = places
     patches = plane[rows[:, :, None], columns[:, None, :]]
     return np.ascontiguousarray(patches.reshape(-1, columns.shape[1]))
@@ -138,7 +136,7 @@ def cut(plane: npt.NDArray[Any], places: Places) -> npt.NDArray[Any]:
 
 @lru_cache(maxsize=2)
 def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
-    """Returns a uniform disc of `radius` pixels on a grid, its edge by area, sum 1."""
+    """A uniform disc of `radius` pixels on a grid, its edge by area, sum 1."""
     reach, fine = math.ceil(radius + 0.5), 16
     at = (np.arange((2 * reach + 1) * fine) + 0.5) / fine - reach - 0.5
     inside = np.hypot(at[:, None], at[None, :]) <= radius
@@ -192,7 +190,7 @@ class Projection:
         return self.panel[0] + 2 * self._pad, self.panel[1] + 2 * self._pad
 
     def _affines(self) -> tuple[int, list[npt.NDArray[np.float64]]]:
-        """Returns the number of regions along a side of the image, and the affine map in each."""
+        """Number of regions along a side of the image, and the affine map in each."""
         (h, w), (rows, columns) = self.panel, self.camera
         corners = [(0.0, 0.0), (w - 1.0, 0.0), (0.0, h - 1.0), (w - 1.0, h - 1.0)]
         middle = affine_at(self.homography, (w - 1) / 2, (h - 1) / 2)
@@ -235,7 +233,7 @@ class Projection:
         shift: tuple[float, float] = (0.0, 0.0),
         places: Places | None = None,
     ) -> Plane:
-        """Returns the camera's image of a panel plane, (height, width) float32.
+        """Camera's image of a panel plane, (height, width) float32.
 
         Args:
             plane: (h, w) light of the panel; 0 outside.
@@ -297,6 +295,6 @@ def _kept(
 def projection_of(
     homography: npt.NDArray[np.float64], panel: tuple[int, int], camera: tuple[int, int], psf: Psf
 ) -> Projection:
-    """Returns a projection, whose tables are kept: pilots, the lock of a clock and one call after
-    another have the same one."""
+    """A projection, whose tables are kept: pilots, the lock of a clock and one call after another
+    have the same one."""
     return _kept(np.asarray(homography, np.float64).tobytes(), panel, camera, psf)

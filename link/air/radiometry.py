@@ -16,11 +16,9 @@ from link.air.fog import airlight, extinction, forward_share
 from link.air.geometry import lengths
 from link.air.setting import AirSetting, Optics
 
-__all__ = ["Levels", "f_number_for", "lens_gain", "levels"]
-
 
 def lens_gain(optics: Optics, distance: float) -> float:
-    """Returns the illuminance on the sensor for a luminance of 1 cd/m2, lux."""
+    """Illuminance on the sensor for a luminance of 1 cd/m2, lux."""
     working = optics.f_number * lengths(optics, distance).extension
     return math.pi * optics.transmission / (4 * working**2)
 
@@ -57,7 +55,7 @@ class Levels:
 
 
 def levels(optics: Optics, air: AirSetting, effects: frozenset[str] | None = None) -> Levels:
-    """Returns the illuminance levels with these effects (`link.air.effects`), None for all."""
+    """Illuminance levels with these effects (`link.air.effects`), None for all."""
 
     def has(name: str) -> bool:
         return effects is None or name in effects
@@ -83,14 +81,14 @@ def f_number_for(
     on_level: float, optics: Optics, distance: float, threshold: float,
     electrons_per_lux: float, clock: Clock,
 ) -> float:  # fmt: skip
-    """Returns the f-number at which an ON pixel gives `on_level` thresholds in a tick.
+    """F-number at which an ON pixel gives `on_level` thresholds in a tick.
 
     Only the panel's own light in clear air counts. The f-number in `optics` is not read.
 
     Args:
         on_level: charge of a tick over the threshold.
         optics: panel and lens.
-        distance: from lens to panel, m.
+        distance: distance from lens to panel, m.
         threshold: electrons.
         electrons_per_lux: electrons a second of a pixel under 1 lux.
         clock: latch clock of the camera.

@@ -30,8 +30,6 @@ import numpy.typing as npt
 
 from link.theory.scintillation import correlation_time, gamma_gamma, rytov, scintillation_index
 
-__all__ = ["Flicker", "aperture_averaging", "flicker", "patch_side"]
-
 Values = npt.NDArray[np.float64]
 _PLACES: Final = 32
 _WAVES: Final = 4000
@@ -44,7 +42,7 @@ WEAK: Final = 0.3
 
 
 def _averaging(d: float, discs: Values) -> Values:
-    """Returns the index of light from discs of sources behind a lens, (n,), over that of a point.
+    """Index of light from discs of sources behind a lens, (n,), over that of a point.
 
     Args:
         d: diameter of the lens, as in `aperture_averaging`.
@@ -68,7 +66,7 @@ def _averaging(d: float, discs: Values) -> Values:
 
 
 def _per_metre(wavelength_nm: float, distance: float) -> float:
-    """Returns sqrt(k / (4 L)), which converts diameters in m to the dimensionless d."""
+    """sqrt(k / (4 L)), which converts diameters in m to the dimensionless d."""
     return math.sqrt(2 * math.pi / (wavelength_nm * 1e-9) / (4 * distance))
 
 
@@ -76,7 +74,7 @@ def _per_metre(wavelength_nm: float, distance: float) -> float:
 def aperture_averaging(
     diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
 ) -> float:
-    """Returns the index behind a lens over that at a point, for weak turbulence.
+    """Index behind a lens over that at a point, for weak turbulence.
 
     It is the ratio of
 
@@ -88,7 +86,7 @@ def aperture_averaging(
     1.4.
 
     Args:
-        diameter: of the lens, m.
+        diameter: diameter of the lens, m.
         wavelength_nm: nm.
         distance: m.
         source: diameter of a disc of sources that show the same, m.
@@ -101,7 +99,7 @@ def aperture_averaging(
 def patch_side(
     diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
 ) -> float:
-    """Returns the side of the panel's patches, m.
+    """Side of the panel's patches, m.
 
     For a point source it is about half the diameter of the lens: 0.87 sqrt(wavelength L) for a
     point aperture, 0.44 diameters for a lens much wider than that.
@@ -112,7 +110,8 @@ def patch_side(
     falls as A^(-7/6): distant points are weakly anticorrelated.
 
     Args:
-        diameter, wavelength_nm, distance: as in `aperture_averaging`.
+        diameter, wavelength_nm, distance: diameter, wavelength and distance as in
+            `aperture_averaging`.
         source: diameter of the disc of sources whose index the patches have, m.
     """
     unit = _per_metre(wavelength_nm, distance)
@@ -137,7 +136,7 @@ class Flicker:
     time: float
 
     def factors(self, normal: Values) -> Values:
-        """Returns (n,) factors from (n, 2) standard normal numbers; a log-normal law reads only the
+        """(n,) factors from (n, 2) standard normal numbers; a log-normal law reads only the
         first."""
         from scipy.special import gammaincinv, ndtr
 
@@ -149,25 +148,17 @@ class Flicker:
         parts = [gammaincinv(s, ndtr(normal[:, n])) / s for n, s in enumerate(self.shape)]
         return np.asarray(parts[0] * parts[1], np.float64)
 
-    def quantiles(self, chance: float) -> tuple[float, float]:
-        """Returns a lower and an upper limit, each exceeded with at most this probability."""
-        from scipy.special import ndtri
-
-        z = float(ndtri(chance if self.shape is None else chance / 2))
-        low, high = self.factors(np.array([[z, z], [-z, -z]]))
-        return float(low), float(high)
-
 
 def flicker(
     structure: float, wavelength_nm: float, distance: float, diameter: float, wind: float,
     source: float = 0.0,
 ) -> Flicker:  # fmt: skip
-    """Returns the law of scintillation over a path of constant Cn2.
+    """Law of scintillation over a path of constant Cn2.
 
     Args:
         structure: Cn2, m^(-2/3).
         wavelength_nm: nm.
-        distance, diameter: of the path and of the lens, m.
+        distance, diameter: length of the path and diameter of the lens, m.
         wind: m/s.
         source: diameter of the disc of sources that a camera pixel averages, m.
     """

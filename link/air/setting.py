@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from link.theory.extinction import Particles
 
-__all__ = ["Aim", "AirSetting", "Optics"]
-
 
 @dataclass(frozen=True)
 class Optics:
@@ -19,7 +17,7 @@ class Optics:
         luminance: luminance of an ON pixel, cd/m2.
         reflectance: diffuse reflectance of the panel's face.
         focal_length: m.
-        f_number, transmission: of the lens.
+        f_number, transmission: f-number and transmission of the lens.
         focus: distance that the lens is focused at, m; None for the panel's distance.
         blur: standard deviation of the lens's blur without diffraction and defocus, camera pixels.
         camera_pitch: pitch of the camera's pixels, m.
@@ -48,8 +46,8 @@ class Aim:
 
     Attributes:
         offset: (x, y) of the panel's centre from the sensor's centre in the image, camera pixels.
-        rotation: about the line of sight, degrees, clockwise in the image.
-        tilt: about the vertical and about the horizontal axis, degrees.
+        rotation: rotation about the line of sight, degrees, clockwise in the image.
+        tilt: rotation about the vertical and about the horizontal axis, degrees.
         vibration: standard deviation of the image's shift along each axis, camera pixels.
         vibration_frequency: resonance, Hz, at a tenth of critical damping.
         occluded: share of the panel, from its left side, that is hidden.
@@ -71,17 +69,17 @@ class AirSetting:
     """The atmosphere and the light around the panel.
 
     Attributes:
-        distance: from lens to panel, m.
+        distance: distance from lens to panel, m.
         ambient: illuminance of the panel's face and its surroundings, lux.
         surroundings: reflectance of the surroundings.
         visibility: m, None for clear air.
         particles: law of extinction.
         structure: refractive-index structure constant Cn2, m^(-2/3), constant along the path.
-        wind: across the path, m/s.
+        wind: speed of the wind across the path, m/s.
         sun: illuminance of a plane that faces the sun, lux; 0 for no sun in or near the view.
         sun_angle: angle of the sun from the panel's centre, to the right, degrees.
         glare: share of the light through the lens that is spread over the whole image.
-        seed: of vibration and scintillation.
+        seed: seed of vibration and scintillation.
     """
 
     distance: float

@@ -27,8 +27,6 @@ from link.air.radiometry import levels
 from link.air.scintillation import Flicker
 from sensor import CameraSetting
 
-__all__ = ["LinkSummary", "ber", "ber_units", "flicker_units", "link_summary"]
-
 Values = npt.NDArray[np.float64]
 _RISK: Final = 0.001
 """Complement of the confidence level, 99.9 %."""
@@ -82,7 +80,7 @@ class _Cell(NamedTuple):
 
 
 def _fires(scene: _Cell, electrons: Values) -> Values:
-    """Returns the probability that a tick's flag is set, for mean charges `electrons`."""
+    """Probability that a tick's flag is set, for mean charges `electrons`."""
     from scipy.special import gammainc, gammaincc
 
     z, weight = np.polynomial.hermite_e.hermegauss(_NODES if scene.noise > 0 else 1)
@@ -96,7 +94,7 @@ def _fires(scene: _Cell, electrons: Values) -> Values:
 
 
 def _outcomes(chances: Values, ticks: int) -> Values:
-    """Returns the probability of each outcome, ((ticks + 1) ^ pixels,), averaged over patterns.
+    """Probability of each outcome, ((ticks + 1) ^ pixels,), averaged over patterns.
 
     An outcome is the number of flags of each pixel in `ticks` ticks.
 
@@ -117,7 +115,7 @@ def _outcomes(chances: Values, ticks: int) -> Values:
 
 @lru_cache(maxsize=512)  # bounds of many effects, and of runs of any length, share most of them
 def _both(scene: _Cell, epsilon: float, gain: float) -> tuple[Values, Values]:
-    """Returns the probability of each outcome of an ON cell and of an OFF cell; see `ber`."""
+    """Probability of each outcome of an ON cell and of an OFF cell; see `ber`."""
     shares = np.array(scene.shares)
     neighbours = shares.shape[1] - 1
     patterns = np.arange(1 << neighbours)[:, None] >> np.arange(neighbours) & 1
@@ -133,7 +131,7 @@ def _both(scene: _Cell, epsilon: float, gain: float) -> tuple[Values, Values]:
 
 
 def ber(scene: LinkSummary, epsilon: float = 0.0) -> float:
-    """Returns the bit error rate of the optimal decision on a cell with random neighbours.
+    """Bit error rate of the optimal decision on a cell with random neighbours.
 
     The decision reads the flags of the pixels and ticks that `scene` names.
 
@@ -146,8 +144,7 @@ def ber(scene: LinkSummary, epsilon: float = 0.0) -> float:
 
 
 def _rates(scene: LinkSummary, factors: Values) -> Values:
-    """Returns the bit error rates (n,) if the panel's light, ON and OFF, is scaled by `factors`
-    (n,).
+    """Bit error rates (n,) if the panel's light, ON and OFF, is scaled by `factors` (n,).
 
     The decision does not know the factor: it is the optimal one at factor 1.
     """
@@ -167,7 +164,7 @@ def _half_width(rate: float, bits: int) -> float:
 
 
 def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
-    """Returns |BER(with) - BER(without)| in half-widths of the confidence interval.
+    """|BER(with) - BER(without)| in half-widths of the confidence interval.
 
     Every charge changes by at most `epsilon` of the charge of an ON pixel. The error rate falls
     monotonically with the difference between ON and OFF charges, so the two extremes bound every
@@ -199,7 +196,7 @@ def ber_units(scene: LinkSummary, epsilon: float, times: float = 0.0) -> float:
 
 
 def flicker_units(scene: LinkSummary, law: Flicker, times: float) -> float:
-    """Returns |BER(with) - BER(without)| in half-widths for a random factor of the panel's light.
+    """|BER(with) - BER(without)| in half-widths for a random factor of the panel's light.
 
     The factor is drawn `times` times in the run (at least once), over patches and time. With B(x)
     the error rate at factor x, the result is
@@ -237,8 +234,7 @@ def flicker_units(scene: LinkSummary, law: Flicker, times: float) -> float:
 
 
 def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[float, ...], ...]:
-    """Returns `LinkSummary.shares` for cells of `cell` x `cell` panel pixels in the middle of the
-    panel.
+    """`LinkSummary.shares` for cells of `cell` x `cell` panel pixels in the middle of the panel.
 
     The sampling is the worst case: four camera pixels, each half a pixel from the cell's middle
     along both axes. Light from beyond the eight neighbours is added to theirs.
@@ -267,7 +263,7 @@ def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[
 def link_summary(
     scene: Scene, camera: CameraSetting, *, cell: int, ticks: int, bits: int, cycles: int
 ) -> LinkSummary:
-    """Returns the summary of a link with all effects.
+    """Summary of a link with all effects.
 
     A tick shared by two symbols decides nothing, and three ticks decide no worse than more.
 

@@ -11,8 +11,6 @@ from cosim.light.light import Plane
 from link.air.geometry import Lengths, lengths
 from link.air.setting import Aim, AirSetting, Optics
 
-__all__ = ["SUN_DIAMETER", "SUN_SOLID_ANGLE", "sun_glare", "sun_image", "sun_lux"]
-
 SUN_DIAMETER: Final = 0.53
 """Degrees, from the Earth (Allen's Astrophysical Quantities, 4th ed.: 31.5 to 32.5 arc minutes over
 the year)."""
@@ -21,19 +19,19 @@ SUN_SOLID_ANGLE: Final = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER /
 
 
 def _defocus(optics: Optics, distances: Lengths) -> float:
-    """Returns the radius of the image of a point at infinity, camera pixels."""
+    """Radius of the image of a point at infinity, camera pixels."""
     f = optics.focal_length
     return f / optics.f_number * (distances.image - f) / f / 2 / optics.camera_pitch
 
 
 def sun_lux(optics: Optics, air: AirSetting) -> float:
-    """Returns the illuminance in the sun's sharp image, lux: luminance air.sun / solid angle."""
+    """Illuminance in the sun's sharp image, lux: luminance air.sun / solid angle."""
     working = optics.f_number * lengths(optics, air.distance).extension
     return math.pi * air.sun / SUN_SOLID_ANGLE * optics.transmission / (4 * working**2)
 
 
 def sun_image(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int]) -> Plane:
-    """Returns the illuminance of the sun's disc, (height, width) float32, lux.
+    """Illuminance of the sun's disc, (height, width) float32, lux.
 
     The disc is defocused as by the lens; the image is 0 if it is out of view. The edge of two
     convolved discs is approximated by an error function at the radius of the wider one, and the
@@ -63,7 +61,7 @@ def sun_image(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int])
 
 
 def sun_glare(optics: Optics, air: AirSetting, aim: Aim, shape: tuple[int, int]) -> float:
-    """Returns the illuminance of the sun's veiling glare on the sensor, lux.
+    """Illuminance of the sun's veiling glare on the sensor, lux.
 
     The lens spreads the share air.glare of the sun's light over the sensor, at any angle before the
     lens (the decrease with angle is not modelled).

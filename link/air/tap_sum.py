@@ -11,14 +11,12 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["four_by_four"]
-
 _LANE = ir.IntType(32)
 
 
 @intrinsic
 def _four_by_four(typing, weights, first, plane, place, stride):  # type: ignore[no-untyped-def]
-    """Returns the sum of 16 products, float32; for compiled code only, and without bound checks.
+    """Sum of 16 products, float32; for compiled code only, and without bound checks.
 
     The products are added row by row in each column, then (column 0 + 1) + (column 2 + 3).
 

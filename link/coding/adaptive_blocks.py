@@ -27,8 +27,6 @@ from link.coding.soft_blocks import SoftBlocks
 from link.layout import PERIOD
 from link.mode import EVERY_RATE
 
-__all__ = ["HEADER", "AdaptiveBlocks"]
-
 HEADER: Final = 256
 """Bits of a header."""
 _ROWS: Final = 16
@@ -43,22 +41,22 @@ _Soft = npt.NDArray[np.int8]
 
 
 def _rows() -> npt.NDArray[np.uint8]:
-    """Returns the headers, (16, 256) uint8 bits. Row r has the parity of r + 1 and the place: no
-    header is constant, which a dark or a bright stretch would resemble."""
+    """Headers, (16, 256) uint8 bits. Row r has the parity of r + 1 and the place: no header is
+    constant, which a dark or a bright stretch would resemble."""
     place = np.arange(HEADER)
     number = np.arange(1, _ROWS + 1)
     return np.asarray(np.bitwise_count(number[:, None] & place) & 1, np.uint8)
 
 
 def _frames(bits: int, rate: float, words: int, data_bits: int) -> int:
-    """Returns the frames of so many words that a block of a rate has room for."""
+    """Frames of so many words that a block of a rate has room for."""
     return int(bits // (words * -(-data_bits // (8 * rate)) * 8))
 
 
 @lru_cache
 def _fullest(bits: int, most_words: int) -> tuple[int, int]:
-    """Returns the words of a frame and the bits of data in a word that leave most of the blocks of
-    all rates to the file."""
+    """Words of a frame and the bits of data in a word that leave most of the blocks of all rates to
+    the file."""
 
     def filled(shape: tuple[int, int]) -> int:
         words, data_bits = shape
@@ -75,7 +73,7 @@ class AdaptiveBlocks(SoftBlocks):
     """Blocks of one rate, of a mode with a rate for each block; see `Blocks`.
 
     Attributes:
-        number: of the rate in EVERY_RATE.
+        number: number of the rate in EVERY_RATE.
     """
 
     number: int = len(EVERY_RATE) - 1
@@ -88,7 +86,7 @@ class AdaptiveBlocks(SoftBlocks):
         return EVERY_RATE[self.number]
 
     def at(self, number: int) -> AdaptiveBlocks:
-        """Returns the blocks of another rate, which share groups and frames with these."""
+        """Blocks of another rate, which share groups and frames with these."""
         if number == self.number:
             return self
         if number not in self._others:
@@ -148,7 +146,7 @@ class AdaptiveBlocks(SoftBlocks):
         return self._values(row, block)
 
     def read_header(self, row: _Soft) -> int | None:
-        """Returns the number of the rate in a block's soft values without the keystream, (groups,
+        """Reads the number of the rate in a block's soft values without the keystream, (groups,
         symbols, cells), and erases the header from them. None if no rate has that number, or
         nothing was received."""
         soft = row.reshape(-1)[self.places].astype(np.int64)

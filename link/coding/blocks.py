@@ -20,8 +20,6 @@ import numpy.typing as npt
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.layout import Layout
 
-__all__ = ["FRAME_SPENT", "Blocks", "WordCode"]
-
 FRAME_SPENT: Final = 19
 """Bytes of a frame that are not the file's: head, packet number, CRC (`link.coding.frames`)."""
 _ALIGNMENT: Final = 8
@@ -35,7 +33,7 @@ class WordCode(Protocol):
     """A code of words."""
 
     def encode(self, data: npt.ArrayLike) -> _Bytes:
-        """Returns words (words, word bytes) uint8 of data (words, data bytes) uint8."""
+        """Words (words, word bytes) uint8 of data (words, data bytes) uint8."""
         ...
 
 
@@ -44,7 +42,7 @@ class Blocks:
     """Blocks of one layout.
 
     Attributes:
-        layout: of the cells.
+        layout: layout of the cells.
         interleave: whether codewords are interleaved.
         period: groups after which the keystream repeats, so that a receiver that joins late needs
             the number of a group only modulo this; None if it never repeats.
@@ -127,7 +125,7 @@ class Blocks:
         return word + byte * self.words if self.interleave else word * WORD_BYTES + byte
 
     def lay(self, words: _Bytes, block: int) -> _Bytes:
-        """Returns the values of the cells, (groups, cells) uint8, for codewords (words, 255).
+        """Values of the cells, (groups, cells) uint8, for codewords (words, 255).
 
         Unused places and cells carry the keystream.
         """
@@ -141,7 +139,7 @@ class Blocks:
         return out
 
     def gather(self, values: _Bytes, quality: _Qualities, block: int) -> tuple[_Bytes, _Qualities]:
-        """Returns the bytes of the codewords, (words, 255) uint8, and their qualities, float32.
+        """Bytes of the codewords, (words, 255) uint8, and their qualities, float32.
 
         It is the inverse of `lay`. The quality of a byte is the lowest of its cells.
         """
@@ -157,7 +155,7 @@ class Blocks:
         return placed[self.places], sure[self.places]
 
     def cells_of(self, wrong: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
-        """Returns the number of marked bytes, (words, 255) bool, on each data cell, (cells,)."""
+        """Number of marked bytes, (words, 255) bool, on each data cell, (cells,)."""
         placed = np.zeros(self.groups * self.group_bytes, np.int64)
         placed[self.places] = wrong
         each = 8 // self.layout.mode.code.bits
@@ -167,7 +165,7 @@ class Blocks:
         return out
 
     def keystream(self, group: int) -> _Bytes:
-        """Returns the bytes of all cells of a group, from Philox 4x64."""
+        """Bytes of all cells of a group, from Philox 4x64."""
         if self.period is not None:
             group %= self.period
         stream = np.random.Philox(key=_KEY, counter=[0, group, 0, 0])
@@ -177,7 +175,7 @@ class Blocks:
 
 
 def _values(data: _Bytes, bits: int) -> _Bytes:
-    """Returns bytes as values of `bits` bits, lowest first."""
+    """Bytes as values of `bits` bits, lowest first."""
     if bits == 8:
         return data
     shifts = np.arange(0, 8, bits, dtype=np.uint8)
@@ -185,7 +183,7 @@ def _values(data: _Bytes, bits: int) -> _Bytes:
 
 
 def _bytes(values: _Bytes, bits: int) -> _Bytes:
-    """Returns the bytes of `_values`; higher bits of the values are ignored."""
+    """Bytes of `_values`; higher bits of the values are ignored."""
     if bits == 8:
         return values
     shifts = np.arange(0, 8, bits, dtype=np.uint8)

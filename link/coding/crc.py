@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from fastcrc import crc32, crc64
 
-__all__ = ["crc32c", "crc64_xz"]
-
 
 def crc32c(data: bytes) -> int:
     """CRC-32C (Castagnoli), also CRC-32/ISCSI."""

@@ -12,8 +12,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["EXP", "LOG", "PRODUCT"]
-
 _POLYNOMIAL: Final = 0x187
 _STEP: Final = 11
 

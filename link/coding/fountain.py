@@ -19,11 +19,6 @@ from link.coding.crc import crc32c, crc64_xz
 from link.coding.muted import muted
 from link.coding.names import NAME_BYTES, safe_name
 
-__all__ = [
-    "MOST_BYTES", "Delivered", "Gathering", "Packet", "codable", "pack_file", "packets",
-    "source_blocks", "source_symbols", "unpack_file",
-]  # fmt: skip
-
 Packet = bytes
 """Four bytes of number, then the symbol."""
 MOST_BYTES: Final = 2**30
@@ -56,8 +51,7 @@ class Delivered:
 
 
 def pack_file(data: bytes, name: str) -> tuple[int, bytes]:
-    """Returns the session's number, and the bytes for the fountain: CRC, name and data. Never
-    empty."""
+    """Session's number, and the bytes for the fountain: CRC, name and data. Never empty."""
     called = safe_name(name).encode()
     body = called + data
     packed = _HEAD.pack(crc64_xz(bytes([len(called)]) + body), len(called)) + body
@@ -69,7 +63,7 @@ def pack_file(data: bytes, name: str) -> tuple[int, bytes]:
 
 
 def unpack_file(packed: bytes) -> Delivered | None:
-    """Returns the file; None if the CRC is wrong."""
+    """File; None if the CRC is wrong."""
     if len(packed) < _HEAD.size:
         return None
     crc, called = _HEAD.unpack_from(packed)
@@ -80,13 +74,12 @@ def unpack_file(packed: bytes) -> Delivered | None:
 
 
 def source_symbols(length: int, symbol: int) -> int:
-    """Returns the number of symbols that `length` bytes fill."""
+    """Number of symbols that `length` bytes fill."""
     return -(-length // symbol)
 
 
 def source_blocks(length: int, symbol: int) -> int:
-    """Returns the number of blocks that the library codes separately (RFC 6330, section 4.3, 10
-    MiB)."""
+    """Number of blocks that the library codes separately (RFC 6330, section 4.3, 10 MiB)."""
     return -(-source_symbols(length, symbol) // _MOST_SYMBOLS)
 
 
@@ -103,7 +96,7 @@ def _is_panic(error: BaseException) -> bool:
 
 
 def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
-    """Returns the first `count` packets, those of the file itself first.
+    """The first `count` packets, those of the file itself first.
 
     Packets of several blocks alternate, so that a burst of losses is shared among them.
 
@@ -169,8 +162,8 @@ class Gathering:
         return len(self._numbers)
 
     def put(self, packet: Packet) -> Delivered | None:
-        """Returns the file, with the packet that completes it. A packet that cannot be of this file
-        is ignored.
+        """Takes a packet; gives the file with the packet that completes it. A packet that cannot be
+        of this file is ignored.
 
         If the CRC of a decoded file is wrong, the file and all packets are discarded.
         """

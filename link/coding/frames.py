@@ -26,8 +26,6 @@ import numpy.typing as npt
 from link.coding.crc import crc32c
 from link.coding.fountain import Packet, codable, source_blocks
 
-__all__ = ["Frame", "read_frame", "write_frame"]
-
 _HEAD: Final = struct.Struct("<2sBII")
 _CRC: Final = struct.Struct("<I")
 _MAGIC, _VERSION = b"Vf", 1
@@ -50,15 +48,14 @@ class Frame:
 
 
 def write_frame(frame: Frame, size: int) -> npt.NDArray[np.uint8]:
-    """Returns a frame as `size` bytes."""
+    """A frame as `size` bytes."""
     body = _HEAD.pack(_MAGIC, _VERSION, frame.session, frame.length) + frame.packet
     body = body.ljust(size - _CRC.size, b"\0")
     return np.frombuffer(body + _CRC.pack(crc32c(body)), np.uint8)
 
 
 def read_frame(data: npt.NDArray[np.uint8], symbol: int) -> Frame | None:
-    """Returns the frame in `data`, with a symbol of `symbol` bytes; None unless every part is
-    correct."""
+    """Frame in `data`, with a symbol of `symbol` bytes; None unless every part is correct."""
     raw = data.tobytes()
     body, end = raw[: -_CRC.size], raw[-_CRC.size :]
     if not body.startswith(_MAGIC) or _CRC.pack(crc32c(body)) != end:

@@ -12,8 +12,6 @@ from link.coding.kinds import blocks_of
 from link.coding.reader import BlockReader, Bytes
 from link.layout import Layout
 
-__all__ = ["Inbox"]
-
 _SESSIONS: Final = 4
 """Largest number of files gathered at the same time; beyond it, the one with the fewest packets is
 dropped."""
@@ -38,11 +36,6 @@ class Inbox(BlockReader):
     def frames_needed(self) -> int | None:
         """Frames that the file fills, known from its first correct frame; None before."""
         return self._needed
-
-    @property
-    def frames_gathered(self) -> int:
-        """Different frames of the most advanced file."""
-        return max((len(session) for session in self._sessions.values()), default=0)
 
     def _reads_parts(self) -> bool:
         return self._whole is None

@@ -7,12 +7,10 @@ from link.coding.blocks import Blocks
 from link.coding.soft_blocks import SoftBlocks
 from link.layout import Layout
 
-__all__ = ["blocks_of"]
-
 
 def blocks_of(layout: Layout, interleave: bool = True, period: int | None = None) -> Blocks:
-    """Returns the blocks of a layout, by the code of its mode; with a rate for each block, those of
-    the highest rate."""
+    """Blocks of a layout, by the code of its mode; with a rate for each block, those of the highest
+    rate."""
     if layout.mode.adaptive:
         return AdaptiveBlocks(layout, interleave, period)
     kind = Blocks if layout.mode.rate is None else SoftBlocks

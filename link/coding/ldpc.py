@@ -24,8 +24,6 @@ from link.coding.ldpc_encoding import encode_words
 from link.coding.ldpc_graph import LIFTINGS, base_graph
 from link.coding.ldpc_opencl import decode_on_device
 
-__all__ = ["ROUNDS", "STEPS", "Ldpc", "quantise"]
-
 STEPS: Final = 4.0
 """Steps of a quantised soft value in a unit of natural logarithm."""
 ROUNDS: Final = 30
@@ -38,7 +36,7 @@ _Integers = npt.NDArray[np.int32]
 
 
 def quantise(soft: npt.ArrayLike, steps: float = STEPS) -> _Soft:
-    """Returns soft values, ln P(1) - ln P(0), in steps, int8; NaN counts as 0, an erasure.
+    """Soft values, ln P(1) - ln P(0), in steps, int8; NaN counts as 0, an erasure.
 
     At a point where one word of rate .88 in a hundred fails, values too small by a third make that
     15, values too large by a third two. At rates below a half, twice too large values fail.
@@ -144,7 +142,7 @@ class Ldpc:
         return starts, self._column[order], self._shift[order]
 
     def encode(self, data: npt.ArrayLike) -> _Bytes:
-        """Returns words (words, word_bits / 8) uint8 of data (words, data_bits / 8) uint8."""
+        """Words (words, word_bits / 8) uint8 of data (words, data_bits / 8) uint8."""
         message = np.ascontiguousarray(data, np.uint8)
         if message.ndim != 2 or message.shape[1] * 8 != self.data_bits:
             raise ValueError(f"data must be (words, {self.data_bits // 8}), not {message.shape}")

@@ -21,8 +21,6 @@ from numba.extending import intrinsic
 from cosim.compute.cores import all_cores
 from link.coding.ldpc_numpy import MESSAGE, OFFSET, SOFT, SUM
 
-__all__ = ["decode_words", "quantise_values"]
-
 _BATCH = 8
 """Words that share the memory of a decoder."""
 _SUM, _OFFSET, _SOFT = np.int8(SUM), np.int8(OFFSET), np.int8(SOFT)

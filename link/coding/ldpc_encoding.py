@@ -10,8 +10,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["encode_words"]
-
 _BATCH = 8
 """Words that share memory."""
 _U64 = np.uint64

@@ -21,8 +21,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["LIFTINGS", "Graph", "base_graph"]
-
 _FACTORS: Final = (2, 3, 5, 7, 9, 11, 13, 15)
 _LARGEST: Final = 384
 LIFTINGS: Final = {
@@ -47,7 +45,7 @@ class Graph:
     Attributes:
         data_columns: number of columns of data.
         rows: number of rows.
-        row, column: of each edge, (edges,) int32, sorted by row.
+        row, column: row and column of each edge, (edges,) int32, sorted by row.
         values: V of each edge and set, (edges, 8) int32.
     """
 
@@ -60,7 +58,7 @@ class Graph:
 
 @lru_cache
 def base_graph(number: int) -> Graph:
-    """Returns base graph 1 (46 x 68) or 2 (42 x 52).
+    """Base graph 1 (46 x 68) or 2 (42 x 52).
 
     Raises:
         ValueError: if there is no such graph.

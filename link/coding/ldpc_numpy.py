@@ -18,8 +18,6 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from link.coding.ldpc import Ldpc
 
-__all__ = ["MESSAGE", "OFFSET", "SOFT", "SUM", "decode_in_numpy"]
-
 SUM: Final = 127
 """Largest sum of a bit's messages, steps."""
 SOFT: Final = 31
@@ -73,7 +71,7 @@ def decode_in_numpy(
 
 
 def _answers(value: _Integers) -> _Integers:
-    """Returns what checks answer to their bits' values, both (words, degree, Z)."""
+    """What checks answer to their bits' values, both (words, degree, Z)."""
     size = np.abs(value)
     two = np.partition(size, 1, axis=1)
     other = np.where(size == two[:, :1], two[:, 1:2], two[:, :1])

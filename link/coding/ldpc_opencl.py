@@ -19,8 +19,6 @@ from link.coding.ldpc_numpy import MESSAGE, OFFSET, SOFT, SUM
 if TYPE_CHECKING:
     from link.coding.ldpc import Ldpc
 
-__all__ = ["decode_on_device"]
-
 _ON_PROCESSOR = (64, 16)
 """Lanes of a vector on a processor, best first; they must divide the lifting size."""
 _ON_GPU = 4

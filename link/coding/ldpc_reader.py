@@ -13,14 +13,12 @@ from link.coding.soft_blocks import SoftBlocks
 from link.coding.soft_blocks_compiled import mark_changed
 from link.coding.word_reader import ReadWords
 
-__all__ = ["LdpcReader"]
-
 
 class LdpcReader:
     """Reads the words of blocks; see `WordReader`.
 
     Args:
-        form: of the blocks.
+        form: form of the blocks.
         device: OpenCL device of the decoder; None for the compiled form, with the same bits.
     """
 

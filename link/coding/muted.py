@@ -19,8 +19,6 @@ from concurrent.futures import Future
 from threading import Thread
 from typing import Final, ParamSpec, TypeVar
 
-__all__ = ["muted"]
-
 _UNSHARE: Final = 2
 """CLOSE_RANGE_UNSHARE (linux/close_range.h)."""
 _P = ParamSpec("_P")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from typing import Final
 
-__all__ = ["NAME_BYTES", "safe_name"]
-
 NAME_BYTES: Final = 120
 """Largest size of a name in UTF-8: well below the 255 bytes of common file systems."""
 _NAMELESS: Final = "file"
@@ -16,7 +14,7 @@ _DEVICES: Final = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECA
 
 
 def safe_name(name: str) -> str:
-    """Returns the last part of a path, as a name that stays in the folder it is written to.
+    """Last part of a path, as a name that stays in the folder it is written to.
 
     Characters that a file system refuses, that control a terminal or reverse the direction of text
     become "_". An empty result becomes "file".

@@ -18,8 +18,6 @@ from link.coding.kinds import blocks_of
 from link.coding.writer import BlockWriter
 from link.layout import Layout
 
-__all__ = ["Outbox"]
-
 _BEYOND = 2
 """Smallest number of packets beyond the file's own: with them one decoding in a million fails (RFC
 6330)."""
@@ -29,14 +27,14 @@ class Outbox(BlockWriter):
     """A file in frames; see `BlockWriter`.
 
     Args:
-        data: of any length, 0 too.
+        data: bytes of the file, of any length, 0 too.
         name: name that the receiver gives the file.
-        layout: of the cells.
+        layout: layout of the cells.
         interleave: whether codewords are interleaved.
         overhead: frames beyond the file's own, as a share of them; the last block is filled with
             more.
-        rates: with a rate for each block, their numbers in `link.mode.EVERY_RATE`, from the first
-            block on; the last one is that of all later blocks too.
+        rates: numbers of the blocks' rates in `link.mode.EVERY_RATE`, for a rate for each block,
+            from the first block on; the last one is that of all later blocks too.
 
     Attributes:
         frames_needed: frames that the file fills; any so many, and rarely one or two more, recover
@@ -78,16 +76,16 @@ class Outbox(BlockWriter):
         self._packets = packets(packed, symbol, self.frames)
 
     def frames_by(self, groups: int) -> int:
-        """Returns the number of frames that the first `groups` groups carry whole."""
+        """Number of frames that the first `groups` groups carry whole."""
         return self._ends[min(groups, self.groups) // self._blocks.groups]
 
     def words_by(self, groups: int) -> int:
-        """Returns the number of words that the first `groups` groups carry whole."""
+        """Number of words that the first `groups` groups carry whole."""
         blocks = min(groups, self.groups) // self._blocks.groups
         return sum(form.words for form in self._forms[:blocks])
 
     def groups_for(self, frames: float) -> int | None:
-        """Returns the number of groups that carry so many frames whole; None if there are fewer."""
+        """Number of groups that carry so many frames whole; None if there are fewer."""
         block = bisect_left(self._ends, frames)
         return block * self._blocks.groups if block < len(self._ends) else None
 
@@ -109,7 +107,7 @@ class Outbox(BlockWriter):
         return self._forms[block]
 
     def frames_beyond(self, groups: int) -> tuple[int, int]:
-        """Returns the frames beyond the file's own in the first `groups` groups.
+        """Frames beyond the file's own in the first `groups` groups.
 
         The first number is those sent because of `overhead`, the second those that only fill the
         last block.

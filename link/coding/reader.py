@@ -17,8 +17,6 @@ from link.coding.reed_solomon_reader import ReedSolomonReader
 from link.coding.soft_blocks import SoftBlocks
 from link.coding.word_reader import WordReader
 
-__all__ = ["BlockReader"]
-
 Bytes = npt.NDArray[np.uint8]
 _MANY: Final = 0.05
 """Share of bytes with a wrong decision from which wrong decisions are kept: fewer do no harm to a
@@ -35,15 +33,15 @@ class BlockReader(ABC):
     """Decodes groups to frames. They may come in any order, and more than once.
 
     Args:
-        form: of the blocks.
+        form: form of the blocks.
         device: OpenCL device of a decoder that can use one; None for the compiled form.
 
     Attributes:
-        layout: of the cells.
+        layout: layout of the cells.
         file: the first whole file; None for a reader of other data.
         over: whether the transmission has ended; later blocks are not counted.
         frames_read: frames of the blocks, up to the transmission's end.
-        frames_right: those with a correct CRC.
+        frames_right: number of frames with a correct CRC.
         frames_needed: frames that the data fill; None if unknown.
         codewords: codewords read.
         codewords_wrong: codewords that could not be corrected, or whose frame was wrong all the
@@ -51,8 +49,8 @@ class BlockReader(ABC):
         bytes_corrected: bytes corrected in the others.
         rounds: rounds of decoding in all codewords; 0 for a code without rounds.
         cell_errors: (cells,) int64, bytes corrected by data cell, or bits of a code of bits.
-        mended: by group, the decisions that a code of bits found wrong, (symbols, cells) uint8, for
-            the last groups of blocks that had many of them.
+        mended: decisions that a code of bits found wrong, by group, (symbols, cells) uint8, for the
+            last groups of blocks that had many of them.
     """
 
     def __init__(self, form: Blocks, device: Device | None = None) -> None:
@@ -104,8 +102,8 @@ class BlockReader(ABC):
         return right + (self.flush() if len(self._here) == self._blocks.groups else 0)
 
     def readable(self, group: int, soft: npt.NDArray[np.float32]) -> int:
-        """Returns the words of a group that can be read, and takes none; 0 where a block has
-        several groups, or other groups wait."""
+        """Number of words of a group that can be read; takes none; 0 where a block has several
+        groups, or other groups wait."""
         if self._blocks.groups > 1 or self._here:
             return 0
         self._words.store(group, 0, soft)
@@ -124,8 +122,8 @@ class BlockReader(ABC):
         return self._read(block, missing)
 
     def mend(self, first: int, decided: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Returns decisions from a group on, (symbols, cells), turned over in place where `mended`
-        has them as wrong."""
+        """Decisions from a group on, (symbols, cells), turned over in place where `mended` has them
+        as wrong."""
         size = self.layout.group
         for n in range(len(decided) // size):
             wrong = self.mended.get(first + n)

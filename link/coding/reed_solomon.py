@@ -21,8 +21,6 @@ import numpy.typing as npt
 from link.coding.field import EXP, PRODUCT
 from link.coding.reed_solomon_compiled import encode_words, repair_words
 
-__all__ = ["WORD_BYTES", "ReedSolomon"]
-
 WORD_BYTES = 255
 """Bytes of a codeword."""
 _Bytes = npt.NDArray[np.uint8]
@@ -30,8 +28,7 @@ _Bytes = npt.NDArray[np.uint8]
 
 @lru_cache
 def _table(parity: int) -> _Bytes:
-    """Returns the multiples of the generator's coefficients below the leading one, (256,
-    parity)."""
+    """Multiples of the generator's coefficients below the leading one, (256, parity)."""
     generator = np.array([1], np.uint8)
     for j in range(parity):
         longer = np.append(generator, np.uint8(0))
@@ -59,7 +56,7 @@ class ReedSolomon:
         self._table, self._first = _table(parity), 128 - parity // 2
 
     def encode(self, data: npt.ArrayLike) -> _Bytes:
-        """Returns codewords (words, 255) uint8, data then parity, of data (words, 255 - parity)."""
+        """Codewords (words, 255) uint8, data then parity, of data (words, 255 - parity)."""
         message = np.ascontiguousarray(data, np.uint8)
         if message.ndim != 2 or message.shape[1] != self.data_bytes:
             raise ValueError(f"data must be (words, {self.data_bytes}), not {message.shape}")

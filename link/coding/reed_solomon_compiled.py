@@ -16,8 +16,6 @@ from numba import njit
 
 from link.coding.field import EXP, LOG, PRODUCT
 
-__all__ = ["encode_words", "repair_words"]
-
 _N = 255
 
 

@@ -13,8 +13,6 @@ from link.coding.reed_solomon import ReedSolomon
 from link.coding.word_reader import Flags, ReadWords
 from link.line_codes import decode_line
 
-__all__ = ["ReedSolomonReader"]
-
 _Bytes = npt.NDArray[np.uint8]
 _ERASED: Final = (0.25, 0.5, 0.75, 1.0)
 """Shares of the parity for which the least certain bytes are erased, in turn, until a word is a
@@ -49,7 +47,7 @@ class ReedSolomonReader:
     def _correct(
         self, words: _Bytes, quality: npt.NDArray[np.float32]
     ) -> tuple[_Bytes, Flags, Flags]:
-        """Returns corrected codewords, where there is one, and where it is accepted on its own."""
+        """Corrected codewords, where there is one, and where it is accepted on its own."""
         corrected, ok, _ = self._code.repair(words)
         sound = ok.copy()
         for share in _ERASED:

@@ -23,8 +23,6 @@ from link.coding.ldpc_numpy import SOFT
 from link.coding.soft_blocks_compiled import count_by_cell, gather_words, store_group
 from link.layout import PERIOD
 
-__all__ = ["SoftBlocks"]
-
 _LEAST: Final = 4096
 """Bits of a word at least. Shorter ones need more information of a bit."""
 _GOLDEN: Final = (5**0.5 - 1) / 2
@@ -75,24 +73,24 @@ class SoftBlocks(Blocks):
 
     @staticmethod
     def _golden(size: int) -> int:
-        """Returns a step whose multiples, modulo `size`, are all numbers, far from each other."""
+        """A step whose multiples, modulo `size`, are all numbers, far from each other."""
         return next(n for n in range(round(_GOLDEN * size), 2 * size) if gcd(n, size) == 1)
 
     def lay(self, words: _Bytes, block: int) -> _Bytes:
-        """Returns the values of the cells, (groups, cells) uint8, for words (words, word bytes).
+        """Values of the cells, (groups, cells) uint8, for words (words, word bytes).
 
         Unused places carry the keystream.
         """
         return self._values(self._row(words), block)
 
     def _row(self, words: _Bytes) -> _Bytes:
-        """Returns the bits of a block without the keystream, (groups, symbols, cells) uint8."""
+        """Bits of a block without the keystream, (groups, symbols, cells) uint8."""
         row = np.zeros((self.groups, self.layout.group, self.layout.cells), np.uint8)
         self._put(np.unpackbits(words, axis=1, bitorder="little"), row)
         return row
 
     def _values(self, row: _Bytes, block: int) -> _Bytes:
-        """Returns the values of the cells for the bits of a block."""
+        """Values of the cells for the bits of a block."""
         out = np.packbits(row, axis=1, bitorder="little")[:, 0]
         for n, values in enumerate(out):
             values ^= self.keystream(block * self.groups + n)[: self.layout.cells]
@@ -113,8 +111,8 @@ class SoftBlocks(Blocks):
         store_group(np.ascontiguousarray(soft), stream, np.float32(STEPS), np.float32(SOFT), out)
 
     def collect(self, row: _Soft) -> _Soft:
-        """Returns the soft values of the words, (words, word_bits), from those of a block without
-        the keystream, (groups, symbols, cells): the inverse of `lay`."""
+        """Soft values of the words, (words, word_bits), from those of a block without the
+        keystream, (groups, symbols, cells): the inverse of `lay`."""
         used = row.reshape(-1)[: self.words * self.code.word_bits]
         if not self.interleave:
             return used.reshape(self.words, -1)
@@ -123,12 +121,12 @@ class SoftBlocks(Blocks):
         return out
 
     def bits_of(self, marked: _Bytes) -> _Bytes:
-        """Returns marked bits of words, (words, word bytes) uint8, at their cells: (groups,
-        symbols, cells) uint8."""
+        """Marked bits of words, (words, word bytes) uint8, at their cells: (groups, symbols, cells)
+        uint8."""
         return self._row(marked)
 
     def cells_of(self, wrong: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
-        """Returns the number of marked bits, (words, word bytes) uint8, on each data cell."""
+        """Number of marked bits, (words, word bytes) uint8, on each data cell."""
         out = np.zeros(self.layout.cells, np.int64)
         order = self.order if self.interleave else self.order[:0]
         count_by_cell(wrong, order, self.words, out)

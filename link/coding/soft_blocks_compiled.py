@@ -14,8 +14,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["count_by_cell", "gather_words", "mark_changed", "store_group"]
-
 _CELLS: Final = 4096
 """Cells that a thread takes at once."""
 _EIGHTS: Final = 64
@@ -47,7 +45,7 @@ def store_group(soft, stream, steps, most, out):  # type: ignore[no-untyped-def]
     Args:
         soft: (symbols, cells) float32.
         stream: (cells,) uint8, the keystream.
-        steps: of a unit.
+        steps: number of steps in a unit of the soft values.
         most: largest number of steps.
         out: (symbols, cells) int8, filled.
     """

@@ -23,20 +23,18 @@ from link.coding.stream_frames import (
 from link.coding.writer import BlockWriter
 from link.layout import PERIOD, Layout
 
-__all__ = ["Arrival", "StreamInbox", "StreamOutbox", "stream_blocks", "stream_rate"]
-
 _KEPT: Final = 8
 """Number of blocks whose bytes are stored: a run that resumes shows the last ones again."""
 State = dict[str, npt.NDArray[Any]]
 
 
 def stream_blocks(layout: Layout, interleave: bool = True) -> Blocks:
-    """Returns the blocks of a stream. Their keystream has the period of the pilots."""
+    """Blocks of a stream. Their keystream has the period of the pilots."""
     return blocks_of(layout, interleave, PERIOD // layout.group)
 
 
 def stream_rate(form: Blocks) -> int:
-    """Returns the bytes of packets, with their lengths, that a block carries."""
+    """Bytes of packets, with their lengths, that a block carries."""
     return form.frames * room_in(form.frame_bytes)
 
 
@@ -45,7 +43,7 @@ class StreamOutbox(BlockWriter):
     A block for which no packet is ready carries empty frames.
 
     Args:
-        form: of `stream_blocks`.
+        form: form of `stream_blocks`.
         blocks: number of blocks.
         ready: returns the next packet that is ready for a block, None if there is none.
     """
@@ -77,7 +75,7 @@ class StreamOutbox(BlockWriter):
         return frames
 
     def _fill(self, block: int) -> tuple[bytes, int]:
-        """Returns the bytes of a block, and the place of the first packet that begins in them."""
+        """Bytes of a block, and the place of the first packet that begins in them."""
         size = stream_rate(self._blocks)
         parts, held = [self._rest], len(self._rest)
         begin = held
@@ -93,7 +91,7 @@ class StreamOutbox(BlockWriter):
 
     @staticmethod
     def _begins(row: bytes, begin: int, low: int, high: int) -> int | None:
-        """Returns the place within row[low:high] of the first packet that begins there."""
+        """Place within row[low:high] of the first packet that begins there."""
         while begin < low:
             if begin + 4 > len(row):
                 return None
@@ -106,7 +104,7 @@ class StreamOutbox(BlockWriter):
         return len(self._rest)
 
     def state(self) -> State:
-        """Returns what the next blocks depend on, as arrays."""
+        """What the next blocks depend on, as arrays."""
         state = {
             "next": np.array([self._next]),
             "rest": np.frombuffer(self._rest, np.uint8),

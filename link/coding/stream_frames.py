@@ -29,9 +29,6 @@ import numpy.typing as npt
 
 from link.coding.crc import crc32c
 
-__all__ = ["LONGEST_PACKET", "PacketRow", "StreamFrame", "in_row", "read_stream_frame", "room_in",
-           "write_stream_frame"]  # fmt: skip
-
 LONGEST_PACKET: Final = 1 << 24
 """Longest packet, bytes."""
 _HEAD: Final = struct.Struct("<2sBBIHH")
@@ -46,7 +43,7 @@ class StreamFrame:
     """A frame.
 
     Attributes:
-        number: of the frame.
+        number: number of the frame.
         piece: bytes of the row.
         begin: place in `piece` of the first packet that begins in it, None for none.
     """
@@ -57,12 +54,12 @@ class StreamFrame:
 
 
 def room_in(size: int) -> int:
-    """Returns the bytes of the row that a frame of `size` bytes has room for."""
+    """Bytes of the row that a frame of `size` bytes has room for."""
     return min(size - _HEAD.size - _CRC.size, _NONE - 1)
 
 
 def write_stream_frame(frame: StreamFrame, size: int) -> npt.NDArray[np.uint8]:
-    """Returns a frame as `size` bytes."""
+    """A frame as `size` bytes."""
     begin = _NONE if frame.begin is None else frame.begin
     head = _HEAD.pack(_MAGIC, _VERSION, 0, frame.number & 0xFFFFFFFF, len(frame.piece), begin)
     body = (head + frame.piece).ljust(size - _CRC.size, b"\0")
@@ -70,7 +67,7 @@ def write_stream_frame(frame: StreamFrame, size: int) -> npt.NDArray[np.uint8]:
 
 
 def read_stream_frame(data: npt.NDArray[np.uint8]) -> StreamFrame | None:
-    """Returns the frame in `data`; None unless every part is correct."""
+    """Frame in `data`; None unless every part is correct."""
     raw = data.tobytes()
     body, end = raw[: -_CRC.size], raw[-_CRC.size :]
     if len(body) < _HEAD.size or not body.startswith(_MAGIC) or _CRC.pack(crc32c(body)) != end:
@@ -131,7 +128,7 @@ class PacketRow:
 
 
 def in_row(packet: bytes) -> bytes:
-    """Returns a packet as it stands in the row. Raises ValueError for one that is too long."""
+    """A packet as it stands in the row. Raises ValueError for one that is too long."""
     if len(packet) > LONGEST_PACKET:
         raise ValueError(f"a packet must have at most {LONGEST_PACKET} bytes, not {len(packet)}")
     return _LENGTH.pack(len(packet)) + packet

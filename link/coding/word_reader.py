@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from link.coding.blocks import Blocks
 
-__all__ = ["Flags", "ReadWords", "WordReader"]
-
 Flags = npt.NDArray[np.bool_]
 
 
@@ -27,7 +25,7 @@ class ReadWords:
         changed: what was corrected, as `Blocks.cells_of` takes it: (words, bytes) bool, or bits.
         bytes_changed: number of bytes corrected in sound words.
         rounds: rounds of decoding in all words, 0 for a code without rounds.
-        form: of the block, where each has its own; else None.
+        form: form of the block, where each has its own; else None.
     """
 
     data: npt.NDArray[np.uint8]

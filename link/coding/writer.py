@@ -12,8 +12,6 @@ import numpy.typing as npt
 from link.coding.blocks import Blocks
 from link.layout import Layout
 
-__all__ = ["BlockWriter"]
-
 _CACHED = 64 << 20
 """Bytes of values that are cached, at least two blocks: sender, check and judge read them."""
 
@@ -22,11 +20,11 @@ class BlockWriter(ABC):
     """Codes frames to groups.
 
     Args:
-        form: of the blocks.
+        form: form of the blocks.
         blocks: number of blocks.
 
     Attributes:
-        layout: of the cells.
+        layout: layout of the cells.
         frames: frames sent.
         groups: groups that carry them.
     """
@@ -39,15 +37,15 @@ class BlockWriter(ABC):
         self._cache: OrderedDict[int, npt.NDArray[np.uint8]] = OrderedDict()
 
     def _form(self, block: int) -> Blocks:
-        """Returns the form of a block; all have the same number of groups."""
+        """Form of a block; all have the same number of groups."""
         return self._blocks
 
     @abstractmethod
     def _frames(self, block: int) -> Sequence[npt.NDArray[np.uint8]]:
-        """Returns the frames of a block, (`Blocks.frame_bytes`,) uint8 each."""
+        """Frames of a block, (`Blocks.frame_bytes`,) uint8 each."""
 
     def values(self, group: int) -> npt.NDArray[np.uint8]:
-        """Returns the line code's values of the data cells in a group, (cells,) uint8."""
+        """Line code's values of the data cells in a group, (cells,) uint8."""
         if not 0 <= group < self.groups:
             raise ValueError(f"group must be from 0 to {self.groups - 1}, not {group}")
         block, within = divmod(group, self._blocks.groups)

@@ -24,8 +24,6 @@ from link.detect.propagation import graph_of, propagate
 from link.layout import PERIOD, TRAINING, Layout, pilots, training
 from link.timing import Registration, Timing
 
-__all__ = ["BeliefPropagation"]
-
 SEEN: Final = 14
 """Largest number of cells in a footprint."""
 _BEFORE: Final = 4
@@ -58,7 +56,7 @@ class BeliefPropagation:
         self.model: PixelModel | None = None
 
     def _known(self, first_symbol: int, count: int, trained: int) -> Floats:
-        """Returns the log likelihood ratios of all cells before any spike, (count, cells).
+        """Log likelihood ratios of all cells before any spike, (count, cells).
 
         Pilots are sure, and of the first `trained` symbols the training and the darkness before it.
         """
@@ -74,8 +72,8 @@ class BeliefPropagation:
         return out
 
     def _begins(self, first_symbol: int, count: int, row: Ints) -> tuple[Ints, Floats]:
-        """Returns the first tick of symbols in rows, and by how much they begin after it, ticks,
-        -1/2 to 1/2: (count, rows) both."""
+        """First tick of symbols in rows, and by how much they begin after it, ticks, -1/2 to 1/2:
+        (count, rows) both."""
         start = self.timing.start(first_symbol + np.arange(count)[:, None], row)
         tick = np.rint(start).astype(np.int64)
         return tick, (start - tick).astype(np.float32)
@@ -83,7 +81,7 @@ class BeliefPropagation:
     def _spikes(
         self, words: Words, start_tick: int, stop: int, row: Ints, column: Ints, tick: Ints
     ) -> npt.NDArray[np.uint8]:
-        """Returns the spikes of pixels in a symbol, (pixels, ticks) uint8.
+        """Spikes of pixels in a symbol, (pixels, ticks) uint8.
 
         Args:
             words, start_tick: spikes.

@@ -19,8 +19,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["LEVELS", "LIGHTS", "advance", "decide", "explain", "laws", "messages", "recede", "tick"]
-
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int64]
 LEVELS: Final = 48
@@ -42,9 +40,9 @@ def tick(charge, low, high, light, spike, kernel, first, fires, hard, after):  #
 
     Args:
         charge: (states,) float32 before the tick, zero but from `low` to `high`.
-        light: of the tick, thresholds.
+        light: light of the tick, thresholds.
         spike: whether the pixel fired.
-        kernel, first: of `laws`.
+        kernel, first: kernel and first bin of `laws`.
         fires: (states,) float32, probability of a spike by the charge at the end of the tick.
         hard: whether a spike removes all charge, not just a threshold.
         after: (states,) float32, overwritten.
@@ -82,7 +80,8 @@ def tick_back(later, light, spike, kernel, first, fires, hard, before):  # type:
     Args:
         later: (states,) float32, given the charge after the tick.
         before: (states,) float32, overwritten: given the charge before it.
-        light, spike, kernel, first, fires, hard: as for `tick`.
+        light, spike, kernel, first, fires, hard: light, spike, kernel, first, fires and hard as for
+            `tick`.
     """
     states = later.size
     q = min(max(int(light * (LIGHTS * _FINE) + np.float32(0.5)), 0), first.size - 1)
@@ -101,11 +100,11 @@ def tick_back(later, light, spike, kernel, first, fires, hard, before):  # type:
 
 @njit(cache=True, nogil=True)
 def shared(light, number, ticks, late, last, next_):  # type: ignore[no-untyped-def]
-    """Returns the light of a tick of a symbol, thresholds.
+    """Light of a tick of a symbol, thresholds.
 
     Args:
-        light: of the symbol.
-        number, ticks: of the tick, and of the symbol.
+        light: light of the symbol.
+        number, ticks: number of the tick, and ticks of the symbol.
         late: ticks by which the symbol begins after its first tick; before it if negative.
         last, next_: light of the symbols before and after.
     """
@@ -129,7 +128,7 @@ def explain(  # type: ignore[no-untyped-def]
         late: (pixels,) float32, as for `shared`.
         last, next_: (pixels,) float32, light of the symbols before and after, thresholds.
         low, high: (pixels,) int64, range of the lights that a pixel may have, steps of LIGHTS.
-        kernel, first, fires, hard: as for `tick`.
+        kernel, first, fires, hard: kernel, first, fires and hard as for `tick`.
     """
     states, ticks = charge.shape[1], spikes.shape[1]
     for p in prange(spikes.shape[0]):
@@ -159,7 +158,7 @@ def explain(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _range(charge):  # type: ignore[no-untyped-def]
-    """Returns the range of states with a probability."""
+    """Range of states with a probability."""
     low, high = 0, charge.size
     while low < high - 1 and charge[low] <= _LEAST:
         low += 1
@@ -170,7 +169,7 @@ def _range(charge):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _at(law, light):  # type: ignore[no-untyped-def]
-    """Returns the law of a pixel at a light, thresholds, linearly between its steps."""
+    """Law of a pixel at a light, thresholds, linearly between its steps."""
     place = light * np.float32(LIGHTS)
     m = min(max(int(place), 0), law.size - 2)
     return law[m] + (place - np.float32(m)) * (law[m + 1] - law[m])
@@ -178,7 +177,7 @@ def _at(law, light):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _chance(value):  # type: ignore[no-untyped-def]
-    """Returns the probability of a log likelihood ratio."""
+    """Probability of a log likelihood ratio."""
     return np.float32(1.0 / (1.0 + exp(-value)))
 
 
@@ -361,7 +360,7 @@ def recede(  # type: ignore[no-untyped-def]
 
 
 def laws(most: float, shot: float, softness: float, hard: bool) -> tuple[Floats, Ints, Floats]:
-    """Returns (kernel, first, fires) of `tick`.
+    """(kernel, first, fires) of `tick`.
 
     Args:
         most: largest light of a tick, thresholds.

@@ -20,8 +20,6 @@ from link.detect.footprints import seen_by
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["PixelModel", "learn_model"]
-
 _PIXELS: Final = 800
 """Pixels that the likelihood is computed for."""
 _EVALUATIONS: Final = 300
@@ -62,13 +60,13 @@ class PixelModel:
 
 @njit(cache=True, nogil=True)
 def _likelihood(spikes, light, late, kernel, first, fires, hard):  # type: ignore[no-untyped-def]
-    """Returns ln P(spikes) of pixels.
+    """ln P(spikes) of pixels.
 
     Args:
         spikes: (pixels, symbols, ticks) uint8.
         light: (pixels, symbols) float32, thresholds.
         late: (pixels,) float32, as for `shared`.
-        kernel, first, fires, hard: as for `tick`.
+        kernel, first, fires, hard: kernel, first, fires and hard as for `tick`.
     """
     states, symbols, ticks = fires.size, spikes.shape[1], spikes.shape[2]
     one, two = np.empty(states, np.float32), np.empty(states, np.float32)
@@ -101,8 +99,7 @@ def _likelihood(spikes, light, late, kernel, first, fires, hard):  # type: ignor
 
 
 def _of(place: npt.NDArray[np.float64], model: PixelModel) -> PixelModel:
-    """Returns the model at a place of the search: logarithms of off, on, blur and softness, and the
-    shift."""
+    """Model at a place of the search: logarithms of off, on, blur and softness, and the shift."""
     off, on, blur, softness = (float(each) for each in np.exp(place[:4]))
     return replace(
         model, off=off, on=on, blur=blur, softness=softness, dx=float(place[4]),
@@ -115,7 +112,7 @@ def learn_model(
     column: npt.NDArray[np.int64], spikes: npt.NDArray[np.uint8], cells: Bits,
     late: npt.NDArray[np.float32], shift: tuple[float, float], start: PixelModel,
 ) -> PixelModel:  # fmt: skip
-    """Returns the likeliest model.
+    """The likeliest model.
 
     Args:
         layout, registration: cells and their place.
@@ -123,8 +120,8 @@ def learn_model(
         spikes: (pixels, symbols, ticks) uint8 of known symbols.
         cells: (symbols, rows x columns) bits of all cells.
         late: (pixels,) ticks by which symbols begin after a tick.
-        shift: of the image in these symbols, by the registration.
-        start: where the search begins; its shot noise and reset rule are kept.
+        shift: shift of the image in these symbols, by the registration.
+        start: model at which the search begins; its shot noise and reset rule are kept.
     """
     from scipy.optimize import minimize
 

@@ -14,8 +14,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["confidence"]
-
 _LEAST: Final = 0.1
 """Smallest factor; the largest is 1."""
 _SURE: Final = 30.0
@@ -29,7 +27,7 @@ _HALVINGS: Final = 24
 
 
 def confidence(soft: npt.NDArray[np.float32], known: npt.NDArray[np.bool_]) -> float:
-    """Returns the factor that makes soft values match their error rate.
+    """Factor that makes soft values match their error rate.
 
     Args:
         soft: log likelihood ratios ln P(spikes | on) - ln P(spikes | off).

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from link.layout import Layout
     from link.timing import Registration, Timing
 
-__all__ = ["DETECTORS", "make_detector"]
-
 DETECTORS: Final = {
     "joint": "link.detect.joint:Joint",
     "packed": "link.detect.packed:Packed",
@@ -36,7 +34,7 @@ def make_detector(
     *,
     pixel: PixelLaw | None = None,
 ) -> Detector:
-    """Returns a detector by its name.
+    """A detector by its name.
 
     Args:
         name: key of DETECTORS.

@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from link.detect.pixel import PixelLaw
 
-__all__ = ["LEVELS", "ChargeLaws", "charge_laws"]
-
 LEVELS = 40
 """Steps of charge in a threshold, unless it has fewer electrons."""
 _TAIL = 1e-9
@@ -50,7 +48,7 @@ class ChargeLaws:
 def charge_laws(
     pixel: PixelLaw, shares: npt.ArrayLike, fractions: npt.ArrayLike, levels: int = LEVELS
 ) -> ChargeLaws:
-    """Returns the transition probabilities.
+    """Transition probabilities.
 
     Args:
         pixel: the pixel; light and reset must be known.

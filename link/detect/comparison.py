@@ -24,8 +24,6 @@ from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["Compared", "comparison"]
-
 _FIRST: Final = 8
 """Tick of first light."""
 _SLOW: Final = 40
@@ -58,7 +56,7 @@ class Compared:
 
 
 def _bits(layout: Layout, symbols: int, seed: int) -> npt.NDArray[np.bool_]:
-    """Returns training symbols, then random data; in Manchester pairs if the mode asks for them."""
+    """Training symbols, then random data; in Manchester pairs if the mode asks for them."""
     rng = np.random.Generator(np.random.Philox(key=seed))
     bits = rng.integers(0, 2, (symbols, layout.cells), np.uint8).astype(np.bool_)
     if layout.mode.line == "manchester":
@@ -70,7 +68,7 @@ def _bits(layout: Layout, symbols: int, seed: int) -> npt.NDArray[np.bool_]:
 def _spikes(
     layout: Layout, bits: npt.NDArray[np.bool_], pixel: PixelLaw, seed: int
 ) -> npt.NDArray[np.uint32]:
-    """Returns words of the exact tier's pixels under these symbols."""
+    """Words of the exact tier's pixels under these symbols."""
     mode, known = layout.mode, pilots()
     shape = mode.height, mode.width
     assert pixel.reset is not None and pixel.off is not None and pixel.on is not None
@@ -97,7 +95,7 @@ def _spikes(
 def _count(
     detector: Detector, words: npt.NDArray[np.uint32], bits: npt.NDArray[np.bool_]
 ) -> tuple[int, int]:
-    """Returns the number of bits after the training, and how many of them are decided wrongly."""
+    """Number of bits after the training, and how many of them are decided wrongly."""
     detector.learn(words, 0, bits[:TRAINING], 0)
     wrong = 0
     for n in range(TRAINING, len(bits), _SLOW):
@@ -117,7 +115,7 @@ def comparison(
     seed: int = 1,
     confidence: float = 0.999,
 ) -> list[Compared]:
-    """Returns the error rates of random on-off keying.
+    """Error rates of random on-off keying.
 
     In this order: one pixel and one tick by threshold and by forward-backward, both again in
     Manchester, then joint over 2 x 2 pixels and over two ticks.
@@ -129,7 +127,7 @@ def comparison(
         reset: reset rule.
         size: panel pixels along a side, a multiple of 32; at most 128 for forward-backward.
         symbols: more than the training's 48; at most 64 for forward-backward.
-        seed: of data and noise.
+        seed: seed of data and noise.
         confidence: level of the limits.
     """
     from scipy.stats import binomtest

@@ -18,11 +18,6 @@ from numba import njit, prange
 from cosim.compute.cores import all_cores
 from link.detect.geometry import PLACES, SHARES
 
-__all__ = [
-    "CONTEXT", "PAIRS", "PART", "PHASES", "STEEP", "WIDE", "add_evidence", "count_patterns",
-    "pattern_of", "place_of",
-]  # fmt: skip
-
 PART: Final = 4
 """Ticks of a part."""
 CONTEXT: Final = 2
@@ -42,7 +37,7 @@ STEEP, WIDE = np.float32(0.24904), np.float32(2.5068)
 
 @njit(cache=True, nogil=True)
 def _begin(time, symbol, row):  # type: ignore[no-untyped-def]
-    """Returns the tick in which a symbol begins in a row, and the class of its phase."""
+    """Tick in which a symbol begins in a row, and the class of its phase."""
     start = time[0] + symbol * time[1] + time[2] * row / time[3]
     tick = int(np.floor(start))
     return tick, min(int((start - tick) * PHASES), PHASES - 1)
@@ -50,7 +45,7 @@ def _begin(time, symbol, row):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def place_of(u, v):  # type: ignore[no-untyped-def]
-    """Returns the pixel of a cell's centre, and the position within it: x, y, in x, in y."""
+    """Pixel of a cell's centre, and the position within it: x, y, in x, in y."""
     x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
     in_x = min(int((u - x + 0.5) * PLACES), PLACES - 1)
     in_y = min(int((v - y + 0.5) * PLACES), PLACES - 1)
@@ -59,8 +54,7 @@ def place_of(u, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def pattern_of(words, y, x, bit):  # type: ignore[no-untyped-def]
-    """Returns _WIDTH spikes of a pixel from tick `bit` on, the first one lowest; 0 outside the
-    words."""
+    """_WIDTH spikes of a pixel from tick `bit` on, the first one lowest; 0 outside the words."""
     if bit < 0:
         early = np.int64(words[0, y, x]) << -bit if bit > -_WIDTH else 0
         return early & _MASK
@@ -130,7 +124,7 @@ def count_patterns(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _either(a, b):  # type: ignore[no-untyped-def]
-    """Returns ln(e^a + e^b), linearly approximated."""
+    """ln(e^a + e^b), linearly approximated."""
     apart = abs(a - b)
     return max(a, b) + (STEEP * (WIDE - apart) if apart < WIDE else np.float32(0.0))
 
@@ -182,7 +176,7 @@ def add_evidence(  # type: ignore[no-untyped-def]
             ticks to read.
         first_symbol, symbols, skipped: the window, and the symbols before the first that is
             written.
-        shift, time, ticks: as in `count_patterns`, shift (symbols, 2).
+        shift, time, ticks: shift, time and ticks as in `count_patterns`, shift (symbols, 2).
         region_of, x0, y0: (cells,) region and centre of each cell.
         count, dx, dy, share: arrays of `geometry.Places`.
         whole: (regions, PHASES, parts, SHARES, patterns, PAIRS) float32 log likelihoods by pattern.

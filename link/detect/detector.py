@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Words
 
-__all__ = ["LIMIT", "Bits", "Detector", "Soft", "bits_held"]
-
 LIMIT: Final = 60.0
 """Largest magnitude of a soft value."""
 Bits = npt.NDArray[np.bool_]
@@ -20,7 +18,7 @@ Soft = npt.NDArray[np.float32]
 
 
 def bits_held(words: Words, start_tick: int, stop_tick: int | None) -> int:
-    """Returns the number of ticks in `words`, from start_tick on, that belong to the stream."""
+    """Number of ticks in `words`, from start_tick on, that belong to the stream."""
     every = len(words) * WORD
     return every if stop_tick is None else min(max(stop_tick - start_tick, 0), every)
 
@@ -44,7 +42,7 @@ class Detector(Protocol):
         self, words: Words, start_tick: int, first_symbol: int, count: int,
         stop_tick: int | None = None,
     ) -> Soft:  # fmt: skip
-        """Returns the soft values of `count` symbols; 0 for a symbol that is not in the words.
+        """Soft values of `count` symbols; 0 for a symbol that is not in the words.
 
         Args:
             words: spikes, from tick start_tick on.

@@ -17,8 +17,6 @@ from link.detect.geometry import FINE, coverage
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["Footprints", "footprints", "seen_by"]
-
 _LEAST: Final = 0.004
 """Share below which a cell is left out."""
 _ACROSS: Final = 4
@@ -45,7 +43,7 @@ class Footprints:
 
 
 def _affine(registration: Registration, x: float, y: float, side: int) -> tuple[Values, Values]:
-    """Returns the sides (2,) of the image of a cell at panel (x, y), camera pixels."""
+    """Sides (2,) of the image of a cell at panel (x, y), camera pixels."""
     u, v = registration.camera(
         np.array([x - side / 2, x + side / 2, x, x]), np.array([y, y, y - side / 2, y + side / 2])
     )
@@ -53,7 +51,7 @@ def _affine(registration: Registration, x: float, y: float, side: int) -> tuple[
 
 
 def _sampled(table: Values, reach: int, dx: Values, dy: Values) -> Values:
-    """Returns the share at positions of a pixel from a cell's centre, bilinearly."""
+    """Share at positions of a pixel from a cell's centre, bilinearly."""
     x, y = (dx + reach) * FINE, (dy + reach) * FINE
     size = table.shape[0]
     inside = (x >= 0) & (y >= 0) & (x < size - 1) & (y < size - 1)
@@ -69,13 +67,13 @@ def seen_by(
     layout: Layout, registration: Registration, row: Ints, column: Ints, blur: float,
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Ints, Values, npt.NDArray[np.bool_]]:  # fmt: skip
-    """Returns the cells around camera pixels.
+    """Cells around camera pixels.
 
     Args:
         layout, registration: cells, and their place in the image without drift.
         row, column: (pixels,) of the camera.
         blur: standard deviation of the image's blur, camera pixels.
-        shift: of the image, camera pixels.
+        shift: shift of the image, camera pixels.
 
     Returns:
         cell: (pixels, n) int64, flat indices.
@@ -122,10 +120,10 @@ def footprints(
     layout: Layout, registration: Registration, shape: tuple[int, int], blur: float,
     shift: tuple[float, float], most: int,
 ) -> Footprints:  # fmt: skip
-    """Returns the footprints of all camera pixels that see data or pilots.
+    """Footprints of all camera pixels that see data or pilots.
 
     Args:
-        layout, registration, blur, shift: as for `seen_by`.
+        layout, registration, blur, shift: layout, registration, blur and shift as for `seen_by`.
         shape: (height, width) of the camera.
         most: largest number of cells of a pixel.
     """

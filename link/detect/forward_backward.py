@@ -25,8 +25,6 @@ from link.detect.trellis import likelihood, posterior, window
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["ForwardBackward"]
-
 _MOSTLY: Final = SHARES // 2
 """Smallest class of share of a pixel that is used."""
 _PIXELS: Final = 4

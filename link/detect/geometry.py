@@ -16,10 +16,6 @@ import numpy.typing as npt
 from link.layout import Layout
 from link.timing import Registration
 
-__all__ = ["FINE", "LEAST", "PLACES", "SHARES", "CellImages", "Places", "cell_centres",
-    "cell_images", "coverage",
-]  # fmt: skip
-
 PLACES: Final = 8
 """Sub-pixel positions along each axis."""
 SHARES: Final = 16
@@ -67,7 +63,7 @@ class CellImages:
     Attributes:
         x, y: (cells,) float64, centres, camera pixels.
         region: (cells,) int64.
-        places: their pixels.
+        places: pixels of the images.
         reach: largest distance of a pixel from that of the centre.
         regions: number of regions.
     """
@@ -87,7 +83,7 @@ def _across(cells: int) -> int:
 def coverage(
     a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], blur: float, reach: int
 ) -> npt.NDArray[np.float64]:
-    """Returns the share of a pixel's light from a parallelogram about 0, by the pixel's position.
+    """Share of a pixel's light from a parallelogram about 0, by the pixel's position.
 
     Args:
         a, b: (2,) sides of the parallelogram, camera pixels.
@@ -120,8 +116,7 @@ def coverage(
 def _region_places(
     a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], blur: float, tall: bool
 ) -> tuple[list[npt.NDArray[np.float64]], int]:
-    """Returns rows (dx, dy, share) of pixels for each sub-pixel position (y, then x), and their
-    reach.
+    """Rows (dx, dy, share) of pixels for each sub-pixel position (y, then x), and their reach.
 
     Args:
         a, b: (2,) sides of a cell, camera pixels.
@@ -151,7 +146,7 @@ def _region_places(
 def cell_centres(
     layout: Layout, registration: Registration, cells: npt.NDArray[np.intp] | None = None
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Returns the centres (x, y) of cells without drift, camera pixels, (cells,) each. cells: as in
+    """Centres (x, y) of cells without drift, camera pixels, (cells,) each. cells: as in
     `cell_images`."""
     row, column = np.divmod(layout.data if cells is None else cells, layout.shape[1])
     side = layout.mode.cell
@@ -165,7 +160,7 @@ def cell_images(
     *,
     columns_alike: bool = False,
 ) -> CellImages:
-    """Returns the images of cells.
+    """Images of cells.
 
     Args:
         layout, registration: cells, and their place in the image.

@@ -25,8 +25,6 @@ from link.detect.tables import Tables, parts_for
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["AROUND", "EDGE", "Joint"]
-
 AROUND: Final = 2
 """Symbols before and after the requested ones that the chain includes."""
 
@@ -76,8 +74,8 @@ class Joint:
         self._time = first, timing.period, timing.slope, float(timing.rows)
 
     def moved(self, registration: Registration, timing: Timing) -> Self:
-        """Returns a detector that has learned the same, of an image that is shifted as a whole by
-        less than a pixel, and of another timing."""
+        """A detector that has learned the same, of an image that is shifted as a whole by less than
+        a pixel, and of another timing."""
         other = copy(self)
         x, y = cell_centres(self._layout, registration)
         other.cells = replace(self.cells, x=x, y=y)
@@ -86,7 +84,7 @@ class Joint:
         return other
 
     def shifts(self, first_symbol: int, count: int) -> Values:
-        """Returns the shift (dx, dy) of the image in the middle of each symbol, (count, 2)."""
+        """Shift (dx, dy) of the image in the middle of each symbol, (count, 2)."""
         middle = self.timing.start(first_symbol + np.arange(count) + 0.5, self.timing.rows / 2)
         return self._registration.shifts(middle)
 
@@ -106,7 +104,7 @@ class Joint:
         self._tables = None
 
     def tables(self) -> Tables:
-        """Returns the learned tables for `counting.add_evidence`."""
+        """Learned tables for `counting.add_evidence`."""
         if not self._counts.any():
             raise ValueError("the detector must have learned from known symbols before")
         if self._tables is None:

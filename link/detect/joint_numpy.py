@@ -14,11 +14,9 @@ from link.detect.detector import LIMIT, Soft
 from link.detect.geometry import PLACES, CellImages
 from link.detect.joint import AROUND, Joint
 
-__all__ = ["soft_by_numpy"]
-
 
 def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> Soft:
-    """Returns ln P(spikes | bits) of a symbol minus that for both bits off, (cells, PAIRS).
+    """ln P(spikes | bits) of a symbol minus that for both bits off, (cells, PAIRS).
 
     The words must contain the symbol, and the sensor every pixel.
     """
@@ -53,7 +51,7 @@ def _evidence(detector: Joint, words: Words, start_tick: int, symbol: int) -> So
 def soft_by_numpy(
     detector: Joint, words: Words, start_tick: int, first_symbol: int, count: int
 ) -> Soft:
-    """Returns the soft values of `Joint.soft`, without its linear approximation."""
+    """Soft values of `Joint.soft`, without its linear approximation."""
     symbols = count + 2 * AROUND
     evidence = [
         _evidence(detector, words, start_tick, first_symbol - AROUND + n) for n in range(symbols)

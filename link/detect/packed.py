@@ -25,8 +25,6 @@ from link.detect.joint import AROUND, Joint
 from link.detect.packed_kernel import FIELDS, LANE, soft_values
 from link.detect.tables import LEAST_CHANCE
 
-__all__ = ["ZERO", "Looks", "Packed"]
-
 ZERO: Final = 1 << (LANE - 1)
 """Value of a field without evidence: the middle of its range."""
 _FINEST: Final = 1024
@@ -90,15 +88,15 @@ class Packed(Joint):
         return scale, ceil(most * scale) + 1
 
     def entries(self, phase: Ints) -> Ints:
-        """Returns the log likelihoods of a whole symbol in classes of phase, in steps from the bias
-        on: (regions, phases, parts, SHARES, patterns of PART ticks, FIELDS)."""
+        """Log likelihoods of a whole symbol in classes of phase, in steps from the bias on:
+        (regions, phases, parts, SHARES, patterns of PART ticks, FIELDS)."""
         scale, bias = self.steps
         steps = np.rint(self.tables()[0][:, phase, ..., 1:] * np.float32(scale))
         return steps.astype(np.int64) + bias
 
     def window(self, first_symbol: int, count: int) -> tuple[int, int]:
-        """Returns the first symbol and the number of groups that contain `count` symbols and those
-        around them. Groups begin at multiples of their length, wherever a call begins."""
+        """First symbol and the number of groups that contain `count` symbols and those around them.
+        Groups begin at multiples of their length, wherever a call begins."""
         begin = (first_symbol - AROUND) // self.group * self.group
         return begin, -(-(first_symbol + count + AROUND - begin) // self.group)
 
@@ -123,7 +121,7 @@ class Packed(Joint):
         return Looks(out.ends, out.shift, tick - half * self.ticks, phase)
 
     def _table(self, phases: Ints) -> npt.NDArray[np.uint64]:
-        """Returns the entries of classes of phase, as `soft_values` reads them."""
+        """Entries of classes of phase, as `soft_values` reads them."""
         whole = self.tables()[0]
         known = self._packed_from is whole and np.array_equal(self._packed_phases, phases)
         if not known:

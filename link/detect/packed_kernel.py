@@ -21,8 +21,6 @@ from cosim.compute.cores import all_cores
 from link.detect.counting import CONTEXT, PART, STEEP, WIDE, pattern_of, place_of
 from link.detect.geometry import PLACES
 
-__all__ = ["FIELDS", "LANE", "soft_values"]
-
 FIELDS: Final = 3
 """Pairs of bits with a log likelihood: off and on, on and off, on and on; off and off has 0."""
 LANE: Final = 21
@@ -38,7 +36,7 @@ _ZERO: Final = np.float32(0.0)
 
 @njit(cache=True, fastmath={"contract"}, nogil=True)
 def _either(a, b, most):  # type: ignore[no-untyped-def]
-    """Returns ln(e^a + e^b) in steps, linearly approximated; `most` is its largest excess.
+    """ln(e^a + e^b) in steps, linearly approximated; `most` is its largest excess.
 
     Written without a branch, so that it is vectorised.
     """
@@ -46,7 +44,7 @@ def _either(a, b, most):  # type: ignore[no-untyped-def]
 
 
 def _adder(lanes: int) -> Callable[..., Any]:
-    """Returns a compiled function that adds up entries of `lanes` words, in one vector.
+    """A compiled function that adds up entries of `lanes` words, in one vector.
 
     Its arguments are those of `_add_up`, `low` the bits by which the window is late. It returns the
     `lanes` sums. numba does not join the additions of neighbours to vectors.
@@ -106,8 +104,8 @@ def _add_up(  # type: ignore[no-untyped-def]
         flat, size: spikes as flat words, and pixels of a word.
         bit: first bit of the first group's pattern.
         groups, group, advance: groups, symbols of a group, and bits from a group to the next.
-        at, late, law: of each pixel and part of a symbol, the place in a word, the bits that the
-            part is late, and the first entry of its table; law ends in _END.
+        at, late, law: place in a word of each pixel and part of a symbol, the bits that the part is
+            late, and the first entry of its table; law ends in _END.
         window: memory for 64 bits of each.
         table: flat entries of `group` words.
         mask: bits of a pattern, times `group`.
@@ -152,7 +150,7 @@ def _chain(sums, zero, step, evidence, ahead, skipped, limit, out):  # type: ign
 
     Args:
         sums: (symbols, _TILE) uint64, three log likelihoods each, in steps from `zero` on.
-        zero, step: of the sums.
+        zero, step: zero and step of the sums.
         evidence: (FIELDS, symbols, _TILE) float32, memory for them.
         ahead: (symbols, _TILE) float32, memory for the forward pass.
         skipped: first symbol that is written.
@@ -188,15 +186,15 @@ def _chain(sums, zero, step, evidence, ahead, skipped, limit, out):  # type: ign
 def _in_part(  # type: ignore[no-untyped-def]
     words, stop, bit, ticks, x, y, dx, dy, share, single, zero, step
 ):
-    """Returns the word of a symbol that may lie partly outside the words, by its ticks within.
+    """Word of a symbol that may lie partly outside the words, by its ticks within.
 
     Args:
         words, stop: (n, H, W) uint32 spikes, and the number of ticks to read.
         bit: first bit of the symbol's pattern, negative before the words.
-        ticks: of a symbol.
+        ticks: ticks of a symbol.
         x, y, dx, dy, share: pixel of the cell's centre, and the cell's pixels.
         single: (ticks, SHARES, contexts, 2, PAIRS) of `tables`, of the cell's region and phase.
-        zero, step: as in `_chain`.
+        zero, step: zero and step as in `_chain`.
     """
     on, fell, both = _ZERO, _ZERO, _ZERO
     for k in range(dx.size):
@@ -243,7 +241,7 @@ def soft_values(  # type: ignore[no-untyped-def]
         single: (regions, PHASES, ticks, SHARES, contexts, 2, PAIRS) float32 log likelihoods by
             tick, for groups only partly within the words.
         zero: value of a field without evidence.
-        bias, step: of the table; a step is a log likelihood.
+        bias, step: bias and step of the table; a step is a log likelihood.
         skipped: symbols of the window before the first that is written.
         limit: largest magnitude of a soft value.
         out: (n, cells) float32, of symbols `skipped` to skipped + n of the window.

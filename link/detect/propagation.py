@@ -29,8 +29,6 @@ from link.detect.belief_learning import PixelModel
 from link.detect.detector import LIMIT
 from link.detect.footprints import Footprints
 
-__all__ = ["Graph", "graph_of", "propagate"]
-
 MANY: Final = 9
 """Cells of a footprint that are summed over at most; the others count by their mean."""
 ROUNDS: Final = (8, 5)
@@ -58,7 +56,7 @@ class Graph:
 
 
 def graph_of(pixels: Footprints, cells: int) -> Graph:
-    """Returns the graph of these pixels and of all cells, `cells` in number."""
+    """Graph of these pixels and of all cells, `cells` in number."""
     place = np.flatnonzero(pixels.share.ravel() > 0)
     cell = pixels.cell.ravel()[place]
     order = np.argsort(cell, kind="stable")
@@ -71,17 +69,17 @@ def propagate(
     graph: Graph, model: PixelModel, spikes: list[npt.NDArray[np.uint8]], late: Floats,
     known: Floats, many: int = MANY, rounds: tuple[int, ...] = ROUNDS, damping: float = DAMPING,
 ) -> Floats:  # fmt: skip
-    """Returns the log likelihood ratios of all cells, (symbols, cells) float32.
+    """Log likelihood ratios of all cells, (symbols, cells) float32.
 
     Args:
         graph: pixels and cells.
-        model: of light and pixels.
-        spikes: of each symbol, (pixels, ticks).
+        model: model of light and pixels.
+        spikes: spikes of each symbol, (pixels, ticks).
         late: (symbols, pixels), as for `belief_kernel.shared`.
         known: (symbols, cells) log likelihood ratios before any spike.
         many: cells of a footprint that are summed over at most.
-        rounds: of messages in a symbol, for each sweep.
-        damping: as for `belief_kernel.decide`.
+        rounds: rounds of messages in a symbol, for each sweep.
+        damping: damping as for `belief_kernel.decide`.
     """
     pixels, symbols = graph.pixels, len(spikes)
     # The time of a sum doubles with each cell; the largest shares stand first.

@@ -18,8 +18,6 @@ import numpy.typing as npt
 from link.detect.counting import CONTEXT, PAIRS, PART, PHASES
 from link.detect.geometry import SHARES
 
-__all__ = ["lit", "parts_for", "spike_counts", "tables"]
-
 _BEFORE: Final = 1 << CONTEXT
 _STEPS: Final = 32
 """Classes of the part of a tick in which a cell is on, in the first layer."""
@@ -34,12 +32,12 @@ Tables = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]
 
 
 def parts_for(ticks: int) -> int:
-    """Returns the number of parts of PART ticks."""
+    """Number of parts of PART ticks."""
     return -(-ticks // PART)
 
 
 def lit(ticks: int) -> Values:
-    """Returns the part of each tick in which the cell is on, (PHASES, ticks, PAIRS).
+    """Part of each tick in which the cell is on, (PHASES, ticks, PAIRS).
 
     The axes are the class of phase, the tick, and the bits before and after the symbol begins.
     """
@@ -69,13 +67,12 @@ def spike_counts(counts: npt.NDArray[np.int32], ticks: int) -> Values:
 
 
 def _chances(counts: Values, prior: Values, weight: float) -> Values:
-    """Returns P(spike) with a prior that counts as `weight` observations; the last axis is the
-    spike."""
+    """P(spike) with a prior that counts as `weight` observations; the last axis is the spike."""
     return np.asarray((counts[..., 1] + weight * prior) / (counts.sum(axis=-1) + weight))
 
 
 def _first_layer(counts: Values, ticks: int) -> Values:
-    """Returns P(spike) by share, lit part of the tick, and context, interpolated over lit parts.
+    """P(spike) by share, lit part of the tick, and context, interpolated over lit parts.
 
     Args:
         counts: (PHASES, ticks, SHARES, PAIRS, contexts, spikes), over the panel.
@@ -103,7 +100,7 @@ def _first_layer(counts: Values, ticks: int) -> Values:
 
 
 def tables(counts: npt.NDArray[np.int32], ticks: int) -> Tables:
-    """Returns (whole, single) of `counting.add_evidence` from counts of patterns.
+    """(whole, single) of `counting.add_evidence` from counts of patterns.
 
     The values are ln P(spikes | bits) minus that for both bits off.
     """

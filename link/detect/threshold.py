@@ -16,12 +16,9 @@ from link.detect.geometry import PLACES, CellImages, cell_images
 from link.layout import PERIOD, Layout, pilots
 from link.timing import Registration, Timing
 
-__all__ = ["Threshold"]
-
 
 def _fullest(ticks: int) -> npt.NDArray[np.intp]:
-    """Returns the tick that a symbol fills most, counted from the one in which it begins, by phase
-    class."""
+    """Tick that a symbol fills most, counted from the one in which it begins, by phase class."""
     delay = (np.arange(PHASES) + 0.5) / PHASES
     return np.where(delay < 0.5, 0, 1) if ticks == 1 else np.ones(PHASES, np.intp)
 
@@ -50,7 +47,7 @@ class Threshold:
         symbol: int,
         stop_tick: int | None = None,
     ) -> npt.NDArray[np.intp]:
-        """Returns 0 or 1 for each cell; -1 if the words or the sensor do not contain it."""
+        """0 or 1 for each cell; -1 if the words or the sensor do not contain it."""
         middle = float(self._timing.start(symbol + 0.5, self._timing.rows / 2))
         dx, dy = self._registration.shift(middle)
         u, v = cells.x + dx, cells.y + dy

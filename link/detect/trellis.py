@@ -17,15 +17,13 @@ from numba import njit
 
 from link.detect.counting import PHASES
 
-__all__ = ["likelihood", "posterior", "window"]
-
 _ALIGNED: Final = 1e-6
 """Distance from a tick edge within which a symbol counts as beginning with the tick, ticks."""
 
 
 @njit(cache=True, nogil=True)
 def _prior(after, before, begins, known, pairs, symbol):  # type: ignore[no-untyped-def]
-    """Returns the probability of a bit after a tick, given that before it.
+    """Probability of a bit after a tick, given that before it.
 
     Args:
         after, before: bits after and before the tick.
@@ -129,7 +127,7 @@ def _backward(  # type: ignore[no-untyped-def]
 def likelihood(  # type: ignore[no-untyped-def]
     train, fraction, symbol, known, s, chance, low, high, merged, levels, hard
 ):
-    """Returns ln P(train | bits).
+    """ln P(train | bits).
 
     Args:
         train: (ticks,) spikes.
@@ -138,7 +136,7 @@ def likelihood(  # type: ignore[no-untyped-def]
         symbol: (ticks,) symbol at the end of the tick.
         known: (symbols,) int8 bits, -1 if unknown.
         s: class of share.
-        chance, low, high, merged, levels, hard: of `ChargeLaws`.
+        chance, low, high, merged, levels, hard: tables of `ChargeLaws`.
     """
     none = merged.size - 1
     now, then = np.full((2, levels), 0.5 / levels), np.empty((2, levels))
@@ -165,10 +163,10 @@ def posterior(  # type: ignore[no-untyped-def]
     With random bits this is the log likelihood ratio.
 
     Args:
-        train, fraction, symbol: as in `likelihood`.
+        train, fraction, symbol: spike train, fraction and symbol as in `likelihood`.
         pairs: whether symbols come in Manchester pairs that begin at even symbols.
         s: class of share.
-        chance, low, high, merged, levels, hard: of `ChargeLaws`.
+        chance, low, high, merged, levels, hard: tables of `ChargeLaws`.
         states: (ticks + 1, 2, levels) float64, memory for the forward pass.
     """
     none, ticks = merged.size - 1, train.size
@@ -199,7 +197,7 @@ def window(first, period, slope, rows, row, symbol, symbols, start, fraction, un
     """Fills `fraction` and `under_way`, (ticks,), as `likelihood` reads them.
 
     Args:
-        first, period, slope, rows: of the timing.
+        first, period, slope, rows: first, period, slope and rows of the timing.
         row: camera row.
         symbol, symbols: first symbol, number 0 of `under_way`, and number of symbols.
         start: tick of the first entry.

@@ -23,8 +23,6 @@ from link.setup.pilot import film_pilot, strip_of
 from link.setup.truth import panel_in_view, tag_module
 from link.theory.soft_information import SoftInformation, soft_information
 
-__all__ = ["LINE", "Achievable", "CellInformation", "can_be_read"]
-
 LINE: Final = "scrambled"
 """Line of the pilots: random bits, and training of random bits."""
 _BATCHES: Final = 64
@@ -77,10 +75,10 @@ class CellInformation:
 
         Args:
             setting: the link.
-            mode: of the transmission; other modes differ from it in cell, ticks and line.
+            mode: mode of the transmission; other modes differ from it in cell, ticks and line.
             detector: name, of `link.detect.catalogue.DETECTORS`.
-            symbols: of random data that a pilot decides.
-            seed: of the data.
+            symbols: number of symbols of random data that a pilot decides.
+            seed: seed of the data.
         """
         self._setting, self._mode, self._detector = setting, mode, detector
         self._symbols, self._seed = symbols, seed
@@ -95,7 +93,7 @@ class CellInformation:
         return Layout(mode).cells * self._setting.panel.clock.hz / ticks
 
     def of(self, cell: int, ticks: int) -> Achievable:
-        """Returns the information of a cell and a symbol length."""
+        """Information of a cell and a symbol length."""
         if (cell, ticks) not in self.found:
             mode = replace(self._mode, cell=cell, ticks=ticks, line=LINE)
             narrow = replace(mode, width=self._strip.optics.width)
@@ -111,7 +109,7 @@ class CellInformation:
     def best(
         self, cells: Iterable[int] = CELLS, ticks: Iterable[int] = ticks_chosen(LINE)
     ) -> Achievable:
-        """Returns the mode with the highest information of these.
+        """Mode with the highest information of these.
 
         A mode is not simulated where it cannot be the best: if its raw rate is no higher, or if a
         mode with cells and symbols at least as large carries too little in a bit. A bit of a
@@ -133,7 +131,7 @@ class CellInformation:
         return best
 
     def _most(self, cell: int, ticks: int) -> float:
-        """Returns an upper limit of a mode's information, bit/s, by those that are known."""
+        """An upper limit of a mode's information, bit/s, by those that are known."""
         bits = [
             one.bit.high for one in self.found.values()
             if one.mode.cell >= cell and one.mode.ticks >= ticks

@@ -18,8 +18,6 @@ from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
 from sensor import CameraSetting
 
-__all__ = ["CURVES", "CapacityStudy"]
-
 CURVES: Final = ("distance", "luminance", "ambient", "cell")
 """Names of the curves."""
 _STEP: Final = 1.02
@@ -53,9 +51,9 @@ class CapacityStudy:
 
         Args:
             scenario: the link; its lens is kept at all points.
-            camera: that of the scenario.
-            mode: of the transmission.
-            symbols: of random data that a pilot decides.
+            camera: camera of the scenario.
+            mode: mode of the transmission.
+            symbols: number of symbols of random data that a pilot decides.
 
         Raises:
             InputError: if the scenario cannot be simulated.
@@ -74,8 +72,8 @@ class CapacityStudy:
         ))  # fmt: skip
 
     def document(self) -> dict[str, Any]:
-        """Returns the information of the run's mode and of the best mode, at the scenario's own
-        distance and light; null where a receiver cannot find the panel."""
+        """Information of the run's mode and of the best mode, at the scenario's own distance and
+        light; null where a receiver cannot find the panel."""
         mine, best = self._figures(self._home)
         tried = self._home.information.found.values()
         return {
@@ -87,10 +85,10 @@ class CapacityStudy:
         }
 
     def curve(self, name: str, points: int, on_point: Callable[[], None]) -> dict[str, Any]:
-        """Returns a curve of CURVES as a document.
+        """A curve of CURVES as a document.
 
         Args:
-            name: of the curve.
+            name: name of the curve.
             points: number, but for that of cells, which has one for each cell.
             on_point: called after each point.
         """
@@ -174,12 +172,12 @@ def _ticks(count: int) -> str:
 
 
 def _with(scenario: LinkScenario, **link: Any) -> LinkScenario:
-    """Returns the scenario with other values in its [link]."""
+    """Scenario with other values in its [link]."""
     return scenario.model_copy(update={"link": scenario.link.model_copy(update=link)})
 
 
 def _last(holds: Callable[[float], bool], start: float, ratio: float) -> float:
-    """Returns the last of start, start ratio, start ratio^2, ... up to which `holds`."""
+    """The last of start, start ratio, start ratio^2, ... up to which `holds`."""
     at = start
     for _ in range(_STEPS):
         if not holds(at * ratio):
@@ -189,7 +187,7 @@ def _last(holds: Callable[[float], bool], start: float, ratio: float) -> float:
 
 
 def _spread(low: float, high: float, own: float, points: int) -> npt.NDArray[np.float64]:
-    """Returns values evenly spread in their logarithm, the nearest one moved to the own."""
+    """Values evenly spread in their logarithm, the nearest one moved to the own."""
     marks = np.geomspace(low, high, points) if high > low else np.array([low])
     if low <= own <= high:
         marks[np.abs(np.log(marks / own)).argmin()] = own

@@ -39,8 +39,6 @@ from link.theory.trials import (
     rs_word_trials,
 )
 
-__all__ = ["LEVEL", "Curve", "error_curves", "measure_curves"]
-
 LEVEL: Final = 0.99
 """Probability that all judged points of a document are inside their intervals if theory is
 correct."""
@@ -66,13 +64,13 @@ class Curve:
     """A curve of an error rate.
 
     Attributes:
-        name, title: for the document, and for a reader.
+        name, title: name for the document, and title for a reader.
         x, x_unit: points.
         theory: error rate at the points.
         trial: counts errors.
         panel: part of the figure.
         least, most: limits of the trials of a point.
-        unit: of a trial.
+        unit: unit of a trial.
         other: rates of a theory that must be refuted.
         other_name: name of that theory.
     """
@@ -92,7 +90,7 @@ class Curve:
 
 
 def _slot(points: int) -> Curve:
-    """Returns the curve of a tick that begins with no charge."""
+    """Curve of a tick that begins with no charge."""
     level, off = np.linspace(1.05, 1.45, points), 0.7 * Q
     p01, p10 = poisson_threshold(Q, level * Q, off)
 
@@ -105,8 +103,7 @@ def _slot(points: int) -> Curve:
 
 
 def _charge(points: int, reset: Reset) -> Curve:
-    """Returns the curve of a pixel that carries charge from tick to tick, ON 1.4 Q over the
-    background."""
+    """Curve of a pixel that carries charge from tick to tick, ON 1.4 Q over the background."""
     share = np.geomspace(0.02, 0.2, points)
 
     def channel(background: float) -> PixelChannel:
@@ -125,7 +122,7 @@ def _charge(points: int, reset: Reset) -> Curve:
 
 
 def _keyed(points: int, convention: Convention) -> list[Curve]:
-    """Returns the curves of on-off keying in Gaussian noise under three laws of fading.
+    """Curves of on-off keying in Gaussian noise under three laws of fading.
 
     They are over the signal-to-noise ratio of a convention.
     """
@@ -161,7 +158,7 @@ def _by_amplitude(
 
 
 def _words(points: int) -> list[Curve]:
-    """Returns the curves of RS(255, 223) codewords.
+    """Curves of RS(255, 223) codewords.
 
     Errors are scattered, or as many in bursts, with and without an interleaver.
     """
@@ -201,7 +198,7 @@ def _words(points: int) -> list[Curve]:
 
 
 def error_curves(points: int) -> list[Curve]:
-    """Returns all curves. points: of each curve, 2 to 256."""
+    """All curves. points: of each curve, 2 to 256."""
     if not 2 <= points <= STREAMS:
         raise ValueError(f"points must be 2 to {STREAMS}, not {points}")
     curves = [_slot(points), *(_charge(points, reset) for reset in get_args(Reset))]
@@ -213,7 +210,7 @@ def error_curves(points: int) -> list[Curve]:
 def measure_curves(
     curves: list[Curve], seed: int, report: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
-    """Returns the document {curves, level, points_judged, pointwise_level, holds, seed}.
+    """Document {curves, level, points_judged, pointwise_level, holds, seed}.
 
     The number of trials of a point follows from theory alone, so that the count is binomial: for
     400 expected errors, within the curve's limits. Points with 100 errors or more are judged. All
@@ -222,8 +219,8 @@ def measure_curves(
     other theory.
 
     Args:
-        curves: to measure.
-        seed: of the trials.
+        curves: curves to measure.
+        seed: seed of the trials.
         report: called with the title of each curve as it begins.
     """
     counted = []

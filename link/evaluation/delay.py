@@ -12,14 +12,12 @@ from cosim.run.result import Latency, latency_rows
 from link.layout import TRAINING, Layout
 from link.setting import LinkSetting
 
-__all__ = ["LIGHT", "group_delays", "link_latency"]
-
 LIGHT = 299_792_458.0
 """Speed of light in vacuum, m/s (BIPM, SI brochure, 9th ed.); in air it is lower by 3e-4."""
 
 
 def _group_times(layout: Layout, panel: Clock, group: int) -> tuple[int, int]:
-    """Returns start and end of a group in the panel's first row, ps after first light."""
+    """Start and end of a group in the panel's first row, ps after first light."""
     first = TRAINING + group * layout.group
     ticks = layout.mode.ticks
     return panel.edge(first * ticks), panel.edge((first + layout.group) * ticks)
@@ -28,7 +26,7 @@ def _group_times(layout: Layout, panel: Clock, group: int) -> tuple[int, int]:
 def group_delays(
     setting: LinkSetting, layout: Layout, verified: Mapping[int, int]
 ) -> npt.NDArray[np.int64]:
-    """Returns the delay of every verified group, (groups,) int64 ps.
+    """Delay of every verified group, (groups,) int64 ps.
 
     The delay is from the group's first light on the panel to the end of the camera cycle in which
     it was verified.
@@ -50,8 +48,7 @@ def group_delays(
 def link_latency(
     setting: LinkSetting, layout: Layout, verified: Mapping[int, int]
 ) -> list[Latency]:
-    """Returns a row for each stage, over all verified groups; together they cover the way of a
-    byte.
+    """A row for each stage, over all verified groups; together they cover the way of a byte.
 
     - encoder: a group leaves when it is complete; at the link's own rate its bytes arrive evenly
       while the previous group is shown;

@@ -12,8 +12,6 @@ from link.setting import Payload
 from link.setup.setup import FileSetup
 from link.verdict import Cause, Verdict
 
-__all__ = ["judge_delivery", "write_delivery"]
-
 RECEIVED: Final = "received"
 """Folder of the received file in a run's folder."""
 VERDICT: Final = "verdict.json"
@@ -21,7 +19,7 @@ VERDICT: Final = "verdict.json"
 
 
 def judge_delivery(setup: FileSetup, received: Received) -> tuple[Verdict, bool]:
-    """Returns the verdict, and whether the file arrived as it was sent."""
+    """Verdict, and whether the file arrived as it was sent."""
     delivered = received.delivered
     if delivered is not None:
         if delivered == (setup.payload.data, setup.payload.name):

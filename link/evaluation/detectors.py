@@ -8,8 +8,6 @@ from typing import Any, Final
 from link.detect.comparison import comparison
 from link.theory import pixel_errors
 
-__all__ = ["compare_detectors"]
-
 Q, ON, OFF = 100.0, 1.5, 0.1
 """Q: electrons of the threshold. ON, OFF: charge of a tick, thresholds, background included."""
 SIDE, SYMBOLS = 128, 96
@@ -23,7 +21,7 @@ COUNTED: Final = {
 
 
 def compare_detectors(seed: int) -> list[dict[str, Any]]:
-    """Returns the rows of `link.detect.comparison` for a residual reset and a background of 0.1 Q.
+    """Rows of `link.detect.comparison` for a residual reset and a background of 0.1 Q.
 
     `theory` is the error rate of deciding by the count of spikes; None if it does not apply.
     """

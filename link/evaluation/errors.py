@@ -13,8 +13,6 @@ from link.layout import TRAINING, Layout
 from link.receiving import Received
 from link.setup.setup import FileSetup
 
-__all__ = ["LISTED", "Errors", "Symbols", "count_errors", "errors_of"]
-
 LISTED: Final = 100_000
 """Wrong decisions whose places are kept, at most: those of a link that works."""
 
@@ -59,7 +57,7 @@ def count_errors(sent: Symbols, decided: Symbols, layout: Layout, symbols: Seque
 
     Args:
         sent, decided: bits of the data cells.
-        layout: of the cells.
+        layout: layout of the cells.
         symbols: numbers of the symbols to compare.
         last: number of the transmission's last symbol.
     """

@@ -23,8 +23,6 @@ from link.detect.geometry import PLACES, cell_images
 from link.layout import TRAINING, Layout
 from link.timing import Registration, Timing
 
-__all__ = ["RARE", "Eye", "open_eye"]
-
 Floats = npt.NDArray[np.float64]
 RARE: Final = 0.01
 """Share of the traces of each bit that may lie within the opening."""
@@ -70,7 +68,7 @@ def _weights(
     layout: Layout, registration: Registration, cells: npt.NDArray[np.intp], tick: float,
     shape: tuple[int, int],
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats, Floats]:  # fmt: skip
-    """Returns the camera pixels of each cell with their weights.
+    """Camera pixels of each cell with their weights.
 
     Args:
         layout, registration: cells, and their place in the image.
@@ -104,7 +102,7 @@ def _sums(
     stream: SpikeStream, first: int, stop: int, row: npt.NDArray[np.intp],
     column: npt.NDArray[np.intp], weight: Floats, ticks: int,
 ) -> Floats:  # fmt: skip
-    """Returns the weighted spikes of each cell over windows of `ticks`, (cells, windows).
+    """Weighted spikes of each cell over windows of `ticks`, (cells, windows).
 
     Window n begins at tick first + n. The value is 1 if every pixel spikes in every tick.
 
@@ -129,12 +127,12 @@ def open_eye(
     stream: SpikeStream, layout: Layout, registration: Registration, timing: Timing,
     sent: Callable[[int, int], npt.NDArray[np.bool_]], symbols: int,
 ) -> Eye | None:  # fmt: skip
-    """Returns the eye diagram of the data cells; None if the stream has no symbol with its
-    neighbours.
+    """Eye diagram of the data cells; None if the stream has no symbol with its neighbours.
 
     Args:
         stream: the recording.
-        layout, registration, timing: as the receiver has estimated them.
+        layout, registration, timing: layout, registration and timing as the receiver has estimated
+            them.
         sent: (first, count) -> (count, cells), the bits that were shown.
         symbols: number of symbols of the transmission.
     """
@@ -189,7 +187,7 @@ def _measured(
     x: Floats, values: npt.NDArray[np.float32], nearest: Floats, traces: Floats,
     on: npt.NDArray[np.bool_],
 ) -> Eye:  # fmt: skip
-    """Returns the eye diagram of traces.
+    """Eye diagram of traces.
 
     Args:
         x: (columns,) ticks.

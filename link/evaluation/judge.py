@@ -38,8 +38,6 @@ from link.theory import clopper_pearson
 from link.trial.planned import PlannedLink
 from link.verdict import Cause
 
-__all__ = ["closed_form", "evaluate_link"]
-
 Predicted = Callable[[], CellErrors | None]
 LEVEL: Final = 0.999
 """Confidence of the interval of the raw bit error rate."""
@@ -50,7 +48,7 @@ _NOT_MODELLED: Final = frozenset(
 
 
 def _soft(setup: FileLinkSetup, received: Received) -> SoftValues | None:
-    """Returns the receiver's sample of soft values with the sent bits."""
+    """Receiver's sample of soft values with the sent bits."""
     if received.mode != setup.mode or not len(received.soft):
         return None
     symbol, cell = received.soft_at.T
@@ -64,8 +62,7 @@ def _soft(setup: FileLinkSetup, received: Received) -> SoftValues | None:
 
 
 def _eye(setup: FileLinkSetup, stream: SpikeStream, received: Received) -> Eye | None:
-    """Returns the eye diagram, if the receiver has located the panel and its symbols in the sent
-    mode."""
+    """Eye diagram, if the receiver has located the panel and its symbols in the sent mode."""
     registration, timing = received.registration, received.timing
     if received.mode != setup.mode or registration is None or timing is None:
         return None

@@ -19,8 +19,6 @@ from link.mode import Mode
 from link.theory import ldpc_word_error
 from link.theory.soft_information import SoftInformation
 
-__all__ = ["LostShare", "lost_share"]
-
 _OFF: Final = 0.002
 """Information, bits, by which the table of `ldpc_words` may be off (its tests hold this)."""
 _STILL: Final = 1 / 16
@@ -48,16 +46,16 @@ def lost_share(
     mode: Mode, data_bits: int, information: SoftInformation | None, drift: float,
     words: int, together: int = 1,
 ) -> LostShare:  # fmt: skip
-    """Returns the expected share of frames that are lost with any of their words.
+    """Expected share of frames that are lost with any of their words.
 
     If words fail independently, 1 - (1 - p)^n of the frames of n words are lost. The limits hold
     for any dependence: from p to n p.
 
     Args:
-        mode: of the transmission.
-        data_bits: of a word.
-        information: of a bit with its soft value.
-        drift: by which the symbols move within the tick in the run, ticks.
+        mode: mode of the transmission.
+        data_bits: data bits of a word.
+        information: information of a bit with its soft value.
+        drift: drift of the symbols within the tick in the run, ticks.
         words: number of words that were read, or of frames.
         together: words of a frame; 1 for the share of words.
     """

@@ -15,8 +15,6 @@ from link.setup.locking.loop import ClockLock
 from link.setup.setup import FileLinkSetup
 from link.trial.check import LinkCheck
 
-__all__ = ["link_metrics", "lock_metrics"]
-
 _NOT_READ: Final = "the receiver found no symbols, or its detector gives no soft values"
 _NO_BITS: Final = "no codeword was verified, so no bit could be compared"
 _NO_LAW: Final = (
@@ -30,7 +28,7 @@ _FREE: Final = "no clock was locked: link.sensor.clock_steering, or its reset, h
 
 
 def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
-    """Returns the metrics by name. camera_s: wall time of air and camera, s."""
+    """Metrics by name. camera_s: wall time of air and camera, s."""
     setup, received, theory, rates = link.setup, link.received, link.theory, link.rates
     sent = _frames_sent_meanwhile(setup, received)
     lost = max(sent - received.frames_right, 0)
@@ -99,8 +97,8 @@ def link_metrics(link: LinkEvaluation, camera_s: float) -> dict[str, Metric]:
 
 
 def lock_metrics(lock: ClockLock | None) -> dict[str, Metric]:
-    """Returns the metrics of a locked clock, unknown without one: rms and largest true phase of the
-    planes over the run, and the ticks that the loop took to lock before it."""
+    """Metrics of a locked clock, unknown without one: rms and largest true phase of the planes over
+    the run, and the ticks that the loop took to lock before it."""
     return {
         "phase_error": Metric(None if lock is None else lock.rms, "ticks", _FREE),
         "phase_error_most": Metric(None if lock is None else lock.most, "ticks", _FREE),
@@ -109,7 +107,7 @@ def lock_metrics(lock: ClockLock | None) -> dict[str, Metric]:
 
 
 def _expected(link: LinkEvaluation, frames: int) -> tuple[LostShare, LostShare]:
-    """Returns the expected shares of lost words, and of lost frames of `frames`."""
+    """Expected shares of lost words, and of lost frames of `frames`."""
     received, mode, timing = link.received, link.mode, link.received.timing
     if timing is None or received.mode != mode or mode.rate is None:
         return LostShare(), LostShare()
@@ -121,7 +119,7 @@ def _expected(link: LinkEvaluation, frames: int) -> tuple[LostShare, LostShare]:
 
 
 def _limits(name: str, share: LostShare) -> dict[str, Metric]:
-    """Returns the metrics of an expected share."""
+    """Metrics of an expected share."""
     return {
         name: Metric(share.value, "1", _NO_SHARE),
         f"{name}_low": Metric(share.low, "1", _NO_SHARE),
@@ -130,14 +128,14 @@ def _limits(name: str, share: LostShare) -> dict[str, Metric]:
 
 
 def _rounds(received: Received) -> float | None:
-    """Returns the mean number of decoding rounds of a word; None for a code without rounds."""
+    """Mean number of decoding rounds of a word; None for a code without rounds."""
     if received.mode is None or received.mode.parity is not None or not received.codewords:
         return None
     return received.rounds / received.codewords
 
 
 def _frames_sent_meanwhile(setup: FileLinkSetup, received: Received) -> int:
-    """Returns the number of frames that were sent before the receiver stopped.
+    """Number of frames that were sent before the receiver stopped.
 
     It stops as soon as the file is complete; later frames are not lost.
     """
@@ -148,7 +146,7 @@ def _frames_sent_meanwhile(setup: FileLinkSetup, received: Received) -> int:
 
 
 def _check_metrics(check: LinkCheck) -> dict[str, Metric]:
-    """Returns the number of bits of the error's measurement, and of those decided differently."""
+    """Number of bits of the error's measurement, and of those decided differently."""
     paired = check.paired
     near = None if paired is None else paired.near
     bits = "bits"

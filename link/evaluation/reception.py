@@ -12,20 +12,18 @@ from link.receiving import Received, Receiver
 from link.receiving.tuned import Tuned
 from link.setup.setup import FileSetup
 
-__all__ = ["arrival_of", "receive_stream"]
-
 
 def receive_stream(
     stream: SpikeStream, modem: Modem, device: Device | None, progress: Progress,
     tuned: Tuned | None = None,
 ) -> tuple[Received, Tuned | None]:  # fmt: skip
-    """Returns the result of the receiver on a recording, and what it knows of the link then.
+    """Result of the receiver on a recording, and what it knows of the link then.
 
     Args:
         stream: the recording.
         modem: settings of the receiver.
         device: OpenCL device of the run, None for the compiled form.
-        progress: of the receiver.
+        progress: progress of the receiver.
         tuned: what the receiver knows of the link; None if it knows nothing.
     """
     receiver = Receiver(
@@ -42,7 +40,7 @@ def receive_stream(
 
 
 def arrival_of(setup: FileSetup, received: Received) -> float | None:
-    """Returns the time from first light until the file was whole, s; None if it was not."""
+    """Time from first light until the file was whole, s; None if it was not."""
     if received.delivered_tick is None:
         return None
     clock = setup.setting.camera.clock

@@ -26,8 +26,6 @@ from link.trial.check import LinkCheck
 from link.trial.planned import PlannedLink
 from link.verdict import Verdict
 
-__all__ = ["LinkEvaluation", "SoftValues", "Theory"]
-
 
 @dataclass(frozen=True, eq=False)
 class SoftValues:
@@ -50,7 +48,7 @@ class Theory:
         soft: error rate according to the soft values, the mean of 1/(1 + e^|L|) over all of them.
         closed: estimate from geometry, light and threshold; None if no closed form models the cause
             of failure, or if it underflows.
-        interval: of the measured rate, 99.9 %.
+        interval: interval of the measured rate, 99.9 %.
         closed_interval: 99.9 % limits of the draws of `cell_errors`; None for the coarse estimate
             of `predict_errors`, which is used without a hard reset, or if nothing was received.
     """
@@ -68,19 +66,20 @@ class LinkEvaluation:
     Attributes:
         setup: the link and its file.
         link: its plan.
-        check: of the plan, in units of the run's own bits.
+        check: check of the plan, in units of the run's own bits.
         verdict: cause of failure.
         delivered: whether the bytes received are those that were sent.
         received: result of the receiver.
-        errors, theory, rates: of the transmission.
-        eye, soft: None if the receiver has read no symbol in the sent mode.
+        errors, theory, rates: errors, theory and rates of the transmission.
+        eye, soft: eye diagram and soft values; None if the receiver has read no symbol in the sent
+            mode.
         image: (H, W) float32, spikes a cycle of every camera pixel, mean over the time of the
             light.
         outline: (4, 2) camera (x, y) of the panel's corners as the receiver estimated them, or
             None.
         truth: (4, 2) their true positions.
         delays: (groups,) int64 ps, from the light of a verified group to its verification.
-        latency: of the stages.
+        latency: latency of the stages.
         scene: light of the cells.
         capacity: bit/s, None if the panel is not wholly in view.
         over_distance: predicted rates at this and other distances, empty if the mode was given.
@@ -146,7 +145,7 @@ class LinkEvaluation:
         return f"{self.verdict.cause.value}: {self.verdict.text}"
 
     def verdict_document(self) -> dict[str, Any]:
-        """Returns the content of verdict.json."""
+        """Content of verdict.json."""
         return {
             "cause": self.verdict.cause.name.lower(), "said": self.verdict.cause.value,
             "told": self.verdict.text, "delivered": self.delivered,

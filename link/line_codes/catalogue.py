@@ -13,21 +13,20 @@ from link.line_codes.four_six import FOUR_SIX
 from link.line_codes.manchester import MANCHESTER
 from link.line_codes.uncoded import SCRAMBLED, UNCODED
 
-__all__ = ["CATALOGUE", "decode_line", "encode_line"]
-
 CATALOGUE: Final[dict[str, LineCode]] = {
     code.name: code for code in (UNCODED, MANCHESTER, FOUR_SIX, EIGHT_TEN, SCRAMBLED)
 }
-"""In the order of their numbers in the tags of a panel, so a new code goes to the end."""
+"""Line codes in the order of their numbers in the tags of a panel, so a new code goes to the
+end."""
 
 
 def encode_line(line: str, values: npt.NDArray[np.uint8], disparity: Bits | None = None) -> Bits:
-    """Returns the symbols of the cells in the code of this name; see `LineCode.encode`."""
+    """Symbols of the cells in the code of this name; see `LineCode.encode`."""
     return CATALOGUE[line].encode(values, disparity)
 
 
 def decode_line(
     line: str, soft: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Returns the most likely values in the code of this name; see `LineCode.decode`."""
+    """Most likely values in the code of this name; see `LineCode.decode`."""
     return CATALOGUE[line].decode(soft)

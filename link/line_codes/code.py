@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Bits", "LineCode", "Read"]
-
 Bits = npt.NDArray[np.bool_]
 Read = Callable[[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.float32]], None]
 """Fills values, (groups, cells) uint8, and margins, float32, from soft values, (groups * symbols,
@@ -26,7 +24,7 @@ class LineCode:
     """A line code.
 
     Attributes:
-        name: in scenarios and on the command line.
+        name: name in scenarios and on the command line.
         symbols: symbols of a group.
         bits: bits that a cell carries in a group.
         run_limit: longest run of equal symbols; None if the data may make any.
@@ -45,7 +43,7 @@ class LineCode:
     read: Read | None = None
 
     def encode(self, values: npt.NDArray[np.uint8], disparity: Bits | None = None) -> Bits:
-        """Returns the symbols of the cells, (groups * symbols, cells) bool.
+        """Symbols of the cells, (groups * symbols, cells) bool.
 
         Args:
             values: (groups, cells), below 2^bits.

@@ -15,11 +15,9 @@ import numpy.typing as npt
 from link.line_codes.code import LineCode
 from link.line_codes.eight_ten_parts import FOUR, MIDDLE, SIX
 
-__all__ = ["EIGHT_TEN"]
-
 
 def _codewords() -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.bool_]]:
-    """Returns codewords by running disparity and byte, (2, 256), and the bytes that change the
+    """Codewords by running disparity and byte, (2, 256), and the bytes that change the
     disparity."""
     value = np.arange(256)
     x, y = value & 31, value >> 5

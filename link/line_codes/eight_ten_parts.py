@@ -10,8 +10,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FOUR", "MIDDLE", "SIX"]
-
 # Codes of EDCBA = 0 to 31 at negative running disparity. At positive disparity unbalanced ones,
 # and 7, are inverted.
 _5B6B: Final = (
@@ -27,7 +25,7 @@ _ALTERNATE: Final = "0111"
 
 
 def _either(text: str, inverted_too: str) -> tuple[int, int]:
-    """Returns a part's bits at negative and at positive running disparity."""
+    """A part's bits at negative and at positive running disparity."""
     unbalanced = 2 * text.count("1") != len(text)
     code = int(text[::-1], 2)  # the first symbol is the lowest bit
     inverted = code ^ ((1 << len(text)) - 1)

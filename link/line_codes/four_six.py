@@ -8,8 +8,6 @@ import numpy as np
 
 from link.line_codes.code import LineCode
 
-__all__ = ["FOUR_SIX"]
-
 _WORDS: Final = (
     "001110 001101 010011 010110 010101 100011 100110 100101 "
     "011001 011010 011100 110001 110010 101001 101010 101100"

@@ -8,8 +8,6 @@ import numpy as np
 
 from link.line_codes.code import LineCode
 
-__all__ = ["MANCHESTER"]
-
 MANCHESTER: Final = LineCode(
     "manchester", symbols=2, bits=1, run_limit=2, codewords=np.array([[0b10, 0b01]], np.uint16)
 )

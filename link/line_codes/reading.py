@@ -13,8 +13,6 @@ from numba import njit
 
 from link.line_codes.eight_ten_parts import FOUR, MIDDLE, SIX
 
-__all__ = ["read_8b10b", "read_table"]
-
 _MOST = np.float32(1e4)
 """Soft values are clipped to it, so that sums stay finite and accurate."""
 _LEAST = np.float32(-1e9)

@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from link.line_codes.code import LineCode
 
-__all__ = ["SCRAMBLED", "UNCODED"]
-
 
 def _read(
     soft: npt.NDArray[np.float32],

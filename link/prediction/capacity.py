@@ -14,8 +14,6 @@ from link.mode import Mode
 from link.theory import Reset, count_capacity, count_laws, one_bit_capacity, poisson_capacity
 from link.theory.information import fsc_information_rate
 
-__all__ = ["CapacityInput", "capacity_bps", "capacity_document", "pixel_bound"]
-
 LARGEST: Final = 1000.0
 """Largest threshold that is modelled electron by electron; a larger one is scaled down together
 with the means."""
@@ -46,7 +44,7 @@ class CapacityInput:
 
 
 def pixel_bound(link: CapacityInput) -> float:
-    """Returns the bits per tick that no modulation of one pixel's light can exceed.
+    """Bits per tick that no modulation of one pixel's light can exceed.
 
     It is one bit of a latch, or the capacity of light of this peak and background if less.
     """
@@ -55,13 +53,12 @@ def pixel_bound(link: CapacityInput) -> float:
 
 
 def capacity_bps(link: CapacityInput) -> float:
-    """Returns the bits per second of all camera pixels on the panel's image, each at its
-    `pixel_bound`."""
+    """Bits per second of all camera pixels on the panel's image, each at its `pixel_bound`."""
     return link.on_panel * link.hz * pixel_bound(link)
 
 
 def _pixel(link: CapacityInput, mode: Mode, seed: int) -> dict[str, Any]:
-    """Returns the capacity of a pixel in a tick, and of a cell in a symbol, bits."""
+    """Capacity of a pixel in a tick, and of a cell in a symbol, bits."""
     on, off, q = link.on, link.off, link.threshold
     peak, scale = max(on - off, 1e-300), max(link.threshold / LARGEST, 1.0)
     whole = max(round(q / scale), 1)
@@ -99,7 +96,7 @@ def _pixel(link: CapacityInput, mode: Mode, seed: int) -> dict[str, Any]:
 
 
 def _sum_law(law: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
-    """Returns the distribution of the sum of independent counts."""
+    """Distribution of the sum of independent counts."""
     total = np.ones(1)
     for _ in range(count):
         total = np.convolve(total, law)
@@ -107,15 +104,15 @@ def _sum_law(law: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64
 
 
 def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[str, Any]:
-    """Returns the document of `viform link capacity --json`.
+    """Document of `viform link capacity --json`.
 
     `budget` goes from every pixel of the sensor at one bit per tick to the coded rate. Each row has
     its factor, the remaining rate, and its share of the total loss in logarithms.
 
     Args:
         link: the link.
-        mode: of the transmission.
-        seed: of the information rate's simulation.
+        mode: mode of the transmission.
+        seed: seed of the information rate's simulation.
     """
     layout = Layout(mode)
     pixel = _pixel(link, mode, seed)

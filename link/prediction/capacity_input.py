@@ -12,8 +12,6 @@ from link.section import LinkScenario
 from link.setting import LinkSetting, link_setting
 from sensor import CameraSetting
 
-__all__ = ["DEFAULT_MODE", "capacity_input", "scenario_input"]
-
 DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 1, "line": "scrambled", "parity": 32}
 """Parts of a mode that are assumed if the scenario leaves them to the pilots of a run; larger cells
 where these are smaller than LEAST_CELL in the image."""
@@ -22,7 +20,7 @@ where these are smaller than LEAST_CELL in the image."""
 def scenario_input(
     scenario: LinkScenario, camera: CameraSetting
 ) -> tuple[CapacityInput, Mode, list[str]]:
-    """Returns the input of a scenario, its mode, and the names of the assumed parts of the mode.
+    """Input of a scenario, its mode, and the names of the assumed parts of the mode.
 
     Raises:
         InputError: if the scenario cannot be simulated.
@@ -49,12 +47,12 @@ def scenario_input(
 
 
 def capacity_input(setting: LinkSetting, scene: CellScene, mode: Mode) -> CapacityInput:
-    """Returns the input of a link that is set up.
+    """Input of a link that is set up.
 
     Args:
         setting: the link.
         scene: light of its cells.
-        mode: of the transmission.
+        mode: mode of the transmission.
     """
     camera, panel = setting.camera, setting.optics
     sensor = camera.chip.width * camera.chip.height

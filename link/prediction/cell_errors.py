@@ -41,8 +41,6 @@ from link.prediction.drawn_cells import (
 from link.prediction.error_bound import longest_run
 from link.theory import hard_patterns
 
-__all__ = ["cell_errors"]
-
 _HISTORY: Final = 4
 """Symbols before the decided one whose charge may remain."""
 _CONTEXT: Final = 2
@@ -137,7 +135,7 @@ def _draw(
 
 
 def _tables(drawn: list[_Drawn], ticks: int) -> Values:
-    """Returns ln P(spike) as the detector learns it.
+    """ln P(spike) as the detector learns it.
 
     The shape is (PHASES, ticks, shares, before, bit, contexts, spike).
     """
@@ -160,7 +158,7 @@ def _tables(drawn: list[_Drawn], ticks: int) -> Values:
 
 
 def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
-    """Returns P(wrong decision) and the rate according to the soft values, (cells,) each."""
+    """P(wrong decision) and the rate according to the soft values, (cells,) each."""
     patterns = np.arange(1 << (_CONTEXT + ticks + 1))
     ratio = np.zeros((PHASES, 2, 2, each.share.size, patterns.size))  # by before and after
     for j in range(ticks + 1):
@@ -200,15 +198,15 @@ def _wrong(each: _Drawn, tables: Values, ticks: int) -> tuple[Values, Values]:
 
 
 def cell_errors(sight: CellSight, mode: Mode, draws: int = 8_192, seed: int = 1) -> CellErrors:
-    """Returns the estimated error rate of cells.
+    """Estimated error rate of cells.
 
     Draws are repeated, at most `_ROUNDS` times, until the interval is narrower than the rate.
 
     Args:
         sight: the optics and the light.
-        mode: of the transmission.
+        mode: mode of the transmission.
         draws: number of cells to draw, reduced for long symbols.
-        seed: of the draws.
+        seed: seed of the draws.
     """
     rng = np.random.Generator(np.random.Philox(key=seed))
     places = [(y, x) for y in range(PLACES) for x in range(PLACES)]

@@ -41,8 +41,6 @@ from link.prediction.drawn_cells import (
     random_bits,
 )
 
-__all__ = ["chain_errors"]
-
 _CHARGE: Final = 8
 """Symbols before the chain whose charge may remain."""
 _AROUND: Final = 6
@@ -105,7 +103,7 @@ def _draw(
 
 @njit(cache=True, nogil=True)
 def _either(a, b):  # type: ignore[no-untyped-def]
-    """Returns ln(e^a + e^b) as the detector has it."""
+    """ln(e^a + e^b) as the detector has it."""
     return max(a, b) + max(STEEP * (WIDE - abs(a - b)), np.float32(0))
 
 
@@ -155,10 +153,10 @@ def _decide(charge, normal, bits, share, phase, tables, shape, wrong, doubt):  #
     """Adds up wrong decisions and 1 / (1 + e^|L|) of each cell.
 
     Args:
-        charge, bits, share, phase: of `_Drawn`.
+        charge, bits, share, phase: charge, bits, share and phase of `_Drawn`.
         normal: (cells, _REPEATS, pixels, ticks) standard normal variables.
         tables: (PHASES, SHARES, PAIRS, contexts, 2) log likelihoods.
-        shape: of the threshold's gamma law.
+        shape: shape of the threshold's gamma law.
         wrong, doubt: (cells,) float64, over _REPEATS draws of _DECIDED symbols.
     """
     first = _CHARGE
@@ -191,7 +189,7 @@ def _decide(charge, normal, bits, share, phase, tables, shape, wrong, doubt):  #
 
 
 def _tables(drawn: list[_Drawn], shape: float, rng: np.random.Generator) -> Values:
-    """Returns the log likelihoods that a detector learns, (PHASES, SHARES, PAIRS, contexts, 2)."""
+    """Log likelihoods that a detector learns, (PHASES, SHARES, PAIRS, contexts, 2)."""
     counts = np.zeros((PHASES, SHARES, PAIRS, 1 << CONTEXT, 2))
     for each in drawn:
         here = np.zeros((len(each.charge), *counts.shape[1:]), np.int32)
@@ -207,15 +205,15 @@ def _tables(drawn: list[_Drawn], shape: float, rng: np.random.Generator) -> Valu
 
 
 def chain_errors(sight: CellSight, mode: Mode, draws: int = 16_384, seed: int = 1) -> CellErrors:
-    """Returns the estimated error rate of cells whose symbols are one tick long.
+    """Estimated error rate of cells whose symbols are one tick long.
 
     Its limits are those of the draws: batches are independent, the decisions in one are not.
 
     Args:
         sight: the optics and the light.
-        mode: of the transmission.
+        mode: mode of the transmission.
         draws: number of cells to draw in a round; each decides _DECIDED symbols _REPEATS times.
-        seed: of the draws.
+        seed: seed of the draws.
 
     Raises:
         ValueError: for longer symbols.

@@ -15,11 +15,6 @@ from link.detect.geometry import LEAST, PLACES, SHARES
 from link.mode import Mode
 from link.prediction.error_bound import CellScene, edge_share
 
-__all__ = [
-    "CellErrors", "CellPixels", "CellSight", "Mixed", "cell_pixels", "light_on_pixels", "own_bits",
-    "random_bits",
-]  # fmt: skip
-
 _PHASES: Final = 32
 """Sub-pixel positions of the table of weights."""
 Values = npt.NDArray[np.float64]
@@ -33,7 +28,7 @@ class CellSight:
     Attributes:
         scene: light and threshold; its blur and phase are not read.
         affine: (2, 2) camera pixels for a step of one panel pixel, in x and y.
-        psf: of the whole optical path.
+        psf: point-spread function of the whole optical path.
         blur: standard deviation that the detector assumes, camera pixels.
         phases: delays of symbols after the latch for representative rows and symbols, ticks.
     """
@@ -84,7 +79,7 @@ class CellErrors:
 
 
 def random_bits(rng: np.random.Generator, shape: tuple[int, ...], longest: int) -> Flags:
-    """Returns random bits whose runs along the last axis have at most `longest` bits."""
+    """Random bits whose runs along the last axis have at most `longest` bits."""
     out = rng.random(shape) < 0.5
     if longest >= shape[-1]:
         return out
@@ -97,7 +92,7 @@ def random_bits(rng: np.random.Generator, shape: tuple[int, ...], longest: int) 
 
 
 def own_bits(bits: Flags) -> Flags:
-    """Returns the bits of the cells in the middle, (cells, symbols)."""
+    """Bits of the cells in the middle, (cells, symbols)."""
     return bits[:, bits.shape[1] // 2, bits.shape[2] // 2]
 
 
@@ -120,8 +115,8 @@ def cell_pixels(
     sight: CellSight, mode: Mode, place: tuple[int, int], count: int, most: int,
     rng: np.random.Generator,
 ) -> CellPixels:  # fmt: skip
-    """Returns the pixels of `count` cells anywhere within a sub-pixel position, at most `most` of
-    each: those with the largest shares."""
+    """Pixels of `count` cells anywhere within a sub-pixel position, at most `most` of each: those
+    with the largest shares."""
     side = mode.cell * sight.scene.pixel
     reach = math.ceil(side / 2 + 1)
     around = max(math.ceil((1.5 + 3 * sight.blur) / side), 1)
@@ -142,7 +137,7 @@ def cell_pixels(
 
 
 def light_on_pixels(sight: CellSight, cell: int, seen: CellPixels, bits: Flags) -> Values:
-    """Returns the share of the light that is on at camera pixels, (cells, pixels, symbols).
+    """Share of the light that is on at camera pixels, (cells, pixels, symbols).
 
     Args:
         sight: the optics.

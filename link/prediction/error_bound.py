@@ -20,8 +20,6 @@ import numpy.typing as npt
 from link.mode import Mode
 from link.theory import Reset
 
-__all__ = ["LEAST_CELL", "CellScene", "edge_share", "longest_run", "predict_errors"]
-
 _PLACES = 5
 """Positions of a camera pixel within the cell's grid, along each axis, that are averaged."""
 _WORTH = 1e-3
@@ -61,12 +59,12 @@ class CellScene:
 
 
 def longest_run(mode: Mode) -> int:
-    """Returns the assumed longest run of equal symbols."""
+    """Assumed longest run of equal symbols."""
     return mode.code.run_limit or _UNCODED_RUN
 
 
 def edge_share(x: Values, blur: float) -> Values:
-    """Returns the share of a camera pixel at x beyond a blurred edge at 0.
+    """Share of a camera pixel at x beyond a blurred edge at 0.
 
     It is the integral of the normal distribution over the pixel.
     """
@@ -84,7 +82,7 @@ def edge_share(x: Values, blur: float) -> Values:
 
 
 def _shares(side: float, blur: float) -> Values:
-    """Returns the share of each pixel's light along a line that its cell brings, (places, pixels).
+    """Share of each pixel's light along a line that its cell brings, (places, pixels).
 
     Args:
         side: length of a cell, camera pixels.
@@ -98,7 +96,7 @@ def _shares(side: float, blur: float) -> Values:
 
 
 def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:
-    """Returns P(spike in a tick).
+    """P(spike in a tick).
 
     Args:
         scene: the pixel.
@@ -123,7 +121,7 @@ def _fires(scene: CellScene, mean: Values, spread: Values, run: int) -> Values:
 
 
 def predict_errors(scene: CellScene, mode: Mode) -> float:
-    """Returns an estimate of the raw bit error rate of the joint decision.
+    """An estimate of the raw bit error rate of the joint decision.
 
     It is the Bhattacharyya bound of a model with independent observations and normal light of the
     neighbours.

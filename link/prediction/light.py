@@ -15,8 +15,6 @@ from link.setting import LinkSetting
 from link.timing import Timing
 from sensor.device.crosstalk import side_share
 
-__all__ = ["cell_scene", "cell_sight"]
-
 _AIRY = 0.42
 """Standard deviation of the Gaussian that fits an Airy core, in wavelength over aperture (Zhang,
 Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007)."""
@@ -26,7 +24,7 @@ _ROWS = 33
 
 
 def _blur(setting: LinkSetting) -> float:
-    """Returns the standard deviation of the blur of an edge, camera pixels.
+    """Standard deviation of the blur of an edge, camera pixels.
 
     It combines the lens, diffraction, defocus (q / 2 along an axis for a disc of radius q), and
     vibration over the run.
@@ -39,8 +37,7 @@ def _blur(setting: LinkSetting) -> float:
 
 
 def cell_scene(setting: LinkSetting) -> CellScene:
-    """Returns the light of the cells at the run's distance, with half of the panel on at any
-    time."""
+    """Light of the cells at the run's distance, with half of the panel on at any time."""
     optics, air, camera = setting.optics, setting.air, setting.camera
     here = levels(optics, air)
     covered = min(
@@ -61,7 +58,7 @@ def cell_scene(setting: LinkSetting) -> CellScene:
 
 
 def cell_sight(setting: LinkSetting, timing: Timing, symbols: int) -> CellSight:
-    """Returns the input of `cell_errors` for a run.
+    """Input of `cell_errors` for a run.
 
     Args:
         setting: the link.

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from cosim import Clock
 from link.layout import Layout
 
-__all__ = ["Rates", "link_rates"]
-
 
 @dataclass(frozen=True)
 class Rates:
@@ -30,13 +28,13 @@ def link_rates(
     layout: Layout, clock: Clock, file_bytes: int, seconds: float | None,
     word_rate: float | None = None,
 ) -> Rates:  # fmt: skip
-    """Returns the bit rates.
+    """Bit rates.
 
     Args:
-        layout: of the cells.
-        clock: of the panel.
+        layout: layout of the cells.
+        clock: clock of the panel.
         file_bytes: size of the file.
-        seconds: from first light to the last verified byte, None without one.
+        seconds: time from first light to the last verified byte, s; None without one.
         word_rate: share of data in the words; None for that of the mode.
     """
     raw = layout.cells * clock.hz / layout.mode.ticks

@@ -34,8 +34,6 @@ from link.receiving.synthesis import (
 from link.receiving.tags import TagSearch, art_of, find_tags, fit_homography, tag_places
 from link.timing import Registration, Timing
 
-__all__ = ["Acquired", "Evidence", "acquire", "brightest_ticks", "lit_span"]
-
 Floats = npt.NDArray[np.float64]
 _BRIGHT: Final = 0.98
 """Rate from which a pixel counts as saturated, spikes a tick."""
@@ -92,7 +90,7 @@ class Acquired:
     """A transmission that was located and timed.
 
     Attributes:
-        layout: of its mode.
+        layout: layout of the transmission's mode.
         refined: the registration.
         pace: the timing with its uncertainty.
         levels: light of the cells.
@@ -114,8 +112,8 @@ class Acquired:
         return self.pace.timing
 
     def numbered_as(self, timing: Timing) -> Acquired:
-        """Returns the same with symbols numbered as in an earlier timing of the same transmission.
-        Without the training a number is known only modulo the pilots' period."""
+        """The same with symbols numbered as in an earlier timing of the same transmission. Without
+        the training a number is known only modulo the pilots' period."""
         if self.trained is not None:
             return self
         mine = self.pace.timing
@@ -125,7 +123,7 @@ class Acquired:
 
 
 def brightest_ticks(recording: Recording) -> tuple[int, int]:
-    """Returns the ticks of the words with at least half of the largest number of spikes."""
+    """Ticks of the words with at least half of the largest number of spikes."""
     words = recording.ticks // WORD
     if words < 2:
         return recording.first, recording.stop
@@ -137,7 +135,7 @@ def brightest_ticks(recording: Recording) -> tuple[int, int]:
 
 
 def survey_recording(recording: Recording) -> Evidence:
-    """Returns the image and the tags in it."""
+    """Image and the tags in it."""
     rates = recording.rates(*brightest_ticks(recording))
     most = float(np.quantile(rates, 0.999)) if rates.size else 0.0
     bright = float(np.mean(rates >= _BRIGHT)) if rates.size else 0.0
@@ -148,7 +146,7 @@ def survey_recording(recording: Recording) -> Evidence:
 
 
 def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Floats:
-    """Returns the spikes of the tags' white minus those of their black in each tick, (ticks,)."""
+    """Spikes of the tags' white minus those of their black in each tick, (ticks,)."""
     m = layout.module
     points: tuple[list[tuple[float, float]], list[tuple[float, float]]] = ([], [])
     for tag, (px, py) in zip(layout.mode.tags, tag_places(layout), strict=True):
@@ -169,13 +167,13 @@ def tag_light(recording: Recording, layout: Layout, homography: Floats) -> Float
 
 
 def lit_span(recording: Recording, layout: Layout, homography: Floats) -> tuple[int, int] | None:
-    """Returns the ticks in which the tags are on; None if they never are."""
+    """Ticks in which the tags are on; None if they never are."""
     spans = lit_spans(recording, layout, homography)
     return (spans[0][0], spans[-1][1]) if spans else None
 
 
 def lit_spans(recording: Recording, layout: Layout, homography: Floats) -> list[tuple[int, int]]:
-    """Returns the spans of ticks in which the tags are on, in order; end excluded."""
+    """Spans of ticks in which the tags are on, in order; end excluded."""
     light = tag_light(recording, layout, homography)
     if len(light) < 2 * _SMOOTH:
         return []
@@ -198,7 +196,7 @@ def lit_spans(recording: Recording, layout: Layout, homography: Floats) -> list[
 
 
 def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> float:
-    """Returns the side of a cell, camera pixels.
+    """Side of a cell, camera pixels.
 
     It is the root of the area of the panel's image, at most the camera's, over the number of cells.
     """
@@ -212,8 +210,8 @@ def cell_side(homography: Floats, layout: Layout, shape: tuple[int, int]) -> flo
 
 
 def acquire(recording: Recording) -> tuple[Evidence, Acquired | None]:
-    """Returns the evidence, and the transmission if there is one. A few ticks that the pilots show
-    to be missing are put into the recording."""
+    """Evidence, and the transmission if there is one. A few ticks that the pilots show to be
+    missing are put into the recording."""
     evidence = survey_recording(recording)
     mode = evidence.mode
     if mode is None:
@@ -312,8 +310,7 @@ def _time(
 
 
 def _phased(w: Witnesses, fit: Fit, levels: Levels) -> Pace:
-    """Returns the pace, with the phase of the pilots if it explains the spikes as well as the
-    fitted one."""
+    """Pace, with the phase of the pilots if it explains the spikes as well as the fitted one."""
     timing = fit.timing
     guess = replace(timing, first=timing.first - fit.delay)
     better = nudge(w, guess, levels)

@@ -19,8 +19,6 @@ from link.detect.detector import Detector, Soft
 from link.detect.packed import Packed
 from link.receiving.recording import Recording
 
-__all__ = ["Ahead"]
-
 
 class Ahead:
     """Soft values of one stretch of symbols after another.
@@ -59,7 +57,7 @@ class Ahead:
             self._begun = None
 
     def soft(self, recording: Recording, detector: Detector, first: int, count: int) -> Soft:
-        """Returns the soft values of `count` symbols from `first` on, (count, cells)."""
+        """Soft values of `count` symbols from `first` on, (count, cells)."""
         if self._begun is not None and self._begun[:3] == (detector, first, count):
             out, self._begun = self._begun[3].result(), None
         else:
@@ -71,7 +69,7 @@ class Ahead:
         return out
 
     def _room(self, count: int) -> Soft | None:
-        """Returns free memory for `count` symbols; None if there is none."""
+        """Free memory for `count` symbols; None if there is none."""
         room = self._free.pop() if self._free else None
         return room[:count] if room is not None and len(room) >= count else None
 

@@ -19,8 +19,6 @@ from link.receiving.gaps import learn_known
 from link.receiving.recording import Recording
 from link.timing import Timing
 
-__all__ = ["ClassesMet"]
-
 _ROWS: Final = 5
 """Rows, from the first to the last, whose classes of phase are followed."""
 
@@ -29,9 +27,9 @@ class ClassesMet:
     """Rows, of _ROWS, and the classes of phase that a detector has learned in them.
 
     Args:
-        detector: that has learned from `count` symbols from `first` on.
-        timing: of the detector.
-        rows: of the camera.
+        detector: detector that has learned from `count` symbols from `first` on.
+        timing: timing of the detector.
+        rows: number of rows of the camera.
         first, count: the symbols.
     """
 

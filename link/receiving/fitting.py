@@ -20,8 +20,6 @@ from link.receiving.refining import project
 from link.receiving.synthesis import KnownSymbols, Levels, choose_witnesses, light_on, likelihoods
 from link.timing import Registration, Timing
 
-__all__ = ["fit_by_known"]
-
 Floats = npt.NDArray[np.float64]
 _PIXELS: Final = 1500
 _STEPS: Final = 2
@@ -35,11 +33,11 @@ def fit_by_known(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
     levels: Levels, known: KnownSymbols,
 ) -> Floats | None:  # fmt: skip
-    """Returns the homography; None with too few pixels, or if it changes implausibly.
+    """Homography; None with too few pixels, or if it changes implausibly.
 
     Args:
         recording: spikes.
-        layout, registration, timing: of the transmission, so far.
+        layout, registration, timing: layout, registration and timing of the transmission, so far.
         levels: light of the cells.
         known: the known symbols.
     """
@@ -78,8 +76,7 @@ def fit_by_known(
 
 
 def _newton(h: Floats, u: Floats, v: Floats, by: list[Floats]) -> Floats | None:
-    """Returns the change of the homography, from ln P without shift and shifted right, left, down,
-    up."""
+    """Change of the homography, from ln P without shift and shifted right, left, down, up."""
     still, right, left, down, up = by
     slope_x, slope_y = (right - left) / (2 * _MOVE), (down - up) / (2 * _MOVE)
     bend_x, bend_y = (2 * still - right - left) / _MOVE**2, (2 * still - down - up) / _MOVE**2

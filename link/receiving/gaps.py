@@ -22,18 +22,16 @@ from link.timing import Timing
 if TYPE_CHECKING:
     from link.coding import BlockReader
 
-__all__ = ["learn_known", "mended", "whole_parts"]
-
 
 def _ticks_of(timing: Timing, first: int, count: int) -> tuple[int, int]:
-    """Returns the ticks of symbols, those before included whose charge they may hold."""
+    """Ticks of symbols, those before included whose charge they may hold."""
     rows = np.array([0, timing.rows])
     begin, end = timing.start(first, rows), timing.start(first + count, rows)
     return int(np.floor(begin.min())) - CONTEXT, int(np.ceil(end.max()))
 
 
 def _gap_within(recording: Recording, timing: Timing, first: int, count: int) -> Gap | None:
-    """Returns the first gap that may touch `count` symbols from `first` on."""
+    """First gap that may touch `count` symbols from `first` on."""
     begin, end = _ticks_of(timing, first, count)
     touching = (g for g in recording.gaps if g.tick < end and g.last + g.count > begin)
     return min(touching, key=lambda gap: gap.tick, default=None)
@@ -52,7 +50,7 @@ def learn_known(
 def whole_parts(
     recording: Recording, timing: Timing, first: int, count: int
 ) -> list[tuple[int, int]]:
-    """Returns the stretches of `count` symbols from `first` on that touch no gap, end excluded."""
+    """Stretches of `count` symbols from `first` on that touch no gap, end excluded."""
     whole = np.ones(count, np.bool_)
     for gap in recording.gaps:
         for n in range(count):
@@ -66,12 +64,12 @@ def _soft_around(
     detector: Detector, recording: Recording, timing: Timing, gap: Gap, place: int, first: int,
     count: int,
 ) -> Soft:  # fmt: skip
-    """Returns the soft values of `count` symbols from `first` on, (count, cells), around a gap.
+    """Soft values of `count` symbols from `first` on, (count, cells), around a gap.
 
     Args:
-        detector: that has learned.
-        recording: with the missing ticks put in.
-        timing: of the symbols.
+        detector: detector that has learned.
+        recording: recording with the missing ticks put in.
+        timing: timing of the symbols.
         gap: the gap.
         place: first tick that is missing, of those that may be.
         first, count: the symbols.
@@ -93,7 +91,7 @@ def _soft_around(
 def _missing_share(
     timing: Timing, tick: int, missing: int, first: int, count: int
 ) -> npt.NDArray[np.float64]:
-    """Returns the share of each symbol in the missing ticks, (count,), in the row with most."""
+    """Share of each symbol in the missing ticks, (count,), in the row with most."""
     begin = timing.start(
         first + np.arange(count)[:, None], np.array([0, timing.rows / 2, timing.rows])
     )
@@ -111,9 +109,9 @@ def mended(
     soft: Soft, detector: Detector, recording: Recording, timing: Timing, first: int,
     inbox: BlockReader,
 ) -> Soft:  # fmt: skip
-    """Returns soft values of whole groups from symbol `first` on, those around a gap detected
-    again: with it at the place, of those that may be, at which most words can be read. No thread
-    may use the detector meanwhile."""
+    """Soft values of whole groups from symbol `first` on, those around a gap detected again: with
+    it at the place, of those that may be, at which most words can be read. No thread may use the
+    detector meanwhile."""
     count, size = len(soft), inbox.layout.group
     gap = _gap_within(recording, timing, first, count)
     if gap is None:

@@ -14,8 +14,6 @@ from scipy.special import ndtr
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["likelihood", "overlap", "slopes"]
-
 _ROOT, _DENSITY = 1 / math.sqrt(2), 1 / math.sqrt(2 * math.pi)
 _FAR = 5.0
 """Standard deviations beyond which a probability is 0 or 1: it is 3e-7 there, and the floor is
@@ -32,8 +30,7 @@ _RAMP = _Z * _SHARE + _NORMAL
 
 @njit(inline="always", nogil=True)
 def _part(tick, start, period):  # type: ignore[no-untyped-def]
-    """Returns the symbol in which a tick begins, and the part of the tick after that symbol's
-    end."""
+    """Symbol in which a tick begins, and the part of the tick after that symbol's end."""
     at = (tick - start) / period
     whole = math.floor(at)
     return int(whole), (at - whole) * period + 1 - period
@@ -41,7 +38,7 @@ def _part(tick, start, period):  # type: ignore[no-untyped-def]
 
 @njit(inline="always", nogil=True)
 def _log_likelihood(z, floor, sure, never):  # type: ignore[no-untyped-def]
-    """Returns ln of the probability at z standard deviations on the observed side."""
+    """ln of the probability at z standard deviations on the observed side."""
     if z > _FAR:
         return sure
     if z < -_FAR:
@@ -51,7 +48,7 @@ def _log_likelihood(z, floor, sure, never):  # type: ignore[no-untyped-def]
 
 @njit(inline="always", nogil=True)
 def _left(charge, rule):  # type: ignore[no-untyped-def]
-    """Returns the charge after a spike."""
+    """Charge after a spike."""
     if rule == 1:
         return 0.0
     rest = max(charge - 1, 0.0)
@@ -64,16 +61,16 @@ def _left(charge, rule):  # type: ignore[no-untyped-def]
 def likelihood(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
-    """Returns ln P of the observed bits of each pixel, (n,).
+    """ln P of the observed bits of each pixel, (n,).
 
     Args:
         bits: (n, ticks) uint8.
         light: (n, symbols) float64, light of each symbol on each pixel.
         start: (n,) tick at which symbol 0 begins.
-        tick: of the first bit.
+        tick: tick of the first bit.
         period: ticks of a symbol.
         on, background: charge of a tick of full light, and of the background, thresholds.
-        rule: of the reset, 0 residual, 1 hard, 2 subtract.
+        rule: rule of the reset, 0 residual, 1 hard, 2 subtract.
         noise: standard deviation of the charge at a spike, thresholds.
         floor: smallest probability.
         skip: ticks before the first that counts.
@@ -109,8 +106,7 @@ def likelihood(  # type: ignore[no-untyped-def]
 def slopes(  # type: ignore[no-untyped-def]
     bits, light, start, tick, period, on, background, rule, noise, floor, skip
 ):
-    """Returns ln P as `likelihood`, (n,), its derivatives, (n, 4), and the Fisher information, (n,
-    4, 4).
+    """ln P as `likelihood`, (n,), its derivatives, (n, 4), and the Fisher information, (n, 4, 4).
 
     The four parameters are the delay of the symbols, ticks; the same times the number of the symbol
     that begins; light; background. Between spikes the charge of a pixel is linear in all of them.
@@ -165,7 +161,7 @@ def slopes(  # type: ignore[no-untyped-def]
 
 @njit(inline="always", nogil=True)
 def _ramp(z):  # type: ignore[no-untyped-def]
-    """Returns the integral of the normal distribution function up to z, from the nearest node."""
+    """Integral of the normal distribution function up to z, from the nearest node."""
     if abs(z) >= _CERTAIN:
         return max(z, 0.0)
     n = int((z + _CERTAIN) * _NODES + 0.5)
@@ -176,7 +172,7 @@ def _ramp(z):  # type: ignore[no-untyped-def]
 @all_cores
 @njit(cache=True, parallel=True, nogil=True)
 def overlap(distance, blur, side):  # type: ignore[no-untyped-def]
-    """Returns the light along one axis between camera pixels and panel pixels at distances, (n, k).
+    """Light along one axis between camera pixels and panel pixels at distances, (n, k).
 
     It is the convolution of a box of 1, a box of `side` and a Gaussian of standard deviation
     `blur`.

@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from link.timing import Timing
 
-__all__ = ["Delay", "Pace"]
-
 Floats = npt.NDArray[np.float64]
 _MODEL: Final = 0.01
 """Systematic error of a measurement, of the model of a pixel, ticks. Assumed; measurements of one
@@ -56,7 +54,7 @@ class Pace:
 
     @classmethod
     def fitted(cls, timing: Timing, at: float, ticks: int, drift: float) -> Pace:
-        """Returns the pace of a fit.
+        """Pace of a fit.
 
         Args:
             timing: the fitted timing.
@@ -73,7 +71,7 @@ class Pace:
         return _LIMIT * float(np.sqrt(self.covariance[1, 1])) * 1e6
 
     def measured(self, tick: float, delay: Delay) -> Pace:
-        """Returns the pace after a measurement at a tick, weighted by its error."""
+        """Pace after a measurement at a tick, weighted by its error."""
         passed = tick - self.at
         move = np.array([[1.0, passed], [0.0, 1.0]])
         covariance = move @ self.covariance @ move.T * 2.0 ** (abs(passed) / _HALF)

@@ -12,8 +12,6 @@ from link.layout import Layout
 from link.receiving.received import Received
 from link.receiving.receiver import Receiver
 
-__all__ = ["PacketReceiver"]
-
 
 class PacketReceiver:
     """A receiver of a stream of packets: a stage after a camera.
@@ -22,7 +20,7 @@ class PacketReceiver:
         shape: (height, width) of the camera.
         cycles: length of the recording, ticks.
         detector: its name.
-        interleave: as used by the sender.
+        interleave: interleaving as used by the sender.
         begin: cycle from which on the receiver listens, a multiple of the blocks' length.
         device: OpenCL device of the words' decoder; None for the compiled form.
 

@@ -33,10 +33,6 @@ from link.receiving.synthesis import (
 )
 from link.timing import Registration, Timing
 
-__all__ = [
-    "Fit", "fit_levels", "fit_phase", "fit_timing", "followed_delay", "measure_delay", "nudge",
-]  # fmt: skip
-
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = (-1.0, 1.0, 0.125)
 _ONS: Final = (0.6, 1.0, 1.4, 2.0, 3.0)
@@ -76,7 +72,7 @@ class Fit:
     """A fitted timing.
 
     Attributes:
-        timing: of the symbols.
+        timing: timing of the symbols.
         levels: light of the cells.
         delay: change of the symbols' delay in the middle by the fit, ticks.
         drift: standard error of the period by chance, ticks a tick.
@@ -108,12 +104,12 @@ class _Top:
 
 
 def _moved(timing: Timing, w: Witnesses, delay: float, slope: float, stretch: float) -> Timing:
-    """Returns a timing delayed in the middle of the witnesses.
+    """A timing delayed in the middle of the witnesses.
 
     Args:
         timing: initial timing.
         w: the witnesses.
-        delay: in the middle, ticks.
+        delay: delay in the middle, ticks.
         slope: additional delay over all rows, ticks.
         stretch: additional delay over the witnesses' time, ticks.
     """
@@ -127,7 +123,7 @@ def _moved(timing: Timing, w: Witnesses, delay: float, slope: float, stretch: fl
 def _derivatives(
     w: Witnesses, timing: Timing, at: Floats, rule: str, noise: float = NOISE
 ) -> tuple[float, Floats, Floats]:
-    """Returns ln P, its derivatives (5,) and its information (5, 5)."""
+    """ln P, its derivatives (5,) and its information (5, 5)."""
     moved = _moved(timing, w, at[0], at[3], at[4])
     total, first, second = slopes(
         w.bits, w.light, moved.start(w.begin, w.rows), w.tick, moved.period, at[1], at[2],
@@ -160,7 +156,7 @@ def _climb(
         rule: reset rule.
         free: (5,) bool.
         prior_errors: (5,) standard errors of a prior about 0, infinite without a prior.
-        unit: of the stretch, ticks.
+        unit: unit of the stretch, ticks.
         noise: standard deviation of the charge at a spike, thresholds.
     """
     prior_errors = np.full(5, np.inf) if prior_errors is None else prior_errors
@@ -200,8 +196,7 @@ def _climb(
 
 
 def _error(top: _Top, free: npt.NDArray[np.bool_], which: int) -> float:
-    """Returns the standard error of a parameter with the other free ones unknown; inf without
-    information."""
+    """Standard error of a parameter with the other free ones unknown; inf without information."""
     of = np.flatnonzero(free & (np.diag(top.information) > 0))
     if which not in of:
         return float("inf")
@@ -210,7 +205,7 @@ def _error(top: _Top, free: npt.NDArray[np.bool_], which: int) -> float:
 
 
 def fit_timing(w: Witnesses, timing: Timing, span: float) -> Fit:
-    """Returns the timing and the light levels that maximise the likelihood of the spikes.
+    """Timing and the light levels that maximise the likelihood of the spikes.
 
     Args:
         w: the witnesses.
@@ -249,7 +244,7 @@ def _levels(w: Witnesses, top: _Top, rule: str, noise: float = NOISE) -> Levels:
 
 
 def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
-    """Returns the light levels from witnesses that see several cells.
+    """Light levels from witnesses that see several cells.
 
     Those determine the levels best: where whole cells fill a threshold or do not, parts of cells do
     either.
@@ -265,8 +260,8 @@ def fit_levels(w: Witnesses, timing: Timing, levels: Levels) -> Levels:
 
 
 def measure_delay(w: Witnesses, timing: Timing, levels: Levels, reach: float = 0.0) -> Delay:
-    """Returns the delay of symbols against a nearly correct timing, at the nearest maximum, or at
-    the one that begins from the likeliest of some phases within `reach` ticks.
+    """Delay of symbols against a nearly correct timing, at the nearest maximum, or at the one that
+    begins from the likeliest of some phases within `reach` ticks.
 
     The error is large if light fills a threshold exactly, so that many phases explain the same
     spikes.
@@ -281,7 +276,7 @@ def measure_delay(w: Witnesses, timing: Timing, levels: Levels, reach: float = 0
 def fit_phase(
     w: Witnesses, timing: Timing, levels: Levels, reach: float = 0.0
 ) -> tuple[Delay, Levels]:
-    """Returns the delay as `measure_delay` and the light levels, fitted together."""
+    """Delay as `measure_delay` and the light levels, fitted together."""
     free = np.array([True, True, True, False, False])
     delay = _likeliest(w, timing, levels, reach)
     start = np.array([delay, levels.on, max(levels.background, 1e-3), 0.0, 0.0])
@@ -292,8 +287,8 @@ def fit_phase(
 
 
 def _likeliest(w: Witnesses, timing: Timing, levels: Levels, reach: float) -> float:
-    """Returns the likeliest of _TRIED delays within `reach`: the slope of the likelihood jumps
-    where symbols begin with ticks, and each side may have a maximum of its own."""
+    """The likeliest of _TRIED delays within `reach`: the slope of the likelihood jumps where
+    symbols begin with ticks, and each side may have a maximum of its own."""
     if not reach:
         return 0.0
     delays = np.linspace(-reach, reach, _TRIED)
@@ -302,7 +297,7 @@ def _likeliest(w: Witnesses, timing: Timing, levels: Levels, reach: float) -> fl
 
 
 def nudge(w: Witnesses, timing: Timing, levels: Levels) -> float:
-    """Returns the delay of the symbols against a nearly correct timing, ticks.
+    """Delay of the symbols against a nearly correct timing, ticks.
 
     It is 0 if that timing explains the spikes as well as any other, else the mean of the likely
     phases. If light fills a threshold exactly, many phases explain the same spikes, and which of
@@ -330,10 +325,11 @@ def followed_delay(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
     levels: Levels, known: tuple[int, npt.NDArray[np.bool_]],
 ) -> Delay | None:  # fmt: skip
-    """Returns the delay of the last known symbols; None if the spikes do not determine it.
+    """Delay of the last known symbols; None if the spikes do not determine it.
 
     Args:
-        recording, layout, registration, timing, levels: of the transmission.
+        recording, layout, registration, timing, levels: recording, layout, registration, timing and
+            levels of the transmission.
         known: the first known symbol, and the bits, (symbols, cells).
     """
     first, bits = known

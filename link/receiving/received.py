@@ -13,8 +13,6 @@ from link.receiving.watched import Watched
 from link.timing import Registration, Timing
 from link.verdict import Cause, Verdict
 
-__all__ = ["Instant", "Received"]
-
 
 @dataclass(frozen=True)
 class Instant:
@@ -25,7 +23,7 @@ class Instant:
         tick: tick at which its last row was latched.
         right: correct frames completed by it (those of a block of several groups come with the last
             of them).
-        frames: those that its block was read as, correct or not.
+        frames: number of frames that its block was read as, correct or not.
     """
 
     group: int
@@ -40,15 +38,15 @@ class Received:
 
     Attributes:
         verdict: cause of success or failure.
-        ticks: of the stream.
+        ticks: number of ticks of the stream.
         delivered: (bytes, name) of the file, only if whole.
-        mode, registration, timing: of the transmission.
+        mode, registration, timing: mode, registration and timing of the transmission.
         clock_error: largest plausible error of the timing's period, parts per million.
         first_light: tick at which symbol 0 began in row 0, possibly before the stream's first one;
             None if the recording begins after the training.
         on, background: charge of a tick, thresholds.
-        score: of the pilots' sequence, standard deviations.
-        instants: of each decoded group, in order.
+        score: score of the pilots' sequence, standard deviations.
+        instants: instant of each decoded group, in order.
         delivered_tick: tick at which the file was whole.
         frames_read, frames_right, frames_needed: numbers of frames.
         codewords, codewords_wrong: codewords read, and those that could not be corrected.
@@ -102,8 +100,7 @@ class Received:
         return Layout(self.mode) if self.mode is not None else None
 
     def decided(self, first: int, count: int) -> npt.NDArray[np.bool_]:
-        """Returns the detector's decisions on symbols before any code, (count, cells) of data
-        cells.
+        """Detector's decisions on symbols before any code, (count, cells) of data cells.
 
         Raises:
             KeyError: for symbols that were not decoded or are no longer stored.

@@ -26,8 +26,6 @@ from link.receiving.tuned import Tuned
 from link.timing import Registration
 from link.verdict import Cause, Verdict
 
-__all__ = ["Receiver"]
-
 _WAIT: Final = 1024
 """Ticks after which a transmission is searched although the stream continues, and after which
 stored ticks are decoded."""
@@ -56,11 +54,12 @@ class Receiver:
     Args:
         shape: (height, width) of the camera.
         detector: its name.
-        interleave: as used by the sender.
+        interleave: interleaving as used by the sender.
         inbox: makes the reader of the decoded groups for a layout; by default that of a file.
         device: OpenCL device of the words' decoder; None for the compiled form, with the same
             result.
-        progress: is told the ticks that are done, and what takes long; None for nobody.
+        progress: progress, which is told the ticks that are done, and what takes long; None for
+            nobody.
         tuned: what is known of the link from an earlier transmission; None for a search. A
             transmission that is not found by it is searched.
 
@@ -239,7 +238,7 @@ class Receiver:
         return self.recording.stop - (self._begun or 0)
 
     def _jump(self, old: Session, new: Acquired, until: float) -> tuple[int, float] | None:
-        """Returns (tick, ticks) at which and by which the sequence jumps; None without a jump."""
+        """(tick, ticks) at which and by which the sequence jumps; None without a jump."""
         turn = PERIOD * old.timing.period
         row = self.recording.shape[0] / 2
         symbol = round((until - new.timing.first) / new.timing.period)
@@ -270,10 +269,8 @@ class Receiver:
             return self._unusable or explain_failure(self.recording, self._evidence)
         inbox = session.inbox
         if inbox.file is None:
-            assert self._evidence is not None
             loss = explain_loss(
                 session,
-                self._evidence,
                 self.recording.stop,
                 self.interrupted or self._gap(),
                 self._unbroken,
@@ -287,12 +284,12 @@ class Receiver:
         )
 
     def _gap(self) -> tuple[int, float] | None:
-        """Returns the last gap that was filled, as `interrupted`; None without one."""
+        """Last gap that was filled, as `interrupted`; None without one."""
         gaps = self.recording.gaps
         return (gaps[-1].tick, float(-gaps[-1].count)) if gaps else None
 
     def _search_text(self) -> str:
-        """Returns what was searched after interruptions, for the verdict."""
+        """What was searched after interruptions, for the verdict."""
         if not self.searches and not self._limited:
             return ""
         times = "once" if self.searches == 1 else f"{self.searches} times"
@@ -303,7 +300,7 @@ class Receiver:
 
 
 def _further(evidence: Evidence) -> int:
-    """Returns the number of steps that succeeded."""
+    """Number of steps that succeeded."""
     return (
         len(evidence.search.tags) + (evidence.refined is not None) + (evidence.lit is not None)
         + (evidence.clocking is not None)

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Viform, Words
 
-__all__ = ["Gap", "Recording"]
-
 Floats = npt.NDArray[np.float64]
 
 
@@ -31,8 +29,8 @@ class Gap:
 
 
 def _shifted(words: Words, count: int) -> Words:
-    """Returns words (n, ...) whose bits come `count` ticks later, 1 to WORD - 1; the first are 0,
-    and the last fall out."""
+    """Words (n, ...) whose bits come `count` ticks later, 1 to WORD - 1; the first are 0, and the
+    last fall out."""
     out = words << np.uint32(count)
     out[1:] |= words[:-1] >> np.uint32(WORD - count)
     return np.asarray(out)
@@ -126,7 +124,7 @@ class Recording:
         self.gaps.append(gap)
 
     def rates(self, first: int, stop: int) -> npt.NDArray[np.float32]:
-        """Returns the spikes a tick of each pixel in ticks first to stop, (height, width) float32.
+        """Spikes a tick of each pixel in ticks first to stop, (height, width) float32.
 
         Only whole words within the ticks count, or all bits if there is no whole word.
         """
@@ -148,13 +146,13 @@ class Recording:
     def pixels(
         self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]
     ) -> npt.NDArray[np.uint8]:
-        """Returns the bits of single pixels, (ticks, n) of 0 and 1, from tick `first` on."""
+        """Bits of single pixels, (ticks, n) of 0 and 1, from tick `first` on."""
         picked = np.ascontiguousarray(self.words[:, rows, columns].T).astype("<u4", copy=False)
         bits = np.unpackbits(picked.view(np.uint8), axis=1, bitorder="little")
         return np.ascontiguousarray(bits[:, : self.ticks].T)
 
     def totals(self, every: int = 1) -> Floats:
-        """Returns the share of pixels that fire in each tick, (ticks,), from every n-th row."""
+        """Share of pixels that fire in each tick, (ticks,), from every n-th row."""
         words = self.words[:, ::every]
         out = np.zeros(len(words) * WORD)
         for w, word in enumerate(words):

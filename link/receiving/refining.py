@@ -18,8 +18,6 @@ import numpy.typing as npt
 from link.layout import TAG_MODULES, Layout
 from link.receiving.tags import art_of, tag_places
 
-__all__ = ["Refined", "TagArt", "project", "refine_homography", "shift_of"]
-
 Floats = npt.NDArray[np.float64]
 _FINE: Final = 3
 """Samples along a side of a camera pixel."""
@@ -55,7 +53,7 @@ class Patch:
     use: npt.NDArray[np.bool_]
 
     def blurred(self, blur: float) -> Floats:
-        """Returns the blurred artwork, (height, width), 0 to 1."""
+        """Blurred artwork, (height, width), 0 to 1."""
         import cv2
 
         image = cv2.GaussianBlur(self.fine, (0, 0), blur * _FINE)
@@ -63,7 +61,7 @@ class Patch:
         return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float64)
 
     def of(self, rates: npt.NDArray[np.float32]) -> Floats:
-        """Returns an image's pixels at its place."""
+        """An image's pixels at its place."""
         h, w = self.use.shape
         return rates[self.y : self.y + h, self.x : self.x + w].astype(np.float64)
 
@@ -75,7 +73,7 @@ class Refined:
     Attributes:
         homography: (3, 3) float64.
         blur: standard deviation, camera pixels.
-        rms: of the residuals, spikes a tick.
+        rms: RMS of the residuals, spikes a tick.
         white, black: rates of the tags' white and black; the difference is the contrast.
     """
 
@@ -89,7 +87,7 @@ class Refined:
 def project(
     homography: npt.NDArray[Any], x: npt.ArrayLike, y: npt.ArrayLike
 ) -> tuple[Floats, Floats]:
-    """Returns points through a homography."""
+    """Points through a homography."""
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     h = homography
     w = h[2, 0] * x + h[2, 1] * y + h[2, 2]
@@ -100,9 +98,9 @@ class TagArt:
     """Artwork of the four tags of a layout.
 
     Attributes:
-        layout: of the mode.
+        layout: layout of the mode.
         arts: modules of each tag.
-        places: their places on the panel.
+        places: places of the tags on the panel.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -111,7 +109,7 @@ class TagArt:
         self.places = tag_places(layout)
 
     def patches(self, homography: Floats, shape: tuple[int, int]) -> list[Patch]:
-        """Returns the tags that lie within an image of `shape`."""
+        """Tags that lie within an image of `shape`."""
         patches = (self._patch(corner, homography, shape) for corner in range(4))
         return [patch for patch in patches if patch is not None]
 
@@ -139,7 +137,7 @@ class TagArt:
 
 
 def _hats(light: Floats, knots: int) -> Floats:
-    """Returns the weights of the knots of a piecewise linear function, (n, knots)."""
+    """Weights of the knots of a piecewise linear function, (n, knots)."""
     at = np.clip(light, 0, 1) * (knots - 1)
     low = np.minimum(at.astype(np.intp), knots - 2)
     out = np.zeros((len(light), knots))
@@ -150,7 +148,7 @@ def _hats(light: Floats, knots: int) -> Floats:
 
 
 def _curve(light: Floats, rate: Floats) -> Floats:
-    """Returns g of a tag at its knots, smoothed where there are few pixels."""
+    """g of a tag at its knots, smoothed where there are few pixels."""
     knots = max(3, min(_KNOTS, len(light) // 40))
     hats = _hats(light, knots)
     bend = np.diff(np.eye(knots), 2, axis=0)
@@ -160,20 +158,19 @@ def _curve(light: Floats, rate: Floats) -> Floats:
 
 
 def _expected(light: Floats, curve: Floats) -> Floats:
-    """Returns g of an image of light."""
+    """g of an image of light."""
     return np.asarray(np.interp(light, np.linspace(0, 1, len(curve)), curve))
 
 
 def refine_homography(
     rates: npt.NDArray[np.float32], homography: Floats, layout: Layout
 ) -> Refined | None:
-    """Returns the homography and blur with the best fit of the tags; None if the tags are not
-    visible.
+    """Homography and blur with the best fit of the tags; None if the tags are not visible.
 
     Args:
         rates: (height, width) spikes a tick.
         homography: initial value, accurate to about half a module.
-        layout: of the mode.
+        layout: layout of the mode.
     """
     mode, tags = layout.mode, TagArt(layout)
     half = np.array([(mode.width - 1) / 2, (mode.height - 1) / 2])
@@ -212,7 +209,7 @@ def refine_homography(
 
 
 def _best_blur(patches: list[Patch], rates: npt.NDArray[np.float32]) -> float:
-    """Returns the blur with the smallest residuals."""
+    """Blur with the smallest residuals."""
     left: list[float] = []
     for blur in _BLURS:
         total = 0.0
@@ -234,7 +231,7 @@ def _best_blur(patches: list[Patch], rates: npt.NDArray[np.float32]) -> float:
 def _step(
     patches: list[Patch], rates: npt.NDArray[np.float32], blur: float, h: Floats
 ) -> Floats | None:
-    """Returns the change of the homography from panel coordinates within -1 and 1."""
+    """Change of the homography from panel coordinates within -1 and 1."""
     if len(patches) < 4:
         return None
     inverse = np.linalg.inv(h)
@@ -270,8 +267,7 @@ def _step(
 def shift_of(
     rates: npt.NDArray[np.float32], refined: Refined, tags: TagArt, near: tuple[float, float]
 ) -> tuple[tuple[float, float], float] | None:
-    """Returns the displacement (dx, dy) of an image of rates, camera pixels, and its standard
-    error.
+    """Displacement (dx, dy) of an image of rates, camera pixels, and its standard error.
 
     The error is along an axis. None if the tags are not visible.
 

@@ -37,8 +37,6 @@ from link.timing import Registration, Timing
 if TYPE_CHECKING:
     from link.coding import BlockReader
 
-__all__ = ["Section", "Session"]
-
 Floats = npt.NDArray[np.float64]
 _CHUNK: Final = 40
 """Approximate number of symbols decoded at a time."""
@@ -72,7 +70,7 @@ class Section:
     """A part of the recording that is decoded with one measurement of the image's motion.
 
     Attributes:
-        registration: of the panel, with the motion.
+        registration: registration of the panel, with the motion.
         detector: the first one, which has learned.
         last: tick until which symbols can be decoded.
     """
@@ -86,10 +84,11 @@ class Session:
     """Decoding of one transmission.
 
     Attributes:
-        layout, refined, pace, levels: of the acquisition, pace and refined updated.
-        detector_name: of the detector.
+        layout, refined, pace, levels: layout, refined registration, pace and levels of the
+            acquisition, pace and refined updated.
+        detector_name: name of the detector.
         inbox: receives the groups.
-        rows: of the camera.
+        rows: number of rows of the camera.
         trained: symbols of the training in the recording.
         drift: displacement of the image, a part for each section.
         instants: decoded groups.
@@ -103,7 +102,7 @@ class Session:
         lit_stop: tick at which the panel goes dark.
         sound_until: tick until which the decisions are known to be correct.
         lost: whether the last frames were wrong.
-        progress: is told what takes long, and the tick that is decoded.
+        progress: progress, which is told what takes long, and the tick that is decoded.
         dark: longest time for which the panel was dark between two groups, ticks.
         learned: what it knows after the training, for another receiver; None if that is no use.
 
@@ -156,14 +155,14 @@ class Session:
         self.watcher, self.dark = old.watcher, old.dark
 
     def symbol_ends(self, symbol: int) -> float:
-        """Returns the tick by which all rows have received all of a symbol."""
+        """Tick by which all rows have received all of a symbol."""
         return float(np.max(self.timing.start(symbol + 1, np.array([0, self.rows]))))
 
     def _begins(self, symbol: int) -> float:
         return float(np.min(self.timing.start(symbol, np.array([0, self.rows]))))
 
     def _first_group(self, tick: int) -> int:
-        """Returns the first group that begins at or after a tick."""
+        """First group that begins at or after a tick."""
         symbol = (tick - self.timing.first + max(0.0, -self.timing.slope)) / self.timing.period
         return max(0, int(np.ceil((symbol - TRAINING) / self.layout.group)))
 
@@ -173,7 +172,7 @@ class Session:
         return self.pace.timing
 
     def ready(self, recording: Recording) -> float:
-        """Returns the number of stored ticks that have not been decoded."""
+        """Number of stored ticks that have not been decoded."""
         if self._next is None:
             return float(recording.ticks)
         return recording.stop - self._begins(TRAINING + self._next * self.layout.group)
@@ -235,7 +234,7 @@ class Session:
             recording.forget(int(self._begins(self._known[0])) - 2 * self.layout.mode.ticks - 8)
 
     def _groups_until(self, first: int, last: float) -> int:
-        """Returns the number of groups from a symbol on that end until a tick, up to _CHUNK."""
+        """Number of groups from a symbol on that end until a tick, up to _CHUNK."""
         group, count = self.layout.group, 0
         many = max(1, _CHUNK // group)
         while count < many and self.symbol_ends(first + (count + 1) * group - 1) <= last:
@@ -305,7 +304,7 @@ class Session:
         return moved or not self._met.has(begin, stop - begin)
 
     def _phase(self, symbol: int) -> float:
-        """Returns how far symbols have moved within the tick until a symbol, ticks."""
+        """How far symbols have moved within the tick until a symbol, ticks."""
         return (self.timing.period - round(self.timing.period)) * symbol
 
     def _detector(self, recording: Recording, registration: Registration, lit: Any) -> Any:
@@ -344,7 +343,7 @@ class Session:
         return self._met
 
     def _follow(self, recording: Recording, registration: Registration, detector: Any) -> Any:
-        """Returns the detector for the next chunk, after one whose decisions are correct."""
+        """Detector for the next chunk, after one whose decisions are correct."""
         assert self._known is not None and self._met is not None
         begin, decided = self._known
         now = float(self.timing.start(begin + len(decided) / 2, self.rows / 2))
@@ -393,7 +392,7 @@ class Session:
         self.sample.add(first, soft)
 
     def grid(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Returns values of data cells on the panel, (rows, columns)."""
+        """Values of data cells on the panel, (rows, columns)."""
         out = np.zeros(self.layout.shape, values.dtype)
         out.ravel()[self.layout.data] = values
         return out

@@ -22,23 +22,6 @@ from link.receiving.recording import Recording
 from link.receiving.refining import project
 from link.timing import Registration, Timing
 
-__all__ = [
-    "FLOOR",
-    "NOISE",
-    "RULES",
-    "SKIP",
-    "KnownSymbols",
-    "Levels",
-    "Witnesses",
-    "choose_witnesses",
-    "known_cells",
-    "known_pilots",
-    "light_on",
-    "likelihood",
-    "likelihoods",
-    "match",
-]
-
 Floats = npt.NDArray[np.float64]
 NOISE: Final = 0.09
 """Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""
@@ -81,7 +64,7 @@ class Witnesses:
         light: (n, symbols) float64, light of each symbol from `begin` on, 0 to 1.
         begin: first symbol.
         bits: (n, ticks) uint8 of 0 and 1, from tick `tick` on.
-        tick: of the first bit.
+        tick: tick of the first bit.
         cells: number of different cells in their middles.
     """
 
@@ -100,7 +83,7 @@ class Witnesses:
         return min(self.cells / len(self.rows), 1.0)
 
     def some(self, count: int) -> Witnesses:
-        """Returns about `count` of them, evenly chosen."""
+        """About `count` of the witnesses, evenly chosen."""
         pick = slice(None, None, max(1, len(self.rows) // count))
         return replace(
             self,
@@ -127,14 +110,14 @@ class KnownSymbols:
 
 
 def known_pilots(layout: Layout, begin: int, count: int) -> KnownSymbols:
-    """Returns symbols of which only the pilots are known; data cells have their mean."""
+    """Symbols of which only the pilots are known; data cells have their mean."""
     out = np.full((count, *layout.shape), 0.5, np.float32)
     out[:, layout.pilot] = pilots()[(begin + np.arange(count)) % PERIOD, None]
     return KnownSymbols(begin, out, pilots_only=True)
 
 
 def known_cells(layout: Layout, begin: int, data: npt.NDArray[np.bool_]) -> KnownSymbols:
-    """Returns symbols whose data cells, (n, cells), are known."""
+    """Symbols whose data cells, (n, cells), are known."""
     out = np.zeros((len(data), *layout.shape), np.bool_)
     out.reshape(len(data), -1)[:, layout.data] = data
     out[:, layout.pilot] = pilots()[(begin + np.arange(len(data))) % PERIOD, None]
@@ -145,16 +128,16 @@ def choose_witnesses(
     recording: Recording, layout: Layout, registration: Registration, timing: Timing,
     known: KnownSymbols, *, count: int = 1500, pure: bool = True, seed: int = 1,
 ) -> Witnesses | None:  # fmt: skip
-    """Returns random pixels within the panel, or on its pilots; None with too few pixels or ticks.
+    """Random pixels within the panel, or on its pilots; None with too few pixels or ticks.
 
     Args:
         recording: spikes.
-        layout, registration, timing: of the transmission.
+        layout, registration, timing: layout, registration and timing of the transmission.
         known: the known symbols.
         count: number of pixels.
         pure: whether to use only pixels within one cell, if there are enough. At the border of
             cells the light depends on blur and registration, whose errors would appear as delay.
-        seed: of the choice.
+        seed: seed of the choice.
     """
     mode, h = layout.mode, registration.homography
     rng = np.random.default_rng(seed)
@@ -196,10 +179,10 @@ def choose_witnesses(
 def light_on(
     layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, cells: npt.NDArray[Any]
 ) -> Floats:
-    """Returns the share of full light on camera pixels in each symbol, (pixels, n).
+    """Share of full light on camera pixels in each symbol, (pixels, n).
 
     Args:
-        layout: of the mode.
+        layout: layout of the mode.
         h: homography.
         blur: standard deviation, camera pixels.
         u, v: (pixels,) camera pixels.
@@ -221,12 +204,12 @@ class _Taps:
     weight: Floats
 
     def of(self, which: npt.NDArray[np.intp]) -> _Taps:
-        """Returns those of some camera pixels."""
+        """Taps of some of the camera pixels."""
         return _Taps(self.cell[which], self.weight[which])
 
 
 def _light(taps: _Taps, cells: npt.NDArray[Any]) -> Floats:
-    """Returns `light_on` of the camera pixels of `taps`."""
+    """`light_on` of the camera pixels of `taps`."""
     out = np.empty((len(taps.cell), len(cells)))
     for n, values in enumerate(cells.reshape(len(cells), -1)):
         out[:, n] = np.einsum("pt,pt->p", taps.weight, values[taps.cell])
@@ -234,13 +217,13 @@ def _light(taps: _Taps, cells: npt.NDArray[Any]) -> Floats:
 
 
 def _purity(taps: _Taps) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """Returns the share of light from the cell in the middle of camera pixels, and the cell."""
+    """Share of light from the cell in the middle of camera pixels, and the cell."""
     middle = taps.cell[:, taps.cell.shape[1] // 2]
     return np.sum(taps.weight * (taps.cell == middle[:, None]), axis=1), middle
 
 
 def _taps(layout: Layout, h: Floats, blur: float, u: Floats, v: Floats) -> _Taps:
-    """Returns the panel pixels around camera pixels."""
+    """Panel pixels around camera pixels."""
     mode = layout.mode
     scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
     spread = max(blur, 0.05)
@@ -258,7 +241,7 @@ def _taps(layout: Layout, h: Floats, blur: float, u: Floats, v: Floats) -> _Taps
 
 
 def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
-    """Returns ln P of the observed bits of each pixel, (n,)."""
+    """ln P of the observed bits of each pixel, (n,)."""
     return np.asarray(
         compiled(
             w.bits, w.light, timing.start(w.begin, w.rows), w.tick, timing.period, levels.on,
@@ -268,13 +251,13 @@ def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
 
 
 def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
-    """Returns the mean ln P of the observed bits."""
+    """Mean ln P of the observed bits."""
     total = float(likelihoods(w, timing, Levels(on, background, reset, 0.0)).sum())
     return total / (len(w.rows) * max(w.bits.shape[1] - SKIP, 1))
 
 
 def match(w: Witnesses, timing: Timing) -> float:
-    """Returns the correlation of the spikes with the light of the known symbols.
+    """Correlation of the spikes with the light of the known symbols.
 
     It is close to 0 if other symbols were shown.
     """

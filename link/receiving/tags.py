@@ -16,11 +16,6 @@ import numpy.typing as npt
 from link.layout import TAG_MODULES, Layout
 from link.mode import Mode
 
-__all__ = [
-    "LEAST_MODULE", "TagSearch", "art_of", "find_tags", "fit_homography", "least_module",
-    "tag_places",
-]  # fmt: skip
-
 Floats = npt.NDArray[np.float64]
 _ENLARGED: Final = (1.0, 2.0, 3.0)
 """Factors by which the image is enlarged, in turn, until four tags are detected."""
@@ -66,7 +61,7 @@ class TagSearch:
 
 
 def dictionary() -> Any:
-    """Returns OpenCV's table of 36h11."""
+    """OpenCV's table of 36h11."""
     import cv2
 
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
@@ -129,7 +124,7 @@ def _detect(image: npt.NDArray[Any], factor: float) -> TagSearch:
 
 
 def least_module(blur: float) -> float:
-    """Returns the smallest module of a detectable tag, camera pixels.
+    """Smallest module of a detectable tag, camera pixels.
 
     Args:
         blur: standard deviation of the image's blur, camera pixels.
@@ -138,14 +133,13 @@ def least_module(blur: float) -> float:
 
 
 def tag_places(layout: Layout) -> list[tuple[int, int]]:
-    """Returns the panel (x, y) of the top left pixel of each tag, margin included."""
+    """Panel (x, y) of the top left pixel of each tag, margin included."""
     mode, t = layout.mode, layout.tag
     return [(0, 0), (mode.width - t, 0), (mode.width - t, mode.height - t), (0, mode.height - t)]
 
 
 def tag_corners(layout: Layout, corner: int) -> Floats:
-    """Returns the panel (x, y) of the corners of a tag's black border, (4, 2), clockwise from top
-    left.
+    """Panel (x, y) of the corners of a tag's black border, (4, 2), clockwise from top left.
 
     They are edges of pixels, half a pixel from the centres.
     """
@@ -157,7 +151,7 @@ def tag_corners(layout: Layout, corner: int) -> Floats:
 
 
 def art_of(tag: int) -> npt.NDArray[np.bool_]:
-    """Returns a tag's modules, margin included, (TAG_MODULES, TAG_MODULES) bool, True for white."""
+    """A tag's modules, margin included, (TAG_MODULES, TAG_MODULES) bool, True for white."""
     import cv2
 
     out = np.ones((TAG_MODULES, TAG_MODULES), np.bool_)
@@ -167,7 +161,7 @@ def art_of(tag: int) -> npt.NDArray[np.bool_]:
 
 
 def fit_homography(search: TagSearch, layout: Layout) -> tuple[Floats, float] | None:
-    """Returns the homography from panel to camera by the corners of four tags, and its error.
+    """Homography from panel to camera by the corners of four tags, and its error.
 
     The error is the largest distance of a corner, camera pixels. None if there is no homography, or
     the panel is seen from behind.

@@ -15,8 +15,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 
-__all__ = ["decide", "tally"]
-
 _CELLS: Final = 2048
 """Cells that a thread takes at once."""
 _FAR: Final = np.float32(80.0)
@@ -26,7 +24,7 @@ _LOG2E, _HIGH, _LOW = np.float32(1 / np.log(2)), np.float32(0.693359375), np.flo
 _ONE: Final = np.float32(1)
 _T2, _T3, _T4, _T5, _T6 = (np.float32((-1) ** n / np.prod(range(1, n + 1))) for n in range(2, 7))
 _BIAS, _FRACTION = np.int32(127), np.int32(23)
-"""Of a float32: bias of the exponent, and bits of the fraction."""
+"""Parts of a float32: bias of the exponent, and bits of the fraction."""
 
 
 @njit(cache=True, nogil=True)

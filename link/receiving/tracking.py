@@ -13,8 +13,6 @@ from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, TagArt, shift_of
 
-__all__ = ["drift_by_tags", "joined"]
-
 Floats = npt.NDArray[np.float64]
 _REAL: Final = 3.0
 """Ratio of the displacements' scatter to their standard error below which the image counts as
@@ -24,7 +22,7 @@ static."""
 def drift_by_tags(
     recording: Recording, layout: Layout, refined: Refined, lit: tuple[int, int]
 ) -> Floats:
-    """Returns rows (tick, dx, dy), (n, 3), camera pixels against the refined homography.
+    """Rows (tick, dx, dy), (n, 3), camera pixels against the refined homography.
 
     There are no rows if no significant motion was measured.
     """
@@ -60,7 +58,7 @@ def drift_by_tags(
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
-    """Returns the displacements of all parts of a recording, (n, 3), in order of ticks."""
+    """Displacements of all parts of a recording, (n, 3), in order of ticks."""
     some = [part for part in parts if len(part)]
     if not some:
         return np.zeros((0, 3))

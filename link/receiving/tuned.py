@@ -21,8 +21,6 @@ from link.receiving.recording import Recording
 from link.receiving.refining import TagArt, shift_of
 from link.timing import Registration, Timing
 
-__all__ = ["Tuned"]
-
 _STEPS: Final = 3
 """Measurements of the displacement, each from the one before: a single one ends a twentieth of a
 pixel off."""
@@ -48,8 +46,8 @@ class Tuned:
     confidence: float | None
 
     def found(self, recording: Recording) -> Acquired | None:
-        """Returns the transmission in a recording that contains its training; None if it is not
-        where it was."""
+        """Transmission in a recording that contains its training; None if it is not where it
+        was."""
         was = self.acquired
         layout, home = was.layout, was.refined
         lit = lit_span(recording, layout, home.homography)
@@ -76,8 +74,8 @@ class Tuned:
         return replace(was, refined=refined, pace=pace, lit=lit)
 
     def at(self, registration: Registration, timing: Timing) -> Joint | None:
-        """Returns the detector at a place and time; None if the phase falls into a class that it
-        has not learned."""
+        """Detector at a place and time; None if the phase falls into a class that it has not
+        learned."""
         moved = self.detector.moved(registration, timing)
         met = ClassesMet(moved, timing, timing.rows, 0, TRAINING)
         return moved if met.within(self.met) else None

@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from link.layout import Layout
 
-__all__ = ["CELLS", "VALUES", "SoftSample", "Watched", "Watcher"]
-
 CELLS: Final = 2000
 """Cells of each of the two sets, at most."""
 VALUES: Final = 2_000_000

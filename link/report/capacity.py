@@ -11,8 +11,6 @@ import numpy as np
 from cosim.report.figures import INK, LINE, MARK, subplots
 from link.report.figures import BLUE, bits
 
-__all__ = ["draw_capacity"]
-
 _GREY: Final = "#7a8294"
 _LABELS: Final = {
     "distance": "distance, m", "luminance": "luminance, cd/m²", "ambient": "illuminance, lux",

@@ -11,8 +11,6 @@ from cosim.report.explorer import packed
 from link.evaluation.record import LinkEvaluation
 from link.layout import TRAINING
 
-__all__ = ["levels_of", "soft_values"]
-
 _TOP: Final = 127
 """Largest level of a soft value."""
 

@@ -17,11 +17,9 @@ from link.layout import TRAINING
 from link.report.cell_soft import soft_values
 from link.report.signal_figures import cells_figure
 
-__all__ = ["cells_section"]
-
 
 def cells_section(link: LinkEvaluation, figures: Path) -> str:
-    """Returns the section; writes its figure."""
+    """Section; writes its figure."""
     path = figures / "cells.png"
     quality = link.received.cell_quality
     if quality is None:
@@ -59,7 +57,7 @@ def _map(link: LinkEvaluation, quality: npt.NDArray[np.float64]) -> dict[str, An
 
 
 def _facts(link: LinkEvaluation) -> list[str]:
-    """Returns statements on the position of errors, from the map of errors."""
+    """Statements on the position of errors, from the map of errors."""
     wrong, facts = link.errors.by_cell, []
     carries = wrong >= 0
     if not link.errors.symbols or not carries.any():
@@ -97,7 +95,7 @@ def _facts(link: LinkEvaluation) -> list[str]:
 
 
 def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[str]:
-    """Returns statements on errors against the certainty of cells, and against the grid of camera
+    """Statements on errors against the certainty of cells, and against the grid of camera
     pixels."""
     wrong = link.errors.by_cell[carries]
     if not wrong.sum():
@@ -132,7 +130,7 @@ def _against_grid(link: LinkEvaluation, carries: npt.NDArray[np.bool_]) -> list[
 def _grid_offsets(
     link: LinkEvaluation, carries: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64] | None:
-    """Returns the distance of each data cell's edges from the nearest border of camera pixels.
+    """Distance of each data cell's edges from the nearest border of camera pixels.
 
     The unit is camera pixels, the larger of both axes; None if the panel was not detected.
     """
@@ -149,6 +147,6 @@ def _grid_offsets(
 
 
 def _fifths(order: npt.NDArray[np.intp], wrong: npt.NDArray[np.int64]) -> list[float]:
-    """Returns the share of all errors in each fifth of the cells, in the given order."""
+    """Share of all errors in each fifth of the cells, in the given order."""
     parts = np.array_split(wrong[order], 5)
     return [float(part.sum() / wrong.sum()) for part in parts]

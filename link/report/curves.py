@@ -10,8 +10,6 @@ import numpy as np
 
 from cosim.report.figures import INK, LINE, subplots
 
-__all__ = ["draw_curves"]
-
 PANELS: Final = (
     ("poisson", "A tick that begins empty", "ON level, thresholds a tick"),
     ("reset", "What the reset rule keeps", "background, thresholds a tick"),

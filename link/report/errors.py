@@ -12,14 +12,12 @@ from link.evaluation.record import LinkEvaluation, Theory
 from link.report.figures import errors_figure
 from link.report.signal_figures import eye_figure, soft_figure
 
-__all__ = ["end_text", "errors_section"]
-
 _CHANCE = 1e-3
 """Probability of so many errors in the last symbol below which they are reported."""
 
 
 def errors_section(link: LinkEvaluation, figures: Path) -> str:
-    """Returns the section; writes its figures."""
+    """Section; writes its figures."""
     path, theory = figures / "errors.png", link.theory
     data = errors_figure(link, path)
     span = ""
@@ -80,7 +78,7 @@ def _soft(link: LinkEvaluation, figures: Path) -> str:
 
 
 def theory_text(theory: Theory) -> str:
-    """Returns what the theory includes, and what it leaves out."""
+    """What the theory includes, and what it leaves out."""
     span = theory.closed_interval
     if theory.closed is None:
         return (
@@ -101,8 +99,7 @@ def theory_text(theory: Theory) -> str:
 
 
 def end_text(errors: Errors) -> str:
-    """Returns a sentence on errors in the transmission's last symbol, if there are significantly
-    many.
+    """A sentence on errors in the transmission's last symbol, if there are significantly many.
 
     A duration that cuts the transmission leaves darkness after that symbol.
     """

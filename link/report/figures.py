@@ -13,11 +13,6 @@ from cosim.report.figures import INK, LINE, MARK, subplots
 from link.evaluation.record import LinkEvaluation
 from link.setup.distances import RateAt
 
-__all__ = [
-    "BLUE", "bits", "delay_figure", "errors_figure", "figure_at", "lowest_rate", "rates_figure",
-    "reach_figure",
-]  # fmt: skip
-
 BLUE, PALE = "#2f5fa7", "#9db4d8"
 _DOTS = 110
 _LOWEST = 1e-18
@@ -52,7 +47,7 @@ def figure_at(
 
 
 def bits(rate: float) -> str:
-    """Returns a rate as text."""
+    """A rate as text."""
     return amount(rate, "bit/s")
 
 
@@ -76,7 +71,7 @@ def rates_figure(rows: list[tuple[str, float | None]], path: Path) -> Data:
 
 
 def lowest_rate(values: Sequence[float | None], bits: int) -> float:
-    """Returns the lower limit of an axis of bit error rates.
+    """Lower limit of an axis of bit error rates.
 
     It is below all positive values and below one error in `bits`, but at least `_LOWEST`.
     """
@@ -180,5 +175,5 @@ def reach_figure(link: LinkEvaluation, rows: list[RateAt], path: Path) -> Data:
 
 
 def _some(x: float, _: int) -> str:
-    """Returns tick labels between powers of ten: only 2 and 5."""
+    """Tick labels between powers of ten: only 2 and 5."""
     return f"{x:g}" if f"{x:e}"[0] in "25" else ""

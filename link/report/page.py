@@ -23,8 +23,6 @@ from link.report.tables import NOT_KNOWN, effects_section, machine_section
 from link.setup.distances import span_of
 from link.verdict import Cause
 
-__all__ = ["link_page"]
-
 
 def _rate(value: float | None) -> str:
     return NOT_KNOWN if value is None else bits(value)
@@ -108,7 +106,7 @@ def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
 
 
 def _decoding(link: LinkEvaluation) -> list[list[str]]:
-    """Returns the row of what the words' decoder did, if there was a word."""
+    """Row of what the words' decoder did, if there was a word."""
     r = link.received
     if not r.codewords:
         return []
@@ -124,7 +122,7 @@ def _decoding(link: LinkEvaluation) -> list[list[str]]:
 
 
 def _frames(result: Result) -> str:
-    """Returns the numbers of frames sent, and why there are more than the file's own."""
+    """Numbers of frames sent, and why there are more than the file's own."""
     sent, more, fill = (_frames_of(result, name) for name in ("sent", "repair", "fill"))
     return (
         f"{sent} sent; beyond the file's own, {more} for link.modem.overhead "
@@ -227,7 +225,7 @@ def _verdict(link: LinkEvaluation) -> str:
 
 
 def link_page(link: LinkEvaluation, run: Run) -> Page:
-    """Returns the page of a run; writes its figures."""
+    """Page of a run; writes its figures."""
     figures, camera = run.folder / "figures", link.setting.camera
     sections = [
         _verdict(link), _rates(link, run.result, figures), _delay(link, figures),

@@ -12,8 +12,6 @@ from cosim.report.parts import plot
 from link.report.figures import BLUE, INK, MARK, figure_at
 from link.setup.locking.loop import INTERVAL, ClockLock
 
-__all__ = ["phase_section"]
-
 _ASKED = 0.1
 """Phase within which symbols of one tick keep their information, ticks."""
 
@@ -37,7 +35,7 @@ def _figure(lock: ClockLock, path: Path) -> Data:
 
 
 def phase_section(lock: ClockLock | None, figures: Path) -> str:
-    """Returns the section on a locked clock; writes its figure. Empty without a lock."""
+    """Section on a locked clock; writes its figure. Empty without a lock."""
     if lock is None:
         return ""
     path = figures / "phase.png"

@@ -14,8 +14,6 @@ from link.evaluation.eye import RARE, Eye
 from link.evaluation.record import LinkEvaluation, SoftValues
 from link.report.figures import BLUE, figure_at
 
-__all__ = ["cells_figure", "eye_figure", "soft_figure", "view_figure"]
-
 _DOTTED = 0.02
 """Share of cells with errors up to which each is drawn as a dot."""
 _MAPPED = 4000

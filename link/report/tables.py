@@ -13,9 +13,6 @@ from link.evaluation.record import LinkEvaluation
 from link.trial.check import LinkCheck, Paired
 from sensor.sections.provenance import fault_rows, optics_rows
 
-__all__ = ["NOT_KNOWN", "effects_section", "error_text", "left_out_table", "machine_section"]
-
-
 NOT_KNOWN = "not known"
 """Text for a null of the result."""
 
@@ -34,7 +31,7 @@ def _row(row: dict[str, Any], alone: Mapping[str, Paired | None]) -> list[str]:
 
 
 def error_text(check: LinkCheck) -> str:
-    """Returns the meaning of the error and its interval, in words."""
+    """Meaning of the error and its interval, in words."""
     paired = check.paired
     if paired is None:
         return "The run's error was not measured."
@@ -68,14 +65,14 @@ def error_text(check: LinkCheck) -> str:
 def left_out_table(
     rows: Sequence[dict[str, Any]], alone: Mapping[str, Paired | None]
 ) -> str:  # fmt: skip
-    """Returns the table of the effects left out. alone: measured error without each of them."""
+    """Table of the effects left out. alone: measured error without each of them."""
     if not rows:
         return "<p>Nothing was left out.</p>"
     return table(["left out", "bound", "", "measured"], [_row(r, alone) for r in rows])
 
 
 def effects_section(link: LinkEvaluation, result: Result) -> str:
-    """Returns the section on effects: those left out with their bounds, and those simulated."""
+    """Section on effects: those left out with their bounds, and those simulated."""
     simulated = ", ".join(result.kept) or "none"
     head = (
         "The table lists, in such half-widths, the bound of leaving an effect out, and the "
@@ -101,7 +98,7 @@ def _phase_row(link: LinkEvaluation) -> list[str]:
 
 
 def machine_section(link: LinkEvaluation) -> str:
-    """Returns a table of the parameters of panel, lens and camera."""
+    """A table of the parameters of panel, lens and camera."""
     setting, section = link.setting, link.scenario.link
     camera, chip, panel = setting.camera, setting.camera.chip, setting.panel
     provenance, latched = chip.provenance(), link.scenario.sensor.clock

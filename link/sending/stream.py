@@ -10,8 +10,6 @@ from cosim import Clock
 from cosim.spikes.viform import WORD, Words
 from link.sending.transmission import Transmission
 
-__all__ = ["PlaneStream"]
-
 
 @dataclass(frozen=True, eq=False)
 class PlaneStream:
@@ -19,7 +17,7 @@ class PlaneStream:
 
     Attributes:
         sent: the transmission.
-        clock: of the panel.
+        clock: clock of the panel.
     """
 
     sent: Transmission
@@ -36,6 +34,6 @@ class PlaneStream:
         return self.sent.planes
 
     def read_words(self, first: int, stop: int) -> Words:
-        """Returns words of the stream; see `SpikeStream`."""
+        """Words of the stream; see `SpikeStream`."""
         count = max(min(stop * WORD, self.cycles) - first * WORD, 0)
         return np.ascontiguousarray(self.sent.words(first * WORD, count))

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from link.layout import TAG_MODULES, Layout
 
-__all__ = ["Tag", "draw_tags"]
-
 
 @dataclass(frozen=True, eq=False)
 class Tag:
@@ -28,8 +26,7 @@ class Tag:
 
 
 def draw_tags(layout: Layout) -> tuple[Tag, ...]:
-    """Returns the tags at top left, top right, bottom right, bottom left; they are the same in
-    every plane.
+    """Tags at top left, top right, bottom right, bottom left; they are the same in every plane.
 
     The family is that of Olson, ICRA 2011, and Wang & Olson, IROS 2016.
     """

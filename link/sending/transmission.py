@@ -18,8 +18,6 @@ from link.line_codes import encode_line
 from link.mode import Mode
 from link.sending.tags import Tag, draw_tags
 
-__all__ = ["FileTransmission", "Transmission"]
-
 _Bits = npt.NDArray[np.bool_]
 T = TypeVar("T", np.bool_, np.uint32)
 
@@ -43,12 +41,12 @@ class Transmission:
     read it.
 
     Args:
-        mode: of the transmission.
+        mode: mode of the transmission.
         writer: the data.
         most_symbols: number of symbols after which the transmission is cut; None for no limit.
 
     Attributes:
-        mode, layout: of the transmission.
+        mode, layout: mode and layout of the transmission.
         writer: the data.
         whole: symbols of all data.
         symbols: symbols of the transmission, training and closing included.
@@ -102,7 +100,7 @@ class Transmission:
         return np.flatnonzero(self.layout.pilot), pilots()
 
     def _line(self, group: int) -> _Bits:
-        """Returns the symbols of the data cells in a group, (symbols, cells)."""
+        """Symbols of the data cells in a group, (symbols, cells)."""
         if self._group is None or self._group[0] != group:
             known, cells = self._disparities, self.layout.cells
             begin = max((n for n in known if n <= group), default=None)
@@ -118,7 +116,7 @@ class Transmission:
         return self._group[1]
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Returns the state of the line code at the last groups, as arrays."""
+        """State of the line code at the last groups, as arrays."""
         last = sorted(self._disparities)[-_KEPT:]
         return {f"disparity/{n}": self._disparities[n] for n in last}
 
@@ -134,7 +132,7 @@ class Transmission:
             )
 
     def bits(self, first: int, count: int) -> _Bits:
-        """Returns the bits of the data cells from symbol `first` on, (count, cells)."""
+        """Bits of the data cells from symbol `first` on, (count, cells)."""
         self._check(first, count)
         out = np.empty((count, self.layout.cells), np.bool_)
         for n, symbol in enumerate(range(first, first + count)):
@@ -149,7 +147,7 @@ class Transmission:
         return out
 
     def cells(self, first: int, count: int) -> _Bits:
-        """Returns the bits of all cells, (count, rows, columns); those covered by tags are off."""
+        """Bits of all cells, (count, rows, columns); those covered by tags are off."""
         rows, columns = self.layout.shape
         out = np.zeros((count, rows * columns), np.bool_)
         out[:, self.layout.data] = self.bits(first, count)
@@ -158,11 +156,11 @@ class Transmission:
         return out.reshape(count, rows, columns)
 
     def pixels(self, symbol: int) -> _Bits:
-        """Returns the panel's pixels in every plane of a symbol, (height, width)."""
+        """Panel's pixels in every plane of a symbol, (height, width)."""
         return self._spread(self.cells(symbol, 1)[0], np.bool_(True))
 
     def words(self, first_plane: int, planes: int) -> Words:
-        """Returns planes from `first_plane` on as words, (ceil(planes / 32), height, width) uint32.
+        """Planes from `first_plane` on as words, (ceil(planes / 32), height, width) uint32.
 
         After the last plane the panel is dark.
         """
@@ -183,7 +181,7 @@ class Transmission:
         return out
 
     def _spread(self, cells: npt.NDArray[T], on: T) -> npt.NDArray[T]:
-        """Returns the panel's pixels of cells, with `on` where tags are bright."""
+        """Panel's pixels of cells, with `on` where tags are bright."""
         out = np.zeros((self.mode.height, self.mode.width), cells.dtype)
         _enlarge(cells, self.mode.cell, out)
         for tag in self._tags:
@@ -195,10 +193,10 @@ class FileTransmission(Transmission):
     """A transmission of a file.
 
     Args:
-        mode: of the transmission.
-        data, name: of the file.
-        interleave, overhead, rates: as in `Outbox`.
-        most_symbols: as in `Transmission`.
+        mode: mode of the transmission.
+        data, name: bytes and name of the file.
+        interleave, overhead, rates: interleaving, overhead and rates as in `Outbox`.
+        most_symbols: limit of the number of symbols, as in `Transmission`.
 
     Attributes:
         outbox: the file in frames.

@@ -23,8 +23,6 @@ from link.layout import TRAINING, Layout
 from link.mode import EVERY_RATE, Mode
 from link.theory import ldpc_word_error
 
-__all__ = ["Course", "Plan", "plan_rates"]
-
 _OFF: Final = 0.03
 """Ticks by which the phase may be another than foreseen: errors of a receiver's timing in runs."""
 _SURE: Final = 4.75
@@ -42,7 +40,7 @@ class Course:
     Attributes:
         delays: ticks by which the planes come later than at the begin, ascending or descending; a
             whole turn if the phase drifts further.
-        information: at each of them.
+        information: information at each phase of the course.
         drift: change of the delay, ticks a tick.
     """
 
@@ -51,7 +49,7 @@ class Course:
     drift: float
 
     def least(self, begin: float, end: float) -> float:
-        """Returns the least information between two ticks of the transmission."""
+        """Least information between two ticks of the transmission."""
         at = np.array([begin, end]) * self.drift
         delay = np.linspace(at.min() - _OFF, at.max() + _OFF, 9)
         turn = abs(self.delays[-1] - self.delays[0]) >= 1
@@ -83,13 +81,13 @@ def plan_rates(
     mode: Mode, course: Course, assumed: Callable[[float], float], size: int, hz: float,
     most_overhead: float = 1.0,
 ) -> Plan:  # fmt: skip
-    """Returns the rates of the blocks of a file.
+    """Rates of the blocks of a file.
 
     Args:
-        mode: with a rate for each block.
+        mode: mode with a rate for each block.
         course: information along the drift.
         assumed: information that is counted on, of a measured one.
-        size: of the file, bytes.
+        size: size of the file, bytes.
         hz: planes per second.
         most_overhead: largest overhead.
     """

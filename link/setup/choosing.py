@@ -27,8 +27,6 @@ from link.setup.adapting import Course, plan_rates
 from link.theory import clopper_pearson, ldpc_word_error, longest_off_run, rs_word_error
 from link.theory.soft_information import soft_information
 
-__all__ = ["Choice", "Considered", "Trial", "choose", "foresee", "longest_run"]
-
 _HOPELESS: Final = 0.2
 """Bit error rate from which more demanding modes are not tried."""
 _SURE: Final = 1e-6
@@ -57,8 +55,8 @@ class Trial:
         values, values_wrong: the same for the line code's values.
         information: lower limit of the information of a bit with its soft value, of scrambled
             symbols; None for others.
-        course: of the information along the drift of the phase; None if it was tried at one phase
-            alone.
+        course: course of the information along the drift of the phase; None if it was tried at one
+            phase alone.
     """
 
     bits: int
@@ -70,10 +68,10 @@ class Trial:
 
     @classmethod
     def of(cls, mode: Mode, sent: npt.NDArray[np.bool_], soft: npt.NDArray[np.float32]) -> Trial:
-        """Returns the result of symbols in whole groups.
+        """Result of symbols in whole groups.
 
         Args:
-            mode: of the pilot.
+            mode: mode of the pilot.
             sent: (symbols, cells) bits shown.
             soft: (symbols, cells) soft values received.
         """
@@ -105,7 +103,7 @@ class Considered:
         words_lost, frames_lost: shares of codewords and of frames lost.
         overhead: frames beyond the file's own, as a share of them.
         goodput: bit/s, 0 if no overhead is enough.
-        rates: of the blocks, where each has its own; see `link.setup.adapting.Plan`.
+        rates: rates of the blocks, where each has its own; see `link.setup.adapting.Plan`.
     """
 
     mode: Mode
@@ -142,7 +140,7 @@ class Choice:
 
 
 def longest_run(mode: Mode) -> float:
-    """Returns the longest run of OFF ticks of a mode's line code, or _RARE scrambled symbols."""
+    """Longest run of OFF ticks of a mode's line code, or _RARE scrambled symbols."""
     if mode.format == 2:
         return _RARE * mode.ticks
     most = mode.code.run_limit
@@ -158,9 +156,9 @@ def foresee(
     needed or the panel is too small for a frame.
 
     Args:
-        mode: of the transmission.
+        mode: mode of the transmission.
         words: share of codewords lost, independent because of the interleaver.
-        size: of the file, bytes.
+        size: size of the file, bytes.
         hz: planes per second.
         most_overhead: largest overhead.
 
@@ -212,7 +210,7 @@ class _Assumed:
 
 
 def _counted_on(information: float | None) -> float:
-    """Returns the information that is assumed, of that of a pilot."""
+    """Information that is assumed, of that of a pilot."""
     return max(1 - _MISSING * (1 - (information or 0.0)), 0.0)
 
 
@@ -231,7 +229,7 @@ def _assume(mode: Mode, got: Trial) -> _Assumed:
 def _weighed(
     mode: Mode, ceiling: float, got: Trial, size: int, hz: float, most_overhead: float
 ) -> Considered:
-    """Returns what a pilot lets expect of a mode."""
+    """What a pilot lets expect of a mode."""
     assumed, errors = _assume(mode, got), got.errors / got.bits
     if mode.adaptive:
         course = got.course or Course((0.0,), (got.information or 0.0,), 0.0)
@@ -288,7 +286,7 @@ def choose(
         trial: sends a pilot in a mode. The code of the words has no influence, so modes that differ
             only in it share a pilot.
         candidates: modes to consider.
-        size: of the file, bytes.
+        size: size of the file, bytes.
         hz: planes per second.
         threshold: electrons, for pixels with hard reset: modes whose runs are too long are then
             excluded, unless all are. None for other pixels.

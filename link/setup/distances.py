@@ -25,8 +25,6 @@ from link.setup.modes import choose_mode
 from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view, tag_module
 
-__all__ = ["OTHERS", "RateAt", "rates_over_distance", "span_of"]
-
 OTHERS: Final = 3
 """Number of distances beside the run's: each takes one to three pilots."""
 _CLOSE: Final = 0.04
@@ -42,7 +40,7 @@ class RateAt:
     Attributes:
         distance: m.
         rate: goodput of the best mode for the run's file, bit/s; 0 if none is predicted to work.
-        mode: that mode, None without one.
+        mode: mode of that rate, None without one.
     """
 
     distance: float
@@ -51,8 +49,8 @@ class RateAt:
 
 
 def span_of(setting: LinkSetting, mode: Mode) -> tuple[float, float]:
-    """Returns the distances between which this panel can be read with this lens, m: nearer it does
-    not fit into the view, and farther its tags are too small. The second may be the smaller."""
+    """Distances between which this panel can be read with this lens, m: nearer it does not fit into
+    the view, and farther its tags are too small. The second may be the smaller."""
     chip, optics = setting.camera.chip, setting.optics
     here, focal = setting.air.distance, optics.focal_length
     # The image of a panel pixel is as large as the inverse of its distance from the focal point.
@@ -71,9 +69,9 @@ def _moved(setting: LinkSetting, distance: float) -> LinkSetting:
 
 
 def rates_over_distance(setup: FileLinkSetup, progress: Progress) -> list[RateAt]:
-    """Returns the predicted rates at the run's distance and at OTHERS, in the order of distance.
-    Empty if the scenario gives the mode, which then is not chosen by pilots. They are kept for the
-    next run of the same link."""
+    """Predicted rates at the run's distance and at OTHERS, in the order of distance. Empty if the
+    scenario gives the mode, which then is not chosen by pilots. They are kept for the next run of
+    the same link."""
     if setup.mode_given:
         return []
     device = None if setup.device is None else setup.device.name

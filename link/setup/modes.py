@@ -22,8 +22,6 @@ from link.setup.choosing import Choice, Trial, choose, foresee
 from link.setup.pilot import film_pilot, strip_of
 from link.setup.truth import panel_in_view, tag_module
 
-__all__ = ["check_reach", "choose_mode", "fixed_mode", "tag_warning"]
-
 _TRIED = 8
 """Largest number of modes that are tried."""
 _DRIFT = 0.02
@@ -42,7 +40,7 @@ image."""
 
 
 def tag_warning(setting: LinkSetting, mode: Mode) -> str | None:
-    """Returns a warning if the tags are too small to be detected, else None."""
+    """A warning if the tags are too small to be detected, else None."""
     module, least = tag_module(setting, mode)
     if module >= least:
         return None
@@ -71,8 +69,7 @@ def check_reach(setting: LinkSetting) -> None:
 
 
 def fixed_mode(modem: Modem, panel: tuple[int, int]) -> Mode | None:
-    """Returns the mode of a modem on a panel of (height, width); None if a part of it is to be
-    chosen."""
+    """Mode of a modem on a panel of (height, width); None if a part of it is to be chosen."""
     parts = modem.cell, modem.ticks, modem.line
     codes = _codes(modem, modem.line)
     if "auto" in parts or len(codes) != 1:
@@ -81,7 +78,7 @@ def fixed_mode(modem: Modem, panel: tuple[int, int]) -> Mode | None:
 
 
 def _codes(modem: Modem, line: str) -> list[tuple[int | None, float | None]]:
-    """Returns the parities and rates that the modem leaves open with a line code."""
+    """Parities and rates that the modem leaves open with a line code."""
     return [
         (parity, rate) for parity, rate in codes_of(line)
         if modem.code in ("auto", "reed-solomon" if rate is None else "ldpc")
@@ -91,8 +88,8 @@ def _codes(modem: Modem, line: str) -> list[tuple[int | None, float | None]]:
 
 
 def _candidates(modem: Modem, setting: LinkSetting, adaptive: bool) -> list[Mode]:
-    """Returns the modes that the modem leaves open, with cells somewhat larger than a camera
-    pixel. adaptive: whether blocks may have a rate each; such modes are the last ones.
+    """Modes that the modem leaves open, with cells somewhat larger than a camera pixel. adaptive:
+    whether blocks may have a rate each; such modes are the last ones.
 
     The line code `none`, which is that of earlier recordings, is only chosen on request.
     """
@@ -126,8 +123,8 @@ def _may_adapt(modem: Modem, setting: LinkSetting) -> bool:
 
 
 def _delays(setting: LinkSetting, mode: Mode, size: int, step: float = _STEP) -> list[int]:
-    """Returns how much later the planes come at the phases at which a mode is tried, ps: 0, and
-    those that the clocks drift through while a file of `size` bytes is sent, at most a tick."""
+    """How much later the planes come at the phases at which a mode is tried, ps: 0, and those that
+    the clocks drift through while a file of `size` bytes is sent, at most a tick."""
     period = setting.camera.clock.edge(1)
     ratio = setting.camera.clock.hz / setting.panel.clock.hz
     goodput = foresee(mode, 0.0, size, setting.panel.clock.hz)[2]
@@ -169,13 +166,13 @@ def choose_mode(
     modem: Modem, setting: LinkSetting, size: int, device: Device | None,
     progress: Progress, adaptive: bool = False,
 ) -> tuple[Mode, Choice | None]:  # fmt: skip
-    """Returns the mode, and how it was chosen; None if the modem gives it, or nothing can arrive.
+    """Mode, and how it was chosen; None if the modem gives it, or nothing can arrive.
 
     Args:
         modem, setting: the link.
-        size: of the file, bytes; an empty file counts as one byte.
+        size: size of the file, bytes; an empty file counts as one byte.
         device: OpenCL device, None for numba.
-        progress: of the pilots.
+        progress: progress of the pilots.
         adaptive: whether blocks can have a rate each.
 
     Raises:

@@ -26,8 +26,6 @@ from link.setup.truth import true_timing
 from link.timing import Timing
 from sensor import SpikeCamera
 
-__all__ = ["Pilot", "film_pilot", "film_words", "strip_of"]
-
 WIDTH = 128
 """Panel pixels of the strip: the smallest width of a mode."""
 SYMBOLS = 60
@@ -40,8 +38,8 @@ _MARGIN = 12
 
 
 def strip_of(setting: LinkSetting, width: int = WIDTH) -> LinkSetting:
-    """Returns the link of a narrow panel from the panel's middle, with a camera as small as its
-    image. width: of the panel, at most, panel pixels."""
+    """Link of a narrow panel from the panel's middle, with a camera as small as its image. width:
+    of the panel, at most, panel pixels."""
     height, across = setting.camera.chip.height, setting.camera.chip.width
     optics = replace(setting.optics, width=min(width, setting.optics.width))
     corners = panel_corners(optics) @ image_of(optics, setting.aim, setting.air, (height, across)).T

@@ -36,10 +36,6 @@ from link.setup.truth import panel_in_view
 from sensor import CameraSetting
 from sensor.device.steering import ClockSteering
 
-__all__ = [
-    "ChosenLink", "FileLinkSetup", "FileSetup", "LinkSetup", "choose_link", "set_up_link",
-]  # fmt: skip
-
 _SHORTENED_PLANES = 600
 """Largest number of planes if no mode is expected to work: enough for the receiver to find the
 cause."""
@@ -56,7 +52,7 @@ class ChosenLink:
         setting: panel, lens, air and camera with every effect.
         mode, choice: the mode, and how it was chosen; None if the modem gives it.
         device: OpenCL device, None for the compiled form on the processor.
-        times: of each stage so far.
+        times: times of each stage so far.
         locking: the loop that has locked the clock; None without a lock.
     """
 
@@ -90,15 +86,15 @@ class ChosenLink:
         setting: LinkSetting | None = None,
         measured: bool = True,
     ) -> tuple[LinkSetting, ClockLock | None]:
-        """Returns the link with the ticks of its clock over a transmission, and how they were held.
-        Raises InputError if the transmission takes more than a day.
+        """Link with the ticks of its clock over a transmission, and how they were held. Raises
+        InputError if the transmission takes more than a day.
 
         Args:
-            planes: of the transmission.
-            progress: of the ticks.
-            setting: with other hidden spans, or the noise of another seed; that of the link if
-                None.
-            measured: as in `Locking.hold`.
+            planes: number of planes of the transmission.
+            progress: progress of the ticks.
+            setting: setting with other hidden spans, or the noise of another seed; that of the link
+                if None.
+            measured: measurement of the lock, as in `Locking.hold`.
         """
         setting = setting or self.setting
         clock, days = setting.camera.clock, planes / setting.panel.clock.hz / DAY
@@ -117,15 +113,15 @@ class ChosenLink:
         self, payload: Payload, progress: Progress, most_symbols: int | None = None,
         seed: int | None = None,
     ) -> FileSetup:  # fmt: skip
-        """Returns the link with a file to send.
+        """Link with a file to send.
 
         Args:
             payload: the file.
-            progress: of the ticks of a locked clock.
+            progress: progress of the ticks of a locked clock.
             most_symbols: number of symbols after which the transmission is cut; None for the whole
                 file, or for as many as show the cause if it is not expected to arrive.
-            seed: of the noise of a call; None for a run with the noise of the link, whose lock is
-                measured to its end.
+            seed: seed of the noise of a call; None for a run with the noise of the link, whose lock
+                is measured to its end.
 
         Raises:
             InputError: the panel has no room for a frame.
@@ -169,8 +165,8 @@ def choose_link(
 
     Args:
         modem, setting, steering, tolerance, device: see `ChosenLink`.
-        size: of the file for which the mode is chosen, bytes.
-        progress: of the pilots.
+        size: size of the file for which the mode is chosen, bytes.
+        progress: progress of the pilots.
         adaptive: whether blocks can have a rate each.
         keeps: whether what is found is kept for the next run of the same link.
 
@@ -193,8 +189,8 @@ class LinkSetup:
         chosen: the link without data.
         setting: panel, lens, air and camera with every effect, in this transmission.
         sent: the transmission.
-        cycles: of the camera.
-        lock: of the camera's clock; None if its ticks are of one length.
+        cycles: number of cycles of the camera.
+        lock: lock of the camera's clock; None if its ticks are of one length.
     """
 
     chosen: ChosenLink
@@ -252,7 +248,7 @@ class LinkSetup:
         return chip.width * chip.height * self.cycles
 
     def notes(self) -> list[str]:
-        """Returns the notes for the user before the run."""
+        """Notes for the user before the run."""
         setting, choice = self.setting, self.choice
         notes: list[str] = []
         if setting.chosen_f_number:
@@ -277,7 +273,7 @@ class LinkSetup:
         return notes + self.warnings()
 
     def warnings(self) -> list[str]:
-        """Returns why the data will not arrive, as far as that is known before the run."""
+        """Why the data will not arrive, as far as that is known before the run."""
         small = tag_warning(self.setting, self.mode)
         return [] if small is None else [small]
 
@@ -302,12 +298,12 @@ class FileSetup(LinkSetup):
         return not hopeful and self.sent.groups < self.sent.outbox.groups
 
     def mode_document(self) -> dict[str, Any]:
-        """Returns the mode, for documents. rates: of the blocks in turn, each with the number of
-        blocks in a row that have it; empty for one code."""
+        """Mode, for documents. rates: of the blocks in turn, each with the number of blocks in a
+        row that have it; empty for one code."""
         return {**asdict(self.mode), "rates": [list(run) for run in self.sent.outbox.runs]}
 
     def shortened_message(self) -> str:
-        """Returns why only a part is recorded, and how long it is."""
+        """Why only a part is recorded, and how long it is."""
         rows = () if self.choice is None else self.choice.rows
         mine = [
             row.errors for row in rows
@@ -326,7 +322,7 @@ class FileSetup(LinkSetup):
         )
 
     def warnings(self) -> list[str]:
-        """Returns why the file will not arrive, as far as that is known before the run."""
+        """Why the file will not arrive, as far as that is known before the run."""
         return ([self.shortened_message()] if self.shortened else []) + super().warnings()
 
 
@@ -342,7 +338,7 @@ class FileLinkSetup(FileSetup):
 
 
 def _symbols_in(scenario: LinkScenario, setting: LinkSetting, mode: Mode) -> int | None:
-    """Returns the number of symbols in the scenario's duration; None without a duration."""
+    """Number of symbols in the scenario's duration; None without a duration."""
     if scenario.duration is None:
         return None
     clock, panel = setting.camera.clock, setting.panel.clock
@@ -366,9 +362,9 @@ def set_up_link(
 
     Args:
         scenario: the scenario.
-        camera: that of [sensor], with every effect.
+        camera: camera of [sensor], with every effect.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
-        progress: of the pilots.
+        progress: progress of the pilots.
 
     Raises:
         InputError: if the scenario cannot be simulated.

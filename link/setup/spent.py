@@ -7,16 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-__all__ = ["Spent"]
-
 
 @dataclass(frozen=True)
 class Spent:
     """Time by stage, s; a stage that comes again adds to its time.
 
     Attributes:
-        wall: on the clock.
-        processor: of all threads of the program. Other programs do not lengthen it.
+        wall: time on the clock.
+        processor: time of all threads of the program. Other programs do not lengthen it.
     """
 
     wall: dict[str, float] = field(default_factory=dict)

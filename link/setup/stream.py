@@ -27,8 +27,6 @@ from link.setting import LEAD, TAIL, link_setting, steering_of
 from link.setup.setup import LinkSetup, choose_link
 from sensor import CameraSetting
 
-__all__ = ["ASSEMBLY", "StreamSetup", "set_up_stream"]
-
 ASSEMBLY: Final = 4
 """Camera cycles before the first light of a block, at which its frames are made: the sender needs
 time to code them."""
@@ -45,7 +43,7 @@ class StreamSetup(LinkSetup):
 
     Attributes:
         scenario: the scenario.
-        form: of the blocks.
+        form: form of the blocks.
         blocks: number of blocks.
         lead: camera cycles from the start of the link to cycle 0 of the stream.
     """
@@ -102,22 +100,21 @@ class StreamSetup(LinkSetup):
         return ASSEMBLY + math.ceil(3 * self.block_cycles) + _READ
 
     def first_cycle(self, block: int) -> int:
-        """Returns the camera cycle, of the link, in which the first light of a block begins."""
+        """Camera cycle, of the link, in which the first light of a block begins."""
         setting = self.setting
         plane = (TRAINING * self.mode.ticks) + block * self.block_planes
         return setting.camera.clock.cycle_at(setting.first_light + setting.panel.clock.edge(plane))
 
     def block_until(self, tick: int) -> int:
-        """Returns the block whose light ends nearest to a cycle of the link."""
+        """Block whose light ends nearest to a cycle of the link."""
         return round((tick - self.first_cycle(0)) / self.block_cycles) - 1
 
     def made_at(self, block: int) -> int:
-        """Returns the cycle of the stream before which a packet must be complete to be sent in a
-        block."""
+        """Cycle of the stream before which a packet must be complete to be sent in a block."""
         return self.first_cycle(block) - ASSEMBLY - self.lead
 
     def transmission(self, ready: Callable[[int], bytes | None]) -> Transmission:
-        """Returns the transmission. ready: see `StreamOutbox`."""
+        """Transmission. ready: see `StreamOutbox`."""
         return Transmission(self.mode, StreamOutbox(self.form, self.blocks, ready))
 
 
@@ -130,9 +127,9 @@ def set_up_stream(
     Args:
         scenario: a scenario of the link's section, its camera and its seed; the file and the
             duration are not read.
-        camera: that of the link, with every effect.
+        camera: camera of the link, with every effect.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
-        progress: of the pilots.
+        progress: progress of the pilots.
         cycles: length of the stream, camera cycles.
         hold: camera cycles after the end of the stream in which packets may still wait.
 

@@ -17,8 +17,6 @@ from link.setting import LinkSetting
 from link.timing import Timing
 from sensor.latched.sampling import row_offsets
 
-__all__ = ["panel_in_view", "tag_module", "true_timing"]
-
 
 def panel_in_view(setting: LinkSetting) -> bool:
     """Whether the image of the whole panel, tags included, lies on the sensor."""
@@ -31,13 +29,13 @@ def panel_in_view(setting: LinkSetting) -> bool:
 
 
 def tag_module(setting: LinkSetting, mode: Mode) -> tuple[float, float]:
-    """Returns the side of a module of the tags, and the smallest that is detected through the
-    blur of the image, camera pixels."""
+    """Side of a module of the tags, and the smallest that is detected through the blur of the
+    image, camera pixels."""
     return setting.scale * Layout(mode).module, least_module(cell_scene(setting).blur)
 
 
 def true_timing(setting: LinkSetting, row_delay: npt.NDArray[np.int64], ticks: int) -> Timing:
-    """Returns the timing of symbols in the camera's ticks.
+    """Timing of symbols in the camera's ticks.
 
     Args:
         setting: the link.

@@ -9,27 +9,14 @@ import numpy.typing as npt
 
 from link.theory.charge import poisson_threshold
 
-__all__ = [
-    "binary_capacity", "count_capacity", "entropy", "one_bit_capacity", "poisson_best_duty",
-    "poisson_capacity",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 _FAR: Final = 1e5
 """Ratio of background to signal above which series are used; both forms are accurate to 1e-10
 there."""
 
 
-def entropy(p: npt.ArrayLike) -> Array:
-    """Returns the binary entropy, bits."""
-    from scipy.special import entr
-
-    p = np.asarray(p, np.float64)
-    return np.asarray((entr(p) + entr(1 - p)) / np.log(2))
-
-
 def poisson_best_duty(dark: npt.ArrayLike) -> Array:
-    """Returns the optimal share of time at peak power: (1+s)^(1+s) / (s^s e) - s.
+    """Optimal share of time at peak power: (1+s)^(1+s) / (s^s e) - s.
 
     It rises from 1/e to 1/2 as s = dark / peak goes from 0 to infinity. The form used neither
     overflows nor cancels.
@@ -47,7 +34,7 @@ def poisson_best_duty(dark: npt.ArrayLike) -> Array:
 
 
 def poisson_capacity(dark: npt.ArrayLike, average: npt.ArrayLike | None = None) -> Array:
-    """Returns the capacity of a peak-limited Poisson channel, bits per peak photon (C / A).
+    """Capacity of a peak-limited Poisson channel, bits per peak photon (C / A).
 
     C / A = q (1+s) ln(1+s) + (1-q) s ln s - (q+s) ln(q+s) nats, q = min(average, best duty)
     (Kabanov, Theory Probab. Appl. 23:143, 1978; Davis, IEEE Trans. IT 26:710, 1980; Wyner, IEEE
@@ -67,7 +54,7 @@ def poisson_capacity(dark: npt.ArrayLike, average: npt.ArrayLike | None = None) 
 
 
 def _mutual(s: Array, q: Array) -> Array:
-    """Returns the mutual information of `poisson_capacity` for duty q, nats per peak photon.
+    """Mutual information of `poisson_capacity` for duty q, nats per peak photon.
 
     It is computed as q (1+s) ln((1+s)/(q+s)) + (1-q) s ln(s/(q+s)), which does not contain s ln s:
     that term cancels for a large s. The two remaining terms are close to q (1 - q), and their sum
@@ -84,7 +71,7 @@ def _mutual(s: Array, q: Array) -> Array:
 
 
 def binary_capacity(p01: npt.ArrayLike, p10: npt.ArrayLike) -> tuple[Array, Array]:
-    """Returns (bits per use, optimal share of ON) of a memoryless binary channel.
+    """(bits per use, optimal share of ON) of a memoryless binary channel.
 
     The channel reads OFF as ON with p01 and ON as OFF with p10. Closed form (Silverman, IRE Trans.
     IT 1:19, 1955): with z = exp((h(p01) - h(p10)) / (1 - p01 - p10)) in nats, P(read ON) = 1 / (1 +
@@ -110,7 +97,7 @@ def binary_capacity(p01: npt.ArrayLike, p10: npt.ArrayLike) -> tuple[Array, Arra
 def one_bit_capacity(
     q: npt.ArrayLike, mean_on: npt.ArrayLike, mean_off: npt.ArrayLike = 0.0
 ) -> Array:
-    """Returns the capacity of a pixel that starts each tick empty, bits per tick.
+    """Capacity of a pixel that starts each tick empty, bits per tick.
 
     The output of a tick is whether q electrons arrived.
     """
@@ -118,7 +105,7 @@ def one_bit_capacity(
 
 
 def count_capacity(off: Array, on: Array) -> tuple[float, float]:
-    """Returns (bits per use, optimal share of ON) of a channel with two inputs.
+    """(bits per use, optimal share of ON) of a channel with two inputs.
 
     The mutual information is concave in the share, so its maximum is the root of D(on | mix) -
     D(off | mix), found by bisection.

@@ -15,11 +15,6 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "PixelChannel", "Reset", "charge_errors", "charge_kernels", "longest_off_run",
-    "poisson_threshold",
-]  # fmt: skip
-
 Reset = Literal["hard", "residual", "subtract"]
 """Charge after a spike. hard: zero. residual: the charge modulo q. subtract: the charge minus q, so
 that one spike in a tick removes one threshold and the rest waits for the next tick."""
@@ -54,8 +49,7 @@ _STATES: Final = 5000
 def poisson_threshold(
     q: npt.ArrayLike, mean_on: npt.ArrayLike, mean_off: npt.ArrayLike
 ) -> tuple[Array, Array]:
-    """Returns (p01, p10) of a tick that starts with no charge: P(Poisson(off) >= q), P(Poisson(on)
-    < q).
+    """(p01, p10) of a tick that starts with no charge: P(Poisson(off) >= q), P(Poisson(on) < q).
 
     The tails come from the incomplete gamma function, so probabilities far below 1e-16 are
     accurate; 1 - cdf would not be.
@@ -80,7 +74,7 @@ def _arrivals(mean: float, length: int) -> Array:
 
 
 def charge_kernels(reset: Reset, q: int, mean: float, depth: int = _DEPTH) -> Array:
-    """Returns P(latched bit, charge after | charge before) of a tick, (2, states, states).
+    """P(latched bit, charge after | charge before) of a tick, (2, states, states).
 
     Charges are 0 to q - 1; with `subtract` 0 to depth q - 1, where the last state holds all larger
     charges.
@@ -107,7 +101,7 @@ def charge_kernels(reset: Reset, q: int, mean: float, depth: int = _DEPTH) -> Ar
 
 
 def _stationary(step: Array) -> Array:
-    """Returns the stationary distribution of a stochastic matrix."""
+    """Stationary distribution of a stochastic matrix."""
     n = len(step)
     equations = step.T - np.eye(n)
     equations[-1] = 1.0
@@ -117,7 +111,7 @@ def _stationary(step: Array) -> Array:
 
 
 def charge_errors(channel: PixelChannel, p_on: float = 0.5) -> tuple[float, float]:
-    """Returns the stationary (p01, p10) under random bits: P(spike | off), P(no spike | on).
+    """Stationary (p01, p10) under random bits: P(spike | off), P(no spike | on).
 
     Without overlap, `residual` keeps every charge equally likely (its steps are rotations), so p01
     = E[min(N, q)] / q; the equations agree with this. With `subtract` every threshold of charge is
@@ -160,7 +154,7 @@ def charge_errors(channel: PixelChannel, p_on: float = 0.5) -> tuple[float, floa
 
 
 def longest_off_run(q: float, off: float, limit: float = 1e-6) -> int:
-    """Returns the longest run of OFF ticks whose probability of a false spike is below `limit`.
+    """Longest run of OFF ticks whose probability of a false spike is below `limit`.
 
     The pixel is empty at the start and charge accumulates over the run.
 

@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from link.theory.charge import Reset, charge_kernels
 
-__all__ = ["count_laws", "pixel_errors"]
-
 Array = npt.NDArray[np.float64]
 _FINEST: Final = 1000
 """Largest threshold that is modelled electron by electron. A larger one is scaled down together
@@ -29,7 +27,7 @@ _ROUNDS: Final = 60
 
 
 def _symbol(law: Array, kernel: Array, ticks: int) -> Array:
-    """Returns the distribution of (spikes, charge) after a symbol, (ticks + 1, states).
+    """Distribution of (spikes, charge) after a symbol, (ticks + 1, states).
 
     Args:
         law: (states,) distribution of the charge before.
@@ -48,8 +46,7 @@ def _symbol(law: Array, kernel: Array, ticks: int) -> Array:
 def count_laws(
     q: float, mu_on: float, mu_off: float, reset: Reset, ticks: int = 1, longest: int | None = 5
 ) -> tuple[Array, Array]:
-    """Returns the distributions of a pixel's spikes in an OFF and in an ON symbol, (ticks + 1,)
-    each.
+    """Distributions of a pixel's spikes in an OFF and in an ON symbol, (ticks + 1,) each.
 
     Runs of r symbols have shares ~ 2^-r, as in random bits.
 
@@ -86,7 +83,7 @@ def count_laws(
 
 
 def _of_pixels(law: Array, pixels: int) -> Array:
-    """Returns the distribution of the sum over independent pixels."""
+    """Distribution of the sum over independent pixels."""
     out = np.ones(1)
     for _ in range(pixels):
         out = np.convolve(out, law)
@@ -104,7 +101,7 @@ def pixel_errors(
     longest: int | None = 5,
     rule: Literal["joint", "majority"] = "joint",
 ) -> tuple[float, float]:
-    """Returns the estimated (p01, p10) of a symbol on a cell: P(read ON | OFF), P(read OFF | ON).
+    """Estimated (p01, p10) of a symbol on a cell: P(read ON | OFF), P(read OFF | ON).
 
     The decision is on the total count of spikes. For one pixel, one tick, an integer threshold up
     to 1000 and runs of this distribution, the result is exact.

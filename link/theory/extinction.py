@@ -7,8 +7,6 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Particles", "extinction_db_per_km", "size_exponent"]
-
 Particles = Literal["kim", "kruse"]
 PRINTED: Final = 3.91
 """-ln 0.02, Koschmieder at a contrast of 2 %, as printed by Kim (exact: 3.912)."""
@@ -19,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 
 def size_exponent(visibility_km: npt.ArrayLike, particles: Particles = "kim") -> Array:
-    """Returns q of extinction ~ wavelength^-q.
+    """q of extinction ~ wavelength^-q.
 
     Kim, McArthur, Korevaar, SPIE 4214:26 (2001): 1.6 above 50 km, 1.3 from 6, 0.16 V + 0.34 from 1,
     V - 0.5 from 0.5, 0 below, where fog is grey. Kruse, McGlauchlin, McQuistan, Elements of
@@ -36,7 +34,7 @@ def size_exponent(visibility_km: npt.ArrayLike, particles: Particles = "kim") ->
 def extinction_db_per_km(
     visibility_km: npt.ArrayLike, wavelength_nm: npt.ArrayLike, particles: Particles = "kim"
 ) -> Array:
-    """Returns the attenuation, dB/km: 4.343 (3.91 / V) (wavelength / 550 nm)^-q.
+    """Attenuation, dB/km: 4.343 (3.91 / V) (wavelength / 550 nm)^-q.
 
     ITU-R P.1814 equation 4 omits the factor 4.343 and calls the result dB; it is in nepers.
     """

@@ -25,11 +25,6 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "Convention", "amplitude_of", "awgn_ook", "gamma_gamma_ook", "log_normal_ook",
-    "log_normal_sigma",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 Convention = Literal["peak", "average"]
 _FINE, _COARSE = 0.4, 0.125
@@ -41,26 +36,25 @@ _AT_ONCE: Final = 1 << 18
 
 
 def amplitude_of(snr_db: npt.ArrayLike, convention: Convention) -> Array:
-    """Returns the ON signal over the standard deviation of the noise."""
+    """ON signal over the standard deviation of the noise."""
     snr = 10 ** (np.asarray(snr_db, np.float64) / 10)
     return np.asarray(np.sqrt(snr if convention == "peak" else 2 * snr))
 
 
 def awgn_ook(amplitude: npt.ArrayLike) -> Array:
-    """Returns Q(amplitude / 2), accurate in the far tail."""
+    """Q(amplitude / 2), accurate in the far tail."""
     from scipy.special import ndtr
 
     return np.asarray(ndtr(-np.asarray(amplitude, np.float64) / 2))
 
 
 def log_normal_sigma(index: npt.ArrayLike) -> Array:
-    """Returns the standard deviation of ln I for a log-normal scintillation index: sqrt(ln(1 +
-    SI))."""
+    """Standard deviation of ln I for a log-normal scintillation index: sqrt(ln(1 + SI))."""
     return np.asarray(np.sqrt(np.log1p(np.asarray(index, np.float64))))
 
 
 def log_normal_ook(amplitude: npt.ArrayLike, sigma: float) -> Array:
-    """Returns E[Q(amplitude I / 2)], ln I normal of deviation sigma and mean -sigma^2 / 2."""
+    """E[Q(amplitude I / 2)], ln I normal of deviation sigma and mean -sigma^2 / 2."""
     if sigma < 0:
         raise ValueError(f"sigma must be at least 0, not {sigma}")
     if sigma == 0:
@@ -81,14 +75,14 @@ def _log_q(x: Array) -> Array:
 
 
 def _log_gamma_nodes(shape: float, deepest: float) -> tuple[Array, Array]:
-    """Returns (ln x, ln weight) of a gamma variate of mean 1 on evenly spaced nodes of ln x.
+    """(ln x, ln weight) of a gamma variate of mean 1 on evenly spaced nodes of ln x.
 
     The density of u = ln x is exp(shape (u - e^u) + shape ln shape - ln Gamma(shape)). Its peak has
     width 1 / sqrt(shape); to the left it is an exponential of slope shape, to the right double
     exponential. The constant is Stirling's where its terms are large and cancel.
 
     Args:
-        shape: of the gamma law.
+        shape: shape of the gamma law.
         deepest: ln x below which the averaged function is constant.
     """
     from scipy.special import gammaln
@@ -108,12 +102,11 @@ def _log_gamma_nodes(shape: float, deepest: float) -> tuple[Array, Array]:
 
 
 def gamma_gamma_ook(amplitude: npt.ArrayLike, alpha: float, beta: float) -> Array:
-    """Returns E[Q(amplitude I / 2)], I the product of gamma variates of shapes alpha and beta, mean
-    1.
+    """E[Q(amplitude I / 2)], I the product of gamma variates of shapes alpha and beta, mean 1.
 
     Args:
-        amplitude: ON signal over noise; 0 or less gives 1/2.
-        alpha, beta: from 0.2 (a saturated plane wave has beta = 1).
+        amplitude: amplitude of the ON signal over noise; 0 or less gives 1/2.
+        alpha, beta: shape from 0.2 up (a saturated plane wave has beta = 1).
     """
     if not (alpha >= 0.2 and beta >= 0.2):
         raise ValueError(f"alpha and beta must be at least 0.2, not {alpha}, {beta}")

@@ -20,8 +20,6 @@ from numba import njit
 
 from link.theory.charge import Reset
 
-__all__ = ["InformationRate", "fsc_information_rate"]
-
 Array = npt.NDArray[np.float64]
 _RULES: Final[dict[Reset, int]] = {"hard": 0, "residual": 1, "subtract": 2}
 _DEPTH: Final = 8
@@ -48,7 +46,7 @@ class InformationRate:
 
 
 def _law(mean: float) -> tuple[int, Array]:
-    """Returns the first count and the probabilities from it on of a Poisson variate.
+    """First count and the probabilities from it on of a Poisson variate.
 
     They cover 7 standard deviations; the remainder is below 1e-10.
     """
@@ -89,7 +87,7 @@ def _spread(belief, weight, first, law, q, rule, bit, out):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _fires(belief, first, tail, q):  # type: ignore[no-untyped-def]
-    """Returns P(spike) in the next tick. tail[n]: P(count >= first + n)."""
+    """P(spike) in the next tick. tail[n]: P(count >= first + n)."""
     total = 0.0
     for v in range(belief.size):
         n = q - v - first
@@ -99,7 +97,7 @@ def _fires(belief, first, tail, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _entropy(p):  # type: ignore[no-untyped-def]
-    """Returns the binary entropy, bits."""
+    """Binary entropy, bits."""
     if p <= 0.0 or p >= 1.0:
         return 0.0
     return -(p * math.log2(p) + (1 - p) * math.log2(1 - p))
@@ -148,7 +146,7 @@ def fsc_information_rate(
     p_on: float = 0.5,
     seed: int = 1,
 ) -> InformationRate:
-    """Returns the information rate of independent random bits through one pixel, shot noise only.
+    """Information rate of independent random bits through one pixel, shot noise only.
 
     The rate of this input is a lower bound of the capacity.
 
@@ -158,7 +156,7 @@ def fsc_information_rate(
         mu_on, mu_off: mean electrons of a tick.
         ticks: number of ticks to simulate.
         p_on: share of ON bits.
-        seed: of the random numbers.
+        seed: seed of the random numbers.
 
     Raises:
         ValueError: if there are too few ticks for the batches.

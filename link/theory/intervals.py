@@ -7,8 +7,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["JUDGED", "clopper_pearson", "pointwise_level"]
-
 JUDGED: Final = 100
 """Number of errors from which a point is compared with theory: its relative spread is then a
 tenth."""
@@ -17,7 +15,7 @@ tenth."""
 def clopper_pearson(
     errors: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.99
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Returns exact limits (low, high) of a probability from independent trials, by beta quantiles.
+    """Exact limits (low, high) of a probability from independent trials, by beta quantiles.
 
     Clopper and Pearson, Biometrika 26:404 (1934): the true value lies outside in at most 1 - level
     of all cases, half on each side. The lower limit of 0 errors is 0, the upper limit of all errors
@@ -36,7 +34,7 @@ def clopper_pearson(
 
 
 def pointwise_level(level: float, points: int) -> float:
-    """Returns the confidence level for each of `points` intervals that gives all of them `level`.
+    """Confidence level for each of `points` intervals that gives all of them `level`.
 
     Bonferroni: the risk is divided evenly; the points need not be independent.
     """

@@ -16,8 +16,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ldpc_word_error", "sign_information"]
-
 _BITS: Final = 8448
 """Data bits of the measured words."""
 _MEASURED: Final = {
@@ -41,12 +39,12 @@ _NODES, _WEIGHTS = np.polynomial.hermite.hermgauss(100)
 
 
 def ldpc_word_error(rate: float, information: npt.ArrayLike, data_bits: int = _BITS) -> float:
-    """Returns the share of words that fail.
+    """Share of words that fail.
 
     Args:
-        rate: of the code, one of `link.mode.EVERY_RATE`.
-        information: of a bit with its soft value.
-        data_bits: of a word.
+        rate: rate of the code, one of `link.mode.EVERY_RATE`.
+        information: information of a bit with its soft value.
+        data_bits: data bits of a word.
     """
     from scipy.special import ndtr
 
@@ -56,8 +54,8 @@ def ldpc_word_error(rate: float, information: npt.ArrayLike, data_bits: int = _B
 
 
 def sign_information(errors: float) -> float:
-    """Returns the information of a sign in white noise, bits, if its hard decisions err so often:
-    1 - E[log2(1 + exp(-L))], L normal with mean 2/s^2 and variance 4/s^2, errors = Q(1/s)."""
+    """Information of a sign in white noise, bits, if its hard decisions err so often: 1 - E[log2(1
+    + exp(-L))], L normal with mean 2/s^2 and variance 4/s^2, errors = Q(1/s)."""
     from scipy.special import ndtri
 
     if errors <= 0:

@@ -13,13 +13,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["hard_patterns", "survival"]
-
 Array = npt.NDArray[np.float64]
 
 
 def survival(charge: npt.ArrayLike, q: float, noise: float = 0.0) -> Array:
-    """Returns P(no spike yet) of a pixel that started empty.
+    """P(no spike yet) of a pixel that started empty.
 
     Args:
         charge: mean charge since then, in thresholds.
@@ -34,7 +32,7 @@ def survival(charge: npt.ArrayLike, q: float, noise: float = 0.0) -> Array:
 
 
 def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Array:
-    """Returns P(pattern of the last `window` ticks), (..., 2^window).
+    """P(pattern of the last `window` ticks), (..., 2^window).
 
     Bit j of a pattern is the spike of tick j of the window. The pixel is empty before the first
     tick.
@@ -42,7 +40,7 @@ def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Ar
     Args:
         means: (..., ticks) mean electrons of each tick over q electrons.
         window: number of ticks of the pattern.
-        q, noise: as in `survival`.
+        q, noise: probability and noise as in `survival`.
     """
     ticks = means.shape[-1]
     if not 1 <= window <= ticks:
@@ -78,5 +76,5 @@ def hard_patterns(means: Array, window: int, q: float, noise: float = 0.0) -> Ar
 
 
 def _fires(fresh: list[Array], alive: dict[tuple[int, int], Array], j: int) -> Array:
-    """Returns P(spike in tick j, and none since one of the `fresh` resets)."""
+    """P(spike in tick j, and none since one of the `fresh` resets)."""
     return np.asarray(sum(f * (alive[i, j] - alive[i, j + 1]) for i, f in enumerate(fresh)))

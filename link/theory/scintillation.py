@@ -10,10 +10,6 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "correlation_time", "gamma_gamma", "rytov", "scintillation_index",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 RYTOV: Final = {"plane": 1.23, "spherical": 0.4 * 1.23}
 """Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., section 8.2."""
@@ -29,13 +25,13 @@ def rytov(
     length: npt.ArrayLike,
     wave: Literal["plane", "spherical"] = "plane",
 ) -> Array:
-    """Returns the Rytov variance, 1.23 Cn2 k^(7/6) L^(11/6); 0.4 of it for a spherical wave."""
+    """Rytov variance, 1.23 Cn2 k^(7/6) L^(11/6); 0.4 of it for a spherical wave."""
     k = 2 * np.pi / np.asarray(wavelength, np.float64)
     return np.asarray(RYTOV[wave] * np.asarray(cn2) * k ** (7 / 6) * np.power(length, 11 / 6))
 
 
 def gamma_gamma(sigma2: npt.ArrayLike) -> tuple[Array, Array]:
-    """Returns (alpha, beta), the effective numbers of large and small eddies for a Rytov variance.
+    """(alpha, beta), the effective numbers of large and small eddies for a Rytov variance.
 
     The variance must be above 0. Both tend to 1 / (0.49 sigma2) as it tends to 0; expm1 preserves
     this, while exp(x) - 1 is 0 below 1e-16.
@@ -51,8 +47,7 @@ def gamma_gamma(sigma2: npt.ArrayLike) -> tuple[Array, Array]:
 
 
 def scintillation_index(alpha: npt.ArrayLike, beta: npt.ArrayLike) -> Array:
-    """Returns the variance of the intensity over its squared mean, 1/alpha + 1/beta + 1/(alpha
-    beta)."""
+    """Variance of the intensity over its squared mean, 1/alpha + 1/beta + 1/(alpha beta)."""
     a, b = np.asarray(alpha, np.float64), np.asarray(beta, np.float64)
     return np.asarray(1 / a + 1 / b + 1 / (a * b))
 
@@ -60,7 +55,7 @@ def scintillation_index(alpha: npt.ArrayLike, beta: npt.ArrayLike) -> Array:
 def correlation_time(
     wavelength: npt.ArrayLike, length: npt.ArrayLike, wind: npt.ArrayLike
 ) -> Array:
-    """Returns the correlation time of the intensity, s: sqrt(lambda L) / V.
+    """Correlation time of the intensity, s: sqrt(lambda L) / V.
 
     A Fresnel zone is carried past a point by the wind (Taylor's frozen flow).
     """

@@ -20,8 +20,6 @@ import numpy.typing as npt
 
 from link.theory.intervals import clopper_pearson
 
-__all__ = ["SoftInformation", "soft_information"]
-
 _FACTORS: Final = (1 / 64, 64.0)
 """Smallest and largest factor of the soft values that is tried."""
 _STEPS: Final = 20
@@ -43,7 +41,7 @@ class SoftInformation:
         low, high: 99.9 % interval, for independent bits or independent batches. With few wrong
             values, the lower end is at most the information of hard decisions with as many errors
             as the interval of Clopper and Pearson allows.
-        factor: of the soft values, at which it is reached.
+        factor: factor of the soft values at which it is reached.
     """
 
     bits: float
@@ -53,8 +51,8 @@ class SoftInformation:
 
 
 def _half_width(lost: npt.NDArray[np.float64], batch: npt.NDArray[np.intp] | None) -> float:
-    """Returns half of the 99.9 % interval of the mean loss: normal for independent bits, Student's
-    t over the batches' means otherwise (their sizes weigh as in a ratio estimate)."""
+    """Half of the 99.9 % interval of the mean loss: normal for independent bits, Student's t over
+    the batches' means otherwise (their sizes weigh as in a ratio estimate)."""
     if batch is None:
         return _QUANTILE * float(lost.std()) / float(np.sqrt(lost.size))
     from scipy.special import stdtrit

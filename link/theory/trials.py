@@ -16,11 +16,6 @@ from numba import njit
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.theory.charge import PixelChannel
 
-__all__ = [
-    "awgn_trials", "burst_word_trials", "charge_trials", "gamma_gamma_trials", "log_normal_trials",
-    "poisson_trials", "rs_word_trials",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 _CHUNK = 1 << 18
 """Trials computed at once: some megabytes."""
@@ -39,8 +34,7 @@ def _chunks(trials: int, size: int = _CHUNK) -> Iterator[int]:
 def poisson_trials(
     q: int, mean_on: float, mean_off: float, bits: int, seed: int, stream: int
 ) -> int:
-    """Returns the wrong bits of `bits` random ones, each in a tick of its own:
-    `poisson_threshold`."""
+    """Wrong bits of `bits` random ones, each in a tick of its own: `poisson_threshold`."""
     rng, errors = _generator(seed, stream), 0
     for n in _chunks(bits):
         sent = rng.random(n) < 0.5
@@ -52,7 +46,7 @@ def _ook(
     amplitude: float, bits: int, seed: int, stream: int,
     intensity: Callable[[np.random.Generator, int], Array],
 ) -> int:  # fmt: skip
-    """Returns the wrong bits of a slicer that knows the intensity."""
+    """Wrong bits of a slicer that knows the intensity."""
     rng, errors = _generator(seed, stream), 0
     for n in _chunks(bits):
         sent = rng.random(n) < 0.5
@@ -62,12 +56,12 @@ def _ook(
 
 
 def awgn_trials(amplitude: float, bits: int, seed: int, stream: int) -> int:
-    """Returns the wrong bits of `awgn_ook`."""
+    """Wrong bits of `awgn_ook`."""
     return _ook(amplitude, bits, seed, stream, lambda rng, n: np.ones(n))
 
 
 def log_normal_trials(amplitude: float, sigma: float, bits: int, seed: int, stream: int) -> int:
-    """Returns the wrong bits of `log_normal_ook`, with a new intensity for each bit."""
+    """Wrong bits of `log_normal_ook`, with a new intensity for each bit."""
     return _ook(
         amplitude, bits, seed, stream,
         lambda rng, n: np.exp(sigma * rng.standard_normal(n) - sigma**2 / 2),
@@ -77,7 +71,7 @@ def log_normal_trials(amplitude: float, sigma: float, bits: int, seed: int, stre
 def gamma_gamma_trials(
     amplitude: float, alpha: float, beta: float, bits: int, seed: int, stream: int
 ) -> int:
-    """Returns the wrong bits of `gamma_gamma_ook`, with a new intensity for each bit."""
+    """Wrong bits of `gamma_gamma_ook`, with a new intensity for each bit."""
     return _ook(
         amplitude, bits, seed, stream,
         lambda rng, n: rng.gamma(alpha, 1 / alpha, n) * rng.gamma(beta, 1 / beta, n),
@@ -86,7 +80,7 @@ def gamma_gamma_trials(
 
 @njit(cache=True, nogil=True)
 def _last_wrong(sent, draws, start, laws, first, q, rule):  # type: ignore[no-untyped-def]
-    """Returns the number of pixels whose last tick is read wrongly.
+    """Number of pixels whose last tick is read wrongly.
 
     Args:
         sent: (ticks + 1, pixels) bits, the first one before the first tick.
@@ -123,7 +117,7 @@ def _last_wrong(sent, draws, start, laws, first, q, rule):  # type: ignore[no-un
 
 
 def charge_trials(channel: PixelChannel, bits: int, seed: int, stream: int, warm: int = 24) -> int:
-    """Returns the wrong bits of `charge_errors`, each on a separate pixel.
+    """Wrong bits of `charge_errors`, each on a separate pixel.
 
     The initial charge is uniform over 0 .. q - 1.
 
@@ -152,7 +146,7 @@ def charge_trials(channel: PixelChannel, bits: int, seed: int, stream: int, warm
 
 
 def rs_word_trials(n: int, k: int, p: float, words: int, seed: int, stream: int) -> int:
-    """Returns the random codewords that the decoder does not recover: `rs_word_error`.
+    """Random codewords that the decoder does not recover: `rs_word_error`.
 
     Each byte is wrong independently. Words decoded to another codeword count as well: both happen
     beyond (n - k) // 2 wrong bytes, and never below.
@@ -178,8 +172,7 @@ def rs_word_trials(n: int, k: int, p: float, words: int, seed: int, stream: int)
 def burst_word_trials(
     n: int, k: int, start: float, length: int, depth: int, words: int, seed: int, stream: int
 ) -> int:
-    """Returns the codewords with more than (n - k) // 2 wrong bytes under bursts:
-    `burst_word_error`.
+    """Codewords with more than (n - k) // 2 wrong bytes under bursts: `burst_word_error`.
 
     The bytes of `depth` codewords are interleaved. Only every length-th codeword of a block counts
     (without interleaver every second one): no burst reaches two of them, so they are independent.

@@ -7,11 +7,9 @@ from link.mode import EVERY_RATE, Mode
 from link.theory.ldpc_words import ldpc_word_error, sign_information
 from link.theory.words import byte_error, rs_word_error
 
-__all__ = ["word_loss"]
-
 
 def word_loss(mode: Mode, errors: float) -> float:
-    """Returns the share of lost words, for independent bits of this error rate.
+    """Share of lost words, for independent bits of this error rate.
 
     With a low-density parity-check code it is an estimate: the bits are taken for signs in white
     noise, whose information follows from their errors. With a rate for each block it is the loss

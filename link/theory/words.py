@@ -5,19 +5,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["burst_byte_error", "burst_word_error", "byte_error", "rs_word_error"]
-
 Array = npt.NDArray[np.float64]
 
 
 def byte_error(ber: npt.ArrayLike, bits: int = 8) -> Array:
-    """Returns the error rate of a byte of independent bits, 1 - (1 - ber)^bits, accurate if
-    small."""
+    """Error rate of a byte of independent bits, 1 - (1 - ber)^bits, accurate if small."""
     return np.asarray(-np.expm1(bits * np.log1p(-np.asarray(ber, np.float64))))
 
 
 def rs_word_error(n: int, k: int, p: npt.ArrayLike) -> Array:
-    """Returns the share of codewords with more than t = (n - k) // 2 wrong symbols.
+    """Share of codewords with more than t = (n - k) // 2 wrong symbols.
 
     Symbols are wrong independently: sum over j > t of C(n, j) p^j (1-p)^(n-j), from the incomplete
     beta function, which neither cancels nor underflows at 1e-16.
@@ -35,7 +32,7 @@ def rs_word_error(n: int, k: int, p: npt.ArrayLike) -> Array:
 
 
 def burst_byte_error(start: npt.ArrayLike, length: int) -> Array:
-    """Returns the share of wrong bytes, 1 - (1 - start)^length.
+    """Share of wrong bytes, 1 - (1 - start)^length.
 
     A burst of `length` bytes begins at each byte independently with probability `start`.
     """
@@ -43,7 +40,7 @@ def burst_byte_error(start: npt.ArrayLike, length: int) -> Array:
 
 
 def burst_word_error(n: int, k: int, start: float, length: int, depth: int = 1) -> float:
-    """Returns the share of codewords with more than (n - k) // 2 wrong bytes under bursts.
+    """Share of codewords with more than (n - k) // 2 wrong bytes under bursts.
 
     If depth >= length, no burst reaches a word twice and its bytes fail independently, so
     `rs_word_error` holds. At depth 1 a Markov chain of (bytes left in the burst, wrong bytes so

@@ -13,20 +13,18 @@ from link.setup.modes import tag_warning
 from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view
 
-__all__ = ["Amounts", "amounts", "carried"]
-
 
 @dataclass(frozen=True)
 class Amounts:
     """Amounts of a run.
 
     Attributes:
-        cycles, pixel_cycles: of the camera.
-        planes, symbols: of the panel, training and closing included.
-        data_symbols: those that carry data.
-        frames, words: that are sent whole.
-        file_bytes: of the file.
-        stream_bytes: of the recorded words, before they are compressed.
+        cycles, pixel_cycles: number of cycles of the camera, and of pixel-cycles.
+        planes, symbols: number of planes and symbols of the panel, training and closing included.
+        data_symbols: number of symbols that carry data.
+        frames, words: number of frames and words that are sent whole.
+        file_bytes: bytes of the file.
+        stream_bytes: bytes of the recorded words, before they are compressed.
     """
 
     cycles: int
@@ -41,7 +39,7 @@ class Amounts:
 
 
 def amounts(setup: FileLinkSetup) -> Amounts:
-    """Returns the amounts of a run."""
+    """Amounts of a run."""
     sent, chip = setup.sent, setup.setting.camera.chip
     return Amounts(
         setup.cycles, setup.pixel_cycles, sent.planes, sent.symbols,
@@ -52,7 +50,7 @@ def amounts(setup: FileLinkSetup) -> Amounts:
 
 
 def carried(setup: FileLinkSetup) -> Rates:
-    """Returns the predicted rates of a run.
+    """Predicted rates of a run.
 
     The goodput is that of the block with which enough frames have arrived. The share of frames that
     are lost is that of the pilots, 0 for a given mode. It is None where no file is predicted to
@@ -68,7 +66,7 @@ def carried(setup: FileLinkSetup) -> Rates:
 
 
 def _seconds(setup: FileLinkSetup) -> float | None:
-    """Returns the time from first light until the file is whole, s; None if it never is."""
+    """Time from first light until the file is whole, s; None if it never is."""
     setting, sent, choice = setup.setting, setup.sent, setup.choice
     if not panel_in_view(setting) or tag_warning(setting, setup.mode) is not None:
         return None

@@ -35,11 +35,6 @@ from link.trial.near import Lead, Near, near
 from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LEVEL, LinkPlan, half_width
 
-__all__ = [
-    "ESTIMATED", "KIND", "LinkCheck", "Paired", "check_link", "check_variants", "compare",
-    "goodput_change",
-]  # fmt: skip
-
 KIND = "bit error rate, half-widths of its interval"
 """Kind of a link's error."""
 ESTIMATED = f"{KIND}, estimated from bits that are nearly wrong"
@@ -109,7 +104,7 @@ class Paired:
         return self._estimate[2]
 
     def rescaled(self, rate: float, bits: int) -> Paired:
-        """Returns the same in half-widths of a bit error rate measured over `bits` bits."""
+        """The same in half-widths of a bit error rate measured over `bits` bits."""
         return replace(self, unit=half_width(rate, bits), rate=max(rate, 1 / bits))
 
     @property
@@ -119,7 +114,7 @@ class Paired:
 
 
 def _at_most(count: int, bits: int) -> float:
-    """Returns the one-sided Clopper-Pearson limit at 99.9 %."""
+    """One-sided Clopper-Pearson limit at 99.9 %."""
     return float(clopper_pearson(count, bits, 1 - 2 * (1 - LEVEL))[1])
 
 
@@ -150,7 +145,7 @@ def compare(
 
 
 def goodput_change(full: float, run: float, mode: Mode) -> float:
-    """Returns the relative change of the goodput between two bit error rates.
+    """Relative change of the goodput between two bit error rates.
 
     Goodput is the share of codewords that arrive, with independent bits; the result is 0 if none
     arrive with `full`.
@@ -165,8 +160,8 @@ class LinkCheck:
 
     Attributes:
         paired: the run against full physics, None if nothing could be compared.
-        alone: for each effect that the plan leaves out, the change if only that one is left out;
-            if there is only one, that of the run, which includes the tier.
+        alone: change of each effect that the plan leaves out, if only that one is left out; if
+            there is only one, the change of the run, which includes the tier.
         goodput: predicted relative change of the goodput.
         patches: number of patches.
         full_ns: run time of full physics for a pixel-cycle of the patches, light included, ns.
@@ -184,7 +179,7 @@ class LinkCheck:
         return {name: None if p is None else p.value for name, p in self.alone.items()}
 
     def rescaled(self, rate: float | None, bits: int) -> LinkCheck:
-        """Returns the same in half-widths of the bit error rate of the run's own bits."""
+        """The same in half-widths of the bit error rate of the run's own bits."""
         if rate is None or self.paired is None or not bits:
             return self
         alone = {
@@ -208,7 +203,7 @@ class LinkCheck:
         return max(self.paired.low, self.paired.counted[1]) > tolerance
 
     def document(self) -> dict[str, Any]:
-        """Returns what was compared, for reports."""
+        """What was compared, for reports."""
         paired = self.paired
         close = None if paired is None else paired.near
         return {
@@ -225,15 +220,15 @@ class LinkCheck:
 
 
 def _without(setting: LinkSetting, plan: LinkPlan, name: str) -> Variant:
-    """Returns full physics without one effect."""
+    """Full physics without one effect."""
     if name in plan.active_air:
         return Variant("reference", setting.camera, plan.active_air - {name})
     return Variant("reference", setting.camera.without({name}))
 
 
 def check_variants(setting: LinkSetting, plan: LinkPlan) -> dict[str, Variant]:
-    """Returns the ways that the check of a plan simulates: full physics, the run, and, if the plan
-    leaves out several effects, full physics without each."""
+    """Ways that the check of a plan simulates: full physics, the run, and, if the plan leaves out
+    several effects, full physics without each."""
     several = plan.left_out if len(plan.left_out) > 1 else ()
     return {
         _FULL: Variant("reference", setting.camera),
@@ -260,9 +255,9 @@ def check_link(
         sent: the transmission.
         plan: the plan to check.
         detector: name of the detector.
-        seed: of the random patches.
+        seed: seed of the random patches.
         device: OpenCL device, None for numba.
-        progress: of the trial.
+        progress: progress of the trial.
     """
     patches = LinkPatches(setting, sent, seed, detector)
     count = 0 if patches.plane is None else len(patches.plane.tiles)

@@ -29,8 +29,6 @@ from link.trial.stages import (
 from sensor import SpikeCamera
 from sensor.latched.patches import PatchCamera
 
-__all__ = ["link_forecast"]
-
 BLOCKS: Final = 4
 """Blocks at the start of the run that are timed. The first warms up; of the others that show data
 throughout the fastest counts, since other load of the machine only adds time."""
@@ -41,7 +39,7 @@ class _Filmed:
     """The first blocks of a run.
 
     Attributes:
-        speeds: of light and cameras.
+        speeds: speeds of light and cameras.
         air, sensor: time of the fastest block, of BLOCK cycles.
         recorded: spikes of the blocks.
     """
@@ -106,12 +104,12 @@ def _film(setup: FileLinkSetup, plan: LinkPlan, everything: LinkPlan) -> _Filmed
 
 
 def _fastest(spent: list[Spell]) -> Spell:
-    """Returns the least times of the blocks after the first one."""
+    """Least times of the blocks after the first one."""
     return Spell(min(one.wall for one in spent[1:]), min(one.processor for one in spent[1:]))
 
 
 def _check_time(setup: FileLinkSetup, plan: LinkPlan, progress: Progress) -> list[StageTime]:
-    """Returns the time of the check of the plan, from that of one of fewer symbols."""
+    """Time of the check of the plan, from that of one of fewer symbols."""
     if not is_checked(setup):
         return []
     detector, seed = setup.modem.detector, setup.seed
@@ -149,7 +147,7 @@ def _stages(
 
 
 def link_forecast(name: str, setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
-    """Returns the document of `viform plan --json` for a link."""
+    """Document of `viform plan --json` for a link."""
     survey = survey_of(setup)
     planned = survey.plan(setup.tolerance, setup.device)
     everything = survey.plan(0.0, setup.device, tier=planned.tier)

@@ -26,8 +26,6 @@ from sensor import CameraSetting, SpikeCamera
 from sensor.latched.reference.error import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 
-__all__ = ["link_ladder"]
-
 TIMED: Final = 2
 """Blocks of the whole chip that are timed, after one that is not."""
 _FULL: Final = "reference"
@@ -38,7 +36,7 @@ class _Rung:
     """A plan of the ladder.
 
     Attributes:
-        tier: of the camera's pixels.
+        tier: tier of the camera's pixels.
         tolerances: tolerances that give this plan.
         plan: the plan.
     """
@@ -104,7 +102,7 @@ def _plane_ns(
 
 
 def link_ladder(setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
-    """Returns the document of `viform accuracy --json` for a link.
+    """Document of `viform accuracy --json` for a link.
 
     Raises:
         InputError: if no bit can be compared.
@@ -145,7 +143,7 @@ def link_ladder(setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
 def _reference(
     setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, air_ns: float
 ) -> Row:
-    """Returns the row of full physics.
+    """Row of full physics.
 
     Its error is that of its own tabulated thresholds, which shifts the charge of a tick against
     them.

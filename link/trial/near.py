@@ -20,8 +20,6 @@ import numpy.typing as npt
 
 from link.theory import clopper_pearson
 
-__all__ = ["FEWEST", "SHARE", "WIDEST", "Lead", "Near", "near"]
-
 SHARE: Final = 1e-3
 """Share of the bits that are nearly wrong."""
 FEWEST: Final = 200

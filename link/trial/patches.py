@@ -35,8 +35,6 @@ from sensor import CameraSetting
 from sensor.latched.patches import PatchCamera
 from sensor.latched.tiers import Tier
 
-__all__ = ["Decided", "LinkPatches", "Variant"]
-
 SIDE: Final = 48, 104
 """Smallest and largest side of a patch, camera pixels; between them a tenth of the sensor's shorter
 side, and at least four cells."""
@@ -58,8 +56,8 @@ class Variant:
     """A way to simulate the link.
 
     Attributes:
-        tier: of the camera's pixels.
-        camera: with the effects to simulate.
+        tier: tier of the camera's pixels.
+        camera: camera with the effects to simulate.
         air: names of the effects of the air, None for all.
     """
 
@@ -139,7 +137,7 @@ class LinkPatches:
     Args:
         setting: the link.
         sent: the transmission.
-        seed: of the random patches.
+        seed: seed of the random patches.
         detector: name of the detector.
         most_symbols: number of symbols after the training, at most; None for those of CYCLES.
 
@@ -198,7 +196,7 @@ class LinkPatches:
         return -(-(clock.cycle_at(end) + 3) // WORD) * WORD
 
     def _centres(self, layout: Layout) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """Returns the camera (x, y) of the data cells' centres."""
+        """Camera (x, y) of the data cells' centres."""
         row, column = np.divmod(layout.data, layout.shape[1])
         side = layout.mode.cell
         where = Registration(self._homography, np.zeros((0, 3)))
@@ -207,8 +205,8 @@ class LinkPatches:
     def _boxes(
         self, x: npt.NDArray[Any], y: npt.NDArray[Any], size: int, seed: int, most: int
     ) -> list[tuple[int, int, int, int]]:
-        """Returns the boxes: around the middle, the ends along both axes and diagonals, and around
-        random cells, so that there are about `most` boxes in all."""
+        """Boxes: around the middle, the ends along both axes and diagonals, and around random
+        cells, so that there are about `most` boxes in all."""
         if not len(x):
             return []
         chip, half = self._setting.camera.chip, size // 2
@@ -236,7 +234,7 @@ class LinkPatches:
     def film(
         self, variants: Mapping[str, Variant], device: Device | None, progress: Progress
     ) -> dict[str, Decided]:
-        """Returns the decisions of every variant on the same bits.
+        """Decisions of every variant on the same bits.
 
         Raises:
             ValueError: if no data cell is in view, or the transmission ends with its training.
@@ -278,7 +276,7 @@ class LinkPatches:
     def _decide(
         self, words: npt.NDArray[np.uint32], air: Air
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-        """Returns the soft values in favour of the sent bits, and whether they are wrong.
+        """Soft values in favour of the sent bits, and whether they are wrong.
 
         Args:
             words: (n, pixels) uint32 of the patches.
@@ -299,7 +297,7 @@ class LinkPatches:
         return np.where(on, soft, -soft), np.asarray((soft > 0) != on)
 
     def _registration(self, air: Air, timing: Timing) -> Registration:
-        """Returns the place of the panel's pixels in the image, with vibration."""
+        """Place of the panel's pixels in the image, with vibration."""
         truth, count = air.truth, TRAINING + self.symbols
         middle = timing.start(np.arange(count) + 0.5, timing.rows / 2)
         drift = np.column_stack([middle, air.shifts[:count]])
@@ -307,7 +305,7 @@ class LinkPatches:
 
 
 def _ns(seconds: list[float], pixels: int, cycles: int) -> float:
-    """Returns the nanoseconds for a pixel-cycle, without the first block if there are more.
+    """Nanoseconds for a pixel-cycle, without the first block if there are more.
 
     The first block may include compilation.
     """

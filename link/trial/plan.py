@@ -33,11 +33,6 @@ from sensor.latched.effects.costs import QUIET
 from sensor.latched.fast import charge_error
 from sensor.latched.tiers import Tier
 
-__all__ = [
-    "LEVEL", "Compared", "LinkPlan", "LinkSurvey", "camera_changes", "half_width", "survey_link",
-    "uncertainty",
-]  # fmt: skip
-
 LEVEL: Final = 0.999
 """Confidence of the interval of the bit error rate."""
 _NORMAL: Final = 3.29
@@ -53,10 +48,10 @@ class LinkPlan:
     """The plan of a link.
 
     Attributes:
-        plan: of every effect.
+        plan: plan of every effect.
         scene: input of the bounds.
-        tier: of the camera's pixels.
-        camera: with the effects that are simulated.
+        tier: tier of the camera's pixels.
+        camera: camera with the effects that are simulated.
         active_air: names of the effects of the air that act in the scene.
         simulated_air: names of those that are simulated.
         tier_bound: bound of the error of the tier itself.
@@ -91,7 +86,7 @@ class LinkPlan:
         return float(np.max(self.plan.total + self.tier_bound)) * unit
 
     def documents(self, measured: dict[str, float | None] | None = None) -> list[dict[str, Any]]:
-        """Returns the effects that are left out, for `result.json`.
+        """Effects that are left out, for `result.json`.
 
         Args:
             measured: error without each effect, where it was measured.
@@ -106,8 +101,7 @@ class LinkPlan:
 
 
 def half_width(rate: float, bits: int) -> float:
-    """Returns half the 99.9 % Clopper-Pearson interval of a bit error rate, the unit of a link's
-    error.
+    """Half the 99.9 % Clopper-Pearson interval of a bit error rate, the unit of a link's error.
 
     Args:
         rate: bit error rate.
@@ -118,7 +112,7 @@ def half_width(rate: float, bits: int) -> float:
 
 
 def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Change]:
-    """Returns the change of a pixel's charge without each effect of the camera, by name.
+    """Change of a pixel's charge without each effect of the camera, by name.
 
     Changes are shares of a lit pixel's charge in a tick. A change that differs from pixel to pixel
     is a standard deviation, drawn once for each pixel.
@@ -159,11 +153,11 @@ def _moved(camera: CameraSetting) -> float:
 
 
 def _link_effect(effect: Effect, changes: dict[str, Change], lost: dict[str, float]) -> Effect:
-    """Returns an effect of the camera with its bound in half-widths.
+    """An effect of the camera with its bound in half-widths.
 
     Args:
         effect: the effect.
-        changes: of all effects, by name.
+        changes: changes of all effects, by name.
         lost: share of pixels that each effect of defects makes useless, by name.
     """
 
@@ -181,7 +175,7 @@ def _link_effect(effect: Effect, changes: dict[str, Change], lost: dict[str, flo
 
 
 def _fast_error(camera: CameraSetting, scene: LinkSummary) -> float:
-    """Returns the bound of the error of the fast tier's arithmetic."""
+    """Bound of the error of the fast tier's arithmetic."""
     error = charge_error(camera.model, scene.on, scene.cycles) * camera.threshold / scene.on
     return ESTIMATE_WEIGHT * ber_units(scene, error)
 
@@ -191,7 +185,7 @@ class LinkSurvey:
     """Input of the plans of a link.
 
     Attributes:
-        camera: with every effect.
+        camera: camera with every effect.
         scene: input of the bounds.
         air_effects, camera_effects: effects that act, with their bounds.
         fast: bound of the error of the fast tier's arithmetic.
@@ -225,7 +219,7 @@ class LinkSurvey:
             tolerance: Limit of the change of the bit error rate, half-widths of its interval.
             device: OpenCL device, None for numba.
             forced: effects to simulate whatever their bound.
-            tier: of the camera's pixels; None to choose it by the tolerance.
+            tier: tier of the camera's pixels; None to choose it by the tolerance.
         """
         if tier is None:
             able = device is not None and tolerance > 0 and self.fast <= SHARE * tolerance / 2
@@ -257,8 +251,8 @@ class Compared:
 
 
 def uncertainty(scene: LinkSummary, size: float, spikes: float, compared: Compared) -> float:
-    """Returns the standard deviation of a check of an effect that changes nothing on average, in
-    half-widths of the run's bit error rate.
+    """Standard deviation of a check of an effect that changes nothing on average, in half-widths of
+    the run's bit error rate.
 
     The check counts bits that are nearly wrong, a share of all (`link.trial.near`). The charges of
     such a bit are near the threshold Q. A change of a charge by the share s moves its spike, where
@@ -272,8 +266,9 @@ def uncertainty(scene: LinkSummary, size: float, spikes: float, compared: Compar
     Args:
         scene: the link.
         size: standard deviation of s.
-        spikes: that decide a bit: pixels of a cell times ticks that its symbol lights.
-        compared: by the check.
+        spikes: number of spikes that decide a bit: pixels of a cell times ticks that its symbol
+            lights.
+        compared: bits and rate that the check will compare.
     """
     rate = ber(scene) if compared.rate is None else compared.rate
     wrong = max(rate * scene.bits, 1.0)
@@ -286,8 +281,8 @@ def uncertainty(scene: LinkSummary, size: float, spikes: float, compared: Compar
 def _by_pilots(
     scene: LinkSummary, changes: Mapping[str, Change], spikes: float, compared: Compared | None
 ) -> dict[str, float]:
-    """Returns the change of the bit error rate without each constant effect, in half-widths, from
-    the error rate of pilots; empty without them.
+    """Change of the bit error rate without each constant effect, in half-widths, from the error
+    rate of pilots; empty without them.
 
     The closed form of `ber` has a few pixels in whole ticks, and can be orders below the rate of a
     receiver, whose half-width is then larger in errors, but smaller in shares. The charges of a bit
@@ -303,9 +298,9 @@ def _by_pilots(
 
     Args:
         scene: the link.
-        changes: of every effect, by name.
+        changes: change of each effect, by name.
         spikes: N, that decide a bit, as in `uncertainty`.
-        compared: by the check.
+        compared: bits and rate that the check will compare.
     """
     if compared is None or compared.rate is None:
         return {}
@@ -321,7 +316,7 @@ def _by_pilots(
 
 
 def _at_least(effect: Effect, scene: LinkSummary, floor: Mapping[str, float]) -> Effect:
-    """Returns the same effect with its bound in this scene computed once, at least the floor."""
+    """The same effect with its bound in this scene computed once, at least the floor."""
     bound = effect.bound(scene)
     if effect.name in floor and math.isfinite(bound.value):
         bound = replace(bound, value=max(bound.value, floor[effect.name]))
@@ -335,10 +330,10 @@ def survey_link(
 
     Args:
         setting: the link.
-        mode: of the transmission.
+        mode: mode of the transmission.
         symbols: number of symbols sent, training included.
-        cycles: of the camera.
-        compared: by the check; None without one.
+        cycles: number of cycles of the camera.
+        compared: bits and rate that the check will compare; None without a check.
     """
     camera = setting.camera
     scene_of = Scene(setting.panel, setting.optics, setting.aim, setting.air)

@@ -21,8 +21,6 @@ from link.trial.patches import LinkPatches
 from link.trial.plan import Compared, LinkPlan, LinkSurvey, survey_link
 from sensor import SpikeCamera
 
-__all__ = ["PlannedLink", "check_plan", "is_checked", "plan_link", "survey_of"]
-
 ARITHMETIC: Final = "32-bit arithmetic"
 """Name of the effect for which the exact tier is taken."""
 _BLURRED: Final = 2.0
@@ -38,7 +36,8 @@ class PlannedLink:
         survey: input of the plans.
         plan: effects that are simulated.
         check: result of the check on patches; None before it.
-        beyond: one line for each bound that is exceeded although every effect is simulated.
+        beyond: lines for the user, one for each bound that is exceeded although every effect is
+            simulated.
     """
 
     setup: LinkSetup
@@ -48,19 +47,18 @@ class PlannedLink:
     beyond: tuple[str, ...] = ()
 
     def make_air(self) -> Air:
-        """Returns the stage that makes the light."""
+        """Stage that makes the light."""
         sent = self.setup.sent
         return self.setup.setting.make_air(sent, sent.planes, self.plan.air_effects)
 
     def make_camera(self, row_delay: npt.NDArray[np.int64]) -> SpikeCamera:
-        """Returns the stage that makes the spikes. row_delay: (H,) delay of the light of each row,
-        ps."""
+        """Stage that makes the spikes. row_delay: (H,) delay of the light of each row, ps."""
         return SpikeCamera(
             self.plan.camera, self.setup.device, tier=self.plan.tier, row_delay=row_delay
         )
 
     def keep(self, effects: Sequence[str]) -> PlannedLink:
-        """Returns the same link, planned with these effects."""
+        """The same link, planned with these effects."""
         return _planned(self.setup, self.survey, effects)
 
 

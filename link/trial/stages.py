@@ -32,11 +32,6 @@ from link.setup.distances import OTHERS
 from link.setup.setup import FileLinkSetup
 from link.trial.amounts import Amounts
 
-__all__ = [
-    "PROGRAM", "Spell", "StageTime", "evaluation_times", "receiver_times", "recorder_time",
-    "stage_document", "timed",
-]  # fmt: skip
-
 PROGRAM: Final = 1.2
 """Start of the program and its libraries, s."""
 CLOSED_FORM: Final = 1.7
@@ -105,7 +100,7 @@ class _TimedInbox(Inbox):
     """An inbox that knows when its groups came, and what it took to read them.
 
     Attributes:
-        first: when the first group came, on both clocks; None before.
+        first: time at which the first group came, on both clocks; None before.
         read: time of every group.
     """
 
@@ -124,7 +119,7 @@ class _TimedInbox(Inbox):
 def receiver_times(
     setup: FileLinkSetup, recorded: Sequence[Viform], todo: Amounts
 ) -> list[StageTime]:
-    """Returns the times of the receiver's stages: the receiver reads the first blocks of the run.
+    """Times of the receiver's stages: the receiver reads the first blocks of the run.
 
     Args:
         setup: the link.
@@ -170,14 +165,14 @@ def _between(first: Spell, last: Spell) -> Spell:
 
 
 def recorder_time(todo: Amounts) -> StageTime:
-    """Returns the time of the recording's file."""
+    """Time of the recording's file."""
     seconds = RECORDER[0] + RECORDER[1] * todo.cycles
     return StageTime("recorder", todo.stream_bytes, "bytes", seconds, seconds)
 
 
 def evaluation_times(setup: FileLinkSetup, todo: Amounts, arrives: bool) -> list[StageTime]:
-    """Returns the times of the closed form, of the figures of merit and of the report. arrives:
-    whether data are predicted to be read, which they are computed from."""
+    """Times of the closed form, of the figures of merit and of the report. arrives: whether data
+    are predicted to be read, which they are computed from."""
     others = 0 if setup.mode_given else OTHERS
     bits = todo.data_symbols * setup.sent.layout.cells if arrives else 0
 
@@ -203,7 +198,7 @@ other."""
 
 
 def _wall(rows: Sequence[StageTime], processors: int) -> float:
-    """Returns the time on the clock of all stages."""
+    """Time on the clock of all stages."""
     left, total = list(rows), 0.0
     for names in _TOGETHER:
         mine = {name: [r for r in left if r.stage.startswith(name)] for name in names}
@@ -217,8 +212,7 @@ def _wall(rows: Sequence[StageTime], processors: int) -> float:
 def stage_document(
     rows: Sequence[StageTime], processors: Callable[[], int] = cores
 ) -> dict[str, Any]:
-    """Returns the keys of `predicted` for a run's stages and its total. processors: how many it
-    may use."""
+    """Keys of `predicted` for a run's stages and its total. processors: how many it may use."""
     return {
         "stages": [asdict(row) for row in rows],
         "total_s": _wall(rows, processors()),

@@ -11,8 +11,6 @@ from link.trial.forecast import link_forecast
 from link.trial.ladder import link_ladder
 from sensor import CameraSetting
 
-__all__ = ["LinkStudy"]
-
 
 class LinkStudy:
     """Study of a link; see `Study`.
@@ -20,7 +18,7 @@ class LinkStudy:
     Args:
         name: short name of the scenario.
         scenario: the scenario.
-        camera: that of [sensor], with every effect.
+        camera: camera of [sensor], with every effect.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
     """
 

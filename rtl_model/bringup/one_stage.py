@@ -16,8 +16,6 @@ from rtl_model.bringup.bench.uptime import Uptime
 from rtl_model.host import Cause, LineFault
 from rtl_model.registers import MAGIC
 
-__all__ = ["failed_stage", "run_stage"]
-
 _EXTRA_S = 5.0  # after a stage has failed, to examine the line
 _KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well
     "stuck-bit", "alias", "memory", "reset", "restore", "scratch", "rate", "stands-still", "rows",
@@ -31,7 +29,7 @@ def run_stage(
     """Runs the check of a stage. The outcome records every fault of the board or the line.
 
     Args:
-        name: of the stage.
+        name: name of the stage.
         check: returns the figures of a stage that has passed.
         bench: the board under test.
         allowed: time limit, s.
@@ -116,7 +114,7 @@ def failed_stage(
     otherwise be the design's.
 
     Args:
-        name: of the stage.
+        name: name of the stage.
         seconds: duration, s.
         fault: the fault that ended it.
         evidence: errors of the line during the stage, None if unknown.

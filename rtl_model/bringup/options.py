@@ -12,15 +12,13 @@ from rtl_model.host import Cause, LineFault, Lines
 from rtl_model.host.csr import CsrMap
 from rtl_model.host.ports import AS_EVER
 
-__all__ = ["BringUp", "stop_sensor"]
-
 
 @dataclass(frozen=True)
 class BringUp:
     """Options of a bring-up.
 
     Attributes:
-        baud: of the line.
+        baud: baud of the line.
         csr: registers of the loaded design; None for the Viform board's.
         stop_at_first: whether the stages after a failed one are left out. They always are after a
             failure of the port, bytes or identity stage.

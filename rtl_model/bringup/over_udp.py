@@ -34,8 +34,6 @@ from rtl_model.host.bone import patience_s
 from rtl_model.host.ether import Etherbone, is_loopback, open_udp
 from rtl_model.registers import MAGIC
 
-__all__ = ["bring_up_over_udp"]
-
 _CHECKS: dict[str, Callable[[UdpBench], Figures]] = {
     "link": check_link,
     "identity": check_identity,

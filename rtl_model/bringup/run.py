@@ -33,8 +33,6 @@ from rtl_model.host.ether import is_udp
 from rtl_model.host.log import LineLog
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S
 
-__all__ = ["ALLOWED_S", "CHECKS", "BringUp", "bring_up"]
-
 CHECKS: dict[str, Callable[[SerialBench], Figures]] = {
     "bytes": check_bytes,
     "identity": check_identity,
@@ -73,7 +71,7 @@ def bring_up(
     Args:
         port: an open serial port, or the name of a port over any line. A port that is opened here
             is closed at the end.
-        options: of the bring-up; the defaults if None.
+        options: options of the bring-up; the defaults if None.
         progress: receives each stage when it has ended.
         note: receives one line before a slow step.
 

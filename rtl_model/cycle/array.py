@@ -11,8 +11,6 @@ from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS, parameters, reset_value
 
-__all__ = ["PixelArray"]
-
 _NO_TILES: Tiles = np.empty(0, TILE)
 _TILES_AT_ONCE = 1 << 18  # most tiles of one call of the kernel, 6 MiB
 
@@ -25,7 +23,7 @@ class PixelArray:
     """Charge, registers `sensor_*` and the frame in progress.
 
     Attributes:
-        geometry: of the build.
+        geometry: geometry of the build.
         memory: pattern memory as the bus reads it, (rows, padded columns) uint8.
     """
 

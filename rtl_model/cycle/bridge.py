@@ -16,8 +16,6 @@ from rtl_model.cycle.system import System
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 
-__all__ = ["Behind", "Bridge", "Reply"]
-
 _WRITES = {0x01: 4, 0x03: 0}  # command: step of the byte address
 _READS = {0x02: 4, 0x04: 0}
 _HEADER = 6
@@ -34,7 +32,7 @@ class Behind(Protocol):
 
     Attributes:
         line: counters of the line.
-        geometry: of the build; the bridge uses its clock and baud.
+        geometry: geometry of the build; the bridge uses its clock and baud.
         clock: edges passed since power-on.
     """
 
@@ -54,7 +52,7 @@ class Behind(Protocol):
         """Writes 32 bits at a byte address; takes one clock."""
 
     def read(self, address: int) -> int:
-        """Returns the 32 bits at a byte address; takes two clocks."""
+        """Reads 32 bits at a byte address; takes two clocks."""
 
 
 class Reply(NamedTuple):
@@ -73,13 +71,13 @@ class Bridge:
     """A board at byte level. Time is counted in its clocks.
 
     Args:
-        geometry: of the build, if `system` is None.
+        geometry: geometry of the build, if `system` is None.
         system: device behind the bridge; a cycle model that stores no tiles if None.
         byte_clocks: clocks of a byte on the line in either direction; ten bits at the geometry's
             baud if None, 1 for a line without duration.
 
     Attributes:
-        system, byte_clocks: as above.
+        system, byte_clocks: device behind the bridge, and clocks of a byte, as above.
         watchdog_clocks: longest transaction, clocks.
     """
 

@@ -9,8 +9,6 @@ import zlib
 from collections import deque
 from collections.abc import Sequence
 
-__all__ = ["Capture", "record"]
-
 
 def record(sequence: int, frame: int, row: int, words: Sequence[int]) -> list[int]:
     """The 32-bit words of a captured row: sequence, frame and row, bits, CRC-32.
@@ -27,7 +25,7 @@ class Capture:
     `store` takes a row when it is computed. The row is in memory from its due clock on.
 
     Attributes:
-        size: of the memory, words.
+        size: size of the memory, words.
         source: register `capture_source`; `taken` is the source of the burst in progress.
         armed: whether a burst starts with the next frame.
         active: whether a frame of the burst is being read, or one follows.
@@ -112,7 +110,7 @@ class Capture:
         self.pointer = min(value, len(self.memory))
 
     def next(self) -> int:
-        """Returns the next word and advances the pointer; 0 at the end."""
+        """Reads the next word and advances the pointer; 0 at the end."""
         if self.level == 0:
             return 0
         self.pointer += 1

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import zlib
 
-__all__ = ["LineCounters"]
-
 
 class LineCounters:
     """The registers `uart_*`, as attributes without that prefix. They are read modulo 2^32."""

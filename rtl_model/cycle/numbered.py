@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from rtl_model.registers import WRITE_WORDS
 
-__all__ = ["NumberedWrites"]
-
 _NUMBER, _ADDRESS, _COUNT = 0, 1, 2  # words of the memory; the data follow
 _WORD = 0xFFFFFFFF
 

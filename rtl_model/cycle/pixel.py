@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CHARGE_MAX", "Pattern", "ResetRule", "increments", "step"]
-
 CHARGE_MAX = 4095
 """Largest charge: 12 bits, saturating."""
 
@@ -47,7 +45,7 @@ def increments(
     Args:
         pattern, level: registers `sensor_pattern` and `sensor_level`.
         frame: number since the clear.
-        row, column: of the pixels; they are broadcast.
+        row, column: rows and columns of the pixels; they are broadcast.
         memory: bytes of the pattern memory of these pixels.
     """
     row, column = np.asarray(row, np.int64), np.asarray(column, np.int64)

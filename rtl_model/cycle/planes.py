@@ -12,8 +12,6 @@ from rtl_model.cycle.pixel import increments, step
 from rtl_model.geometry import Geometry
 from rtl_model.registers import quantum
 
-__all__ = ["Settings", "planes"]
-
 
 class Settings(NamedTuple):
     """Registers of the sensor during a burst.

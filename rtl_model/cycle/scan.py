@@ -9,30 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = [
-    "ACTIVE",
-    "CLEAR",
-    "CLOCK_SELECT",
-    "END",
-    "FRAMES",
-    "INDEX",
-    "LAST",
-    "LAST_ENDS",
-    "LAST_SPIKES",
-    "PASS",
-    "PASSES",
-    "REGISTERS",
-    "REQUEST",
-    "ROW",
-    "ROWS_READ",
-    "RUN",
-    "SPIKES",
-    "START",
-    "STATE",
-    "TICK",
-    "scan",
-]
-
 # Registers, in the order of the array `registers`.
 RUN, THRESHOLD, CLOCK_SELECT, RULE, ROWS, COLUMNS, TICK, PATTERN, LEVEL = range(9)
 REGISTERS: tuple[str, ...] = (
@@ -163,7 +139,8 @@ def scan(  # type: ignore[no-untyped-def]
         state: (STATE,) int64, updated.
         charge: (rows, lanes * tiles) int32, updated.
         memory: pattern memory, (rows, lanes * tiles) uint8.
-        lanes, columns, row_clocks, tick_minimum: of the build.
+        lanes, columns, row_clocks, tick_minimum: lanes, columns, clocks of a row and shortest tick
+            of the build.
         clock, stop: edges.
         out: (n,) `TILE`, large enough.
     """

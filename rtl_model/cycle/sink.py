@@ -12,15 +12,13 @@ from typing import NamedTuple
 
 from rtl_model.geometry import Geometry
 
-__all__ = ["Sink", "SinkTile"]
-
 
 class SinkTile(NamedTuple):
     """A displayed tile.
 
     Attributes:
         clock: edge at which it is displayed.
-        row, tile: of the plane, and of the row.
+        row, tile: row of the plane, and tile of the row.
         bits: its pixels, the first in bit 0.
     """
 
@@ -34,9 +32,9 @@ class Sink:
     """A FIFO of words, and the planes that are displayed from it.
 
     Attributes:
-        geometry: of the build.
+        geometry: geometry of the build.
         left: number of frames to display.
-        words: in the FIFO.
+        words: words in the FIFO.
         rows, crc, underruns, lost: registers `sink_*` of that name.
     """
 

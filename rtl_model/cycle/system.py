@@ -28,8 +28,6 @@ from rtl_model.registers import (
     reset_value,
 )
 
-__all__ = ["System"]
-
 _BY_ADDRESS = {register.address: register for register in REGISTERS}
 _RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
 _SINK_DATA = next(entry.address for entry in REGISTERS if entry.name == "sink_data")
@@ -45,13 +43,13 @@ class System:
     """A board after power-on, at clock 0.
 
     Args:
-        geometry: of the build.
+        geometry: geometry of the build.
         build: contents of `ctrl_build`.
         keep: whether tiles are stored for `run`; not needed for a board that is only used over its
             line.
 
     Attributes:
-        geometry: of the build.
+        geometry: geometry of the build.
         line: counters of the serial line.
     """
 
@@ -96,7 +94,7 @@ class System:
         self._strobe_write(self._clock, address, value)
 
     def read(self, address: int) -> int:
-        """Returns the 32 bits at a byte address; takes two clocks."""
+        """Reads 32 bits at a byte address; takes two clocks."""
         self._capture.settle(self._clock)
         value = self._value(address)
         self.advance(self._clock + 2)

@@ -10,8 +10,6 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
 
-__all__ = ["TILE", "Tiles", "rows_of"]
-
 TILE = np.dtype(
     [("clock", "<u8"), ("frame", "<u4"), ("row", "<u2"), ("tile", "<u2"), ("bits", "<u8")]
 )
@@ -26,8 +24,8 @@ def rows_of(tiles: Tiles, geometry: Geometry) -> npt.NDArray[np.bool_]:
     """Spikes of complete rows, (rows, columns) bool.
 
     Args:
-        tiles: of complete rows, tile 0 first, as `System.run` returns them.
-        geometry: of the build.
+        tiles: tiles of complete rows, tile 0 first, as `System.run` returns them.
+        geometry: geometry of the build.
     """
     bits = np.ascontiguousarray(tiles["bits"]).view(np.uint8).reshape(-1, 8)
     lanes = np.unpackbits(bits, axis=1, bitorder="little")[:, : geometry.lanes]

@@ -13,10 +13,6 @@ from numba import njit
 from rtl_model.cycle import Tiles
 from rtl_model.events.size import EventSize
 from sensor.codec.bits import lowest_bit
-from sensor.codec.packets.event import packet_of_line
-from sensor.codec.packets.packet import Packet
-
-__all__ = ["CODE", "CRC_TABLE", "OUTPUT", "EventEncoder", "Output", "Ready", "packets_in"]
 
 CODE = 4
 """Number of the code `event` in packets."""
@@ -54,7 +50,7 @@ class EventEncoder:
     """The encoder after reset, at clock 0.
 
     Attributes:
-        size: of the build.
+        size: size of the build.
         clock: edges passed.
     """
 
@@ -91,13 +87,6 @@ class EventEncoder:
         )  # fmt: skip
         self.clock += len(ready)
         return out[:count]
-
-
-def packets_in(words: Output) -> list[Packet]:
-    """The packets of words that end with the last word of a packet. Raises Damaged for others."""
-    data = words["data"].astype("<u2").tobytes()
-    ends = 2 * (np.flatnonzero(words["last"]) + 1)
-    return [packet_of_line(data[a:b]) for a, b in zip(np.append(0, ends)[:-1], ends, strict=True)]
 
 
 @njit(cache=True, nogil=True)

@@ -4,14 +4,11 @@ ready."""
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from cosim.spikes.viform import Words
 from rtl_model.cycle import TILE, Tiles
 from rtl_model.events.size import EventSize
-
-__all__ = ["random_ready", "steady_words", "tiles_of"]
 
 
 def steady_words(
@@ -20,12 +17,12 @@ def steady_words(
     """Words of pixels at steady light: each integrates its own rate plus noise, and fires at 1.
 
     Args:
-        size: of the array.
+        size: size of the array.
         cycles: a multiple of 32.
         rate: mean of the pixels, spikes a cycle.
         spread: pixels have rates of 1 - spread to 1 + spread times that.
         jitter: noise of a cycle's charge, uniform, as a share of the pixel's rate.
-        seed: of rates, phases and noise.
+        seed: seed of rates, phases and noise.
     """
     rng = np.random.default_rng(seed)
     rates = rate * (1 + spread * rng.uniform(-1, 1, size.pixels))
@@ -56,7 +53,7 @@ def tiles_of(words: Words, size: EventSize, tick: int, first: int = 0, clock: in
 
     Args:
         words: (n, rows, columns) uint32.
-        size: of the array.
+        size: size of the array.
         tick: clocks of a frame, at least `size.tick_minimum`.
         first: number of the first frame.
         clock: edge of the first tile.
@@ -83,15 +80,3 @@ def _scan(words, lanes, row_clocks, tick, first, clock, tiles):  # type: ignore[
                 tiles[to].frame = first + frame
                 tiles[to].row, tiles[to].tile = row, tile
                 tiles[to].bits = bits
-
-
-def random_ready(clocks: int, share: float, seed: int) -> npt.NDArray[np.uint8]:
-    """`m_tready` of a receiver that is ready in a share of the clocks, at random, and pauses now
-    and then for up to 500 clocks; with share 1 it is always ready."""
-    rng = np.random.default_rng(seed)
-    if share >= 1:
-        return np.ones(clocks, np.uint8)
-    ready = (rng.integers(0, 256, clocks, np.uint8) < round(256 * share)).astype(np.uint8)
-    for at in rng.integers(0, clocks, clocks // 20_000):
-        ready[at : at + rng.integers(1, 500)] = 0
-    return ready

@@ -12,8 +12,6 @@ from rtl_model.events.encoder import EventEncoder
 from rtl_model.events.light import steady_words, tiles_of
 from rtl_model.events.size import EventSize
 
-__all__ = ["Carried", "measure", "most_rate"]
-
 THRESHOLD: Final = 1000.0
 """Electrons of a spike."""
 SPREAD: Final = 0.5
@@ -30,7 +28,7 @@ class Carried(NamedTuple):
     Attributes:
         rate: spikes a pixel and cycle.
         sent: first spikes and closing ones that were sent, over spikes.
-        bits: of all words, a pixel and cycle; the raw stream has 1.
+        bits: bits of all words, a pixel and cycle; the raw stream has 1.
         lost: share of the spikes that found no room.
     """
 
@@ -47,11 +45,11 @@ def measure(size: EventSize, rate: float, tick: int, packets: int = 24, seed: in
     mean, 1 / (rate * THRESHOLD). A uniform deviation of up to j has j^2 / 3.
 
     Args:
-        size: of the path.
+        size: size of the path.
         rate: mean spikes a pixel and cycle, above 0.
         tick: clocks of a cycle.
         packets: length of the run, the first packet included.
-        seed: of the light.
+        seed: seed of the light.
     """
     cycles = packets * size.cycles
     jitter = math.sqrt(3 / (rate * THRESHOLD))

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["EventSize"]
-
 
 class EventSize(NamedTuple):
     """Parameters of `viform_event_encoder` and `viform_event_decoder`.
 
     Attributes:
-        rows, columns: of pixels, 1 to 128.
+        rows, columns: rows and columns of pixels, 1 to 128.
         lanes: pixels of a tile that comes in one clock, 32 or 64.
-        cycles: of a packet, 32, 64 or 128.
+        cycles: cycles of a packet, 32, 64 or 128.
         depth: entries of the queue, a power of two.
         tile: number of the array in the packets.
     """

@@ -6,8 +6,6 @@ from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.host import BAUD_MIN
 
-__all__ = ["TOLERANCE", "baud_error", "check_baud"]
-
 TOLERANCE = 0.02
 """Largest relative error of a baud. Sender and receiver may differ by half a bit in 9.5, 5.3 %
 (viform_uart.v). This leaves the larger part to the adapter and to the rounding of the edge."""

@@ -13,8 +13,6 @@ from cosim import InputError
 from rtl_model.gateware.targets import Target
 from rtl_model.geometry import Geometry
 
-__all__ = ["block_rams", "fitted"]
-
 _SHAPES = ((512, 36), (1024, 18), (2048, 9), (4096, 4), (8192, 2), (16384, 1))  # words, bits
 _FEWEST_WORDS = 256  # smallest capture and sink memory after a reduction
 

@@ -7,8 +7,6 @@ from rtl_model.gateware.ethernet_top import ethernet_pins
 from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import pins
 
-__all__ = ["constraints"]
-
 
 def constraints(target: Target, ethernet: Ethernet | None = None) -> tuple[str, str]:
     """Name and text of a target's constraint file.

@@ -17,15 +17,13 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
 from rtl_model.verilated import VERILOG, build_crc, verilog_files
 
-__all__ = ["Design", "design_for"]
-
 
 class Design(NamedTuple):
     """A build for a target.
 
     Attributes:
         target: the board.
-        geometry: with the target's clock, and memories that fit its device.
+        geometry: geometry with the target's clock, and memories that fit its device.
         build: value of `ctrl_build`.
         ethernet: PHY that replaces the serial line, None for the line.
         network: addresses of the board on it.

@@ -20,8 +20,6 @@ from typing import Literal, NamedTuple
 
 from cosim import InputError
 
-__all__ = ["ETHERNET", "Ethernet", "Network", "core_config", "ethernet_named", "network"]
-
 BUFFER_WORDS = 256
 """Longest Etherbone record that the core takes: 255 words and their address."""
 
@@ -30,13 +28,14 @@ class Ethernet(NamedTuple):
     """A PHY on a board.
 
     Attributes:
-        name: on the command line.
-        connector: where the cable goes.
+        name: name on the command line.
+        connector: connector of the cable.
         kind: interface of the PHY.
         phy: LiteEth's class for it.
         pins: pins of each port of the core, without the prefix of the interface, bit 0 first.
-        clock_hz: of the design; a PLL makes it if the target's clock is another. Behind gigabit
-            Ethernet it exceeds 31.25 MHz, for LiteEth moves 32 bits a clock, the line 125 Mbyte/s.
+        clock_hz: clock of the design, Hz; a PLL makes it if the target's clock is another. Behind
+            gigabit Ethernet it exceeds 31.25 MHz, for LiteEth moves 32 bits a clock, the line 125
+            Mbyte/s.
         rx_clock: port with the PHY's clock for received data, and its frequency, Hz.
         reference: pin at which the PHY expects 25 MHz, else empty.
     """

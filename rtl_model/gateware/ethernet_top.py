@@ -7,8 +7,6 @@ from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import OPEN, TOP, life, span, wrapped
 from rtl_model.geometry import Geometry
 
-__all__ = ["CORE", "ethernet_pins", "ethernet_top"]
-
 CORE = "liteeth_core"
 """Name of LiteEth's module; its file ends in `.v`."""
 
@@ -35,7 +33,7 @@ def ethernet_top(target: Target, ethernet: Ethernet, geometry: Geometry, build: 
     Args:
         target: the board.
         ethernet: its PHY.
-        geometry: of the build, at the PHY's clock of the design.
+        geometry: geometry of the build, at the PHY's clock of the design.
         build: parameter BUILD, the value of `ctrl_build`.
     """
     kind = ethernet.kind

@@ -10,8 +10,6 @@ from rtl_model.gateware.design import Design
 from rtl_model.gateware.top import TOP
 from rtl_model.synthesis import synthesise
 
-__all__ = ["Fit", "fit"]
-
 
 class Fit(NamedTuple):
     """Cells of a build, and those of the device (`*_of`).
@@ -21,7 +19,7 @@ class Fit(NamedTuple):
     Attributes:
         luts: look-up tables. In an ECP5 each cell of a carry chain counts as two.
         flip_flops: flip-flops.
-        block_rams: of 18 kbit; one of 36 kbit counts as two.
+        block_rams: block RAMs of 18 kbit; one of 36 kbit counts as two.
     """
 
     luts: int

@@ -10,8 +10,6 @@ from cosim import InputError
 from cosim.files.whole import refusal
 from rtl_model.gateware.design import Design
 
-__all__ = ["check_folder", "write_folder"]
-
 
 def check_folder(folder: Path) -> None:
     """Raises InputError unless `folder` is empty, or a new name in an existing folder."""

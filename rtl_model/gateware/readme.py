@@ -8,8 +8,6 @@ from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import pins
 from rtl_model.geometry import Geometry
 
-__all__ = ["readme"]
-
 
 def readme(
     target: Target,
@@ -22,7 +20,7 @@ def readme(
 
     Args:
         target: the board.
-        geometry: of the build.
+        geometry: geometry of the build.
         build: value of `ctrl_build`.
         ethernet: PHY that replaces the serial line, None for the line.
         network: addresses of the board on it.

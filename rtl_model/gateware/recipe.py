@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import TOP
 
-__all__ = ["recipe"]
-
 
 def recipe(
     target: Target, sources: Sequence[str], constraint: str, *, core: str = ""

@@ -21,8 +21,6 @@ from typing import Literal, NamedTuple
 
 from cosim import InputError
 
-__all__ = ["TARGETS", "Device", "GatewareFamily", "Target", "target_named"]
-
 GatewareFamily = Literal["ecp5", "xc7"]
 """Supported families of FPGAs: ECP5 by the open tools, 7 series by Vivado."""
 
@@ -33,10 +31,10 @@ class Device(NamedTuple):
     Attributes:
         family: determines the tools.
         luts: look-up tables, of four inputs in an ECP5 and of six in a 7 series device.
-        flip_flops: of its slices.
-        block_rams: of 18 kbit; one of 36 kbit counts as two.
+        flip_flops: flip-flops of its slices.
+        block_rams: block RAMs of 18 kbit; one of 36 kbit counts as two.
         option: nextpnr's name of the device, else empty.
-        idcode: for the bitstream if the die reports another device's, else empty.
+        idcode: IDCODE for the bitstream if the die reports another device's, else empty.
     """
 
     family: GatewareFamily
@@ -51,19 +49,19 @@ class Target(NamedTuple):
     """A board.
 
     Attributes:
-        name: on the command line.
+        name: name on the command line.
         board: its common name.
         device: the FPGA.
         part: the device's ordering code, with package and speed grade.
         package: name in nextpnr; for a Xilinx device the part of `part`.
         speed: grade.
         pin_hz: clock at the pin, Hz.
-        divide: by which the top module divides it.
+        divide: factor by which the top module divides it.
         clock, tx, rx, led: pins; the FPGA drives tx.
         led_low: whether a low level lights the LED.
         serial: connector of the serial line.
         loader: the board's name in openFPGALoader; empty if DFU loads it.
-        io_standard: of all pins, 3.3 V CMOS.
+        io_standard: I/O standard of all pins, 3.3 V CMOS.
     """
 
     name: str

@@ -7,8 +7,6 @@ import math
 from rtl_model.gateware.targets import Target
 from rtl_model.geometry import Geometry
 
-__all__ = ["OPEN", "PORTS", "TOP", "life", "pins", "span", "top_module", "wrapped"]
-
 TOP = "viform_top"
 """Name of the module; its file ends in `.v`."""
 
@@ -36,7 +34,7 @@ def top_module(target: Target, geometry: Geometry, build: int) -> str:
 
     Args:
         target: the board.
-        geometry: of the build.
+        geometry: geometry of the build.
         build: parameter BUILD, the value of `ctrl_build`.
     """
     parameters = [f".{name}({value})" for name, value in geometry.verilog.items()]
@@ -74,9 +72,9 @@ def life(what: str, line: str, clock_hz: int, *, led_low: bool) -> str:
     """Verilog of the reset after configuration, and of the LED.
 
     Args:
-        what: that makes the LED blink fast, for the comment.
+        what: condition that makes the LED blink fast, for the comment.
         line: expression that is low then.
-        clock_hz: of `clk`.
+        clock_hz: frequency of `clk`, Hz.
         led_low: whether a low level lights the LED.
     """
     beat = math.ceil(math.log2(clock_hz))  # bits of a counter that overflows in one to two seconds

@@ -14,12 +14,6 @@ from rtl_model.registers import MAGIC
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["STANDARD_RATES", "TOLERANCE_PERCENT", "BaudReport", "find_baud"]
-
-TOLERANCE_PERCENT = 5.0
-"""Largest deviation of two rates. A receiver that starts at the edge of the start bit and samples
-mid-bit reads the stop bit right up to half a bit in 9.5, 5.3 %, less the rounding of the edge."""
-
 REACH_PERCENT = 20
 """Range of the search on either side of the nominal rate."""
 
@@ -96,7 +90,7 @@ def find_baud(
     board's rate.
 
     Args:
-        port: to the board.
+        port: port to the board.
         nominal: rate at which the search begins, baud.
         time_scale: seconds of the host's time to a second of the board's clock.
         patience_s: wait for an answer beyond line time, s.

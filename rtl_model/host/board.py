@@ -21,8 +21,6 @@ from rtl_model.registers.design import (
     Devices,
 )
 
-__all__ = ["Board", "BoardInfo", "ImagerInfo", "recognised"]
-
 _HEAD = {register.name: register.address for register in HEAD}
 _IDENTIFIER_WORDS = 256  # longest identifier of LiteX
 _IDENTIFIER_BLOCK = 16
@@ -34,9 +32,9 @@ class BoardInfo(NamedTuple):
     """Size and build of a Viform board, from its registers.
 
     Attributes:
-        rows, columns, lanes: of the pixel array.
+        rows, columns, lanes: rows, columns and lanes of the pixel array.
         clock_hz: nominal clock, Hz.
-        version: of the register map.
+        version: version of the register map.
         build: CRC-32 of Verilog and parameters, 0 if unknown.
         capture_words, sink_words: sizes of the memories, words.
         baud: `clock_hz` divided by the clocks of a bit.
@@ -75,7 +73,7 @@ class ImagerInfo(NamedTuple):
         imager: its name.
         rows, columns: pixels.
         clock_hz: nominal clock, Hz.
-        version: of the register map.
+        version: version of the register map.
         build: `ctrl_build`.
         baud: `clock_hz` divided by the clocks of a bit.
     """
@@ -204,7 +202,7 @@ class Board:
         Raises LineFault SHORT, GARBLED, RESTARTED or MISPLACED. Nothing is written twice.
 
         Args:
-            address: of the first word, bytes.
+            address: address of the first word, bytes.
             values: words, 32 bits each.
             fixed: whether all are written to the same address.
             readback: whether the words are read again, which also checks the address.

@@ -12,8 +12,6 @@ from rtl_model.host.log import LineLog, Logged
 from rtl_model.host.ports import AS_EVER, Lines, open_port
 from rtl_model.host.uartbone import PATIENCE_S, SIMULATED_PATIENCE_S, Uartbone
 
-__all__ = ["Bone", "check_answers", "opened_bone", "patience_s"]
-
 
 class Bone(Protocol):
     """Words at byte addresses: `Uartbone` over a serial line, `Etherbone` over UDP."""
@@ -84,7 +82,7 @@ def opened_bone(
 
     Args:
         url: a device, a URL of pyserial, or `udp:HOST[:PORT]`.
-        baud: of a serial line.
+        baud: baud of a serial line.
         simulated: whether a simulated board is behind it, for which the host waits longer.
         time_scale: seconds of the host's time to a second of the board's clock.
         log: file that records every transaction, None for none.

@@ -20,8 +20,6 @@ from rtl_model.host.countdown import Countdown
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.registers import mask
 
-__all__ = ["SETTINGS", "Captured", "burst", "drain", "stop"]
-
 SETTINGS = (
     "sensor_threshold",
     "sensor_clock_select",

@@ -9,8 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-__all__ = ["Countdown"]
-
 
 class Countdown:
     """Time that is left of a limit. Whoever waits must look at it again and again.

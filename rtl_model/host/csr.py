@@ -30,7 +30,7 @@ class CsrRegister(NamedTuple):
     """One register.
 
     Attributes:
-        address: of the first word, bytes.
+        address: address of the first word, bytes.
         words: number of words.
         mode: "ro", "rw" or "wo".
     """
@@ -44,7 +44,7 @@ class MemoryRegion(NamedTuple):
     """One memory.
 
     Attributes:
-        address: of the first word, bytes.
+        address: address of the first word, bytes.
         size: bytes.
         kind: LiteX's name of its type, such as "cached" or "io".
     """
@@ -58,7 +58,7 @@ class CsrMap(NamedTuple):
     """The contents of a `csr.csv`.
 
     Attributes:
-        registers, memories: by name.
+        registers, memories: registers and memories by name.
         constants: values by name.
         bases: byte address of each group of registers by name.
         data_width: bits of a register in each of its words, 8 or 32 (LiteX's

@@ -6,8 +6,6 @@ import enum
 
 from cosim import ViformError
 
-__all__ = ["Cause", "LineFault"]
-
 
 class Cause(enum.Enum):
     """Why a board does not answer correctly. The value is the name in documents."""

@@ -24,8 +24,6 @@ from typing import Protocol
 
 from cosim.files.whole import refusal
 
-__all__ = ["FORMAT", "LineLog"]
-
 FORMAT = "viform-line-1"
 
 _COMMANDS = {1: "write", 2: "read", 3: "write fixed", 4: "read fixed"}

@@ -12,11 +12,6 @@ from cosim import InputError
 from cosim.errors import quote
 from rtl_model.host.log import FORMAT
 
-__all__ = [
-    "Answer", "AnyEvent", "Datagram", "Dropped", "LogEvent", "Opened", "Request", "Stray",
-    "read_log",
-]  # fmt: skip
-
 
 def _printable(text: str) -> str:
     if not text.isprintable():
@@ -48,10 +43,10 @@ class Opened(_Event):
     """The first event.
 
     Attributes:
-        format: of the log.
+        format: format of the log.
         port: name of the port.
-        baud: of the line; None over UDP.
-        simulated, time_scale, frames: of the session; None if it did not state them.
+        baud: baud of the line; None over UDP.
+        simulated, time_scale, frames: settings of the session; None if it did not state them.
     """
 
     event: Literal["open"]

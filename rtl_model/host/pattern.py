@@ -9,8 +9,6 @@ from cosim import InputError
 from rtl_model.host.board import Board
 from rtl_model.host.faults import Cause, LineFault
 
-__all__ = ["upload"]
-
 _REPEATS = 3  # of a block, which may be written again without effect
 _RECOVERABLE = (Cause.SHORT, Cause.GARBLED)
 

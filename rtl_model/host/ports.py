@@ -32,11 +32,6 @@ except ImportError:  # Windows, whose ports pyserial opens without it
         """Is never raised."""
 
 
-__all__ = [
-    "AS_EVER", "Level", "Lines", "Port", "SerialPort", "is_pty", "latency_timer", "open_port",
-    "ports_here",
-]  # fmt: skip
-
 _POLL_S = 0.01  # interval at which a read checks its deadline
 _COUNTED_S = 0.1  # most of the time between two such looks that counts
 _TIMERS = Path("/sys/bus/usb-serial/devices")
@@ -66,7 +61,7 @@ class Port(Protocol):
     """A bidirectional stream of bytes: a serial port, a log, or a model of a board.
 
     Attributes:
-        name: for messages.
+        name: name for messages.
         baud: rate of the host.
     """
 
@@ -74,13 +69,13 @@ class Port(Protocol):
     baud: int
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that arrive within `deadline_s` seconds."""
+        """Reads `count` bytes, or those that arrive within `deadline_s` seconds."""
 
     def write(self, data: bytes, deadline_s: float = _WRITE_S) -> None:
         """Sends all bytes within `deadline_s` seconds. Raises LineFault if that fails."""
 
     def drain(self) -> bytes:
-        """Returns the unread bytes without waiting."""
+        """Unread bytes without waiting."""
 
     def set_baud(self, baud: int) -> None:
         """Changes the host's rate."""
@@ -100,7 +95,7 @@ class SerialPort:
         self.baud = int(inner.baudrate)
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that arrive within `deadline_s` seconds."""
+        """Reads `count` bytes, or those that arrive within `deadline_s` seconds."""
         limit = Countdown(deadline_s, _COUNTED_S)
         got = b""
         with _named(self.name):
@@ -139,7 +134,7 @@ class SerialPort:
             select.select([], [file], [], _POLL_S)
 
     def drain(self) -> bytes:
-        """Returns the contents of the input buffer."""
+        """Contents of the input buffer."""
         got = b""
         with _named(self.name):
             while waiting := self.inner.in_waiting:
@@ -221,7 +216,7 @@ def open_port(url: str, baud: int, *, exclusive: bool = True, lines: Lines = AS_
 
     Args:
         url: a device or a URL of pyserial.
-        baud: of the line.
+        baud: baud of the line.
         exclusive: whether other programs are locked out, if the system supports it.
         lines: modem lines to set. Linux asserts both for the moment in which it opens a device.
 

@@ -10,8 +10,6 @@ from rtl_model.host.faults import LineFault
 from rtl_model.host.uartbone import FINAL
 from rtl_model.prbs import ORDERS, Prbs
 
-__all__ = ["ORDERS", "Exchanged", "PrbsReport", "check", "exchange"]
-
 _FAULTS = 3  # most interrupted answers of one measurement over a serial line
 _MISMATCHES = 2  # wrong blocks over UDP in a row that are read again
 _IN_A_ROW = 8  # most consecutive ones over UDP, which may lose any packet
@@ -21,8 +19,8 @@ class PrbsReport(NamedTuple):
     """Bit errors of the line.
 
     Attributes:
-        order: of the sequence.
-        words: sent in each direction.
+        order: order of the sequence.
+        words: number of words sent in each direction.
         bits_wrong_from_board, bits_wrong_to_board: wrong bits of the received words.
         words_lost_to_board: words that did not arrive.
         faults: interrupted answers, after each of which the sequence was restarted.
@@ -65,7 +63,7 @@ def exchange(board: Board, order: int, words: int, *, faults: int = 0) -> Exchan
 
     Args:
         board: a Viform board.
-        order: of the sequence.
+        order: order of the sequence.
         words: number of words in each direction.
         faults: most interrupted answers over a serial line; the LineFault of the next one is
             raised.
@@ -114,7 +112,7 @@ def check(board: Board, order: int, words: int) -> PrbsReport:
 
     Args:
         board: a Viform board.
-        order: of the sequence, 7, 15, 23 or 31.
+        order: order of the sequence, 7, 15, 23 or 31.
         words: number of words in each direction.
 
     Raises:

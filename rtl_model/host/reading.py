@@ -16,8 +16,6 @@ from rtl_model.host.board import Board
 from rtl_model.host.capture import SETTINGS, Captured, burst, stop
 from rtl_model.host.faults import Cause, LineFault
 
-__all__ = ["LEVELS", "Reading", "check_levels", "read_charges"]
-
 LEVELS: Final = tuple(1 << n for n in range(1, 8))
 """Levels that a reading may have."""
 
@@ -30,8 +28,8 @@ class Reading(NamedTuple):
     Attributes:
         level: floor(levels charge / Q), at most levels - 1; (rows, columns) uint16, 0 outside the
             window.
-        levels: of the reading.
-        frames: since the clear, of which the charges are.
+        levels: number of levels of the reading.
+        frames: number of frames since the clear, of which the charges are.
         captured: the passes.
     """
 

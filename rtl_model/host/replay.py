@@ -12,8 +12,6 @@ from cosim.errors import shorten
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log_events import Answer, Dropped, LogEvent, Opened, Request, Stray, read_log
 
-__all__ = ["ReplayPort"]
-
 _ANSWER = 4 * 255  # bytes of the longest answer
 
 
@@ -23,13 +21,14 @@ class ReplayPort:
     Raises InputError, with the line, for a file that is not a log.
 
     Attributes:
-        name: for messages.
-        baud: of the line; 0 over UDP.
+        name: name for messages.
+        baud: baud of the line; 0 over UDP.
         over_udp: whether the log is of Etherbone packets, which this port cannot answer.
         logged_port: name of the port in the log.
         simulated: whether a simulated board was behind the port; None if the log does not state it.
-        time_scale, frames: of the session; None if the log does not state them.
-        events: of the log.
+        time_scale, frames: time scale and number of frames of the session; None if the log does not
+            state them.
+        events: events of the log.
         cut: whether its last line is cut off.
     """
 

@@ -21,11 +21,6 @@ from rtl_model.host.ports import Port
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = [
-    "BAUD_MIN", "FINAL", "PATIENCE_S", "SIMULATED_PATIENCE_S", "Uartbone", "check_address",
-    "read_request", "write_request",
-]  # fmt: skip
-
 PATIENCE_S, SIMULATED_PATIENCE_S = 0.3, 3.0
 """Longest wait for an answer beyond line time, s. A busy machine may suspend the thread of a
 simulated board."""
@@ -55,17 +50,17 @@ class Uartbone:
     """Master of a bus behind a serial port.
 
     Args:
-        port: to the board.
-        baud: of the line; the port's if None.
+        port: port to the board.
+        baud: baud of the line; the port's if None.
         time_scale: seconds of the host's time to a second of the board's clock; more than 1 for a
             simulated board that is slower than real time.
         patience_s: wait for an answer beyond line time, s, for the buffers of adapter and system.
-        retries: of a read without side effect, each after a silence. Writes and reads of a FIFO are
-            never repeated.
+        retries: number of retries of a read without side effect, each after a silence. Writes and
+            reads of a FIFO are never repeated.
         log: records every transaction, None for no log.
 
     Attributes:
-        bytes_sent: sent to the board.
+        bytes_sent: number of bytes sent to the board.
         bytes_read: received as answers.
         strays: bytes received without a request.
         dropped: bytes discarded while the line was brought to silence.
@@ -125,7 +120,7 @@ class Uartbone:
         """Reads words.
 
         Args:
-            address: of the first word, bytes.
+            address: address of the first word, bytes.
             words: number of words.
             fixed: whether all are read from the same address.
             retry: whether the read may be repeated; by default unless `fixed`.
@@ -182,7 +177,7 @@ class Uartbone:
         """Reports an answer of the right length that was wrong to `on_other_answer`.
 
         Args:
-            address: of the first word, bytes.
+            address: address of the first word, bytes.
             got: received words.
             right: words of the repeated reading.
             counted: whether `retried` already includes it.
@@ -197,8 +192,8 @@ class Uartbone:
         A write that was sent in part is never repeated. Raises LineFault STUCK or GONE.
 
         Args:
-            address: of the first word, bytes.
-            values: one word, or several, of which the lower 32 bits are written.
+            address: address of the first word, bytes.
+            values: word, or several, of which the lower 32 bits are written.
             fixed: whether all are written to the same address.
         """
         values = [values] if isinstance(values, int) else list(values)

@@ -27,8 +27,6 @@ from rtl_model.verilated import (
     write_view,
 )
 
-__all__ = ["Outcome", "run"]
-
 _ENDLESS = 1 << 62
 # States in which the capture registers may change between two reads.
 _MOVING = mask("capture_state", "armed") | mask("capture_state", "busy")
@@ -44,7 +42,7 @@ class Outcome:
     Attributes:
         clock: number of clocks.
         pixels: pixel-cycles, which are the pixels of all compared tiles, in the window or not.
-        coverage: of the sensor's settings.
+        coverage: coverage of the sensor's settings.
         difference: the first one, None if there is none.
     """
 
@@ -71,7 +69,7 @@ def run(
     """Compares until `pixels` pixel-cycles, clock `until`, or the first difference.
 
     Args:
-        program: for both sides.
+        program: program for both sides.
         pixels: pixel-cycles after which the run ends.
         until: clock at which the run ends, None for no limit.
         sources: folder of the Verilog; the design's if None.

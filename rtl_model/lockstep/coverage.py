@@ -13,8 +13,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.lockstep.program import ADDRESS, Write
 from rtl_model.registers import REGISTERS, parameters, reset_value
 
-__all__ = ["Coverage"]
-
 _AT_TILE = ("sensor_threshold", "sensor_reset_rule", "sensor_pattern")
 _AT_FRAME = ("sensor_clock_select", "sensor_rows", "sensor_columns")
 _SHAPE = (16, 4, 4, 2)

@@ -12,19 +12,17 @@ from cosim.errors import one_line
 from rtl_model.cycle import Tiles
 from rtl_model.lockstep.program import Program
 
-__all__ = ["Difference", "first_difference"]
-
 
 @dataclass
 class Difference:
     """A difference.
 
     Attributes:
-        program: of the run.
+        program: program of the run.
         what: the value that differs: "spike", "tile" or a field of a tile, after "the sink's " for
             one of the sink; or the name of a register.
         clock: edge at which the tile was computed, or the read strobed.
-        frame, row, column: of the pixel; None for a register.
+        frame, row, column: frame, row and column of the pixel; None for a register.
         verilog, model: the two values; None for a missing tile.
         until: clock after which the difference is visible.
         waves: file of waveforms, None if not written.
@@ -79,7 +77,7 @@ def first_difference(program: Program, verilog: Tiles, model: Tiles, what: str) 
     """The first difference of two unequal lists of tiles.
 
     Args:
-        program: of the run.
+        program: program of the run.
         verilog, model: the lists.
         what: prefix of the field's name, "" for tiles of the pixels.
     """

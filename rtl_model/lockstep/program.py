@@ -16,8 +16,6 @@ import numpy as np
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS
 
-__all__ = ["ADDRESS", "Chunk", "Program", "Write"]
-
 ADDRESS = {entry.name: entry.address for entry in REGISTERS} | {
     memory.name: memory.address for memory in MEMORIES
 }
@@ -33,7 +31,7 @@ class Write(NamedTuple):
     """A bus write.
 
     Attributes:
-        clock: of its strobe.
+        clock: clock of the write's strobe.
         address: bytes.
         value: 32 bits.
     """

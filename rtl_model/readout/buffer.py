@@ -24,8 +24,6 @@ from cosim.files.raw_layout import BLOCK_BYTES
 from cosim.stage import State
 from rtl_model.readout.timing import BLOCK_PS, ScanTiming
 
-__all__ = ["ROW_BYTES", "ROW_PS", "RowBuffer"]
-
 ROW_BYTES: Final = 2 * BLOCK_BYTES
 ROW_PS: Final = 2 * BLOCK_PS
 """Duration of a row on the chip's output, ps."""
@@ -74,9 +72,9 @@ class RowBuffer:
     """Buffer and link behind the row scan.
 
     Args:
-        timing: of the scan.
-        rate: of the link, bit/s, whole kbit/s; as fast as the chip is `BIT_RATE`.
-        size: of the buffer, bytes, at least a row.
+        timing: timing of the scan.
+        rate: rate of the link, bit/s, whole kbit/s; as fast as the chip is `BIT_RATE`.
+        size: size of the buffer, bytes, at least a row.
 
     Attributes:
         offered, lost: rows so far.

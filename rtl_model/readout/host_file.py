@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from cosim.files.durable import put, sync, sync_all
 
-__all__ = ["HostFile"]
-
 _PART: Final = 1 << 24
 """Bytes that are checked at a time."""
 
@@ -25,7 +23,7 @@ class HostFile:
     It is opened for each part, so that a run that ends early leaves nothing open.
 
     Args:
-        path: of the whole file.
+        path: path of the whole file.
 
     Attributes:
         written: bytes so far, also of the run that is resumed.

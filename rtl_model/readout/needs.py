@@ -16,8 +16,6 @@ from cosim.clock import PS
 from rtl_model.readout.buffer import ROW_BYTES, ROW_PS, RowBuffer
 from rtl_model.readout.timing import BIT_RATE, ScanTiming
 
-__all__ = ["Needs", "needed_buffer", "needed_rate"]
-
 _ROW_BITS: Final = ROW_BYTES * 8
 _MOST: Final = 4000
 """Cycles of a run whose losses a plan computes, at most."""
@@ -27,8 +25,8 @@ def needed_rate(timing: ScanTiming, size: int) -> int:
     """Least rate at which a link loses no row, bit/s, rounded up to kbit/s.
 
     Args:
-        timing: of the scan.
-        size: of the buffer, bytes.
+        timing: timing of the scan.
+        size: size of the buffer, bytes.
     """
     rows, hz = timing.blocks // 2, timing.clock.num / timing.clock.den
     rate = rows * _ROW_BITS * hz
@@ -60,7 +58,7 @@ class Needs:
         buffer_bytes: the buffer.
         needed_buffer_bytes: least buffer with which this link loses nothing; None for none.
         lost_share: share of the rows that are lost.
-        cycles: from the start of the run, for which `lost_share` is computed.
+        cycles: number of cycles from the start of the run, for which `lost_share` is computed.
         file_bytes: size of the whole file without loss, 0 for none.
     """
 

@@ -9,8 +9,6 @@ from cosim.files.raw_layout import BLOCK_BYTES, HALF, RAW_SIZE
 from cosim.spikes.viform import Words, unpack_planes
 from rtl_model.readout.window import Window
 
-__all__ = ["read_in_numpy"]
-
 
 def read_in_numpy(words: Words, cycles: int, window: Window | None = None) -> npt.NDArray[np.uint8]:
     """Raw bytes of the chip's output, (cycles, blocks, 64) uint8.
@@ -18,7 +16,7 @@ def read_in_numpy(words: Words, cycles: int, window: Window | None = None) -> np
     Args:
         words: spike words, (n, 1000, 1000) uint32.
         cycles: number of latch cycles.
-        window: that is read; the whole chip if None.
+        window: window that is read; the whole chip if None.
     """
     window = Window() if window is None else window.checked()
     halves = unpack_planes(words, 0, cycles).reshape(cycles, 2 * RAW_SIZE[1], HALF)

@@ -17,15 +17,6 @@ from rtl_model.readout.stage import ScanStage
 from rtl_model.readout.timing import BIT_RATE
 from rtl_model.readout.window import Window
 
-__all__ = [
-    "FIGURE",
-    "loss_note",
-    "readout_latency",
-    "readout_line",
-    "readout_metrics",
-    "readout_section",
-]
-
 FIGURE: Final = "figures/readout.png"
 _COLUMNS: Final = 400
 """Points of a curve in the figure, at most: each has the largest fill, and the mean loss, of as

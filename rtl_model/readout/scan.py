@@ -13,8 +13,6 @@ from cosim.files.raw_layout import BLOCK_BYTES, RAW_SIZE
 from cosim.spikes.viform import Words, words_for
 from rtl_model.readout.window import Window
 
-__all__ = ["Readout"]
-
 _LOCAL: Final = 8
 """Blocks of a work-group; a fixed size lets PoCL compile the kernel only once."""
 
@@ -26,10 +24,11 @@ class Readout:
 
     Args:
         device: OpenCL device.
-        window: that is read; the whole chip if None. Raises InputError for one outside the chip.
+        window: window that is read; the whole chip if None. Raises InputError for one outside the
+            chip.
 
     Attributes:
-        window: that is read.
+        window: window that is read.
         blocks: number of blocks in a cycle.
     """
 

@@ -20,8 +20,6 @@ from rtl_model.readout.host_file import HostFile
 from rtl_model.readout.reference import read_in_numpy
 from rtl_model.readout.scan import Readout
 
-__all__ = ["LOST", "RAW", "ScanStage"]
-
 RAW: Final = "readout.raw"
 """The bytes that the host gets, in the folder of a run."""
 LOST: Final = "readout.npz"
@@ -38,14 +36,14 @@ class ScanStage:
     marker of a block does not count frames.
 
     Args:
-        buffer: with the timing of the scan, and with it its window.
+        buffer: buffer with the timing of the scan, and with it its window.
         cycles: length of the run.
-        folder: of the run.
+        folder: folder of the run.
         device: OpenCL device of the scan; None for numpy.
         keep: whether the bytes are written.
 
     Attributes:
-        buffer: as above.
+        buffer: buffer as above.
         fill: largest fill of the buffer during the scan of each cycle, (cycles,) int64 bytes.
         lost: lost rows of each cycle, (cycles, 125) uint8: bit r % 8 of byte r // 8 is row r.
     """

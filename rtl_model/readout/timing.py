@@ -18,8 +18,6 @@ from cosim.config.amounts import at_most
 from cosim.files.raw_layout import BLOCK_BYTES, FRAME_BYTES
 from rtl_model.readout.window import Window
 
-__all__ = ["BIT_RATE", "BLOCK_PS", "ScanTiming"]
-
 BIT_RATE: Final = FRAME_BYTES * 8 * 40_000
 """Rate of the chip's output, bit/s: 40.96 Gbit/s."""
 BLOCK_PS: Final = BLOCK_BYTES * 8 * PS // BIT_RATE
@@ -30,11 +28,11 @@ class ScanTiming:
     """Timing of the scan of a window.
 
     Args:
-        clock: of the latch cycles.
-        window: that is read; the whole chip if None.
+        clock: clock of the latch cycles.
+        window: window that is read; the whole chip if None.
 
     Attributes:
-        clock, window: as above.
+        clock, window: clock and window as above.
         blocks: number of blocks in a cycle.
 
     Raises:

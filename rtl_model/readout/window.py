@@ -10,8 +10,6 @@ import numpy.typing as npt
 from cosim import InputError
 from cosim.files.raw_layout import HALF, RAW_SIZE, TABLE, Table, markers
 
-__all__ = ["Window"]
-
 
 class Window(NamedTuple):
     """A window, in the format of the board's registers.

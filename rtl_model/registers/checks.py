@@ -8,8 +8,6 @@ from collections.abc import Sequence
 
 from rtl_model.registers.table import Memory, Register
 
-__all__ = ["faults"]
-
 _WORD = 4
 
 

@@ -14,8 +14,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers.parameters import parameters
 from rtl_model.registers.table import MEMORIES, REGISTERS, Memory, Register
 
-__all__ = ["csr_csv", "csr_text"]
-
 _CSR_BYTES = 0x1000  # registers and identifier have lower addresses
 
 
@@ -36,7 +34,7 @@ def csr_text(
     Args:
         registers, memories: the map.
         values: parameters of the build, which give the sizes of the memories.
-        clock_hz: of the bus, Hz.
+        clock_hz: clock of the bus, Hz.
         constants: further constants, listed after LiteX's.
     """
     groups: dict[str, int] = {}

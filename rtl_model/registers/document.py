@@ -12,8 +12,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers.parameters import PARAMETERS, parameters
 from rtl_model.registers.table import MEMORIES, REGISTERS, Register
 
-__all__ = ["document", "register_tables"]
-
 _HEAD = """\
 # Registers of the board
 

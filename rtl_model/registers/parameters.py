@@ -5,8 +5,6 @@ from __future__ import annotations
 from rtl_model.geometry import Geometry
 from rtl_model.registers.table import WRITE_WORDS, Register
 
-__all__ = ["PARAMETERS", "identifier", "parameters", "reset_value"]
-
 PARAMETERS: dict[str, str] = {
     "GEOMETRY": "65536 rows + columns",
     "LANES": "32 or 64",

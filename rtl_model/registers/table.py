@@ -9,11 +9,6 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-__all__ = [
-    "MAGIC", "MEMORIES", "REGISTERS", "VERSION", "WRITE_WORDS", "Field", "Memory", "Register",
-    "mask", "quantum",
-]  # fmt: skip
-
 MAGIC = 0x53504B32
 """First word of a Viform board, ASCII "SPK2"."""
 VERSION = 0x0001_0002
@@ -31,7 +26,7 @@ class Field(NamedTuple):
     """A field of a register.
 
     Attributes:
-        name: of the field.
+        name: name of the field.
         high, low: its first and last bit, both inclusive.
         text: meaning.
     """
@@ -70,8 +65,8 @@ class Memory(NamedTuple):
     """A memory of 32-bit words.
 
     Attributes:
-        name: of the memory.
-        address: of the first word, bytes.
+        name: name of the memory.
+        address: address of the first word, bytes.
         size: name of the parameter that gives the size in bytes.
         mode: "ro", "rw" or "wo".
         text: meaning.

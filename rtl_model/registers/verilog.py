@@ -11,8 +11,6 @@ from pathlib import Path
 
 from rtl_model.registers.table import MEMORIES, REGISTERS
 
-__all__ = ["HEADER", "verilog_header", "write_verilog_header"]
-
 HEADER = Path(__file__).parents[1] / "verilog" / "viform_registers.vh"
 GROUP_BYTES = 256
 

@@ -17,8 +17,6 @@ from rtl_model.registers import mask
 from rtl_model.stand_in.opening import OpenBoard
 from rtl_model.stand_in.stepping import Stepper
 
-__all__ = ["BoardDisplay", "DisplayCheck"]
-
 _DONE: Final = mask("capture_state", "done")
 _RUNNING: Final = mask("sink_state", "running")
 _POLLS: Final = 200

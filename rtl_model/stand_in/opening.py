@@ -16,8 +16,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.host import Board, BoardInfo, LineFault, Lines, is_pty, opened_bone
 from rtl_model.host.ether import is_loopback, is_udp, udp_address
 
-__all__ = ["OpenBoard", "open_board", "parse_address"]
-
 _BAUD: Final = Geometry().baud
 _VIRTUAL: Final = "virtual"
 _VIRTUAL_BAUD: Final = 3_000_000
@@ -30,7 +28,7 @@ class OpenBoard(NamedTuple):
     Attributes:
         board: its registers.
         info: its size and build.
-        name: for messages.
+        name: name for messages.
     """
 
     board: Board
@@ -44,7 +42,7 @@ def parse_address(address: str, key: str) -> tuple[str, int, Lines]:
     Args:
         address: `serial:PORT[,BAUD][,dtr=off][,rts=off]` or `udp:HOST[:PORT]`; the baud and lines
             of the latter have no meaning.
-        key: of the scenario, for messages.
+        key: key of the scenario, for messages.
 
     Raises:
         InputError: for another text.
@@ -88,8 +86,8 @@ def open_board(address: str, key: str, virtual: Geometry | None = None) -> Itera
     A fault of the line, at the start or during use, raises InputError.
 
     Args:
-        address: as in `parse_address`.
-        key: of the scenario, for messages.
+        address: address as in `parse_address`.
+        key: key of the scenario, for messages.
         virtual: geometry of a virtual board, which is the cycle model; the default one if None.
     """
     port, baud, lines = parse_address(address, key)

@@ -22,8 +22,6 @@ from rtl_model.registers import mask, quantum
 from rtl_model.stand_in.opening import OpenBoard
 from rtl_model.stand_in.stepping import Stepper
 
-__all__ = ["BoardSensor", "finest_level", "quantise", "written_levels"]
-
 LEVELS: Final = 16
 STEP_MOST: Final = 255
 FRAMES_MOST: Final = 1 << 20
@@ -72,7 +70,7 @@ def quantise(
 
     Args:
         rate: spikes per tick, float64.
-        level: of the threshold.
+        level: level of the threshold.
 
     Returns:
         Electrons in a tick, uint8, and the error of the rate, spikes per tick. Both have the shape
@@ -88,7 +86,7 @@ class BoardSensor:
 
     Args:
         opened: the board.
-        level: of the threshold.
+        level: level of the threshold.
         reset: reset rule, a key of `RESETS`.
         frames: number of frames of the run.
 
@@ -130,7 +128,7 @@ class BoardSensor:
         """Writes threshold and window of the stopped board; both hold from the next tick on.
 
         Args:
-            level: of the threshold.
+            level: level of the threshold.
             rows: (first, stop) rows that are read.
         """
         self._level, self._rows = level, (rows[0], rows[1] - 1)

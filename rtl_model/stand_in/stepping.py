@@ -15,8 +15,6 @@ from typing import Final
 
 from rtl_model.host import Board, BoardInfo, Cause, LineFault
 
-__all__ = ["Stepper"]
-
 _TICK_WORDS: Final = 6
 """Shortest tick, words on the line. A pulse is one word, and the line may pause briefly."""
 _APART: Final = 4 / 3

@@ -17,8 +17,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import quantum
 from rtl_model.stream.ring import Fifo, Tile
 
-__all__ = ["Command", "ExternalArray", "Memory", "pack", "state_words"]
-
 _BITS = 20  # of a pixel in a word: 12 of charge, 8 of electrons a tick
 
 
@@ -26,9 +24,9 @@ class Command(NamedTuple):
     """A command to the memory.
 
     Attributes:
-        write: or read.
-        address: of a word.
-        data: of a write.
+        write: direction: a write, or else a read.
+        address: address of a word.
+        data: data of a write.
     """
 
     write: bool
@@ -46,8 +44,8 @@ def state_words(geometry: Geometry, pixels: int, electrons: npt.NDArray[np.uint8
     """The memory before the first frame, without charge.
 
     Args:
-        geometry: of the array.
-        pixels: of a word.
+        geometry: geometry of the array.
+        pixels: pixels of a word.
         electrons: pattern, (rows, columns).
     """
     wide = np.zeros((geometry.rows, geometry.tiles * geometry.lanes), np.int64)
@@ -60,7 +58,7 @@ class Memory:
 
     Args:
         words: contents.
-        latency: at least 1.
+        latency: latency of a read, edges, at least 1.
     """
 
     def __init__(self, words: list[int], latency: int) -> None:
@@ -86,13 +84,13 @@ class ExternalArray:
     """The array without its memory.
 
     Args:
-        geometry: of the array; clock and memories are not used.
-        pixels: of a memory word.
+        geometry: geometry of the array; clock and memories are not used.
+        pixels: pixels of a memory word.
         in_flight: most words between read and write.
 
     Attributes:
-        command: to the memory, before the next edge; None for none.
-        tile: at the pins before the next edge; None for none.
+        command: command to the memory, before the next edge; None for none.
+        tile: tile at the pins before the next edge; None for none.
         frames: frames begun since the clear.
         late: frames that began after they were due.
     """
@@ -122,7 +120,7 @@ class ExternalArray:
             run, clear: whether frames begin; whether the next one is number 0, without charge.
             tick: clocks of a 40 kHz tick.
             settings: registers; sampled where a frame begins.
-            word: from the memory, None for none.
+            word: word from the memory, None for none.
             ready: whether the memory takes the command.
         """
         written = self._written  # before this edge

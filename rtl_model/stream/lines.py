@@ -9,8 +9,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.stream.ring import Tile
 from rtl_model.stream.sensor import MARKER, TRAINING, check_word
 
-__all__ = ["Lane", "Lines"]
-
 FIND = 4
 """Training words in a row that are an alignment."""
 LOSE = 4
@@ -81,11 +79,11 @@ class Lines:
     """All lanes: rows are put together and checked, and leave as tiles.
 
     Args:
-        geometry: of the sensor.
+        geometry: geometry of the sensor.
 
     Attributes:
         lanes: each lane's alignment.
-        tile: at the pins before the next edge; None for none.
+        tile: tile at the pins before the next edge; None for none.
         bad_rows, missed_rows: rows with an error, and rows that lack a lane.
     """
 

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["LINKS", "Link", "raw_rate"]
-
 
 class Link(NamedTuple):
     """A link from an FPGA board to a host.
 
     Attributes:
-        name: of the link.
+        name: name of the link.
         line_rate: bits a second as the standard counts them, after line coding.
         payload, overhead: bits of a packet that are free for spikes, and bits around them.
-        source: of both.
+        source: source of both.
     """
 
     name: str
@@ -49,7 +47,7 @@ LINKS: tuple[Link, ...] = (
     Link("PCIe 3.0 x4", 4 * 8e9 * 128 / 130, *_PCIE, _PCIE_SOURCE),
     Link("PCIe 3.0 x8", 8 * 8e9 * 128 / 130, *_PCIE, _PCIE_SOURCE),
 )
-"""From the slowest to the fastest."""
+"""Links from the slowest to the fastest."""
 
 
 def raw_rate(rows: int, columns: int, clock_hz: float) -> float:

@@ -13,8 +13,6 @@ from rtl_model.stream.program import Case
 from rtl_model.stream.ring import Beat
 from rtl_model.stream.verilated import COLUMNS, VerilatedStream
 
-__all__ = ["Outcome", "beats", "model_outputs", "run"]
-
 Numbers = npt.NDArray[np.uint64]
 
 
@@ -22,10 +20,10 @@ class Outcome(NamedTuple):
     """Result of a run.
 
     Attributes:
-        clocks: that were compared.
-        outputs: of the model, (clocks, outputs) uint64.
-        difference: of the first clock at which an output differs: clock, output, Verilog, model;
-            None if there is none.
+        clocks: number of clocks that were compared.
+        outputs: outputs of the model, (clocks, outputs) uint64.
+        difference: first clock at which an output differs: clock, output, Verilog, model; None if
+            there is none.
     """
 
     clocks: int

@@ -17,8 +17,6 @@ from rtl_model.stream.external import ExternalArray, Memory
 from rtl_model.stream.lines import Lines
 from rtl_model.stream.ring import Ring, Tile
 
-__all__ = ["array_outputs", "external_outputs", "lines_outputs"]
-
 _RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
 _WORD = (1 << 64) - 1
 
@@ -29,7 +27,7 @@ def array_outputs(geometry: Geometry, settings: Mapping[str, int], inputs: Numbe
     """The stream of the emulated pixels.
 
     Args:
-        geometry: of the build.
+        geometry: geometry of the build.
         settings: DEPTH.
         inputs: (clocks, 4): ready, whether the bus writes, byte address, value.
     """
@@ -65,11 +63,11 @@ def external_outputs(
     """The stream of pixels in an external memory, and the memory's commands.
 
     Args:
-        geometry: of the array.
+        geometry: geometry of the array.
         settings: DEPTH, PIXELS and IN_FLIGHT.
         inputs: (clocks, 12): ready, ready of the memory, run, clear, threshold, clock select, reset
             rule, rows, columns, tick, pattern, level.
-        memory, latency: as in `external.Memory`.
+        memory, latency: memory and latency as in `external.Memory`.
     """
     array = ExternalArray(geometry, settings["PIXELS"], settings["IN_FLIGHT"])
     store = Memory(memory, latency)
@@ -113,7 +111,7 @@ def lines_outputs(geometry: Geometry, settings: Mapping[str, int], inputs: Numbe
     """The stream of a sensor's data lanes.
 
     Args:
-        geometry: of the sensor.
+        geometry: geometry of the sensor.
         settings: DEPTH.
         inputs: (clocks, 2): ready, bits of all lanes, the first lane in the lowest eight.
     """

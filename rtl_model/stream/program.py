@@ -17,8 +17,6 @@ from rtl_model.stream.external import state_words
 from rtl_model.stream.lines import SKEW
 from rtl_model.stream.sensor import disturbed, lane_words
 
-__all__ = ["Case"]
-
 Numbers = npt.NDArray[np.uint64]
 
 
@@ -28,12 +26,12 @@ class Case:
 
     Attributes:
         source: "array", "external" or "lines".
-        rows, columns, lanes: of the build.
-        depth: of the ring, beats.
-        seed: of the inputs.
-        clocks: to run, about.
-        pixels, in_flight, latency: of "external": pixels of a memory word, most words between read
-            and write, clocks of a read.
+        rows, columns, lanes: rows, columns and lanes of the build.
+        depth: depth of the ring, beats.
+        seed: seed of the inputs.
+        clocks: number of clocks to run, about.
+        pixels, in_flight, latency: settings of "external": pixels of a memory word, most words
+            between read and write, clocks of a read.
     """
 
     source: str

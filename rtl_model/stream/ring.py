@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections import deque
 from typing import Generic, NamedTuple, TypeVar
 
-__all__ = ["Beat", "Fifo", "Ring", "Tile"]
-
 T = TypeVar("T")
 
 
@@ -47,7 +45,7 @@ class Fifo(Generic[T]):
     """`viform_fifo.v`: a queue in block RAM, whose first word stands at the output.
 
     Attributes:
-        words: in memory.
+        words: words in memory.
         out: the word at the output, None for none.
     """
 
@@ -67,8 +65,8 @@ class Ring:
     """The stream of one source.
 
     Args:
-        tiles: of a row.
-        depth: of the ring, beats, at least `tiles` + 1.
+        tiles: tiles of a row.
+        depth: depth of the ring, beats, at least `tiles` + 1.
 
     Attributes:
         lost_planes: planes with at least one lost row, modulo 2^32.
@@ -98,7 +96,7 @@ class Ring:
         """A clock edge.
 
         Args:
-            tile: at the pins before the edge. Between rows there is a clock without one.
+            tile: tile at the pins before the edge. Between rows there is a clock without one.
             ready: `TREADY`.
         """
         put, self._held = self._held, None

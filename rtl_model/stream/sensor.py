@@ -15,8 +15,6 @@ from fastcrc import crc8
 
 from rtl_model.geometry import Geometry
 
-__all__ = ["MARKER", "TRAINING", "check_word", "disturbed", "lane_words"]
-
 TRAINING = 0xE9
 """Word of a pause. Its rotations differ from each other in four bits or more."""
 MARKER = 0x02
@@ -35,7 +33,7 @@ def lane_words(
 
     Args:
         planes: (rows, columns) bool by number.
-        geometry: of the sensor; `lanes` is the width of a tile, eight columns a data lane.
+        geometry: geometry of the sensor; `lanes` is the width of a tile, eight columns a data lane.
         training: clocks of training before the first row.
         pause: clocks of training after each row, at least four.
     """

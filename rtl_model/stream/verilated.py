@@ -11,8 +11,6 @@ import numpy.typing as npt
 from rtl_model.geometry import Geometry
 from rtl_model.verilated import VerilatedModule, library
 
-__all__ = ["COLUMNS", "VerilatedStream"]
-
 _STREAM = ("valid", "data", "last", "user", "lost_planes", "lost_rows")
 COLUMNS: dict[str, tuple[str, ...]] = {
     "array": _STREAM,
@@ -31,11 +29,11 @@ class VerilatedStream(VerilatedModule):
 
     Args:
         source: "array", "external" or "lines".
-        geometry: of the build.
+        geometry: geometry of the build.
         settings: further parameters: DEPTH, and of "external" PIXELS and IN_FLIGHT.
         sources: folder of the Verilog; the design's if None.
-        memory: of "external", the contents of its memory.
-        latency: of that memory, clocks from a command to its word, at least 1.
+        memory: contents of the memory of "external".
+        latency: latency of that memory, clocks from a command to its word, at least 1.
 
     Raises:
         InputError: if Verilator is missing.

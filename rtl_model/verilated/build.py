@@ -30,21 +30,6 @@ from cosim.errors import MissingPackages
 from cosim.files.whole import whole
 from rtl_model.geometry import Geometry
 
-__all__ = [
-    "CACHE_BYTES",
-    "PACKAGES",
-    "UNUSED_DAYS",
-    "VERILOG",
-    "BuildFailed",
-    "Trace",
-    "build_crc",
-    "fst_library",
-    "library",
-    "missing",
-    "prune",
-    "verilog_files",
-]  # fmt: skip
-
 _SHARED = Path(__file__).parent.resolve()  # headers of several rooms' shims
 VERILOG = Path(__file__).parents[1] / "verilog"
 """Folder of the design's sources."""
@@ -131,7 +116,7 @@ def library(
 
     Args:
         top: name of the Verilog module. The shim sees its class as `Vtop` of "Vtop.h".
-        geometry: of the build; its parameters that the module has are set.
+        geometry: geometry of the build; its parameters that the module has are set.
         shim: C++ source with `extern "C"` functions. It sees the parameters as macros, such as
             VIFORM_ROWS, VIFORM_COLUMNS and VIFORM_LANES, and, with a trace, VIFORM_FST or
             VIFORM_VCD.

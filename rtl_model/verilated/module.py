@@ -7,8 +7,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-__all__ = ["VerilatedModule"]
-
 
 class VerilatedModule:
     """One instance of a library that `build.library` has built; a context that ends it.
@@ -16,7 +14,7 @@ class VerilatedModule:
     Subclasses declare the shim's other functions on `_library`, whose first argument is `_board`.
 
     Args:
-        path: of the library.
+        path: path of the library.
     """
 
     def __init__(self, path: Path) -> None:

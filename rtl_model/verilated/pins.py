@@ -14,8 +14,6 @@ from rtl_model.verilated.build import library
 from rtl_model.verilated.module import VerilatedModule
 from rtl_model.verilated.system import Waves
 
-__all__ = ["VerilatedPins"]
-
 _SHIM = Path(__file__).with_name("pins.cpp")
 _BITS = 10
 
@@ -24,7 +22,7 @@ class VerilatedPins(VerilatedModule):
     """`viform_board` in Verilator, with a host that sends 8N1 at the board's baud.
 
     Args:
-        geometry: of the build.
+        geometry: geometry of the build.
         waves: waveforms to write. The file is complete when the board is closed.
 
     Attributes:

@@ -16,8 +16,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.verilated.build import Trace, library
 from rtl_model.verilated.module import VerilatedModule
 
-__all__ = ["SHIM", "VerilatedSystem", "Waves", "trace_format"]
-
 SHIM = Path(__file__).with_name("system.cpp")
 
 _ROOM = 1 << 16  # tiles of one call
@@ -32,7 +30,7 @@ class Waves:
     Attributes:
         path: file.
         first, last: first clock, and the clock after the last one.
-        format: of the file.
+        format: format of the file.
     """
 
     def __init__(self, path: Path, first: int = 0, last: int = 1 << 62) -> None:
@@ -54,7 +52,7 @@ class VerilatedSystem(VerilatedModule):
     """`viform_system` in Verilator. Clock n is the n-th edge after reset.
 
     Args:
-        geometry, sources, build: as in `build.library`.
+        geometry, sources, build: geometry, sources and build as in `build.library`.
         waves: waveforms to write, None for none. The file is complete when the system is closed.
 
     Raises:

@@ -12,8 +12,6 @@ from pathlib import Path
 from cosim.files.whole import whole
 from rtl_model.geometry import Geometry
 
-__all__ = ["board_signals", "system_signals", "write_view"]
-
 _TILES = ("tile_valid", "tile_frame[31:0]", "tile_row[15:0]", "tile_index[15:0]")
 _BUS = ("bus_we", "bus_re", "bus_adr[29:0]", "bus_wdata[31:0]", "bus_rvalid", "bus_rdata[31:0]")
 _MARKERS = 26  # A to Z
@@ -40,7 +38,7 @@ def write_view(
 
     Args:
         trace: file of waveforms.
-        geometry: of the build.
+        geometry: geometry of the build.
         signals: names with their scopes.
         cursor: clock of the primary marker.
         marks: clocks of the markers A, B, ...; 26 at most are used.

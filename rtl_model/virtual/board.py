@@ -23,12 +23,10 @@ from rtl_model.registers import REGISTERS
 from rtl_model.registers.design import Device
 from rtl_model.virtual.faults import Faults, parse
 from rtl_model.virtual.line import Bytes, FaultyLine
-from rtl_model.virtual.pace import LINGER_S, Pace, measured_speed
+from rtl_model.virtual.pace import Pace, measured_speed
 from rtl_model.virtual.served import Served
 from rtl_model.virtual.simulators import ROOM, Level, Simulator, make_simulator
 from rtl_model.virtual.terminal import Terminal
-
-__all__ = ["LEVELS", "LINGER_S", "VirtualBoard", "nominal_clock"]
 
 LEVELS: tuple[Level, ...] = ("bytes", "pins", "model")
 
@@ -59,7 +57,7 @@ class VirtualBoard(Served):
     """A board that is served at `port` from `start`, or the start of the context, to its end.
 
     Args:
-        geometry: of the build; the default one if None.
+        geometry: geometry of the build; the default one if None.
         level: "bytes" and "pins" run the Verilog, "model" the cycle model at byte level.
         faults: texts (see `virtual.faults`), or parsed ones.
         link: symbolic link to create for the port.

@@ -15,8 +15,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.registers import MAGIC, REGISTERS
 from rtl_model.virtual.faults import Faults
 
-__all__ = ["FOREIGN_MAGIC", "FaultySystem", "inject_faults"]
-
 FOREIGN_MAGIC = 0x4C695465
 """ASCII "LiTe": the magic word of another design."""
 
@@ -35,8 +33,8 @@ def inject_faults(verilog: Path, folder: Path, geometry: Geometry, faults: Fault
     Args:
         verilog: folder of the sources.
         folder: existing folder for the copy.
-        geometry: of the build.
-        faults: of which those of the design are injected.
+        geometry: geometry of the build.
+        faults: faults, of which those of the design are injected.
     """
     from rtl_model.verilated import verilog_files  # not needed by the cycle model
 

@@ -23,8 +23,6 @@ from typing import Literal, NamedTuple
 from cosim import InputError
 from rtl_model.geometry import Geometry
 
-__all__ = ["ByteFault", "Faults", "Kind", "Way", "parse"]
-
 Way = Literal["rx", "tx"]
 Kind = Literal["drop", "flip", "extra", "cut", "power-cycle"]
 
@@ -41,9 +39,9 @@ class ByteFault(NamedTuple):
     """A fault of single bytes.
 
     Attributes:
-        kind: of the fault.
+        kind: kind of the fault.
         way: direction of the byte.
-        number: of the byte, from 1.
+        number: number of the byte, from 1.
         every: whether every `number`-th byte is affected.
     """
 
@@ -93,8 +91,8 @@ def parse(texts: Sequence[str], geometry: Geometry | None = None) -> Faults:
     """Parses faults.
 
     Args:
-        texts: in the notation above.
-        geometry: of the board; the default one if None.
+        texts: texts in the notation above.
+        geometry: geometry of the board; the default one if None.
 
     Raises:
         InputError: for another text, or a pixel outside the board.

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 from rtl_model.virtual.faults import ByteFault, Faults, Way
 
-__all__ = ["CUT_S", "POWER_UP_S", "Bytes", "FaultyLine", "Interruption"]
-
 CUT_S = 0.15
 """Interruption by a cut, s of the board's time; longer than the board's watchdog of 0.1 s."""
 POWER_UP_S = 0.2

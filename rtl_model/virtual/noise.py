@@ -9,8 +9,6 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from rtl_model.virtual.faults import Way
 
-__all__ = ["BITS", "noise"]
-
 BITS = 10
 """Bits of a byte on the line: start, eight data bits, stop."""
 
@@ -25,7 +23,7 @@ def noise(share: float, seed: int, way: Way, first: int, count: int) -> npt.NDAr
 
     Args:
         share: probability that a bit is inverted.
-        seed: of the noise.
+        seed: seed of the noise.
         way: direction.
         first: number of the first byte.
         count: number of bytes.

@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-__all__ = ["LINGER_S", "MARGIN", "Pace", "measured_speed"]
-
 LINGER_S = 0.3
-"""In the board's time: three times its watchdog, longer than a cut line and a power cycle."""
+"""Time in the board's time, s: three times its watchdog, longer than a cut line and a power
+cycle."""
 MARGIN = 2.0
 """Factor of a host's waiting times, for other work of the machine."""
 

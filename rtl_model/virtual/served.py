@@ -12,8 +12,6 @@ from cosim import ViformError
 from rtl_model.geometry import Geometry
 from rtl_model.virtual.pace import MARGIN
 
-__all__ = ["Served"]
-
 _ATTENTION_S = 0.2  # interval at which `wait` checks the thread
 
 
@@ -21,7 +19,7 @@ class Served:
     """Start, end and failure of the thread. A subclass opens its port and gives the turns.
 
     Attributes:
-        geometry: of the build.
+        geometry: geometry of the build.
         speed: measured simulation speed, clocks of the board per second of wall time.
         clock: clocks simulated since the last power-on.
     """

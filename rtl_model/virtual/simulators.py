@@ -22,8 +22,6 @@ from rtl_model.virtual.noise import noise
 if TYPE_CHECKING:
     from rtl_model.cycle import Behind
 
-__all__ = ["ROOM", "Level", "Simulator", "faulty_library", "make_simulator"]
-
 Level = Literal["bytes", "pins", "model"]
 
 ROOM = 4096
@@ -70,9 +68,9 @@ def make_simulator(
     The Verilog is compiled if it is not cached.
 
     Args:
-        level: of simulation.
-        geometry: of the build.
-        faults: of the design and, at level "pins", of the line.
+        level: level of simulation.
+        geometry: geometry of the build.
+        faults: faults of the design and, at level "pins", of the line.
         device: another device, such as a conventional imager; None for the board.
 
     Raises:

@@ -13,8 +13,6 @@ from types import TracebackType
 
 from cosim import InputError
 
-__all__ = ["Terminal"]
-
 # struct termios2 of Linux (asm-generic/termbits.h): four words of flags, line discipline, 19
 # control characters, input and output speed. Speeds are plain numbers, so any baud is possible.
 _TERMIOS2 = struct.Struct("=4IB19B2I")

@@ -17,8 +17,6 @@ from sensor.asynchronous.setting import event_camera
 from sensor.asynchronous.study.study import AsynchronousStudy
 from sensor.sections.asynchronous import AsynchronousSection
 
-__all__ = ["assemble_asynchronous", "event_setting", "study_asynchronous", "with_defaults"]
-
 
 def with_defaults(scenario: Scenario) -> Scenario:
     """The scenario with [sensor.asynchronous] written out."""

@@ -13,10 +13,6 @@ from sensor.latched.core import Filmed, LatchedCamera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-__all__ = [
-    "called_camera", "film_in_memory", "filmed_in_memory", "in_memory", "shown_in_memory",
-]  # fmt: skip
-
 
 def called_camera(
     scenario: Scenario, setting: CameraSetting, device: Device | None, tier: Tier | None = None

@@ -12,8 +12,6 @@ from sensor.latched.setting import CameraSetting
 from sensor.sections.parameters import effect_parameters
 from sensor.sections.writes import LEVELS, register_writes
 
-__all__ = ["camera_setting"]
-
 
 def camera_setting(
     scenario: Scenario | LinkScenario, height: int | None = None, width: int | None = None

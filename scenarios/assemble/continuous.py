@@ -18,8 +18,6 @@ from sensor.continuous.machine import ContinuousMachine
 from sensor.continuous.run import ContinuousSpec
 from sensor.sections.continuous import ContinuousSection
 
-__all__ = ["assemble_continuous", "continuous_chip", "with_defaults"]
-
 
 def with_defaults(scenario: Scenario) -> Scenario:
     """The scenario with [sensor.continuous] written out."""

@@ -9,8 +9,6 @@ from typing import Final
 from cosim.config.toml import read_toml
 from sensor.reconstruct.readings import READINGS, DimLight, read_readings
 
-__all__ = ["dim_of_run"]
-
 _SCENARIO: Final = "scenario.toml"
 
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from cosim import InputError
+from cosim.config.toml import to_toml
 from cosim.run.folder import check_trace_file
 from cosim.run.machine import Options
 from imagers.catalogue import IMAGERS
 from imagers.machine import ImagerMachine, ImagerStudy
 from imagers.run.plan import PlannedRun, RunSpec, plan_run
-from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import ImagerScenario
 from scenarios.assemble.view import make_view
-
-__all__ = ["assemble_imager", "assemble_imager_study", "plan_imager"]
 
 
 def assemble_imager(name: str, scenario: ImagerScenario, options: Options) -> ImagerMachine:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from cosim import InputError
 from scenarios.assemble.schema.scenario import ImageSection, RecordingScenario, Scenario
 
-__all__ = ["check_window", "choose_instants", "choose_windows", "even_instants"]
-
 
 def choose_instants(scenario: Scenario | RecordingScenario, cycles: int) -> list[int]:
     """Cycles of sensor.clock whose images are reconstructed; see `even_instants`."""

@@ -16,8 +16,6 @@ from scenarios.assemble.schema.scenario import Scenario
 from sensor.device.crosstalk import crosstalk_map
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["LUMINANCE", "LensChoice", "choose_lens", "choose_mosaic", "make_relay"]
-
 SLOWEST_F_NUMBER = 1000.0
 """The largest f-number of a scenario; a pinhole."""
 

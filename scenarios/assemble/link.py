@@ -13,8 +13,6 @@ from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.link_loop import open_loop
 from sensor import CameraSetting
 
-__all__ = ["assemble_link", "link_camera"]
-
 
 def link_camera(scenario: LinkScenario) -> CameraSetting:
     """The camera at the receiver. Raises InputError for a camera that cannot receive a link."""

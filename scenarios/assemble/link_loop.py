@@ -13,8 +13,6 @@ from link.sending import Transmission
 from rtl_model.geometry import Geometry
 from rtl_model.stand_in import BoardDisplay, open_board
 
-__all__ = ["Loop", "open_loop"]
-
 
 class Loop:
     """An open board of the panel's size; implements `PanelLoop`.

@@ -25,8 +25,6 @@ from scenarios.assemble.schema.scenario import (
     Scenario,
 )
 
-__all__ = ["assemble", "assemble_study", "check_options"]
-
 
 def check_options(scenario: AnyScenario, options: Options) -> None:
     """Raises InputError for options and sections that a scenario of this kind does not use."""

@@ -21,8 +21,6 @@ from scenarios.assemble.schema.scenario import (
     RecordingScenario,
 )
 
-__all__ = ["check_need", "least_memory"]
-
 _MIB: Final = 1 << 20
 _SMALLER: Final = "lower sensor.width and sensor.height, or close other programs"
 _CLOCKLESS: Final = {"asynchronous": (300 * _MIB, 1100), "continuous": (340 * _MIB, 350)}

@@ -8,8 +8,6 @@ from typing import Any
 from cosim import InputError
 from scenarios.assemble.schema.scenario import Scenario
 
-__all__ = ["refuse_device", "refuse_keys", "refuse_leftovers", "with_section"]
-
 _SECTIONS = {
     "asynchronous": "asynchronous",
     "channel": "asynchronous",
@@ -21,7 +19,7 @@ _SECTIONS = {
 }
 """Sections and keys of [sensor] that exist for one readout only, with that readout."""
 _IMAGED = ("sub_threshold", "dark_limit")
-"""Those that only images from the stream use."""
+"""Keys that only images from the stream use."""
 
 
 def refuse_leftovers(scenario: Scenario) -> None:

@@ -13,8 +13,6 @@ from cosim.run.result import Result, read_result
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario, BoardScenario, Scenario
 
-__all__ = ["done_before", "verdict_before"]
-
 _LISTED = 3
 """Maximum number of differing keys in an error message."""
 

@@ -17,8 +17,6 @@ from scenarios.scenes.charts.target import target_course, target_plane
 from scenarios.scenes.kinds.grid import SceneGrid
 from scenarios.scenes.kinds.target import TargetScene
 
-__all__ = ["LIGHT_CLOCK", "make_view"]
-
 LIGHT_CLOCK = Clock(1000)
 """The default clock on whose edges a moving scene is drawn. An edge in the scene that moves faster
 than one pixel a millisecond is drawn more coarsely; a note of the run states this."""

@@ -27,8 +27,6 @@ from scenarios.cli.study.stability import stability as _stability
 from scenarios.cli.study.sweep import sweep as _sweep
 from scenarios.cli.study.tracking import compare_tracking as _compare_tracking
 
-__all__ = ["app"]
-
 app = _typer.Typer(
     name="viform",
     help="Simulate a 40 kHz megapixel spike camera, its display and an optical link.",

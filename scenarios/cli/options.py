@@ -14,11 +14,6 @@ if TYPE_CHECKING:
 
     from scenarios.assemble.schema.scenario import AnyScenario
 
-__all__ = [
-    "Device", "Resume", "ScenarioName", "ScenarioOptions", "Scheduler", "Tolerance", "Workers",
-    "check_figure", "count_workers", "expand_options",
-]  # fmt: skip
-
 ScenarioName = Annotated[
     str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
 ]
@@ -39,7 +34,8 @@ def check_figure(figure: Path | None, *endings: str, option: str = "--figure") -
 
     Args:
         figure: file of the option; None if absent.
-        endings: of names that can be drawn, the preferred one first; `.png` if none is given.
+        endings: endings of names that can be drawn, the preferred one first; `.png` if none is
+            given.
         option: its name.
     """
     from cosim import InputError

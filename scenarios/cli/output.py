@@ -8,20 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.errors import one_line
-from cosim.run.shown import LineProgress, SilentProgress, TerminalProgress, make_progress
 from scenarios.cli.streams import json_for
-
-__all__ = [
-    "Json",
-    "LineProgress",
-    "SilentProgress",
-    "TerminalProgress",
-    "make_progress",
-    "print_document",
-    "print_json",
-    "size_option",
-    "tell",
-]
 
 Json = Annotated[bool, typer.Option("--json", help="one JSON document on standard output")]
 

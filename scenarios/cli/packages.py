@@ -12,8 +12,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-__all__ = ["has_launcher", "install_and_restart", "read_launcher"]
-
 _VARIABLES = ("VIFORM_LAUNCHER", "VIFORM_ASKED")
 _launcher = dict.fromkeys(_VARIABLES, "")
 """Path of the launcher, "" without one, and the packages that were requested before."""

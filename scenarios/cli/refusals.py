@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-__all__ = ["parser_refusal"]
-
 _SAID = re.compile(r"Invalid value for '(?P<name>[^']+)': (?:Value error, )?(?P<why>.*)", re.DOTALL)
 _MUST = (
     (re.compile(r"Input should be greater than or equal to (\S+)"), "at least {}"),
@@ -30,12 +28,12 @@ def _given(name: str, arguments: Sequence[str]) -> str | None:
 
 
 def parser_refusal(text: str, arguments: Sequence[str], commands: Sequence[str] = ()) -> str:
-    """Returns the parser's text as "NAME must be X, not Y"; another text as it is.
+    """Parser's text as "NAME must be X, not Y"; another text as it is.
 
     Args:
-        text: of the parser.
+        text: text of the parser.
         arguments: words of the command, in which the value is looked up.
-        commands: those of the group that the words name, if they name a group.
+        commands: commands of the group that the words name, if they name a group.
     """
     if text == "Missing command" and commands:
         group = " ".join(arguments)

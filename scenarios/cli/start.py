@@ -11,8 +11,6 @@ import warnings
 from collections.abc import MutableMapping
 from contextlib import suppress
 
-__all__ = ["BEGAN", "isolate"]
-
 BEGAN = time.perf_counter()
 """time.perf_counter() at the start of the command."""
 

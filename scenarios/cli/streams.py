@@ -16,8 +16,6 @@ import select
 import sys
 from typing import Any, Final
 
-__all__ = ["STDOUT", "Printed", "json_for", "protect"]
-
 STDOUT: Final = "standard output"
 """File name in the errors of standard output."""
 _COMMANDS: Final = re.compile(

@@ -13,8 +13,6 @@ from cosim.compute.stopping import threads
 from cosim.errors import quote
 from scenarios.python.frames import is_whole
 
-__all__ = ["Called", "in_order"]
-
 _AHEAD: Final = 2
 """Results that `in_order` has, or is making, before they are asked for, for each core."""
 

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from sensor.asynchronous.core import FilmedEvents
     from sensor.continuous.core import FilmedIntensities
 
-__all__ = ["Camera"]
-
 Chosen = tuple[Lens, float, list[str]]
 """A lens, the rate of white behind it, and notes."""
 

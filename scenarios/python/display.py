@@ -34,8 +34,6 @@ from scenarios.python.words import in_python
 from sensor.latched.core import Filmed
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["EYES", "Display", "Eye", "Seen"]
-
 Eye = Literal["still", "pursuing", "camera"]
 EYES: Final[dict[Eye, str]] = dict(zip(("still", "pursuing", "camera"), OBSERVERS, strict=True))
 """Observers by their names in Python; the names of display.observer."""

@@ -23,8 +23,6 @@ from scenarios.python.frames import array_of, rate_of, write_frames
 from scenarios.python.running import run, source_file
 from scenarios.python.words import in_python
 
-__all__ = ["film"]
-
 
 @in_python
 def film(
@@ -44,7 +42,7 @@ def film(
         frame_rate: frames/s of frames, which need it; for a clip, in place of its own.
         chip: its name, such as "spiketwo"; that of the scenario if None.
         tolerance: allowed relative error of the simulation; that of the scenario if None.
-        seed: of the temporal noise; that of the scenario if None.
+        seed: seed of the temporal noise; that of the scenario if None.
         device: number or part of the name of an OpenCL device, or "numba".
         out: folder to keep, with images and report, and frames beside it in OUT.npy; none is kept
             if None.

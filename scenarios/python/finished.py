@@ -17,15 +17,13 @@ from cosim.files.event_file import ENDING, read_events
 from cosim.files.intensities import read_intensities
 from scenarios.python.streams import Stream, open_stream
 
-__all__ = ["Run"]
-
 
 @dataclass(frozen=True, repr=False)
 class Run:
     """The folder of a complete run.
 
     Attributes:
-        folder: of the run; a text becomes a path.
+        folder: folder of the run; a text becomes a path.
         notes: lines that the command line would print.
 
     Raises:

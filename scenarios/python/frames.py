@@ -16,8 +16,6 @@ from cosim import InputError
 from cosim.errors import quote
 from cosim.files.whole import whole
 
-__all__ = ["array_of", "check_frame", "check_instants", "is_whole", "rate_of", "write_frames"]
-
 
 def rate_of(frame_rate: Any) -> float:
     """A frame rate as a float, frames/s. Raises InputError."""

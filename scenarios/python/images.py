@@ -18,8 +18,6 @@ from sensor.reconstruct import METHODS, isi, tau_levels
 from sensor.reconstruct import reconstruct as image_of
 from sensor.reconstruct.intervals import interval_span
 
-__all__ = ["reconstruct"]
-
 
 @in_python
 def reconstruct(

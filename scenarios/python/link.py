@@ -18,8 +18,6 @@ from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.calls import Called
 from scenarios.python.words import in_python
 
-__all__ = ["Link"]
-
 SIZE: Final = 100_000
 """Bytes of a call for which the mode is chosen, by default."""
 _MOST: Final = 1_000_000_000
@@ -124,7 +122,7 @@ class Link(Called):
         """Sends bytes.
 
         Args:
-            data: One byte or more.
+            data: bytes to send, at least one.
             call: Number of the call, from 0; the next one if None. Equal seeds, numbers and bytes
                 give equal results.
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from sensor.continuous.core import FilmedIntensities
     from sensor.latched.core import Filmed
 
-__all__ = ["LiveStream", "S"]
-
 S = TypeVar("S", bound="Filmed | FilmedEvents | FilmedIntensities")
 """What a camera gives."""
 

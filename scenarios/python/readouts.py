@@ -24,8 +24,6 @@ from scenarios.assemble.readout import refuse_device
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["Frames", "Readout", "readout_of"]
-
 Frames = Callable[["np.float32 | None"], Source]
 """Gives frames as the light of a scene, or, with the gain of a lens, as the light behind it."""
 

@@ -19,8 +19,6 @@ from scenarios.python.finished import Run
 from scenarios.python.words import in_python
 from scenarios.run import run_scenario
 
-__all__ = ["run", "source_file"]
-
 
 def source_file(
     out: str | os.PathLike[str] | None, folder: str, ending: str, *, resume: bool
@@ -51,7 +49,7 @@ def run(
         scenario: a name of `viform list`, a TOML file, or the folder of a run.
         out: folder to create; runs/SCENARIO-N if None.
         tolerance: allowed relative error; that of the scenario if None.
-        seed: of all temporal noise; that of the scenario if None.
+        seed: seed of all temporal noise; that of the scenario if None.
         device: number or part of the name of an OpenCL device, or "numba"; the default if None.
         store: how streams are compressed: raw, fast, small, or none for not at all.
         resume: whether the interrupted run in `out` goes on; a complete one is returned.

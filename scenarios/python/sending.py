@@ -15,8 +15,6 @@ from scenarios.python.link import Link
 from scenarios.python.running import run, source_file
 from scenarios.python.words import in_python
 
-__all__ = ["send"]
-
 
 @overload
 def send(
@@ -44,7 +42,7 @@ def send(
         out: folder to create, with bytes beside it in OUT.bin; nothing is written if None.
         tolerance: allowed error, half-widths of the bit error rate's interval; that of the scenario
             if None.
-        seed: of all random effects; that of the scenario if None.
+        seed: seed of all random effects; that of the scenario if None.
         device: number or part of the name of an OpenCL device, or "numba".
         resume: whether the interrupted run in `out` goes on, with the same arguments; a complete
             one is returned.

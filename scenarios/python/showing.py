@@ -19,8 +19,6 @@ from scenarios.python.running import run, source_file
 from scenarios.python.streams import as_stream, save_stream
 from scenarios.python.words import in_python
 
-__all__ = ["show"]
-
 
 @lru_cache(maxsize=1)  # the next call is likely to have the same settings
 def _display(assignments: tuple[str, ...], device: str | None) -> Display:

@@ -15,8 +15,6 @@ from cosim.spikes.viform import Sliceable, SpikeStream, Words
 from scenarios.python.words import in_python
 from sensor.codec.files import open_any
 
-__all__ = ["Stream", "as_stream", "open_stream", "save_stream"]
-
 
 class Stream(Sliceable):
     """A stream in a file, which is read where it is used. Its parts are in memory.
@@ -25,8 +23,8 @@ class Stream(Sliceable):
         path: the file or folder.
         shape: (height, width) in pixels.
         cycles: number of latch cycles.
-        clock: of the latches.
-        notes: on the interpretation of the file.
+        clock: clock of the latches.
+        notes: notes on the interpretation of the file.
     """
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:

@@ -30,9 +30,6 @@ except ImportError:  # arrays of numpy, for other loaders
         return array
 
 
-__all__ = ["SpikeStream"]
-
-
 class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignore]
     """Clips that a camera films when they are asked for: a `torch.utils.data.IterableDataset` of
     tensors where PyTorch is installed, else an iterable of arrays.

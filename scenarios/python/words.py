@@ -13,8 +13,6 @@ from typing import ParamSpec, TypeVar, overload
 
 from cosim import InputError, Interrupted
 
-__all__ = ["in_python", "python_words"]
-
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 _VALUE = r"('[^']*'|\"[^\"]*\"|[^\s,;`]+)"

@@ -12,8 +12,6 @@ from cosim.report.parts import run_time
 from cosim.run.machine import Machine, Run
 from scenarios.report.summary import summary_of_run
 
-__all__ = ["write_report"]
-
 
 def write_report(machine: Machine, run: Run) -> list[str]:
     """Writes figures and report.html into the folder of the run; returns their names."""

@@ -8,8 +8,6 @@ from cosim.report.summary import big, listed, paragraph, summary
 from cosim.run.machine import Page, Run
 from cosim.run.result import Result
 
-__all__ = ["summary_of_run"]
-
 
 def summary_of_run(page: Page, run: Run, spent: float) -> str:
     """HTML of the heading, and of the answers: what was simulated, how good the machine is, how

@@ -15,8 +15,6 @@ from scenarios.scenes.kinds.sun_and_stars import SunAndStarsScene
 from scenarios.scenes.kinds.target import TargetScene
 from scenarios.scenes.kinds.wave import WaveScene
 
-__all__ = ["SceneSection", "scene_keys"]
-
 SceneSection = Annotated[
     FilmScene
     | WaveScene

@@ -36,8 +36,6 @@ from sensor.continuous.from_section import continuous_setting
 from sensor.reconstruct.fidelity import psnr, to_white
 from sensor.sections.continuous import ContinuousSection
 
-__all__ = ["Row", "compare", "markdown", "traces_figure"]
-
 CLOCK = Clock(40_000)
 THRESHOLD, WHITE_RATE, WINDOW = 1000.0, 0.6, 41
 CYCLES, WARM = 2560, 512

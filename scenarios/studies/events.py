@@ -14,8 +14,6 @@ from cosim.report.figures import subplots
 from rtl_model.events.rates import measure, most_rate
 from rtl_model.events.size import EventSize
 
-__all__ = ["bench_events", "draw", "markdown"]
-
 CLOCK_HZ: Final = 48_000_000
 """Clock of the board (`Geometry`)."""
 LATCH_HZ: Final = 40_000

@@ -21,8 +21,6 @@ from sensor.reconstruct import METHODS, reconstruct
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
 from sensor.reconstruct.readings import DimLight
 
-__all__ = ["MethodRow", "compare_methods", "truth_of_file", "truth_of_run"]
-
 Truths = Mapping[int, Plane]
 """True reflectance, white = 1, (H, W), by cycle."""
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
@@ -50,7 +48,7 @@ class MethodRow:
     Attributes:
         method: its name.
         window: its window, cycles; the best of those in `searched`; None for none.
-        psnr_db, ssim: against the true light; see `sensor.reconstruct.fidelity`.
+        psnr_db, ssim: PSNR (dB) and SSIM against the true light; see `sensor.reconstruct.fidelity`.
         edge_px: 10 to 90 % width of an edge of the truth, blurred to fit the image; None where
             blur explains none of the images.
         processor_s: processor time of one image, all threads together.

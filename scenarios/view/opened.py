@@ -23,8 +23,6 @@ from sensor.reconstruct import reconstruct
 from sensor.reconstruct.intervals import isi, spike_cycles
 from sensor.reconstruct.playback import PLAYED
 
-__all__ = ["Opened", "open_recording", "open_run", "with_scene"]
-
 _KEPT: Final = 1 << 28
 """Bytes of decoded chunks in memory: 2048 cycles of 1000 x 1000 pixels."""
 _PLANES: Final = 8
@@ -38,10 +36,10 @@ class Opened:
     """A stream that is shown; for one thread at a time.
 
     Attributes:
-        title: of the page.
+        title: title of the page.
         stream: the stream.
         white: rate that is white, spikes a cycle; 1 where it is not known.
-        window: of TFP, cycles.
+        window: window of TFP, cycles.
         source: the scene of the run, None if it is not known.
         notes: what a user should know.
         file: a file of the stream, another one of which means another stream; None to check none.
@@ -111,12 +109,6 @@ class Opened:
             return None
         middle = self.stream.clock.middle
         return [truth_at(self.source, middle(c), [(y, x, "")])[0] for c in cycles]
-
-
-def open_run(path: Path, size: tuple[int, int] | None = None) -> Opened:
-    """The stream of a run's folder with its scene, or any stream alone: `open_recording`, then
-    `with_scene`."""
-    return with_scene(open_recording(path, size), path)
 
 
 def open_recording(path: Path, size: tuple[int, int] | None = None) -> Opened:

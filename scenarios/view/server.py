@@ -36,8 +36,6 @@ from cosim.errors import ViformError
 if TYPE_CHECKING:
     from scenarios.view.opened import Opened
 
-__all__ = ["CONNECTIONS", "HOST", "MOST", "ViewServer"]
-
 HOST: Final = "127.0.0.1"
 MOST: Final = 4096
 """Cycles of a pixel in one answer, at most."""
@@ -118,7 +116,7 @@ class ViewServer(ThreadingHTTPServer):
         port: port, or 0 for a free one. Raises OSError if it is taken.
 
     Attributes:
-        address: of the page, with the token.
+        address: address of the page, with the token.
         invitation: address that leads to the page once, for the command line of a browser, which
             every user of the machine can read.
         opened: the stream; until it is set, the page says that it is being opened.

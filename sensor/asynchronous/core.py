@@ -36,8 +36,6 @@ from sensor.asynchronous.readout.channel import Channel, ChannelModel
 from sensor.asynchronous.readout.recorder import Output, gather_events
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["EventCamera", "FilmedEvents", "LiveEvents", "Sending"]
-
 MOST = 20_000_000
 """Events of a call beyond which it ends."""
 _ENDLESS = 2**62
@@ -54,7 +52,7 @@ class FilmedEvents(Events):
         error: Bounds of what is left out; the arithmetic of these pixels has none. None if they are
             not known.
         notes: What a user must know of the light, of the plan and of lost events.
-        degraded: Those of the notes that say what the light lacks, as at the end of a clip.
+        degraded: Notes that say what the light lacks, as at the end of a clip.
         white_rate: Spikes a cycle of sensor.clock of the scene's white; None if it is not known.
     """
 
@@ -135,7 +133,7 @@ class EventCamera:
         Args:
             view: the array under that light.
             stop: end of the run, ps.
-            tolerance: in place of that of the camera.
+            tolerance: tolerance in place of that of the camera.
         """
         rate = view.light.pieces[0].first.ravel().astype(np.float64) * view.gain
         steady = is_steady(view.light, stop)
@@ -171,7 +169,7 @@ class EventCamera:
 
         Args:
             source: the scene, which is consumed.
-            relay: from its light to what each pixel receives.
+            relay: map from the source's light to what each pixel receives.
             stop: length, ps, at least a tick.
             number: number of the call, below 2^64.
             check: whether the plan is checked on a few tiles, as a run does: an effect whose bound
@@ -218,7 +216,7 @@ class EventCamera:
         Args:
             most: brightest light of the scene, lux.
             frames: clock of the frames.
-            relay: from the light of the scene to what each pixel receives.
+            relay: map from the light of the scene to what each pixel receives.
             number: number of the call.
 
         Raises:

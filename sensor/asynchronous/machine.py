@@ -31,8 +31,6 @@ from sensor.asynchronous.run import EventRun, EventSpec, EventStart, EventViews
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import write_images
 
-__all__ = ["AsynchronousMachine"]
-
 METHOD: Final = ("tfi",)
 
 

@@ -12,8 +12,6 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.spikes.events import time_order
 
-__all__ = ["EventModel", "Firings", "latched", "least_electrons"]
-
 
 def least_electrons(level: int, threshold: int, levels: int) -> int:
     """The least electrons that read as `level` of `levels`: floor(levels n / threshold) = level."""
@@ -28,14 +26,14 @@ class EventModel:
 
     Attributes:
         threshold: Q, whole electrons.
-        seed: of the run, below 2^32.
+        seed: seed of the run, below 2^32.
         clock: measures times and widths; its period is a whole number of picoseconds.
         shortest: least width that the circuit can read out, at least a period. A pixel that is full
             sooner stays full, loses what arrives, and fires at the end of this time.
         longest: time after which the charge is read without a spike and the pixel is reset; 0 for
             never.
         levels: N of that reading, floor(N charge / Q).
-        delay: of the comparator; it is part of the width.
+        delay: delay of the comparator; it is part of the width.
         reset: dead time after each spike or reading, in which light is lost.
         change: a spike is sent only if its width differs from the last one sent by more than
             `change` times the relative standard deviation of that width, 1/sqrt(Q); a reading, if
@@ -90,11 +88,11 @@ class Firings:
 
     Attributes:
         pixel: number in the array, (n,) uint32.
-        instant: in picoseconds, rounded up, (n,) int64.
-        width: in ticks, from the one in which the interval began to the one in which it ended,
-            (n,) int64.
+        instant: instant in picoseconds, rounded up, (n,) int64.
+        width: width in ticks, from the one in which the interval began to the one in which it
+            ended, (n,) int64.
         exact: width in picoseconds before the clock measured it, (n,) float64.
-        level: of `EventModel.levels`, which itself is a full spike, (n,) uint16.
+        level: level, of `EventModel.levels`, which itself is a full spike, (n,) uint16.
         work: turns of the inner loop.
     """
 

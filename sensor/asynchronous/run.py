@@ -20,8 +20,6 @@ from sensor.asynchronous.readout.shots import EventShot
 from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["EventRun", "EventSpec", "EventStart", "EventViews"]
-
 
 @dataclass(frozen=True, eq=False)
 class EventSpec:
@@ -32,14 +30,14 @@ class EventSpec:
         toml: the resolved scenario.
         inputs: the same without its title, which decides nothing of the result.
         tolerance: relative error allowed.
-        section: of the sensor, as the user wrote it.
+        section: section of the sensor, as the user wrote it.
         setting: chip, light and device.
         camera: the pixels and their way out.
-        lens: in front of the chip.
-        relay: from the scene's light to what each pixel receives.
-        illuminance: of the scene, lux; white reflects all of it.
+        lens: lens in front of the chip.
+        relay: map from the scene's light to what each pixel receives.
+        illuminance: illuminance of the scene, lux; white reflects all of it.
         source: scene.
-        duration: of the run, s.
+        duration: duration of the run, s.
         instants: cycles whose images are made; none for a scene of targets.
         notes: what the user must know before the run, the scene's own notes aside.
     """
@@ -124,7 +122,7 @@ class EventViews:
     Attributes:
         sent: firings that crossed the channel.
         events: the same as the file has them.
-        delay: of each in the channel, ps; None without a channel.
+        delay: delay of each event in the channel, ps; None without a channel.
         recovered: light of each target.
         shots: images at the instants.
     """

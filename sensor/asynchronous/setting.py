@@ -12,8 +12,6 @@ from sensor.latched.setting import CameraSetting
 from sensor.sections.asynchronous import AsynchronousSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["channel_model", "event_camera", "event_model"]
-
 
 def event_camera(sensor: SensorSection, setting: CameraSetting, tolerance: float) -> EventCamera:
     """The camera, ready to be called. setting, and raises: see `event_model`."""

@@ -29,8 +29,6 @@ from sensor.calibrate.reset_rule import reset_rule
 from sensor.calibrate.trains import Trains, read_trains
 from sensor.laboratory.laws import measure_laws
 
-__all__ = ["Calibration", "Recording", "calibrate"]
-
 Role = Literal["flat", "scene", "moving", "dark", "saturated"]
 _SCENE: Final = 0.3
 """Correlation of neighbouring pixels from which constant light is a scene and not uniform."""
@@ -48,7 +46,7 @@ class Recording:
     """A recording to calibrate from.
 
     Attributes:
-        name: of the file.
+        name: name of the file.
         stream: its spikes.
         ratio: light of a flat in a unit common to the flats; None if unknown.
     """
@@ -63,10 +61,10 @@ class Calibration:
     """The result.
 
     Attributes:
-        parameters: by name.
+        parameters: parameters by name.
         roles: what each recording was used as, by its name.
         levels: name, light (thresholds a cycle, None if unknown) and rate of each flat.
-        histograms: of the recordings of constant light.
+        histograms: histograms of the recordings of constant light.
         does_not_fit: lines that name what the model does not explain.
         notes: what a reader must know.
         shape: (height, width), pixels.
@@ -116,9 +114,9 @@ def calibrate(
     Args:
         recording: any recording of it; of constant uniform light it counts as a flat, of constant
             light for the noise alone, and of a moving scene for limits.
-        flats: of constant uniform light, of unknown strength.
-        dark: without light.
-        clock: of the latches; None for the one that the recordings state.
+        flats: recordings of constant uniform light, of unknown strength.
+        dark: recording without light.
+        clock: clock of the latches; None for the one that the recordings state.
         progress: receives the recordings that are read.
 
     Raises:
@@ -194,10 +192,10 @@ class _Fits:
     """The fits to recordings of constant light.
 
     Args:
-        flats: with their ratios; may be empty if there is a scene.
-        dark: without light, or None.
+        flats: recordings with their ratios; may be empty if there is a scene.
+        dark: recording without light, or None.
         scene: a scene at rest, or None.
-        notes: is extended.
+        notes: notes, which are extended.
     """
 
     def __init__(

@@ -22,8 +22,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["dark_likelihood"]
-
 Counts = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
 _LEAST: Final = 1e-12
@@ -39,8 +37,9 @@ def dark_likelihood(
     Args:
         spikes: number of spikes.
         first, last: instants of the first and last spike, cycles.
-        cycles: of the recording.
-        mean, variance: of d before the dark recording is read, spikes a cycle, (n,).
+        cycles: number of cycles of the recording.
+        mean, variance: mean and variance of d before the dark recording is read, spikes a cycle,
+            (n,).
         squared: relative variance of an interval.
         dead: dead time, cycles.
     """

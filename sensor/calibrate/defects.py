@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from sensor.calibrate.trains import Trains
 
-__all__ = ["FAR", "Defects", "find_defects", "shading"]
-
 Values = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.bool_]
 FAR: Final = 6.0

@@ -11,8 +11,6 @@ from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.calibrate.histograms import Histogram
 
-__all__ = ["intervals_figure"]
-
 _BLUE: Final = "#2f5fa8"
 _SHOWN: Final = 1e-7
 """Least share of the intervals that the axis shows."""
@@ -24,7 +22,7 @@ def intervals_figure(histograms: tuple[Histogram, ...], path: Path) -> Data:
 
     Args:
         histograms: one or more.
-        path: of the PNG file.
+        path: path of the PNG file.
 
     Returns:
         What was drawn: the intervals of recording and model, and how many of them.

@@ -11,8 +11,6 @@ import numpy.typing as npt
 from sensor.calibrate.interval_law import latched_probabilities
 from sensor.calibrate.trains import Trains
 
-__all__ = ["Histogram", "compare_histograms"]
-
 Values = npt.NDArray[np.float64]
 _PIXELS: Final = 4096
 """Pixels of a comparison at most, evenly spaced."""
@@ -30,12 +28,12 @@ class Histogram:
     """Intervals of one recording and of the model.
 
     Attributes:
-        name: of the recording.
+        name: name of the recording.
         rate: spikes a cycle.
         measured, model: (longest + 1,) intervals of 1, 2, ... cycles, the last one longer ones.
         chi_square: distance of the two, over the covariance of pixels.
         bins: degrees of freedom.
-        chance: of a larger distance if the model is true.
+        chance: chance of a larger distance if the model is true.
         worst: interval whose number differs most, in standard errors.
     """
 

@@ -30,8 +30,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["latched_probabilities", "latched_third", "latched_variance", "sample_variance"]
-
 Values = npt.NDArray[np.float64]
 _TERMS: Final = 100
 """Terms of the series (1); the rest is below 1 / (pi^2 100) = 1e-3, and 0 where V > 1e-3."""
@@ -105,8 +103,8 @@ def latched_probabilities(
 
     Args:
         mean: mean intervals, cycles, (n,), above `lost`.
-        spread: of X less `lost`, relative, above 0.
-        skew: of X, above 0; at most 2 `spread`.
+        spread: spread of X less `lost`, relative, above 0.
+        skew: skew of X, above 0; at most 2 `spread`.
         lost: dead time, cycles.
         longest: last interval with a probability of its own, cycles.
     """

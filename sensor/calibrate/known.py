@@ -14,10 +14,6 @@ from sensor.calibrate.parameter import DEVIATIONS, Parameter, proportion, rooted
 from sensor.calibrate.pattern import PatternFit
 from sensor.calibrate.trains import Trains
 
-__all__ = [
-    "defect_parameters", "noise_parameters", "outside_parameters", "pattern_parameters",
-]  # fmt: skip
-
 _TOLD: Final = 2.0
 """Ratio of the limits of the threshold from which it counts as known."""
 _DARK: Final = "record with the lens capped: --dark DARK.dat"
@@ -78,7 +74,7 @@ def pattern_parameters(
     """Fixed pattern, dark current and dead time.
 
     Args:
-        fit: of the flats, with the dark recording if it has spikes enough.
+        fit: fit of the flats, with the dark recording if it has spikes enough.
         hertz: clock.
         dark: the dark recording; None for none.
         dim: whether the dark recording has too few spikes to be in the fit.

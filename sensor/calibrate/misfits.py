@@ -15,8 +15,6 @@ from sensor.calibrate.parameter import Parameter
 from sensor.calibrate.pattern import PatternFit
 from sensor.calibrate.trains import Trains
 
-__all__ = ["misfits"]
-
 CHANCE: Final = 1e-4
 """Chance below which a deviation is named."""
 _STANDARD: Final = 4.0

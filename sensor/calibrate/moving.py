@@ -10,8 +10,6 @@ from sensor.calibrate.parameter import Parameter, proportion
 from sensor.calibrate.reset_rule import moving_reset_rule
 from sensor.calibrate.trains import Trains
 
-__all__ = ["moving_parameters"]
-
 _FLATS: Final = "recordings of constant uniform light: --flat A.dat --flat B.dat"
 _WHY: Final = "the light of each pixel is unknown and changes"
 

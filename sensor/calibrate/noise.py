@@ -31,8 +31,6 @@ import numpy.typing as npt
 from sensor.calibrate.interval_law import latched_third, sample_variance
 from sensor.calibrate.trains import Trains
 
-__all__ = ["Estimate", "Noise", "measure_noise"]
-
 Values = npt.NDArray[np.float64]
 _SPARE: Final = 0.02
 """Share of pixels, those with fewest spikes, whose intervals are not used: with the same number of
@@ -59,7 +57,7 @@ class Level:
     """Noise of one recording.
 
     Attributes:
-        name: of the recording.
+        name: name of the recording.
         rate: spikes a cycle.
         k: intervals in a sum.
         squared: sigma^2.
@@ -82,7 +80,7 @@ class Noise:
     """Noise of a camera.
 
     Attributes:
-        levels: of the recordings.
+        levels: levels of the recordings.
         squared: sigma^2, from all of them.
         slope: its derivative with respect to the dead time, 1/cycle.
         jitter: s^2, cycles^2.
@@ -112,7 +110,7 @@ def measure_noise(
     """Noise from recordings of constant light with their good pixels, (n,) bool each.
 
     Args:
-        recordings: of one camera.
+        recordings: recordings of one camera.
         dead: dead time, cycles.
 
     Returns:

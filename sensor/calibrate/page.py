@@ -19,8 +19,6 @@ from sensor.calibrate.figure import intervals_figure
 from sensor.calibrate.preset import preset_text
 from sensor.calibrate.summary import answers
 
-__all__ = ["write_calibration"]
-
 _TITLE: Final = "Calibration of a spike camera"
 _FIGURE: Final = "figures/intervals.png"
 

@@ -7,8 +7,6 @@ from typing import Any
 
 from cosim.config.amounts import amount
 
-__all__ = ["Parameter", "proportion", "rooted"]
-
 DEVIATIONS = 1.959964
 """Standard errors to either side that hold 95 % of a normal law."""
 
@@ -19,10 +17,10 @@ class Parameter:
 
     Attributes:
         name: key of a document.
-        title: in a table.
+        title: title in a table.
         value: estimate; None if there is none. The reset rule is a word.
         ci: limits at 95 %; None on a side without a limit.
-        unit: of value and limits, "1" for none.
+        unit: unit of value and limits, "1" for none.
         known: whether the recordings determine it.
         why: how it is known, or why it cannot be.
         remedy: what would make it known; "" for a known one.

@@ -41,8 +41,6 @@ import numpy.typing as npt
 from sensor.calibrate.censored import dark_likelihood
 from sensor.calibrate.trains import Trains
 
-__all__ = ["MOST_PIXELS", "PatternFit", "fit_pattern"]
-
 Values = npt.NDArray[np.float64]
 MOST_PIXELS: Final = 65_536
 """Pixels of the likelihood at most, evenly spaced over larger chips."""
@@ -65,7 +63,7 @@ class PatternFit:
         dark: D; None if it is not identified.
         gain: A. dark_spread: B. common: C; None without D.
         dead: dead time, cycles; None with fewer than two levels.
-        covariance: of (light ..., dark, A, B, C, dead), nan where not identified.
+        covariance: covariance of (light ..., dark, A, B, C, dead), nan where not identified.
         pixels: number of pixels.
         misfit: squared distance of the pixels' x from the model over its expectation, and the
             number of standard errors from 1.

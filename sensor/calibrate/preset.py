@@ -10,8 +10,6 @@ import tomli_w
 from cosim.config.quantity import Quantity
 from sensor.calibrate.calibration import Calibration
 
-__all__ = ["preset_text"]
-
 _MOST = 2e6
 """Largest threshold of a scenario, electrons."""
 

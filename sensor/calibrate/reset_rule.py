@@ -11,8 +11,6 @@ from sensor.calibrate.interval_law import latched_variance
 from sensor.calibrate.parameter import Parameter
 from sensor.calibrate.trains import Trains
 
-__all__ = ["moving_reset_rule", "reset_rule"]
-
 Values = npt.NDArray[np.float64]
 _CLEAR: Final = 0.25
 """Largest standard error of the share that decides between 0 and 1."""

@@ -9,8 +9,6 @@ from cosim.report.parts import Card, cards
 from cosim.report.summary import Answer, big, listed, paragraph
 from sensor.calibrate.calibration import Calibration
 
-__all__ = ["answers"]
-
 _MAIN: Final = ("interval_noise", "threshold", "prnu", "dark_current", "dead_time")
 """Parameters with a card of their own, if they are known."""
 _ROLES: Final = {

@@ -13,8 +13,6 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream, words_for
 
-__all__ = ["LEAST_CYCLES", "Sums", "Trains", "read_trains"]
-
 LEAST_CYCLES: Final = 64
 """Shortest recording that is read, cycles; a pixel at 0.3 spikes a cycle then has 19 spikes."""
 _BYTES: Final = 1 << 30
@@ -47,10 +45,10 @@ class Trains:
     """The spikes of a recording.
 
     Attributes:
-        name: of the file, for messages.
+        name: name of the file, for messages.
         shape: (height, width), pixels.
         cycles: number of cycles that were read.
-        clock: of the latches.
+        clock: clock of the latches.
         words: (n, words) uint32, pixel-major, n = height x width.
         spikes: (n,) spikes of each pixel.
         first, last: (n,) cycles of the first and the last spike; -1 for none.
@@ -212,8 +210,8 @@ def read_trains(stream: SpikeStream, name: str, clock: Clock | None = None) -> T
 
     Args:
         stream: the recording.
-        name: of the file.
-        clock: of the camera in place of the stream's, which a `.dat` does not hold.
+        name: name of the file.
+        clock: clock of the camera in place of the stream's, which a `.dat` does not hold.
 
     Raises:
         InputError: fewer than `LEAST_CYCLES` cycles.

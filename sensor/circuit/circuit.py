@@ -12,8 +12,6 @@ from cosim.clock import PS
 from cosim.config.amounts import at_least
 from sensor.device.ktc import ELEMENTARY_CHARGE
 
-__all__ = ["Circuit"]
-
 
 @dataclass(frozen=True)
 class Circuit:

@@ -13,8 +13,6 @@ from typing import Final
 
 from numba import njit
 
-__all__ = ["comparator_delay", "crossing_time", "output", "phi", "relaxed", "wait_for"]
-
 _NEAR: Final = 1e-12
 """Relative length of a step of Newton's rule that is taken as the last: it doubles the digits."""
 

@@ -27,8 +27,6 @@ import numpy as np
 from cosim.clock import PS
 from sensor.circuit.circuit import Circuit
 
-__all__ = ["Lumped", "lump"]
-
 _CELLS: Final = 400
 """Cells of light a decade."""
 
@@ -41,8 +39,8 @@ class Lumped:
         dead_time: seconds.
         dark_current: electrons a second, 0 or less.
         shift: electrons, added to the threshold.
-        bound: of the relative error of the rate that remains, infinite where the leak may hold the
-            charge below the threshold.
+        bound: bound of the relative error of the rate that remains, infinite where the leak may
+            hold the charge below the threshold.
     """
 
     dead_time: float

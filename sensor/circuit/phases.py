@@ -16,8 +16,6 @@ from numba import njit
 from sensor.circuit.closed import crossing_time, output, relaxed, wait_for
 from sensor.circuit.relax import relax, swing_of
 
-__all__ = ["DELAY", "INTEGRATE", "RESET", "steady_interval", "within"]
-
 INTEGRATE, DELAY, RESET = 0, 1, 2
 
 
@@ -43,8 +41,8 @@ def within(phase, charge, volts, wait, goal, rate, slope, left, circuit):  # typ
 
     Args:
         wait: time that the reset has left.
-        circuit: as `Circuit.packed`. During the delay the leak and C are those at the threshold and
-            their tangents there, which is exact where C is constant.
+        circuit: circuit as `Circuit.packed`. During the delay the leak and C are those at the
+            threshold and their tangents there, which is exact where C is constant.
     """
     leak, a, electrons, gain, pole, trip, ohmic, _ = (
         circuit[0], circuit[1], circuit[2], circuit[3], circuit[4], circuit[5], circuit[6],

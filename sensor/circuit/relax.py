@@ -13,8 +13,6 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-__all__ = ["charge_of", "relax", "swing_of"]
-
 _ORDER: Final = 20
 
 _NEAR: Final = 1e-12

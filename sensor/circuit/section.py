@@ -10,8 +10,6 @@ from pydantic import Field, model_validator
 from cosim.config.quantity import Capacitance, Duration, Quantity, Section, Time
 from sensor.circuit.circuit import Circuit
 
-__all__ = ["CircuitSection"]
-
 _FEMTO = 1e-15
 
 
@@ -19,7 +17,7 @@ class CircuitSection(Section):
     """The pixel's capacitance, leak, comparator and reset switch. Without a key its fault is
     absent. Nothing of it is published for the chips here."""
 
-    capacitance: Capacitance = Field(description="at zero swing")
+    capacitance: Capacitance = Field(description="capacitance at zero swing")
     nonlinearity: Annotated[float, Field(ge=-1, le=10)] = Field(
         default=0.0, description="relative change of the capacitance for a volt of swing"
     )
@@ -29,19 +27,21 @@ class CircuitSection(Section):
         description="time constant of the signal's decay; none when absent",
     )
     gain: Annotated[float, Field(ge=1, le=1e9)] = Field(
-        default=1e4, description="of the comparator, open loop"
+        default=1e4, description="gain of the comparator, open loop"
     )
     bandwidth: Annotated[float, Quantity("frequency", above=0, most=1e13)] = Field(
         default=1e8, examples=["100 MHz"], description="gain-bandwidth product of the comparator"
     )
     trip: Annotated[float, Quantity("voltage", least=0, most=100)] = Field(
-        default=0.0, description="that the comparator's output swings to fire; 0 is no delay"
+        default=0.0,
+        description="voltage that the comparator's output swings to fire; 0 is no delay",
     )
     resistance: Annotated[float, Quantity("resistance", least=0, most=1e15)] = Field(
-        default=0.0, description="of the closed reset switch; 0 empties the pixel at once"
+        default=0.0,
+        description="resistance of the closed reset switch; 0 empties the pixel at once",
     )
     reset_time: Time = Field(
-        default=0.0, examples=["100 ns"], description="that the reset switch stays closed"
+        default=0.0, examples=["100 ns"], description="time that the reset switch stays closed"
     )
 
     @model_validator(mode="after")

@@ -18,8 +18,6 @@ import numpy.typing as npt
 
 from sensor.circuit.circuit import Circuit
 
-__all__ = ["Solver", "solved_train"]
-
 Values = npt.NDArray[np.float64]
 Solver = Literal["LSODA", "Radau", "CVODE"]
 _STEPS = 32

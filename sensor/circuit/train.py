@@ -11,8 +11,6 @@ from numba import njit
 from sensor.circuit.circuit import Circuit
 from sensor.circuit.phases import DELAY, INTEGRATE, within
 
-__all__ = ["spike_train"]
-
 Values = npt.NDArray[np.float64]
 _SCALE = 1e12
 

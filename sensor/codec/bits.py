@@ -10,9 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["golomb_size", "leb_size", "lowest_bit", "read_golomb", "read_leb", "unzigzag",
-           "write_golomb", "write_leb", "zigzag"]  # fmt: skip
-
 _PLACE = np.zeros(32, np.int64)
 for _n in range(32):
     _PLACE[(((1 << _n) * 0x077CB531) & 0xFFFFFFFF) >> 27] = _n

@@ -29,11 +29,6 @@ from sensor.codec.follow import (
 from sensor.codec.law import effective_q
 from sensor.codec.line import LINE_CARRY, LINE_COLUMNS, LINE_STATE, from_line, lines, to_line
 
-__all__ = [
-    "BAND", "CHUNK", "CODES", "Code", "Frame", "band_memory", "decode_band", "encode",
-    "encode_band", "frame_count", "workers",
-]  # fmt: skip
-
 CODES: Final = ("line", "repeat", "statistical")
 CHUNK: Final = 16
 """Words in a chunk, 512 cycles."""
@@ -52,8 +47,9 @@ class Code:
     Attributes:
         name: `line` and `repeat` are lossless; `statistical` sends changes beyond `k` standard
             deviations of a width.
-        k: of the statistical code.
-        threshold, threshold_noise: of the pixel that the widths come from, electrons.
+        k: parameter k of the statistical code.
+        threshold, threshold_noise: threshold and noise of the pixel that the widths come from,
+            electrons.
         refine: widths in the mean that is sent after a change; 0 for none (the rule of the paper).
     """
 

@@ -14,8 +14,6 @@ from numcodecs.zstd import Zstd
 
 from sensor.codec.bits import golomb_size, leb_size, read_golomb, read_leb, write_golomb, write_leb
 
-__all__ = ["Column", "Damaged", "pack_column", "unpack_column", "values_in"]
-
 Column = npt.NDArray[np.uint32]
 _HEAD = struct.Struct("<BII")
 _ZSTD = 255

@@ -14,8 +14,6 @@ from sensor.codec.packets.catalogue import KINDS as KINDS_OF_CODES
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.vfl import VFL, VflStream, write_vfl
 
-__all__ = ["choose_code", "is_coded", "left", "open_any", "write_coded"]
-
 
 def is_coded(path: Path) -> bool:
     """Whether a name is that of a first-spike or packet file."""

@@ -24,8 +24,6 @@ from numba import njit
 from sensor.codec.bits import lowest_bit, unzigzag, zigzag
 from sensor.codec.law import LATCH_VARIANCE
 
-__all__ = ["FOLLOW_STATE", "SPACED_CARRY", "close_spaced", "follow", "from_spaced", "to_spaced"]
-
 FOLLOW_STATE = 6
 """int32 a pixel: last spike, current width in all, its spikes, begin of the mean that is being
 taken, widths in it, whether there was a spike."""

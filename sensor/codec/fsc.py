@@ -27,8 +27,6 @@ from sensor.codec.coding import BAND, CHUNK, CODES, LONGEST, Code, encode, frame
 from sensor.codec.columns import Damaged
 from sensor.codec.stream import decode
 
-__all__ = ["FSC", "read_fsc", "write_fsc"]
-
 FSC = ".fsc"
 """Ending of the files."""
 _MAGIC = b"VIFSC1\r\n"

@@ -16,9 +16,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammainc
 
-__all__ = ["LATCH_VARIANCE", "effective_q", "entropy_bounds", "event_rate", "width_law",
-           "width_sigma"]  # fmt: skip
-
 LATCH_VARIANCE = 1 / 6
 """Variance that the latch adds to the variance of the interval, tick^2."""
 _PHASES = 256
@@ -29,11 +26,6 @@ Law = npt.NDArray[np.float64]
 def effective_q(q: float, noise: float = 0.0) -> float:
     """The Q whose shot noise alone has the RSD of threshold q with threshold noise, electrons."""
     return 1 / (1 / q + (noise / q) ** 2)
-
-
-def width_sigma(mean: float, q: float, noise: float = 0.0) -> float:
-    """Standard deviation of a latched width of `mean` ticks, in ticks."""
-    return math.sqrt(mean**2 / effective_q(q, noise) + LATCH_VARIANCE)
 
 
 def _reach(mean: float, q: float) -> int:

@@ -24,8 +24,6 @@ from numba import njit
 
 from sensor.codec.bits import lowest_bit, unzigzag, zigzag
 
-__all__ = ["LINE_CARRY", "LINE_COLUMNS", "LINE_STATE", "from_line", "lines", "to_line"]
-
 LINE_STATE = 13
 """int32 a pixel: t0, spikes, a, b, mu, and x and y of the leaning points: upper first and last,
 lower first and last."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from cosim.config.amounts import count, number
 from sensor.codec.size import REFINE, K, Sizes
 
-__all__ = ["size_rows", "size_text"]
-
 
 def size_text(sizes: Sizes) -> str:
     """What was measured, in a sentence or two."""

@@ -15,19 +15,6 @@ from cosim.run.result import Metric
 from cosim.spikes.viform import Words, unpack_planes
 from sensor.codec.coding import Code, encode
 
-__all__ = [
-    "LAYOUTS",
-    "REFINE",
-    "K",
-    "Sizes",
-    "coded_size",
-    "layout",
-    "measure_sizes",
-    "sample_places",
-    "size_metrics",
-    "zstd_size",
-]
-
 SAMPLE = 128
 """Rows, and pixels of each, whose size is measured in a run's stream."""
 _BITS = 1 << 26
@@ -41,7 +28,7 @@ REFINE = 8
 """Widths in its means, which come far nearer to the light than the paper's single widths."""
 UNIT = "bit/pixel-cycle"
 _THREADS = 2
-"""That measure a size each: a code has the events of 512 cycles of the sample in memory."""
+"""Threads that measure a size each: a code has the events of 512 cycles of the sample in memory."""
 _UNPACKED = 1024
 """Planes that are unpacked at a time, a byte a bit."""
 
@@ -51,7 +38,7 @@ class Sizes:
     """Bits per pixel and cycle; a raw stream has 1.
 
     Attributes:
-        zstd, repeat, line, statistical: of each form.
+        zstd, repeat, line, statistical: bits of each form.
         pixels, all_pixels: number of pixels that were measured, and of the stream.
     """
 

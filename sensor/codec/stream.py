@@ -12,8 +12,6 @@ from cosim.compute.stopping import threads
 from cosim.spikes.viform import Words, words_for
 from sensor.codec.coding import BAND, Code, band_memory, decode_band, encode, frame_count, workers
 
-__all__ = ["decode", "recode"]
-
 
 def decode(
     code: Code, frames: Sequence[memoryview], shape: tuple[int, int], cycles: int, clock: Clock,

@@ -21,8 +21,6 @@ import numpy.typing as npt
 
 from cosim import Clock, Events
 
-__all__ = ["FirstSpikes", "first_spikes", "levels", "repeated", "without_transitions"]
-
 Ticks = npt.NDArray[np.int64]
 Places = npt.NDArray[np.uint16]
 

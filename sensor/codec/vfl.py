@@ -32,8 +32,6 @@ from sensor.codec.packets.encoder import StreamEncoder
 from sensor.codec.packets.packet import HEADER, Packet
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["VFL", "VflStream", "write_vfl"]
-
 VFL = ".vfl"
 """Ending of the files."""
 _MAGIC = b"VIFVFL1\n"
@@ -79,8 +77,8 @@ class VflStream:
     """A file as a stream. Opening reads it once, to check it; the last group read is kept.
 
     Attributes:
-        shape, cycles, clock, start: of the stream.
-        code: that it went through.
+        shape, cycles, clock, start: shape, cycles, clock and start of the stream.
+        code: code that the stream went through.
 
     Raises InputError for what is no such file, whole and undamaged, and where memory is short.
     """

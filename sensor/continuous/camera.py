@@ -26,8 +26,6 @@ from sensor.continuous.sampled import stationary, walk
 from sensor.continuous.setting import ContinuousSetting
 from sensor.continuous.state import Monitors, Reports, collect
 
-__all__ = ["ContinuousCamera"]
-
 _STEPS = 64
 """Ticks in one call of the sampled kernel: bounds the room that noisy pixels can need."""
 _NONE = np.zeros(0)
@@ -61,7 +59,7 @@ class ContinuousCamera:
     from the pieces of light and from the ticks of the clock.
 
     Args:
-        setting: of the sensor.
+        setting: setting of the sensor.
         rows: rows of the chip that are simulated, all if None. The number of a pixel, and so its
             noise, is its place on the whole chip.
     """

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Converter"]
-
 Values = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.uint32]
 
@@ -25,8 +23,8 @@ class Converter:
     """A floating-point converter of photocurrents.
 
     Attributes:
-        bits: of a code, 1 to 24.
-        exponent_bits: of these, 0 to 6 and fewer than bits.
+        bits: bits of a code, 1 to 24.
+        exponent_bits: bits of the exponent in a code, 0 to 6 and fewer than bits.
         full_scale: the largest value, electrons a second; what is above is held at it.
     """
 

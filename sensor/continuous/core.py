@@ -24,8 +24,6 @@ from cosim.stage import BLOCK
 from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.setting import ContinuousSetting
 
-__all__ = ["Collected", "FilmedIntensities", "IntensityCamera", "LiveIntensities"]
-
 MOST = 20_000_000
 """Reports of a call beyond which it ends."""
 
@@ -40,7 +38,7 @@ class FilmedIntensities(Intensities):
         error: Bounds of what is left out, which is nothing; the pixels have one tier, and its
             arithmetic has no bound. None if they are not known.
         notes: What a user must know of the light and of the pixels.
-        degraded: Those of the notes that say what the light lacks, as at the end of a clip.
+        degraded: Notes that say what the light lacks, as at the end of a clip.
         white_rate: Spikes a cycle of the scene's white in a latched camera before the same lens;
             None if it is not known.
         white: Photocurrent of the scene's white, electrons a second; None if it is not known.
@@ -127,10 +125,11 @@ class IntensityCamera:
 
         Args:
             source: the scene, which is consumed.
-            relay: from its light to what each pixel receives.
+            relay: map from the source's light to what each pixel receives.
             cycles: length, ticks of the clock, at least one.
             number: number of the call, below 2^64.
-            check: must be False: nothing is left out that could be checked.
+            check: check of the simulation; must be False: nothing is left out that could be
+                checked.
 
         Raises:
             InputError: the reports are too many, or a check.
@@ -155,7 +154,7 @@ class IntensityCamera:
         Args:
             most: brightest light of the scene, lux.
             frames: clock of the frames.
-            relay: from the light of the scene to what each pixel receives.
+            relay: map from the light of the scene to what each pixel receives.
             number: number of the call.
         """
         light = PushedLight(most, frames, relay)

@@ -20,8 +20,6 @@ from numba import njit, prange
 from cosim.compute.cores import all_cores
 from sensor.continuous.state import CHUNK
 
-__all__ = ["edge", "jump"]
-
 _PS = 1e12
 
 

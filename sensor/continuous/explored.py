@@ -12,8 +12,6 @@ from cosim.config.amounts import amount
 from cosim.report.frames import FRAMES, FrameColumn, frames_part
 from sensor.continuous.run import ContinuousRun
 
-__all__ = ["reports_explorer"]
-
 _FULL: Final = 65_535
 """Largest value shown."""
 
@@ -38,7 +36,7 @@ class _Last:
 
 
 def reports_explorer(judged: ContinuousRun) -> str:
-    """Returns the HTML of the section."""
+    """HTML of the section."""
     spec, reports = judged.spec, judged.views.reports
     clock, cycles = reports.clock, reports.ticks
     instants = np.unique(np.linspace(0, cycles - 1, min(cycles, FRAMES)).round().astype(np.int64))

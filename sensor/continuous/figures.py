@@ -14,8 +14,6 @@ from cosim.report.drawn import Data, save_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.continuous.shots import PixelLight
 
-__all__ = ["pixels_figure", "rate_figure"]
-
 BLUE = "#2f5fa7"
 BINS = 200
 

@@ -10,8 +10,6 @@ from sensor.continuous.shots import effect_names
 from sensor.latched.setting import CameraSetting
 from sensor.sections.continuous import ContinuousSection
 
-__all__ = ["continuous_setting", "intensity_camera"]
-
 
 def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> ContinuousSetting:
     """The section's pixels on the chip, clock, seed, wavelength and device of the camera. What

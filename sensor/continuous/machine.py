@@ -32,8 +32,6 @@ from sensor.continuous.shots import (
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import write_images
 
-__all__ = ["ContinuousMachine"]
-
 _METHOD: Final = ("continuous",)
 _COLUMNS: Final = ("row", "column", "time", "value")
 _DRAWN: Final = 10
@@ -45,7 +43,7 @@ class _Sink(Collected):
     """Collects the reports, with checkpoints.
 
     Attributes:
-        light: of the pixels drawn.
+        light: light of the pixels drawn.
     """
 
     shape: tuple[int, int]

@@ -16,8 +16,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["normal", "quantile", "quantile_table"]
-
 _CELL_BITS = 21
 _CELLS = 1 << (32 - _CELL_BITS)
 _TAIL = _CELLS // 50

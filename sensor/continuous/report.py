@@ -19,8 +19,6 @@ from sensor.continuous.run import STREAM, ContinuousRun
 from sensor.sections.continuous import ContinuousSection
 from sensor.sections.provenance import fault_rows, optics_rows
 
-__all__ = ["continuous_page"]
-
 
 def _cards(judged: ContinuousRun) -> list[Card]:
     metrics, raw = judged.run.result.metrics, judged.spec.setting.clock.hz

@@ -15,8 +15,6 @@ from sensor.continuous.shots import ContinuousShot, PixelLight
 from sensor.latched.setting import CameraSetting
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["STREAM", "ContinuousRun", "ContinuousSpec", "ContinuousViews"]
-
 STREAM: Final = "stream.intensities.npz"
 """The reports' name in a run's folder."""
 
@@ -29,12 +27,12 @@ class ContinuousSpec:
         name, title: short and long name of the scenario.
         toml: the resolved scenario.
         inputs: the same without its title, which decides nothing of the result.
-        section: of the sensor, as the user wrote it.
+        section: section of the sensor, as the user wrote it.
         camera: chip, light and device.
         pixels: the pixels, ready to be called.
-        lens: in front of the chip.
-        relay: from the scene's light to what each pixel receives.
-        illuminance: of the scene, lux; white reflects all of it.
+        lens: lens in front of the chip.
+        relay: map from the scene's light to what each pixel receives.
+        illuminance: illuminance of the scene, lux; white reflects all of it.
         source: scene.
         cycles: length of the run.
         instants: cycles whose images are made.
@@ -71,7 +69,7 @@ class ContinuousViews:
 
     Attributes:
         reports: all of them.
-        light: of the pixels that are drawn.
+        light: light of the pixels that are drawn.
         shots: images at the instants.
     """
 

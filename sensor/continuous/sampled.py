@@ -26,8 +26,6 @@ from cosim.compute.streams import Stream
 from sensor.continuous.normal import normal
 from sensor.continuous.state import CHUNK
 
-__all__ = ["stationary", "walk"]
-
 FILTER, MEASURED, INITIAL = 0, 1, 2
 """Fourth word of the counter: the monitor's noise, the rest of a measurement's, the initial
 current."""

@@ -11,8 +11,6 @@ from sensor.continuous.converter import Converter
 from sensor.device.chips import Chip
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["QUIET", "ContinuousSetting", "quiet_floor"]
-
 QUIET = 6.0
 """Standard deviations of shot noise that the threshold holds at least where no floor is given. A
 change is measured from a reference that is as noisy as the current itself, so their difference has
@@ -37,18 +35,18 @@ class ContinuousSetting:
     Attributes:
         chip: preset. Its size, pitch and quantum efficiency are used; its clocks and thresholds
             belong to its spike readout.
-        clock: of the time stamps; with noise the monitor also samples once a tick.
-        seed: of the run, below 2^32.
-        time_constant: of the monitor's one-pole filter, s.
+        clock: clock of the time stamps; with noise the monitor also samples once a tick.
+        seed: seed of the run, below 2^32.
+        time_constant: time constant of the monitor's one-pole filter, s.
         contrast: change that is reported, relative to the last report.
         floor: the same in electrons/s; the larger of both counts.
-        converter: of the reported value.
+        converter: converter of the reported value.
         measure: time over which the photocurrent is averaged after a change, s; 0 reads the
             monitor's current.
         dead_time: time after a report in which the monitor is inactive, s.
         noise: whether there is shot noise.
-        wavelength_nm: at which lux are counted as photons.
-        pattern: of the device, None for a perfect one.
+        wavelength_nm: wavelength at which lux are counted as photons.
+        pattern: fixed pattern of the device, None for a perfect one.
     """
 
     chip: Chip

@@ -17,11 +17,6 @@ from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.fidelity import Estimate, to_white
 from sensor.sections.sensor import SPIKING, SensorSection
 
-__all__ = [
-    "ContinuousShot", "PixelLight", "effect_names", "notes_of", "report_ages", "report_metrics",
-    "take_shots",
-]  # fmt: skip
-
 FEW = 100
 """Electrons a time constant below which the shot noise drawn is a limit's (docs/continuous.md)."""
 Instants = npt.NDArray[np.int64]
@@ -32,7 +27,7 @@ class ContinuousShot:
     """One instant.
 
     Attributes:
-        cycle: of sensor.clock.
+        cycle: cycle of sensor.clock.
         truth: reflectance in its middle, white = 1, (H, W).
         continuous: last reports by its end, white = 1, (H, W); black without a report.
         age: ticks from that report to the instant, (H, W) int64; -1 without a report.

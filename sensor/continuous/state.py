@@ -8,8 +8,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CHUNK", "Monitors", "Reports", "collect"]
-
 CHUNK = 256
 """Pixels whose reports share one buffer, and one task of a processor core."""
 
@@ -27,7 +25,7 @@ class Monitors:
         when: instant from which the comparator is active, or at which the running measurement began
             (without noise: picoseconds) or ends (sampled: tick).
         measuring: 1 during a measurement.
-        charge: of the measurement so far, electrons.
+        charge: charge of the measurement so far, electrons.
     """
 
     current: Floats
@@ -55,8 +53,8 @@ class Reports:
 
     Attributes:
         pixel: place in the plane.
-        tick: of the report.
-        value: before the converter, electrons/s.
+        tick: tick of the report.
+        value: photocurrent before the converter, electrons/s.
     """
 
     pixel: Ints

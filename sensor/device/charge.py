@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["crossing", "exposure", "later"]
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def crossing(rate, slope, need):  # type: ignore[no-untyped-def]

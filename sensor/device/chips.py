@@ -12,8 +12,6 @@ from typing import Any, Final
 
 from sensor.device.steering import BOARD, ClockSteering
 
-__all__ = ["CHIPS", "GIVEN", "MOST_PIXELS", "Chip"]
-
 
 @dataclass(frozen=True)
 class Chip:
@@ -22,12 +20,13 @@ class Chip:
     Attributes:
         width, height: pixels.
         clocks: latch frequencies it runs at, Hz.
-        pitch: of a pixel, um.
-        fill_factor, quantum_efficiency: in (0, 1].
+        pitch: pitch of the pixels, um.
+        fill_factor, quantum_efficiency: fill factor and quantum efficiency, in (0, 1].
         threshold_levels: settings from outside.
         assumed: names of the numbers that are assumed.
         given: names of the numbers that the user gives in place of the preset's.
-        steering: of the board that makes its ticks; None if their length cannot be changed.
+        steering: steering of the board that makes the chip's ticks; None if their length cannot be
+            changed.
     """
 
     name: str

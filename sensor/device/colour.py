@@ -25,8 +25,6 @@ from cosim.light.illuminant import photon_density
 from cosim.light.mosaic import Mosaic
 from cosim.light.radiometry import photons_per_lux
 
-__all__ = ["absorbed", "filter_array", "response"]
-
 Values = npt.NDArray[np.float64]
 
 LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
@@ -66,7 +64,7 @@ def response(micrometres: float, wavelength_nm: float) -> Values:
 
     Args:
         micrometres: depth of the silicon that collects charge.
-        wavelength_nm: at which lux are counted as photons.
+        wavelength_nm: wavelength at which lux are counted as photons.
     """
     counted = photons_per_lux(wavelength_nm) * absorbed(wavelength_nm, micrometres)
     made = np.empty((3, 3))

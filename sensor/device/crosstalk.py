@@ -17,8 +17,6 @@ import numpy as np
 from cosim.compute.cores import by_rows
 from cosim.light.light import Box, Plane, PlaneMap
 
-__all__ = ["crosstalk_map", "side_share"]
-
 _LARGE: Final = 1 << 18
 """Pixels from which a plane is mapped on all cores."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-__all__ = ["BOLTZMANN", "ELEMENTARY_CHARGE", "ktc_electrons"]
-
 BOLTZMANN: Final = 1.380649e-23
 """J/K, exact by definition of the SI (2019)."""
 ELEMENTARY_CHARGE: Final = 1.602176634e-19

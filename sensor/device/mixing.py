@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["mix"]
-
 
 @njit(cache=True, nogil=True)
 def _walk(share, before, here, after):  # type: ignore[no-untyped-def]

@@ -19,8 +19,6 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.stopping import threads
 from cosim.compute.streams import Stream
 
-__all__ = ["DOUBLING", "DevicePattern", "FixedPattern", "dark_current"]
-
 DOUBLING: Final = 6.5
 """Kelvin in which dark current doubles: 6 to 7 for silicon near room temperature."""
 _GRAIN: Final = 1 << 24
@@ -55,7 +53,7 @@ class DevicePattern:
         hot_current: electrons a second that a hot pixel has on top.
         warm: share of pixels with a dark current of their own on top, exponentially distributed.
         warm_current: mean of that current, electrons a second.
-        device_seed: below 2^32.
+        device_seed: seed of the device, below 2^32.
     """
 
     prnu: float = 0.0
@@ -129,7 +127,7 @@ class FixedPattern:
     """The fixed pattern of some pixels.
 
     Attributes:
-        gain: of light, (n,) float64.
+        gain: gain of light, (n,) float64.
         dark: electrons a second, (n,) float64. Both in charge scaled to the nominal threshold.
     """
 

@@ -11,8 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-__all__ = ["USUAL", "Sized"]
-
 USUAL: Final = "no source for a spike chip: a round number usual for CMOS image sensors"
 
 
@@ -21,9 +19,9 @@ class Sized:
     """A size.
 
     Attributes:
-        value: in the unit of its key.
+        value: value in the unit of the key.
         provenance: whether it was published for this chip.
-        source: where it is from.
+        source: source of the value.
     """
 
     value: float

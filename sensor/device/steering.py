@@ -15,8 +15,6 @@ from dataclasses import dataclass
 
 from cosim.clock import PS, Clock
 
-__all__ = ["BOARD", "ClockSteering"]
-
 
 @dataclass(frozen=True)
 class ClockSteering:
@@ -36,17 +34,17 @@ class ClockSteering:
         return round(PS / self.master_hz)
 
     def most(self, clock: Clock) -> int:
-        """Returns the counts by which a tick may be lengthened."""
+        """Counts by which a tick may be lengthened."""
         return int(self.longest * self.master_hz / clock.hz)
 
     def least(self, clock: Clock, row_skew: float, rows: int) -> int:
-        """Returns the counts by which a tick may be shortened: at most as it may be lengthened, and
-        at most the blank rest of it.
+        """Counts by which a tick may be shortened: at most as it may be lengthened, and at most the
+        blank rest of it.
 
         Args:
             clock: nominal one of the ticks.
             row_skew: share of a tick over which `rows` rows are read, one after another.
-            rows: of the chip.
+            rows: number of rows of the chip.
         """
         blank = 1 - row_skew * (rows - 1) / rows
         return min(self.most(clock), int(blank * self.master_hz / clock.hz))

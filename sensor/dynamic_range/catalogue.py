@@ -14,8 +14,6 @@ from sensor.device.ktc import ktc_electrons
 from sensor.dynamic_range.converter import Converter
 from sensor.dynamic_range.noise import BOLTZMANN_EV, ZERO_CELSIUS, DarkLaw, SensorNoise
 
-__all__ = ["CONVERTERS", "KODAK", "SENSORS", "ConverterPart", "SensorPart"]
-
 
 @dataclass(frozen=True)
 class SensorPart:
@@ -24,8 +22,8 @@ class SensorPart:
     Attributes:
         full_well: electrons, linear.
         sensitivity: volts an electron.
-        watts: None where unknown, as price, in any one unit.
-        source: of its figures.
+        watts: power; None where unknown, as price, in any one unit.
+        source: source of the part's figures.
     """
 
     name: str
@@ -42,7 +40,7 @@ class ConverterPart:
     """A converter that a budget may choose.
 
     Attributes:
-        watts, price: as of a sensor.
+        watts, price: power and price as of a sensor.
     """
 
     name: str

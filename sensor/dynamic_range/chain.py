@@ -33,8 +33,6 @@ from fractions import Fraction
 from sensor.dynamic_range.converter import Converter
 from sensor.dynamic_range.decibels import decibels
 
-__all__ = ["Chain", "document_dynamic_range", "gain_counted_once", "rounding_variance"]
-
 
 def document_dynamic_range(
     saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
@@ -84,7 +82,7 @@ class Chain:
 
     Attributes:
         full_well: electrons at which the sensor's linear range ends.
-        noise: of the sensor in the dark, electrons RMS.
+        noise: noise of the sensor in the dark, electrons RMS.
         sensitivity: volts an electron.
         circuit: volts RMS at the sensor's output.
         analog, digital: gains.

@@ -8,8 +8,6 @@ from typing import Final, Literal
 
 from sensor.dynamic_range.decibels import decibels
 
-__all__ = ["RULE_FACTOR", "Converter", "ConverterRule", "bits_for", "converter_rule"]
-
 RULE_FACTOR: Final = 2
 """How far the converter's dynamic range is to exceed the sensor's (Wang et al.)."""
 _PER_BIT: Final = decibels(2)
@@ -20,7 +18,7 @@ class Converter:
     """An analog to digital converter.
 
     Attributes:
-        bits: of a value.
+        bits: bits of a value.
         full_scale: volts that the largest value stands for.
         noise: volts RMS at the input, without quantisation.
         hertz: most samples a second.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["as_ratio", "decibels", "sensor_dynamic_range"]
-
 
 def decibels(ratio: float) -> float:
     """20 log10 of a ratio above 0."""

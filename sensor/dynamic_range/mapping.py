@@ -8,15 +8,12 @@ bits, 105.9 dB with gamma 2.2. What it costs is the size of the other steps.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from sensor.dynamic_range.decibels import as_ratio, decibels
-
-__all__ = ["Mapping"]
+from sensor.dynamic_range.decibels import decibels
 
 Values = npt.NDArray[np.float64]
 
@@ -27,7 +24,7 @@ class Mapping:
 
     Attributes:
         gamma: 1 is linear.
-        bits: of the output.
+        bits: bits of the output.
     """
 
     gamma: float = 1.0
@@ -58,19 +55,3 @@ class Mapping:
     def step(self, light: float) -> float:
         """Size of a step at a value, relative to it: gamma/(L x^(1/gamma))."""
         return self.gamma / (self.steps * light ** (1 / self.gamma))
-
-    def gamma_for(self, db: float) -> float:
-        """The least gamma with which an output of these bits holds a dynamic range; at least 1."""
-        return max(db / decibels(self.steps), 1.0)
-
-    def coarse_from(self, db: float) -> float | None:
-        """Value from 0 to 1 above which a step is larger than a chain's noise there, so that the
-        output and no longer the light's noise limits what can be distinguished; None where it never
-        is. The chain has this dynamic range, no shot noise: noise is the same everywhere."""
-        noise = 1 / as_ratio(db)
-        power = 1 - 1 / self.gamma
-        scale = self.gamma / self.steps
-        if power == 0:
-            return 0.0 if scale > noise else None
-        value = math.exp(math.log(noise / scale) / power)
-        return value if value < 1 else None

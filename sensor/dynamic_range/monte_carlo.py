@@ -20,8 +20,6 @@ from cosim.compute.streams import Stream
 from sensor.dynamic_range.chain import Chain
 from sensor.dynamic_range.decibels import decibels
 
-__all__ = ["MeasuredRange", "chain_values", "measure_chain"]
-
 Values = npt.NDArray[np.float64]
 
 _PEDESTAL: Final = 12.0

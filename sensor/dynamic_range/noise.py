@@ -13,8 +13,6 @@ from typing import Final
 
 from sensor.device.pattern import DOUBLING, dark_current
 
-__all__ = ["BOLTZMANN_EV", "ZERO_CELSIUS", "DarkLaw", "SensorNoise"]
-
 ZERO_CELSIUS: Final = 273.15
 """K, by definition of the Celsius scale."""
 BOLTZMANN_EV: Final = 8.617333262e-5
@@ -51,8 +49,8 @@ class SensorNoise:
     """Noise of a sensor at its reference, electrons RMS.
 
     Attributes:
-        reset, white: at `celsius`.
-        transfer: at `hertz`, the pixel clock.
+        reset, white: reset and white noise at `celsius`.
+        transfer: transfer noise at `hertz`, the pixel clock.
         dark: its law.
     """
 
@@ -69,7 +67,7 @@ class SensorNoise:
         """Each part, electrons RMS.
 
         Args:
-            seconds: over which dark charge gathers.
+            seconds: time over which dark charge gathers.
             signal: electrons.
         """
         warm = math.sqrt((celsius + ZERO_CELSIUS) / (self.celsius + ZERO_CELSIUS))

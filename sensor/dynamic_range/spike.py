@@ -12,16 +12,6 @@ import math
 from cosim.light.radiometry import photons_per_lux
 from sensor.dynamic_range.decibels import as_ratio, decibels
 
-__all__ = [
-    "interval_rsd",
-    "level_step",
-    "levels_for",
-    "longest_width",
-    "photons_per_second",
-    "spike_dynamic_range",
-    "threshold_for",
-]
-
 
 def spike_dynamic_range(longest: float, shortest: float, levels: float = 1) -> float:
     """20 lg(longest/shortest N), dB (sections 4.4 and 4.5): widths in one unit of time; levels: N

@@ -13,8 +13,6 @@ from sensor.dynamic_range.converter import ConverterRule, converter_rule
 from sensor.dynamic_range.decibels import sensor_dynamic_range
 from sensor.dynamic_range.mapping import Mapping
 
-__all__ = ["Budget", "Choice", "Judged", "sweep"]
-
 _TIE: Final = 6
 """Dynamic ranges that agree to this many decimals of a dB count as equal."""
 
@@ -28,17 +26,17 @@ class Budget:
     """What may be chosen, and what limits it.
 
     Attributes:
-        temperatures: of the sensor, degrees Celsius.
+        temperatures: temperatures of the sensor, degrees Celsius.
         clocks: Hz, pixels a second.
         circuits: volts RMS at the sensor's output.
         analogs, digitals: gains.
-        seconds: of exposure, over which dark charge gathers.
-        rule: which reading of "twice the sensor's dynamic range" a converter must fulfil.
+        seconds: exposures, over which dark charge gathers.
+        rule: reading of "twice the sensor's dynamic range" that a converter must fulfil.
         watts, price: most of sensor, converter and cooler together.
         least: most electrons that the signal of SNR 1 may have.
         ambient, watts_per_kelvin: a cooler takes so much for every kelvin that the sensor is below
             its surroundings (a straight line, assumed).
-        mapping: to the output.
+        mapping: map to the output.
     """
 
     sensors: tuple[SensorPart, ...] = SENSORS
@@ -93,8 +91,8 @@ class Judged:
     """What a choice gives.
 
     Attributes:
-        rule: of its converter.
-        watts, price: None where a part's are unknown.
+        rule: rule of the choice's converter.
+        watts, price: power and price; None where a part's are unknown.
         faults: limits that it breaks, in words.
         mapped: dB that the output of few bits keeps.
     """

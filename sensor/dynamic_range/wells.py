@@ -9,7 +9,6 @@ exponential approach with a continuous slope is assumed.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,8 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sensor.dynamic_range.decibels import decibels
-
-__all__ = ["DALSA", "FullWell"]
 
 Values = npt.NDArray[np.float64]
 
@@ -47,12 +44,6 @@ class FullWell:
     def output_gain(self) -> float:
         """dB of output between the two."""
         return decibels(self.full / self.linear)
-
-    def light_gain(self, slope: float) -> float:
-        """dB of light gained when the response is used until its slope has fallen to this share;
-        there a step of light must be 1/slope times as large to be seen."""
-        room = self.full - self.linear
-        return decibels(1 + room / self.linear * math.log(1 / slope))
 
 
 DALSA: Final = FullWell(2.5, 3.4)

@@ -18,8 +18,6 @@ from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Effect
 from sensor.frame_pixels import Exposed
 
-__all__ = ["LEAST_VARIANCE", "Bench", "Pixels", "Stack", "take_levels"]
-
 Values = npt.NDArray[np.float64]
 
 
@@ -48,8 +46,8 @@ class Stack:
     Attributes:
         photons: mean per pixel.
         seconds: exposure time.
-        mean, variance: of each pixel over the frames, DN and DN^2, (rows, W); the variance is
-            unbiased.
+        mean, variance: mean and variance of each pixel over the frames, DN and DN^2, (rows, W); the
+            variance is unbiased.
         frames: their number.
     """
 
@@ -71,15 +69,15 @@ class Bench:
     """Uniform light and stacks of frames.
 
     Attributes:
-        pixels: to be measured.
-        area: of a pixel that gathers light, m^2; quantum efficiency is stated relative to it.
+        pixels: pixels to be measured.
+        area: area of a pixel that gathers light, m^2; quantum efficiency is stated relative to it.
         seconds: exposure time.
         dark_seconds: exposure times in the dark, at least two.
         rows, first: number of rows that are read, and the first of them.
-        levels: of light over the range of the fit.
-        frames: at each level.
+        levels: number of levels of light over the range of the fit.
+        frames: number of frames at each level.
         stack: frames in the dark and at half of saturation, where spatial variances are measured.
-        seed: of the temporal noise.
+        seed: seed of the temporal noise.
         kept: effects; all if None.
         start: number of the first frame.
         columns: first and number of the columns that count; all if None.

@@ -18,8 +18,8 @@ class Camera:
     """A camera that the laboratory measures.
 
     Attributes:
-        name: on the command line.
-        title: for people.
+        name: name on the command line.
+        title: title for people.
         bench: makes its bench from the seed of the temporal noise.
         notes: how its parameters are to be read.
     """
@@ -58,4 +58,4 @@ SPIKE_CAMERAS: Final = {
         Camera("spikeone", "SpikeOne (2017)", _spiking("spikeone"), _COUNTS),
     )
 }  # fmt: skip
-"""By name."""
+"""Cameras by name."""

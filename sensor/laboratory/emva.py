@@ -22,10 +22,8 @@ from sensor.laboratory.bench import LEAST_VARIANCE, Bench, Stack
 from sensor.laboratory.estimate import Estimate, deviations
 from sensor.laboratory.transfer import PhotonTransfer, measure_transfer
 
-__all__ = ["LEVEL", "Parameter", "Report", "measure_camera"]
-
 LEVEL = 0.99
-"""Of the confidence limits."""
+"""Level of the confidence limits."""
 SENSITIVITY, LINEARITY = "sensitivity", "linearity"
 DARK_CURRENT, NON_UNIFORMITY = "dark current", "non-uniformity"
 QUANTISATION = 1 / 12
@@ -37,11 +35,11 @@ class Parameter:
     """A parameter of the standard.
 
     Attributes:
-        symbol: of the standard.
+        symbol: symbol of the standard.
         section: "sensitivity", "linearity", "dark current" or "non-uniformity", the parts in which
             the standard measures.
         what: its name.
-        unit: of the value.
+        unit: unit of the value.
         value: measured.
         low, high: confidence limits at `LEVEL`.
     """
@@ -67,7 +65,7 @@ class Report:
         figures: parameters by name.
         transfer: the curve that they come from.
         notes: what a reader must know.
-        level: of the confidence limits.
+        level: level of the confidence limits.
     """
 
     figures: dict[str, Parameter]

@@ -9,8 +9,6 @@ import numpy as np
 from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.laboratory.emva import Report
 
-__all__ = ["photon_transfer_figure"]
-
 _BLUE, _GREEN = "#2f5fa8", "#3a8f5c"
 
 
@@ -20,8 +18,8 @@ def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "p
 
     Args:
         report: the measurement.
-        name: of the camera.
-        path: of the file.
+        name: name of the camera.
+        path: path of the file.
         form: "png" or "svg".
     """
     curve = report.transfer.curve()

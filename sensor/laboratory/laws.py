@@ -18,8 +18,6 @@ from numba import njit
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream, words_for
 
-__all__ = ["MEANS", "IntervalLaw", "Laws", "measure_laws"]
-
 MEANS: Final = (2.5, 3.0, 4.0, 6.0, 8.0)
 """Mean intervals whose pixels are pooled, cycles."""
 WITHIN: Final = 0.1
@@ -50,8 +48,8 @@ class IntervalLaw:
     Attributes:
         mean: centre of the class, cycles.
         pixels: number of pixels.
-        variance: of an interval about the mean of its pixel, cycles^2.
-        correlation: of successive intervals of a pixel.
+        variance: variance of an interval about the mean of its pixel, cycles^2.
+        correlation: correlation of successive intervals of a pixel.
         histogram: share of intervals of 1 to LONGEST cycles, (LONGEST,).
     """
 

@@ -10,8 +10,6 @@ import numpy as np
 from cosim.report.figures import subplots
 from sensor.laboratory.laws import Laws
 
-__all__ = ["laws_figure"]
-
 _SEEN: Final = 0.002
 """Least share of intervals that the figure has room for."""
 _MOST: Final = 200.0

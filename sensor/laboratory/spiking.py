@@ -23,8 +23,6 @@ from sensor.latched.camera import SpikeCamera
 from sensor.latched.effects.catalogue import silicon_sizes
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["SpikeCounter", "silicon_setting"]
-
 _BLOCK = 2048
 """Cycles that are simulated at once."""
 _ODD = 2654435761
@@ -36,7 +34,7 @@ class SpikeCounter:
     """Pixels of a spike camera as the bench reads them.
 
     Attributes:
-        setting: of the camera; its seed is replaced, frame by frame.
+        setting: setting of the camera; its seed is replaced, frame by frame.
         seconds: usual exposure time, which sets the number of bits, s.
     """
 
@@ -87,7 +85,7 @@ def silicon_setting(chip: str, shape: tuple[int, int], threshold: float) -> Came
     Args:
         chip: name of the preset, of `CHIPS`.
         shape: rows and columns.
-        threshold: of the charge, electrons.
+        threshold: threshold of the charge, electrons.
     """
     part = replace(CHIPS[chip], height=shape[0], width=shape[1])
     silicon = silicon_sizes()

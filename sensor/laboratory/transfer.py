@@ -10,8 +10,6 @@ import numpy as np
 from sensor.laboratory.bench import Bench, Stack, take_levels
 from sensor.laboratory.estimate import Estimate
 
-__all__ = ["PhotonTransfer", "measure_transfer"]
-
 
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:
@@ -23,7 +21,7 @@ class PhotonTransfer:
         saturation: number of the level with the largest variance.
         gain: K, DN/e.
         responsivity: DN/photon.
-        bits: of a value.
+        bits: bits of a value.
         linear: share of saturation up to which slopes are fitted.
     """
 

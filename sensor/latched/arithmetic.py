@@ -35,16 +35,14 @@ from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-__all__ = ["exact_error", "fast_error", "moved_spikes"]
-
 Values = npt.NDArray[np.float64]
 
 _JUMP: Final = 2 / (3 * np.sqrt(3))
 """Largest RMS of the light that a spike loses wrongly in the cycle of a jump, over the dead time's
 light after it; see `_dead_shift`."""
 _AFTER: Final = 8
-"""Where all pixels of a tile brighten at once, at least one part in so many of the window comes
-after it. An assumption: a window that ends with the change has less."""
+"""Share of a window that comes after a change in which all pixels of a tile brighten at once: one
+part in so many, at least. An assumption: a window that ends with the change has less."""
 _SWEEPS: Final = 4
 """Number of times in a run that light whose changes are not known sweeps from one end of its range
 to the other."""

@@ -17,8 +17,6 @@ from sensor.latched.fine_tiles import FineTiles
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, TierPixels, tier_pixels
 
-__all__ = ["Gathering", "SpikeCamera"]
-
 
 class Gathering:
     """The light that pixels gather: after cross-talk and drift.

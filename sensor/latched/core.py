@@ -45,8 +45,6 @@ from sensor.latched.stages import SceneBlocks
 from sensor.latched.survey import SceneSurvey, summarise, survey_scene
 from sensor.latched.tiers import Tier, TierPixels
 
-__all__ = ["Filmed", "LatchedBounds", "LatchedCamera", "LiveCamera"]
-
 WINDOW: Final = 41
 """Cycles of the window of an image, by default."""
 _TOGETHER: Final = 1024
@@ -98,7 +96,7 @@ class Filmed(Viform):
     Attributes:
         error: Bounds of the error of the simulation; None if they are not known.
         notes: What a user must know of the light and of the plan.
-        degraded: Those of the notes that say what the light lacks, as at the end of a clip.
+        degraded: Notes that say what the light lacks, as at the end of a clip.
         white_rate: Spikes a cycle of the scene's white; None if it is not known.
     """
 

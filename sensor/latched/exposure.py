@@ -23,8 +23,6 @@ from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge, to_fixed
 from sensor.latched.pixel.span import Span
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["Exposure"]
-
 _SHRINK = 1 - 2.0**-50
 """Factor of a slope. Products of int64 and a float64 share lose the last bits of very large
 charges; without this factor a ramp that ends in the dark could fall below 0."""
@@ -61,7 +59,7 @@ class Exposure:
     pixel fires in every cycle in any case.
 
     Args:
-        clock: of the latches.
+        clock: clock of the latches.
         gain: photoelectrons a second per unit of light.
         pattern: fixed pattern of these pixels, None if all are nominal.
         offsets: (H,) int64, ps from a clock edge to the sampling instant of each row; None for 0.

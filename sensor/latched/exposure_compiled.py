@@ -11,8 +11,6 @@ from numba import njit
 
 from sensor.latched.pixel.fixed_point import LARGEST, ONE
 
-__all__ = ["add_parts", "fix_level"]
-
 _MOST = float(LARGEST)
 _ONE = float(ONE)
 
@@ -55,7 +53,7 @@ def add_parts(charge, firsts, lasts, shares, parts, longer, box):  # type: ignor
         charge: (H, W) int64, the first level of the first piece; changed in place.
         firsts, lasts: levels at the begin and the end of each piece, tuples of (H, W) int64.
         shares: (pieces, rows of the box or 1) float64, share of the cycle.
-        parts: of the same shape, position of the middle of that share in the piece, 0 to 1.
+        parts: position of the middle of that share in the piece, 0 to 1, of the same shape.
         longer: (rows of the box or 1,) float64, share by which the cycle of a row is longer.
         box: y0, y1, x0, x1.
     """

@@ -20,11 +20,9 @@ from sensor.latched.patches import PatchCamera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-__all__ = ["FineTiles", "MixedPatches"]
-
 Words = npt.NDArray[np.uint32]
 Tiles = Mapping[Tier, npt.NDArray[np.bool_]]
-"""Which tiles or patches each of the better tiers simulates."""
+"""Tiles or patches that each of the better tiers simulates."""
 _TOGETHER: Final = 256
 """Tiles that are simulated at once, which limits the memory for their light."""
 
@@ -92,7 +90,7 @@ class FineTiles:
         """Simulates the tiles.
 
         Args:
-            light: on the chip, before the map of the light (cross-talk).
+            light: light on the chip, before the map of the light (cross-talk).
             start, cycles: cycles to simulate.
 
         Returns:

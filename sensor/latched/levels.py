@@ -24,8 +24,6 @@ from sensor.latched.fast.units import units_of
 from sensor.latched.setting import CameraSetting
 from sensor.latched.writes import threshold_shares
 
-__all__ = ["error_over_levels", "fast_can_follow", "planned_effects"]
-
 Values = npt.NDArray[np.float64]
 
 

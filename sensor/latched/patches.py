@@ -16,8 +16,6 @@ from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, tier_pixels
 from sensor.latched.written import pending_of
 
-__all__ = ["PatchCamera"]
-
 Words = npt.NDArray[np.uint32]
 
 

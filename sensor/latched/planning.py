@@ -32,8 +32,6 @@ from sensor.latched.setting import CameraSetting
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier, TierPixels
 
-__all__ = ["ARITHMETIC", "Behind", "CameraPlan", "plan_camera"]
-
 ARITHMETIC: Final = "32-bit arithmetic"
 """Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
 

@@ -33,8 +33,6 @@ from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.setting import CameraSetting
 from sensor.reconstruct.readings import Readings, quantised
 
-__all__ = ["ReadingCamera", "joined"]
-
 _PREFIX: Final = "reading:"
 
 
@@ -46,7 +44,7 @@ class ReadingCamera:
 
     Args:
         camera: the camera.
-        setting: that of the user, whose shot noise a reading has.
+        setting: setting of the user, whose shot noise a reading has.
         every: cycles between two readings.
         levels: N of a reading, 1 to 65535.
 

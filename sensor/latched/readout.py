@@ -15,8 +15,6 @@ import numpy.typing as npt
 from cosim.spikes.viform import Viform
 from cosim.stage import Block
 
-__all__ = ["DuplicatedRows", "readout_stages"]
-
 
 class DuplicatedRows:
     """A stage that shows in some rows the bits of others. pairs: (source, target) rows."""

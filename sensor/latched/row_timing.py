@@ -24,8 +24,6 @@ from cosim.clock import PS, Clock
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
-__all__ = ["LIMIT", "PlaneTiming", "RowMoves", "RowTiming"]
-
 LIMIT: Final = 0.45
 """Largest move of a sampling instant, cycles; so the instants of a row keep their order."""
 KNOT: Final = 16

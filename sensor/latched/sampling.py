@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 
-__all__ = ["row_delays", "row_offsets"]
-
 
 def row_delays(clock: Clock, height: int, skew: float) -> npt.NDArray[np.float64]:
     """Delay from a latch edge to the sampling of each row of a chip, (height,) ps."""
@@ -27,7 +25,7 @@ def row_offsets(
     """Offset from a latch edge to the instant at which the charge of each row is compared.
 
     Args:
-        clock: of the latches.
+        clock: clock of the latches.
         height: rows of the chip.
         skew: share of a cycle over which all rows are sampled, 0 to 1.
         delay: delay of the comparator in seconds, 0 to a cycle.

@@ -24,8 +24,6 @@ from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.writes import Phase, Registers, Write, phases_of
 
-__all__ = ["CameraSetting"]
-
 _CLEARANCE: Final = 1.1
 """Safety factor of `CameraSetting.slack`."""
 
@@ -37,9 +35,9 @@ class CameraSetting:
 
     Attributes:
         chip: preset of the chip.
-        clock: of the latches.
+        clock: clock of the latches.
         threshold: electrons.
-        seed: of the run, below 2^32.
+        seed: seed of the run, below 2^32.
         wavelength_nm: wavelength at which lux is converted to photons.
         effects: the inherent effects that are kept, by default all of them.
         reset: rule for the charge beyond the threshold.

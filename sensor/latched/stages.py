@@ -10,8 +10,6 @@ from cosim.light.light import Light
 from cosim.light.source import Source
 from cosim.stage import Block
 
-__all__ = ["LensStage", "SceneBlocks", "SceneStage"]
-
 
 class SceneStage:
     """A scene that returns the light of the block and of a few cycles around it. A camera whose

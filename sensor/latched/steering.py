@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["ClockMoves"]
-
 Moves = npt.NDArray[np.int64]
 
 
@@ -39,11 +37,11 @@ class ClockMoves:
         return int(np.abs(self.ps).max())
 
     def at(self, edge: int, count: int) -> Moves:
-        """Returns the moves of edges `edge` to `edge + count`, (count,)."""
+        """Moves of edges `edge` to `edge + count`, (count,)."""
         return self.ps[np.clip(np.arange(edge, edge + count), 0, self.ps.size - 1)]
 
     def on(self, rows: int, noise: RowMoves | None) -> RowMoves:
-        """Returns the moves on a plane of `rows` rows, those of timing noise included."""
+        """Moves on a plane of `rows` rows, those of timing noise included."""
         return _Steered(self, rows, noise)
 
 

@@ -18,8 +18,6 @@ from cosim.plan.tiles import TILE, TileGrid
 from sensor.latched.effects.drift import KNOT, STEP
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["SceneSurvey", "summarise", "survey_scene"]
-
 _SIGMAS: Final = 4.0
 """Deviations of the drift within which light is taken to lie."""
 

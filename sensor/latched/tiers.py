@@ -24,8 +24,6 @@ from sensor.latched.row_timing import RowMoves
 from sensor.latched.setting import CameraSetting
 from sensor.latched.written import RewrittenPixels, WrittenPixels
 
-__all__ = ["Tier", "TierPixels", "make_pixels", "tier_pixels"]
-
 Tier = Literal["reference", "exact", "fast"]
 Words = npt.NDArray[np.uint32]
 

@@ -23,8 +23,6 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Phase", "Registers", "Write", "phases_of", "rows_read", "threshold_shares"]
-
 
 @dataclass(frozen=True)
 class Write:
@@ -60,8 +58,8 @@ def phases_of(writes: Sequence[Write], threshold: float, height: int) -> tuple[P
     """The phases of a run, the first of which starts at cycle 0.
 
     Args:
-        writes: in the order of their cycles, which differ.
-        threshold: before the first write, electrons.
+        writes: writes in the order of their cycles, which differ.
+        threshold: threshold before the first write, electrons.
         height: rows of the chip, which are all read before the first write.
 
     Raises:
@@ -117,7 +115,7 @@ class Registers:
 
     Attributes:
         phases: the registers between the writes.
-        threshold: to which rates are relative, electrons.
+        threshold: threshold to which rates are relative, electrons.
         height: rows of the chip.
     """
 

@@ -17,8 +17,6 @@ from cosim.light.light import Light
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.writes import Phase
 
-__all__ = ["RewrittenPixels", "WrittenPixels", "join_words"]
-
 Words = npt.NDArray[np.uint32]
 Mask = npt.NDArray[np.bool_]
 _INDEX: Final = 40

@@ -17,8 +17,6 @@ from sensor.reconstruct.plasticity import MEMORY, tfstp
 from sensor.reconstruct.playback import PLAYED, tfp, tfp_span
 from sensor.reconstruct.readings import Dim, DimLight
 
-__all__ = ["METHODS", "Image", "Method", "reconstruct"]
-
 Make = Callable[[SpikeStream, int, Any, bool], "Image"]
 
 

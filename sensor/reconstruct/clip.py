@@ -15,8 +15,6 @@ from cosim.report.png import for_display
 from cosim.run.progress import Progress
 from sensor.reconstruct.playback import tfp
 
-__all__ = ["CLIPS", "write_clip"]
-
 CLIPS = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".gif")
 """Endings of clips."""
 _CODECS = {".webm": "libvpx-vp9", ".gif": "gif"}
@@ -42,7 +40,7 @@ def write_clip(
         largest: pixels of the longer side; images are reduced by a whole number to stay within it.
             H.264, VP9 in .webm; odd sizes lose their last line.
         smallest: pixels of the shorter side; smaller images are enlarged by a whole number.
-        crf: of H.264: 6 more halve the size.
+        crf: rate factor (CRF) of H.264: 6 more halve the size.
     """
     import av
     import cv2

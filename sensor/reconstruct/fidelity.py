@@ -17,8 +17,6 @@ from cosim.compute.stopping import threads
 from cosim.light.ssim import Likeness, inside_mean
 from cosim.run.result import Metric
 
-__all__ = ["Estimate", "Imaged", "judge", "psnr", "ssim", "to_white"]
-
 LEAST_RATE = 1e-30
 """Least spike rate of white, per cycle: smaller numbers leave float32."""
 Estimate = npt.NDArray[np.float64]

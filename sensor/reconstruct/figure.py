@@ -12,8 +12,6 @@ from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, canvas_of, subplots
 from sensor.reconstruct.intervals import spike_cycles
 
-__all__ = ["interval_figure"]
-
 _DOTS = 110
 """Dots an inch."""
 _PITCH = 0.85
@@ -39,7 +37,7 @@ def interval_figure(
         truth: (pixels, knots) true rate over the span, spikes/cycle.
         span: first cycle, and the one after the last.
         instants: cycles that are marked.
-        path: of the PNG.
+        path: path of the PNG.
 
     Returns:
         The bars and the light drawn: pixel, time, spikes a cycle.

@@ -7,8 +7,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["LEAST", "Grey", "flow_grey", "optical_flow"]
-
 SMOOTH: Final = 0.8
 """Standard deviation of the Gaussian filter before the flow, pixels."""
 LEAST: Final = 12

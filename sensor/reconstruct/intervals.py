@@ -17,18 +17,6 @@ from numba import njit
 from cosim.spikes.viform import WORD, SpikeStream, words_for
 from sensor.reconstruct.playback import check_cycle, tfp_span
 
-__all__ = [
-    "interval_image",
-    "interval_rate",
-    "interval_span",
-    "isi",
-    "least_width",
-    "spike_cycles",
-    "tau_image",
-    "tau_levels",
-    "tfi",
-]
-
 _NONE = -1
 WHITEST: Final = 255
 Cycles = npt.NDArray[np.int64]

@@ -28,8 +28,6 @@ from cosim.spikes.viform import WORD, SpikeStream, Viform, words_for
 from sensor.reconstruct.flow import LEAST, Grey, flow_grey, optical_flow
 from sensor.reconstruct.playback import tfp, tfp_span
 
-__all__ = ["ALIGNED", "Aligned", "motion_tfp"]
-
 ALIGNED: Final = 201
 """Cycles of a window by default."""
 PART: Final = 3

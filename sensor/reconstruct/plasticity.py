@@ -48,8 +48,6 @@ from cosim.errors import InputError
 from cosim.spikes.viform import WORD, SpikeStream, words_for
 from sensor.reconstruct.intervals import interval_image
 
-__all__ = ["MEMORY", "tfstp"]
-
 U_0: Final = 0.15
 TAU_D: Final = 1.0
 TAU_F: Final = 10.0

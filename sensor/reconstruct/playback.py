@@ -11,8 +11,6 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream, count_spikes
 
-__all__ = ["PLAYED", "check_cycle", "tfp", "tfp_span"]
-
 PLAYED: Final = 41
 """Cycles of a window by default."""
 

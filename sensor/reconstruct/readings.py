@@ -25,10 +25,6 @@ from cosim.files.whole import whole
 from cosim.spikes.viform import SpikeStream, count_spikes
 from sensor.reconstruct.intervals import least_width
 
-__all__ = [
-    "READINGS", "Dim", "DimLight", "Readings", "quantised", "read_readings", "write_readings",
-]  # fmt: skip
-
 READINGS = "readings.npz"
 """Readings in the folder of a run."""
 Mask = npt.NDArray[np.bool_]
@@ -67,7 +63,7 @@ class Dim:
 
     Attributes:
         read: pixels whose light is from a reading, (H, W).
-        rate: this light, spikes a cycle, 0 elsewhere, (H, W).
+        rate: rate of the light, spikes a cycle, 0 elsewhere, (H, W).
         dark: pixels that are rejected as dark, (H, W).
     """
 

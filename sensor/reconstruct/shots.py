@@ -23,13 +23,8 @@ from sensor.reconstruct.intervals import interval_rate, isi
 from sensor.reconstruct.playback import tfp, tfp_span
 from sensor.reconstruct.readings import Dim, DimLight
 
-__all__ = [
-    "LATCHED", "Shot", "Truth", "colour_differences", "interval_latency", "spike_rate",
-    "take_shots", "write_colour", "write_images",
-]  # fmt: skip
-
 _THREADS: Final = 2
-"""That make and encode images: each holds several planes."""
+"""Threads that make and encode images: each holds several planes."""
 LATCHED: Final = ("tfp", "tfi")
 """Estimates of a latched stream."""
 
@@ -55,7 +50,7 @@ class Shot:
     """One instant.
 
     Attributes:
-        cycle: of the instant.
+        cycle: cycle of the instant.
         truth: reflectance, white = 1, (H, W).
         tfp, tfi: its estimates.
         tau: length of the interval that holds the instant, cycles, (H, W) int64; 0 for none.
@@ -100,7 +95,7 @@ def take_shots(
     that is not read is black.
 
     Args:
-        window, preceding: of TFP.
+        window, preceding: window of TFP, and whether it ends at the instant.
         white_rate: spikes a cycle of white, at the threshold of the setting.
         dim_light: how both estimates have dim pixels; None for from spikes alone.
         registers: thresholds and windows of a run with register writes; None without them.

@@ -8,8 +8,6 @@ from pydantic import Field
 
 from cosim.config.quantity import Duration, Frequency, Section
 
-__all__ = ["AsynchronousSection", "ChannelSection", "Side"]
-
 Side = Annotated[int, Field(ge=1, le=65535)]
 
 
@@ -24,7 +22,7 @@ class AsynchronousSection(Section):
     longest_width: Duration | None = Field(
         default=None,
         examples=["10 ms"],
-        description="after it the charge is read without a spike; never when absent",
+        description="time after which the charge is read without a spike; never when absent",
     )
     levels: Annotated[int, Field(ge=1, le=65535)] = Field(
         default=1, description="N of that reading, floor(N charge / threshold)"
@@ -54,13 +52,13 @@ class ChannelSection(Section):
         default="round-robin", description="who goes next: the oldest, the top row, the next row"
     )
     buffer: Literal["pixel", "row", "fifo"] = Field(
-        default="pixel", description="where an event waits: one a pixel, one a row, one queue"
+        default="pixel", description="place where an event waits: one a pixel, one a row, one queue"
     )
     depth: Annotated[int, Field(ge=0, le=10**8)] = Field(
         default=16, description="events in the queue of buffer = fifo"
     )
     timestamp: Literal["pixel", "channel"] = Field(
         default="pixel",
-        description="where t is taken: at the pixel, or as it leaves the channel; what leaves it "
-        "after the run's end is then left out",
+        description="place where t is taken: at the pixel, or as it leaves the channel; what "
+        "leaves it after the run's end is then left out",
     )

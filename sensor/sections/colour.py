@@ -8,8 +8,6 @@ from pydantic import Field
 
 from cosim.config.quantity import Quantity, Section
 
-__all__ = ["ColourSection"]
-
 
 class ColourSection(Section):
     """Colour filters on the pixels. Neither chip has any: their curves are assumed."""
@@ -20,6 +18,6 @@ class ColourSection(Section):
     depth: Annotated[float, Quantity("length", above=0, most=1000)] = Field(
         default=3.0,
         examples=["3 um"],
-        description="of the silicon that collects charge; with its absorption it is the quantum "
-        "efficiency by wavelength",
+        description="depth of the silicon that collects charge; with its absorption it is the "
+        "quantum efficiency by wavelength",
     )

@@ -9,8 +9,6 @@ from pydantic import Field
 from cosim.config.quantity import Quantity, Section, Time
 from sensor.sections.asynchronous import Side
 
-__all__ = ["ContinuousSection"]
-
 TimeConstant = Annotated[float, Quantity("time", above=0, most=1)]
 Threshold = Annotated[float, Quantity("current", above=0, most=1e12)]
 
@@ -22,7 +20,7 @@ class ContinuousSection(Section):
     time_constant: TimeConstant = Field(
         default=250e-6,
         examples=["250 us"],
-        description="of the filter through which the photocurrent is watched",
+        description="time constant of the filter through which the photocurrent is watched",
     )
     contrast: Annotated[float, Field(ge=0, le=10)] = Field(
         default=0.1, description="change that is reported, relative to the last report"
@@ -38,10 +36,15 @@ class ContinuousSection(Section):
         examples=["100 us"],
         description="averages the photocurrent for so long; 0 reads the filter",
     )
-    dead_time: Time = Field(default=0.0, examples=["10 us"], description="after each report")
-    bits: Annotated[int, Field(ge=1, le=24)] = Field(default=14, description="of a report's value")
+    dead_time: Time = Field(
+        default=0.0, examples=["10 us"], description="dead time after each report"
+    )
+    bits: Annotated[int, Field(ge=1, le=24)] = Field(
+        default=14, description="bits of a report's value"
+    )
     exponent_bits: Annotated[int, Field(ge=0, le=6)] = Field(
-        default=5, description="of these; 0 makes a linear converter"
+        default=5,
+        description="bits of the exponent in a report's value; 0 makes a linear converter",
     )
     # 4.09e10 photons a second at 1e5 lux and QE 0.7 are 2.9e10 (Huang 2022 section 4.3).
     full_scale: Threshold = Field(

@@ -10,8 +10,6 @@ from cosim.config.amounts import at_most
 from cosim.errors import InputError
 from sensor.device.chips import CHIPS, MOST_PIXELS, Chip
 
-__all__ = ["check_chip", "own_chip", "row_skew"]
-
 _NUMBERS: Final = ("width", "height", "pitch", "fill_factor", "quantum_efficiency")
 _ROUNDING: Final = 1e-9
 

@@ -9,8 +9,6 @@ from sensor.latched.effects.catalogue import CATALOGUE
 from sensor.latched.effects.effect import Operation
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["effect_parameters"]
-
 
 def effect_parameters(section: SensorSection, operation: Operation) -> dict[str, Any]:
     """Parameters of every effect, by name. Raises InputError for what cannot be simulated."""

@@ -25,8 +25,6 @@ from cosim.config.quantity import Quantity
 from cosim.config.toml import read_toml
 from cosim.errors import InputError, quote, shorten
 
-__all__ = ["BUILT_IN", "OF_THRESHOLD", "PATTERN", "SENSOR", "with_preset"]
-
 BUILT_IN: Final = ("ideal", "silicon")
 """Presets that are no files."""
 SENSOR: Final = ("width", "height", "clock", "threshold", "reset", "dead_time")

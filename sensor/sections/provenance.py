@@ -9,8 +9,6 @@ from sensor.latched.setting import CameraSetting
 from sensor.sections.preset_file import BUILT_IN
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["fault_rows", "optics_rows"]
-
 
 def optics_rows(setting: CameraSetting) -> list[list[str]]:
     """A row for each number of the pixel's optics."""

@@ -9,8 +9,6 @@ from pydantic import Field, model_validator
 from cosim.config.quantity import Quantity, Section
 from cosim.errors import InputError
 
-__all__ = ["ReadoutSection"]
-
 Span = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
 
 
@@ -20,8 +18,8 @@ class ReadoutSection(Section):
     rate: Annotated[float, Quantity("bit rate", least=1e6, most=1e12)] | None = Field(
         default=None,
         examples=["20 Gbit/s"],
-        description="of the link from the buffer to the host, in whole kbit/s; as fast as the chip "
-        "when absent",
+        description="rate of the link from the buffer to the host, in whole kbit/s; as fast as "
+        "the chip when absent",
     )
     buffer: Annotated[int, Field(ge=128, le=1_000_000_000)] = Field(
         default=128_000,

@@ -10,8 +10,6 @@ from cosim.config.quantity import Duration, Frequency, Section, Time
 from cosim.files.plane_order import BitOrder, ByteOrder, Flip, PlaneOrder
 from sensor.sections.asynchronous import Side
 
-__all__ = ["RecordedSection"]
-
 LATENCY = 0.1
 """Default of source_latency, s: up to it, a response seems immediate (Card, Robertson and
 Mackinlay, CHI 1991)."""
@@ -34,25 +32,28 @@ class RecordedSection(Section):
     )
     source_latency: Time = Field(
         default=LATENCY,
-        description="of a stream that comes: a plane is late if its processing begins later than "
-        "its time, by sensor.clock from the first plane on, plus this",
+        description="latency of the source of a stream that comes: a plane is late if its "
+        "processing begins later than its time, by sensor.clock from the first plane on, plus this",
     )
     bit_order: BitOrder = Field(
-        default="little", description="of a .dat or pipe: the first pixel of a byte is its least "
+        default="little",
+        description="order of bits of a .dat or pipe: the first pixel of a byte is its least "
         "(little) or most significant bit",
     )  # fmt: skip
     byte_order: ByteOrder = Field(
-        default="little", description="of a .dat or pipe: bytes as they stand (little), or words "
-        "of that many bits with the most significant byte first",
+        default="little",
+        description="order of bytes of a .dat or pipe: bytes as they stand (little), or words of "
+        "that many bits with the most significant byte first",
     )  # fmt: skip
     flip: Flip = Field(
-        default="vertical", description="of a .dat or pipe: how its pictures are turned over to be "
-        "upright; vertical for rows from the bottom up",
+        default="vertical",
+        description="flip of a .dat or pipe: how its pictures are turned over to be upright; "
+        "vertical for rows from the bottom up",
     )  # fmt: skip
     clock: Frequency | None = Field(
         default=None,
-        description="of the cycles, for a .dat or .raw, which do not keep it, and for events, "
-        "which are latched by it; by default that of the format or file",
+        description="clock of the cycles, for a .dat or .raw, which do not keep it, and for "
+        "events, which are latched by it; by default that of the format or file",
     )
     width: Side | None = Field(
         default=None, description="pixels as stored, for a .dat or pipe; by default of its "

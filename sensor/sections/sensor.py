@@ -27,8 +27,6 @@ from sensor.sections.preset_file import with_preset
 from sensor.sections.sub_threshold import DarkLimit, SubThresholdSection
 from sensor.sections.writes import LEVELS, Writes, check_writes
 
-__all__ = ["SPIKING", "LensSection", "PatternSection", "SensorSection"]
-
 SPIKING = tuple(
     name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.readouts
 )
@@ -127,14 +125,16 @@ class _ChipSection(Section):
         description="width from which on an interval is rejected as dark; 'dark current' for "
         "threshold over sensor.pattern.dark_current; nothing is rejected when absent",
     )
-    wavelength: Wavelength = Field(default=555.0, description="at which lux are counted as photons")
+    wavelength: Wavelength = Field(
+        default=555.0, description="wavelength at which lux are counted as photons"
+    )
     reset: Literal["residual", "hard", "subtract"] = Field(
         default="residual", description="what becomes of charge beyond the threshold at a spike"
     )
     width: Side | None = Field(default=None, examples=[640], description=_OWN.format("pixels"))
     height: Side | None = Field(default=None, examples=[480], description=_OWN.format("pixels"))
     pitch: Pitch | None = Field(
-        default=None, examples=["10 um"], description=_OWN.format("of a pixel")
+        default=None, examples=["10 um"], description=_OWN.format("pitch of the pixels")
     )
     fill_factor: Part | None = Field(
         default=None, examples=[0.6], description=_OWN.format("share of the pitch's area")

@@ -8,8 +8,6 @@ from pydantic import Field
 
 from cosim.config.quantity import DAY, Duration, Quantity, Section
 
-__all__ = ["DarkLimit", "SubThresholdSection"]
-
 _DARK: Final = "dark current"
 
 

@@ -12,8 +12,6 @@ from cosim.errors import InputError
 from sensor.latched.writes import Write
 from sensor.sections.own_chip import own_chip
 
-__all__ = ["LEVELS", "WriteSection", "check_writes", "register_writes", "write_rows"]
-
 LEVELS: Final = 16
 """Threshold settings from outside (Huang 2022 section 6), on either chip."""
 _MOST: Final = 1000

@@ -20,8 +20,6 @@ from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 from sensor.stability.gathering import CLOCK, constant
 
-__all__ = ["BRIGHT", "Flash", "Sunlit", "flashes", "saturation"]
-
 # 4 -------------------------------------------------------------------------------------------
 
 

@@ -25,8 +25,6 @@ from sensor.latched.pixel.model import ExactModel, PixelState
 from sensor.latched.pixel.span import Span
 from sensor.stability.gathering import Counts
 
-__all__ = ["CHANCE", "Z", "decades_of_chi_square", "independence", "poisson_law", "refiring"]
-
 Z: Final = 4.9
 """Standard deviations that a normal variate passes once in a million."""
 DECADES: Final = 6.0

@@ -19,8 +19,6 @@ from sensor.circuit.circuit import Circuit
 from sensor.circuit.train import spike_train
 from sensor.device.ktc import ELEMENTARY_CHARGE
 
-__all__ = ["CIRCUITS", "Train", "currents", "equilibrium", "grazing"]
-
 Values = npt.NDArray[np.float64]
 Train = Callable[[Circuit, Values, Values, Values, Values], Values]
 """(circuit, knots in s, electrons a second at the start and end of each piece, thresholds in

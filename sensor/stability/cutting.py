@@ -23,8 +23,6 @@ from sensor.latched.pixel.numpy_form import NumpyPixels
 from sensor.latched.sampling import row_offsets
 from sensor.stability.gathering import CLOCK
 
-__all__ = ["SAMENESS", "SMALL", "Cut", "Film", "cutting", "plain_bits"]
-
 SMALL: Final = CameraSetting(
     replace(CHIPS["spiketwo"], name="stability", width=20, height=24),
     CLOCK,

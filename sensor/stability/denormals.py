@@ -31,10 +31,8 @@ from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 from sensor.stability.gathering import constant
 
-__all__ = ["DENORMALS", "Forms", "denormals", "flushing"]
-
 _PLACE: Final = {"x86_64": (28, 0x8040), "aarch64": (0, 1 << 24)}
-"""Where the C library's saved environment holds the control word, and its bits that flush: MXCSR
+"""Place of the control word in the C library's saved environment, and its bits that flush: MXCSR
 after the 28 bytes of the x87 (FTZ, DAZ: Intel SDM 1, 10.2.3), FPCR first (FZ: Arm ARM, FPCR)."""
 _TINY: Final = 1e-42
 """Denormal in float32."""

@@ -24,8 +24,6 @@ from sensor.latched.pixel.model import ExactModel
 from sensor.stability.chance import Z
 from sensor.stability.gathering import CLOCK, constant
 
-__all__ = ["FIRING", "Late", "Sine", "delays", "half_clock", "undecided"]
-
 Instants = npt.NDArray[np.int64]
 _FINE: Final = Clock(10**9)
 """Clock of asynchronous pixels where it must bind nobody."""

@@ -20,8 +20,6 @@ from sensor.latched.pixel.fixed_point import ONE, Charge
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["CLOCK", "GATHERING", "Counts", "constant"]
-
 CLOCK: Final = Clock(40_000)
 """Latch clock of SpikeTwo."""
 _BLOCK: Final = 1 << 20

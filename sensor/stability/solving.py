@@ -19,8 +19,6 @@ from sensor.circuit.solvers import solved_train
 from sensor.circuit.train import spike_train
 from sensor.stability.circuits import DIGITS, FARAD, Q, Train, Values, shipped
 
-__all__ = ["SOLVING", "Solve", "Switch", "halving", "light_steps", "resets"]
-
 # 8 -------------------------------------------------------------------------------------------
 
 RATE: Final = 1e9
@@ -123,7 +121,7 @@ def resets(switch: Switch, spikes: int = 10) -> float:
 # 21 ------------------------------------------------------------------------------------------
 
 Solve = Callable[[Circuit, Values, Values, Values, Values, float], Values]
-"""As `Train`, at a relative tolerance."""
+"""Solver as `Train`, at a relative tolerance."""
 
 
 def _solve(device: Device | None) -> list[Solve]:

@@ -25,8 +25,6 @@ from sensor.latched.pixel.span import Span
 from sensor.stability.cutting import SMALL
 from sensor.stability.gathering import CLOCK
 
-__all__ = ["TICKS", "Counters", "Edges", "edges", "late"]
-
 Bits = npt.NDArray[np.uint8]
 
 # 11 ------------------------------------------------------------------------------------------

@@ -17,8 +17,6 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ["KEYS", "PROGRAMS", "Browser", "missing_programs"]
-
 PROGRAMS: Final = {"chromium": "chromium", "chromedriver": "chromium-driver"}
 """Program and the Debian package that holds it."""
 KEYS: Final = {

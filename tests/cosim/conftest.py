@@ -15,7 +15,7 @@ CLOCK = Clock(40_000)
 
 @pytest.fixture(scope="session")
 def random_stream() -> Callable[..., Viform]:
-    """Returns a stream of random spikes; all arguments are optional."""
+    """A stream of random spikes; all arguments are optional."""
 
     def make(
         cycles: int = 75,

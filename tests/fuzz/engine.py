@@ -20,8 +20,6 @@ from pathlib import Path
 
 from cosim.errors import ViformError
 
-__all__ = ["Failure", "Target", "case", "run"]
-
 LONGEST = 400
 """Characters of a refusal; the case's own path counts as its name."""
 SLOWEST = 10

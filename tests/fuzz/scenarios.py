@@ -20,8 +20,6 @@ from scenarios.assemble.machine import check_options
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.messages import validate
 
-__all__ = ["INPUTS", "LATER", "Drawn", "draw"]
-
 Node = dict[str, Any]
 Data = dict[str, Any]
 

@@ -47,8 +47,6 @@ from sensor.codec.vfl import write_vfl
 from tests.fuzz.engine import LONGEST, Target
 from tests.link.receiving.toy import small
 
-__all__ = ["TARGETS"]
-
 CLOCK = Clock(40_000)
 SEEDS = Path(__file__).with_name("seeds")
 

@@ -8,6 +8,7 @@ import pytest
 import zarr
 
 from cosim import InputError, Interrupted
+from cosim.config.toml import to_toml
 from cosim.plan.planner import make_plan
 from cosim.run.machine import Options
 from imagers.catalogue import IMAGERS
@@ -15,7 +16,7 @@ from imagers.report.figures import read_vcd
 from imagers.run.check import paired_error
 from imagers.run.tape import Tape, Taped
 from scenarios.assemble.imager import assemble_imager_study, plan_imager
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.messages import validate
 from scenarios.run import run_scenario
 from sensor.frame_pixels import Exposed

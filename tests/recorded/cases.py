@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["CASES", "Case"]
-
 
 class Case(NamedTuple):
     """One command. quick: it runs in the ordinary suite; the others are slow tests.

@@ -23,8 +23,6 @@ import zarr
 from cosim.run.result import NO_REASON
 from scenarios.cli.entry import _main
 
-__all__ = ["RECORDED", "differences", "left_behind", "plain", "record"]
-
 RECORDED = Path(__file__).with_name("recorded.json")
 TIMED = frozenset({
     "version", "device", "renderer", "run_time_s", "throughput", "camera", "full_physics",

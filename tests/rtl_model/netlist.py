@@ -11,8 +11,6 @@ import pytest
 from rtl_model.verilated import VERILOG
 from rtl_model.verilated.build import missing
 
-__all__ = ["MODELS", "NEEDS_TOOLS", "lint", "netlist"]
-
 
 def lint(top, settings=(), *, folder=VERILOG, options=("-I.",)):
     """The ended process of Verilator, which remarks on a module. It works in the folder of the

@@ -16,9 +16,9 @@ import pytest
 
 from cosim.run.machine import Options
 from cosim.run.result import Result
+from cosim.run.shown import SilentProgress
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.entry import _main
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 

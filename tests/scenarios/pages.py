@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-__all__ = ["page_of"]
-
 
 def page_of(folder: Path) -> str:
     """The HTML of a run's report without the marks of terms, which may stand in any sentence."""

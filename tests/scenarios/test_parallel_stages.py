@@ -10,10 +10,10 @@ import pytest
 
 from cosim.run.chain import BlockChain
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from cosim.stage import Stateful
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 
 SMALL = {
     "glass-over-light": ["sensor.width=96", "sensor.height=64", "duration=8 ms", "image.at=[160]",

@@ -19,13 +19,14 @@ from skimage.metrics import structural_similarity
 
 from cosim import InputError
 from cosim.compute.opencl import Device
+from cosim.config.toml import to_toml
 from cosim.errors import Interrupted
 from cosim.files import Recorder, ZarrStream, open_stream
 from cosim.run.folder import output_folder
 from cosim.run.result import Result, _clean, dumps
 from cosim.spikes.viform import unpack_planes
 from scenarios.assemble.camera.machine import LatchedMachine
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 from scenarios.report import write_report
 from sensor import EFFECTS
 from sensor.latched.effects.own_draws import OWN_DRAWS

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tests.recorded.cases import LINK, SMALL
 
-__all__ = ["RUNS"]
-
 
 def _sets(*assignments: str) -> tuple[str, ...]:
     return tuple(word for each in assignments for word in ("--set", each))

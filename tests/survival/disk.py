@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-__all__ = ["Disk", "watched"]
-
 
 class Disk:
     """The calls of a process, as far as they count.

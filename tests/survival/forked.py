@@ -17,8 +17,6 @@ import pytest
 
 from tests.survival.small_disk import NoMounts
 
-__all__ = ["Command", "call", "copied"]
-
 _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(["tests.survival.warm"])
 

@@ -6,8 +6,6 @@ import ctypes
 import os
 from pathlib import Path
 
-__all__ = ["NoMounts", "mount_private", "resize"]
-
 _NEW_MOUNTS, _NEW_USER = 0x00020000, 0x10000000  # linux/sched.h
 _READ_ONLY, _REMOUNT, _RECURSIVE, _PRIVATE = 1, 32, 1 << 14, 1 << 18  # linux/mount.h
 _libc = ctypes.CDLL(None, use_errno=True)

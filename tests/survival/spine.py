@@ -24,8 +24,6 @@ from cosim.run.progress import QuietProgress
 from cosim.spikes.viform import words_for
 from cosim.stage import Block, State
 
-__all__ = ["run"]
-
 CYCLES, SHAPE, CLOCK = 200, (6, 8), Clock(40_000)
 
 

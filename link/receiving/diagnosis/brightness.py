@@ -6,8 +6,6 @@ from typing import Final
 
 from link.verdict import Cause, Verdict
 
-__all__ = ["SATURATED", "brightness_verdict"]
-
 _DIM: Final = 0.6
 """Rate of the tags' white below which the panel is dim."""
 SATURATED: Final = 0.5
@@ -16,7 +14,7 @@ saturated."""
 
 
 def brightness_verdict(white: float, black: float) -> Verdict | None:
-    """Returns the verdict; None if the light is adequate.
+    """Verdict; None if the light is adequate.
 
     Args:
         white, black: spikes a tick of the white and the black of the tags.

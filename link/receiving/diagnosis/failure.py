@@ -17,8 +17,6 @@ from link.receiving.pilots.signal import pilot_signal
 from link.receiving.recording import Recording
 from link.verdict import Cause, Verdict
 
-__all__ = ["explain_failure"]
-
 Floats = npt.NDArray[np.float64]
 _DARK: Final = 0.004
 """Rate below which the image counts as dark: a spike in 250 ticks."""
@@ -29,7 +27,7 @@ _CLOCKS: Final = (100_000.0, 500.0)
 
 
 def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
-    """Returns the cause for a stream without a detected transmission."""
+    """Cause for a stream without a detected transmission."""
     if evidence is None or recording.ticks < _SHORT:
         return Verdict(
             Cause.TRUNCATED,
@@ -65,7 +63,7 @@ def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
 
 
 def _no_symbols(recording: Recording, evidence: Evidence) -> Verdict:
-    """Returns the cause if the panel was detected, but not its symbols."""
+    """Cause if the panel was detected, but not its symbols."""
     assert evidence.refined is not None
     if evidence.mode is None or evidence.lit is None:
         return Verdict(
@@ -100,7 +98,7 @@ def _no_symbols(recording: Recording, evidence: Evidence) -> Verdict:
 
 
 def _clock_verdict(pilots: Floats, ticks: int) -> Verdict | None:
-    """Returns the verdict if the clock is off, else None. pilots: (ticks,) spikes of all pilots."""
+    """Verdict if the clock is off, else None. pilots: (ticks,) spikes of all pilots."""
     if len(pilots) < _SHORT:
         return None
     _, ppm, score = global_clock(pilots, (ticks,), *_CLOCKS)

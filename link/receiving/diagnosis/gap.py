@@ -9,8 +9,6 @@ from link.coding import blocks_of
 from link.receiving.received import Instant
 from link.receiving.session import Session
 
-__all__ = ["gap_text"]
-
 _FRAMES: Final = 4
 """Number of lost frames in a row, and of correct frames around them, from which a stream has a
 gap."""
@@ -20,7 +18,7 @@ _STRAY: Final = 0.02
 
 
 def gap_text(session: Session, ends: bool = False) -> str | None:
-    """Returns the evidence of missing or dark ticks; None if frames were lost in another way.
+    """Evidence of missing or dark ticks; None if frames were lost in another way.
 
     A gap is one sequence of blocks that are lost completely, and correct blocks before it, behind
     it or on both sides. If they are on both sides in the same timing, no ticks are missing: the
@@ -67,8 +65,7 @@ class _Block:
 
 
 def _blocks(session: Session) -> list[_Block]:
-    """Returns the blocks in order. Of a group that was read more than once, the best reading
-    counts."""
+    """Blocks in order. Of a group that was read more than once, the best reading counts."""
     groups: dict[int, Instant] = {}
     for each in session.instants:
         known = groups.get(each.group)

@@ -6,13 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from link.receiving.acquiring import Evidence
 from link.receiving.diagnosis.brightness import brightness_verdict
 from link.receiving.diagnosis.gap import gap_text
 from link.receiving.session import Session
 from link.verdict import Cause, Verdict
-
-__all__ = ["WRONG_PPM", "explain_loss"]
 
 WRONG_PPM: Final = 2000.0
 """Clock offset from which a clock counts as wrong, parts per million."""
@@ -30,14 +27,13 @@ loss of every frame."""
 
 
 def explain_loss(
-    session: Session, evidence: Evidence, recording_stop: int,
+    session: Session, recording_stop: int,
     interrupted: tuple[int, float] | None = None, unbroken: bool = False,
 ) -> Verdict:  # fmt: skip
-    """Returns the cause for a transmission that was detected, but did not arrive whole.
+    """Cause for a transmission that was detected, but did not arrive whole.
 
     Args:
-        session: of the transmission.
-        evidence: of its acquisition.
+        session: session of the transmission.
         recording_stop: end of the recording, ticks.
         interrupted: tick after which the sequence of the pilots jumped, and by how many ticks.
         unbroken: whether the pilots were found to go on in light without a jump.
@@ -124,8 +120,7 @@ def explain_loss(
 
 
 def _hole(session: Session) -> float:
-    """Returns the share of the data cells whose soft values are much smaller than the usual
-    ones."""
+    """Share of the data cells whose soft values are much smaller than the usual ones."""
     if not session.symbols:
         return 0.0
     quality = session.quality / session.symbols

@@ -17,8 +17,6 @@ from link.receiving.refining import project
 from link.receiving.tags import LEAST_MODULE, find_tags, tag_corners, tag_places
 from link.verdict import Cause, Verdict
 
-__all__ = ["PEAK", "edge_blur", "few_tags_verdict", "no_tag_verdict"]
-
 _SHINES: Final = 0.1
 """Rate of the brightest pixels below which the content of an image cannot be identified."""
 PEAK: Final = 6.5
@@ -44,12 +42,12 @@ _SMOOTHED: Final = 2.0
 """Standard deviation that the image is smoothed by before its edges are measured: the data's noise
 is finer."""
 _BLOB, _SHARP = 0.04, 0.03
-"""For a panel out of focus: _BLOB is the smallest lit share of the image, _SHARP the largest share
-of fine detail in its variance."""
+"""Thresholds for a panel out of focus: _BLOB is the smallest lit share of the image, _SHARP the
+largest share of fine detail in its variance."""
 
 
 def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
-    """Returns the cause if one to three tags were detected, or four that belong to no mode."""
+    """Cause if one to three tags were detected, or four that belong to no mode."""
     in_view = sorted(evidence.search.tags)
     names = ("top left", "top right", "bottom right", "bottom left")
     if len(in_view) == 4:
@@ -89,8 +87,8 @@ def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
 
 
 def _seen_layout(evidence: Evidence) -> Layout | None:
-    """Returns a layout of the size in the ids of the detected tags; None if there is none. A panel
-    with one unknown side is taken to be square."""
+    """A layout of the size in the ids of the detected tags; None if there is none. A panel with one
+    unknown side is taken to be square."""
     tags = evidence.search.tags
     sides = [tags[corner][0] // 4 * 32 if corner in tags else None for corner in (0, 1)]
     known = [side for side in sides if side]
@@ -102,8 +100,7 @@ def _seen_layout(evidence: Evidence) -> Layout | None:
 
 
 def _module(evidence: Evidence) -> float:
-    """Returns the size of a module of the detected tags, mean, camera pixels; infinite if
-    unknown."""
+    """Size of a module of the detected tags, mean, camera pixels; infinite if unknown."""
     layout = _seen_layout(evidence)
     if layout is None:
         return math.inf
@@ -120,8 +117,7 @@ def _module(evidence: Evidence) -> float:
 
 
 def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
-    """Returns the camera (x, y) of the corners, (4, 2), of the missing tags, half of their margin
-    included.
+    """Camera (x, y) of the corners, (4, 2), of the missing tags, half of their margin included.
 
     They follow from the detected tags and from the size of the panel in their ids.
     """
@@ -151,7 +147,7 @@ def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDA
 
 
 def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
-    """Returns the cause if no tag was detected."""
+    """Cause if no tag was detected."""
     totals = recording.totals(2)
     _, _, score = global_clock(totals, TICKS, 2000.0, 500.0)
     sends = score >= PEAK
@@ -224,8 +220,8 @@ def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
 
 
 def _sides_beyond(evidence: Evidence) -> int:
-    """Returns the number of sides of the image at which light reaches beyond it; 0 for an image
-    that is too small or too dark to tell."""
+    """Number of sides of the image at which light reaches beyond it; 0 for an image that is too
+    small or too dark to tell."""
     if evidence.most < _SHINES or min(evidence.rates.shape) < _LEAST:
         return 0
     lit = evidence.rates > _DIM * evidence.most
@@ -234,8 +230,8 @@ def _sides_beyond(evidence: Evidence) -> int:
 
 
 def edge_blur(rates: npt.NDArray[np.float32]) -> float:
-    """Returns the blur of an image's longest edges, as the standard deviation of a normal law,
-    camera pixels; infinite without an edge.
+    """Blur of an image's longest edges, as the standard deviation of a normal law, camera pixels;
+    infinite without an edge.
 
     A step of height h that is blurred by s has the slope h / (s sqrt(2 pi)) in its middle. h is the
     contrast of the image, and the slope that of the steepest 0.3 % of its pixels.
@@ -253,7 +249,7 @@ def edge_blur(rates: npt.NDArray[np.float32]) -> float:
 
 
 def _sharpness(rates: npt.NDArray[np.float32]) -> float:
-    """Returns the share of an image's variance that is finer than about three pixels."""
+    """Share of an image's variance that is finer than about three pixels."""
     import cv2
 
     smooth = cv2.GaussianBlur(rates, (0, 0), 2.0)

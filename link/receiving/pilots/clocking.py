@@ -19,8 +19,6 @@ from link.receiving.pilots.sequence import sequence_peak, sequence_values, shows
 from link.receiving.pilots.signal import PilotSignal
 from link.timing import Timing
 
-__all__ = ["Clocking", "clock_by_pilots"]
-
 Floats = npt.NDArray[np.float64]
 _STRETCH: Final = (192, 40)
 """Smallest length of the search, ticks and symbols."""
@@ -39,9 +37,9 @@ class Clocking:
     """The timing by the pilots.
 
     Attributes:
-        timing: of the symbols.
+        timing: timing of the symbols.
         score: height of the peak of the sequence over the rest, standard deviations.
-        scatter: of bands and sections about the timing, ticks rms.
+        scatter: scatter of bands and sections about the timing, ticks rms.
         lit: ticks of the unbroken sequence.
         broken: whether the panel is on in other ticks as well.
     """
@@ -61,12 +59,12 @@ class Clocking:
 def clock_by_pilots(
     signal: PilotSignal, layout: Layout, rows: int, lit: tuple[int, int]
 ) -> Clocking | None:
-    """Returns the timing; None if the pilots are not visible.
+    """Timing; None if the pilots are not visible.
 
     Args:
         signal: spikes of the pilots.
-        layout: of the mode.
-        rows: of the image.
+        layout: layout of the mode.
+        rows: number of rows of the image.
         lit: ticks in which the panel is on.
 
     Returns:
@@ -100,8 +98,7 @@ def clock_by_pilots(
 def _unbroken(
     total: Floats, nominal: float, low: int, high: int, want: int
 ) -> tuple[int, int, float, float] | None:
-    """Returns (begin, stop, lag, score) of the first section that shows the sequence, long ones
-    first."""
+    """(begin, stop, lag, score) of the first section that shows the sequence, long ones first."""
     for length in (want, want // 2):
         for begin in range(low, high - length + 1, length // 4):
             lag, score = sequence_peak(total[begin : begin + length], nominal)
@@ -122,7 +119,7 @@ def _runs_through(total: Floats, nominal: float, begin: int, stop: int, lag: flo
 def _reaches(
     total: Floats, nominal: float, lit: tuple[int, int], stretch: tuple[int, int], lag: float
 ) -> tuple[int, int]:
-    """Returns the extent of the sequence around a section, to a quarter of the section."""
+    """Extent of the sequence around a section, to a quarter of the section."""
     step = max((stretch[1] - stretch[0]) // 4, 8)
 
     first = stretch[0] - lag
@@ -182,8 +179,7 @@ def _phases(
     signal: PilotSignal, period: float, first: float, slope: float, rows: int,
     lit: tuple[int, int], reach: float,
 ) -> tuple[Floats, Floats, Floats, Floats] | None:  # fmt: skip
-    """Returns (tick, row, delay, weight) of each band in each section whose peak lies within
-    reach."""
+    """(tick, row, delay, weight) of each band in each section whose peak lies within reach."""
     length = int(max(_SPAN[0], _SPAN[1] * period))
     count = max(1, (lit[1] - lit[0]) // length)
     offsets = np.arange(-reach, reach + _STEP / 2, _STEP)

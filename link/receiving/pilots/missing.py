@@ -16,8 +16,6 @@ from link.receiving.pilots.sequence import sequence_peak, sequence_values
 from link.receiving.pilots.signal import PilotSignal
 from link.receiving.recording import Gap
 
-__all__ = ["missing_ticks"]
-
 Floats = npt.NDArray[np.float64]
 _MOST: Final = 8
 """Missing ticks at a place, at most. Where more are missing the light may have been broken."""
@@ -40,7 +38,7 @@ _LIKELY: Final = 5.0
 
 
 def missing_ticks(signal: PilotSignal, symbol: float, lit: tuple[int, int]) -> Gap | None:
-    """Returns the likeliest gap; None if the pilots go on without one, or do not tell.
+    """The likeliest gap; None if the pilots go on without one, or do not tell.
 
     A straight line is fitted to the spikes of the pilots over the values of the sequence, once with
     a gap at any place and once with a drift of the clocks instead. The residuals are taken to be
@@ -93,14 +91,14 @@ def missing_ticks(signal: PilotSignal, symbol: float, lit: tuple[int, int]) -> G
 
 
 def _residual(total: Floats, codes: Floats) -> Floats:
-    """Returns the sum of squares of (ticks,) that straight lines over (n, ticks) leave, (n,)."""
+    """Sum of squares of (ticks,) that straight lines over (n, ticks) leave, (n,)."""
     y, x = total - total.mean(), codes - codes.mean(axis=1, keepdims=True)
     return np.asarray(y @ y - (x @ y) ** 2 / np.maximum(np.sum(x * x, axis=1), 1e-12))
 
 
 def _left_by_place(total: Floats, before: Floats, after: Floats) -> Floats:
-    """Returns the sum of squares that straight lines leave over the first m ticks of `before` and
-    the others of `after`, (n, ticks), by m, (ticks + 1,): of the best of n."""
+    """Sum of squares that straight lines leave over the first m ticks of `before` and the others of
+    `after`, (n, ticks), by m, (ticks + 1,): of the best of n."""
     count = len(total)
 
     def sums(value: Floats) -> Floats:

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from link.layout import PERIOD, pilots
 
-__all__ = ["global_clock", "sequence_peak", "sequence_values", "shows_sequence"]
-
 Floats = npt.NDArray[np.float64]
 _PHASES: Final = 4
 """Steps of a tick in the search for the sequence."""
@@ -19,7 +17,7 @@ _SHOWS: Final = 0.4
 
 
 def sequence_values(first: npt.ArrayLike, period: float, ticks: Floats) -> Floats:
-    """Returns the mean of the sequence, +-1, over ticks [k, k + 1), of the shape of first x ticks.
+    """Mean of the sequence, +-1, over ticks [k, k + 1), of the shape of first x ticks.
 
     Args:
         first: tick at which symbol 0 begins.
@@ -40,7 +38,7 @@ def sequence_values(first: npt.ArrayLike, period: float, ticks: Floats) -> Float
 
 
 def sequence_peak(signal: Floats, symbol: float) -> tuple[float, float]:
-    """Returns the lag of the best match of the sequence with a signal, and the score of the match.
+    """Lag of the best match of the sequence with a signal, and the score of the match.
 
     The lag is the number of ticks, within [0, PERIOD symbols), by which symbol 0 precedes the first
     tick of the signal. The score is the height of the peak in standard deviations.
@@ -79,7 +77,7 @@ def shows_sequence(total: Floats, nominal: float, a: int, b: int, first: float) 
 def global_clock(
     totals: Floats, ticks: tuple[int, ...], most: float, step: float
 ) -> tuple[int, float, float]:
-    """Returns the ticks of a symbol, the offset of the panel's clock, ppm, and the score.
+    """Ticks of a symbol, the offset of the panel's clock, ppm, and the score.
 
     All pilots are on and off together, while data are random, so the spikes of the whole image show
     the sequence wherever the panel is.

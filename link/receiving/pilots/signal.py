@@ -12,8 +12,6 @@ from link.layout import Layout
 from link.receiving.recording import Recording
 from link.receiving.refining import project
 
-__all__ = ["PilotSignal", "pilot_signal"]
-
 Floats = npt.NDArray[np.float64]
 _BANDS: Final = 32
 """Bands of camera rows, at most."""
@@ -37,7 +35,7 @@ class PilotSignal:
 
 
 def pilot_signal(recording: Recording, layout: Layout, homography: Floats) -> PilotSignal | None:
-    """Returns the spikes of the pilots in a recording; None if no pilot is in view."""
+    """Spikes of the pilots in a recording; None if no pilot is in view."""
     rows, columns = _pilot_pixels(layout, homography, recording.shape)
     if not len(rows) or not recording.ticks:
         return None
@@ -56,7 +54,7 @@ def pilot_signal(recording: Recording, layout: Layout, homography: Floats) -> Pi
 def _pilot_pixels(
     layout: Layout, homography: Floats, shape: tuple[int, int]
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Returns the camera rows and columns of the pixels well inside pilots."""
+    """Camera rows and columns of the pixels well inside pilots."""
     row, column = np.nonzero(layout.pilot)
     cell = layout.mode.cell
     scale = float(np.sqrt(abs(np.linalg.det(homography[:2, :2]))))

@@ -21,8 +21,6 @@ from typing import Final
 
 import numpy as np
 
-__all__ = ["GAINS", "LoopGains", "PhaseLoop", "centred"]
-
 
 @dataclass(frozen=True)
 class LoopGains:
@@ -38,7 +36,7 @@ class LoopGains:
 
     @classmethod
     def of(cls, frequency: float, damping: float) -> LoopGains:
-        """Returns the gains of a natural frequency, radians an interval, and a damping up to 1."""
+        """Gains of a natural frequency, radians an interval, and a damping up to 1."""
         gone = math.exp(-damping * frequency)
         turn = math.cos(frequency * math.sqrt(1 - damping**2))
         alpha = 1 - gone**2
@@ -65,7 +63,7 @@ class LoopGains:
 
 
 GAINS: Final = LoopGains.of(0.25, math.sqrt(0.5))
-"""Of the loop: 25 intervals a period, damped so that the response has no peak."""
+"""Gains of the loop: 25 intervals a period, damped so that the response has no peak."""
 
 
 _UNKNOWN: Final = (0.3, 0.005)
@@ -74,7 +72,7 @@ phase, and of two clocks of 30 parts per million each in an interval of 128 tick
 
 
 def centred(phase: float) -> float:
-    """Returns a phase modulo a tick, from -1/2 to 1/2."""
+    """A phase modulo a tick, from -1/2 to 1/2."""
     return phase - math.floor(phase + 0.5)
 
 
@@ -84,10 +82,10 @@ class PhaseLoop:
     Args:
         longer, shorter: ticks by which all ticks of an interval together may be lengthened and
             shortened.
-        gains: in the steady state.
+        gains: gains in the steady state.
 
     Attributes:
-        phase: of the planes after the ticks, at the begin of the current interval, ticks.
+        phase: phase of the planes after the ticks, at the begin of the current interval, ticks.
         drift: growth of the phase in an interval without correction, ticks.
         correction: ticks by which the current interval is longer.
     """

@@ -28,8 +28,6 @@ from link.receiving.recording import Recording
 from link.receiving.synthesis import Levels, Witnesses, choose_witnesses, known_cells, match
 from link.timing import Registration, Timing
 
-__all__ = ["Acquisition", "PhaseDetector"]
-
 _MATCH: Final = 0.15
 """Smallest correlation of the spikes with the light of the known cells."""
 _NOISES: Final = (0.035, 0.05, 0.07, 0.09)
@@ -45,7 +43,7 @@ class Acquisition:
     """What a search without any knowledge of the phase gives.
 
     Attributes:
-        timing: of the symbols of the training.
+        timing: timing of the symbols of the training.
         levels: light of the cells.
     """
 
@@ -57,9 +55,9 @@ class PhaseDetector:
     """Measures the phase in windows of a recording.
 
     Args:
-        layout: of the mode.
+        layout: layout of the mode.
         detector: name of the detector that decides data.
-        registration: of the panel in the image.
+        registration: registration of the panel in the image.
 
     Attributes:
         training: (symbols, cells) bits of the training.
@@ -71,15 +69,15 @@ class PhaseDetector:
         self._decides: Detector | None = None
 
     def copied(self) -> PhaseDetector:
-        """Returns one that has learned the same, for another thread."""
+        """A detector that has learned the same, for another thread."""
         other = copy(self)
         other._decides = copy(self._decides)
         return other
 
     def acquire(self, recording: Recording, lit: tuple[int, int]) -> Acquisition | None:
-        """Returns the timing of a recording that contains the training; None if its pilots are not
-        visible. lit: ticks in which the panel is on. The timing is best in the training's middle:
-        its period is not known better than the training tells."""
+        """Timing of a recording that contains the training; None if its pilots are not visible.
+        lit: ticks in which the panel is on. The timing is best in the training's middle: its period
+        is not known better than the training tells."""
         layout, registration = self._layout, self._registration
         signal = pilot_signal(recording, layout, registration.homography)
         if signal is None:
@@ -104,8 +102,8 @@ class PhaseDetector:
     def trained(
         self, recording: Recording, timing: Timing, levels: Levels, count: int
     ) -> tuple[Delay, Levels] | None:
-        """Returns the delay of the training's first `count` symbols against an expected timing, and
-        the levels that they show; None if they are not visible."""
+        """Delay of the training's first `count` symbols against an expected timing, and the levels
+        that they show; None if they are not visible."""
         w = self._witnesses(recording, timing, self.training[:count])
         if w is None:
             return None
@@ -115,9 +113,8 @@ class PhaseDetector:
     def decided(
         self, recording: Recording, timing: Timing, levels: Levels, count: int
     ) -> Delay | None:
-        """Returns the delay of `count` symbols of data against an expected timing, by their
-        decisions; None if too many of these are doubtful. Wrong decisions favour the expected
-        phase.
+        """Delay of `count` symbols of data against an expected timing, by their decisions; None if
+        too many of these are doubtful. Wrong decisions favour the expected phase.
 
         Raises ValueError before `learn`.
         """
@@ -132,7 +129,7 @@ class PhaseDetector:
     def _witnesses(
         self, recording: Recording, timing: Timing, data: npt.NDArray[np.bool_]
     ) -> Witnesses | None:
-        """Returns pixels around cells of known bits; None if they do not show them."""
+        """Pixels around cells of known bits; None if they do not show them."""
         known = known_cells(self._layout, 0, data)
         w = choose_witnesses(recording, self._layout, self._registration, timing, known, pure=False)
         return None if w is None or match(w, timing) < _MATCH else w

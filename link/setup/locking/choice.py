@@ -15,21 +15,20 @@ from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 from sensor.device.steering import ClockSteering
 
-__all__ = ["choose_and_lock"]
-
 
 def choose_and_lock(
     modem: Modem, setting: LinkSetting, steering: ClockSteering | None, size: int,
     device: Device | None, progress: Progress, spent: Spent, adaptive: bool = False,
     keeps: bool = False,
 ) -> tuple[Mode, Choice | None, Locking | None]:  # fmt: skip
-    """Returns the mode as `choose_mode`, and the loop that has locked the camera's clock; None if
-    the clock cannot be steered or no lock is found. A mode is tried at the phase that it will have.
+    """Mode as `choose_mode`, and the loop that has locked the camera's clock; None if the clock
+    cannot be steered or no lock is found. A mode is tried at the phase that it will have.
 
     Args:
-        modem, setting, size, device, progress, adaptive: as in `choose_mode`.
+        modem, setting, size, device, progress, adaptive: modem, setting, size, device, progress and
+            adaptive as in `choose_mode`.
         steering: Steering of its clock; None for ticks that keep their length.
-        spent: of each stage; that of the pilots and of the loop is added.
+        spent: time spent in each stage; that of the pilots and of the loop is added.
         keeps: whether the choice and the measurements of the loop are kept between runs.
 
     Raises:

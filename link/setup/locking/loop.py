@@ -42,8 +42,6 @@ from link.timing import Timing
 from sensor.device.steering import ClockSteering
 from sensor.latched.steering import ClockMoves
 
-__all__ = ["INTERVAL", "SOURCES", "ClockLock", "Locking"]
-
 SOURCES: Final = ("cosim", "sensor", "display", "link")
 """Packages that choose a mode, lock a clock and predict what arrives."""
 
@@ -154,14 +152,13 @@ class Locking:
         return (len(self._edges) - 1) // INTERVAL
 
     def _phases(self, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Returns the true phase of the planes in the middle row at edges, ticks."""
+        """True phase of the planes in the middle row at edges, ticks."""
         period = PS / self._panel.hz
         late = (self._model.middle - edges) / period
         return np.asarray((late - np.floor(late + 0.5)) * period / self._model.period)
 
     def _truth(self) -> tuple[float, float]:
-        """Returns the true phase at the begin of the current interval, ticks, and its growth, ticks
-        a tick."""
+        """True phase at the begin of the current interval, ticks, and its growth, ticks a tick."""
         phase = float(self._phases(np.array([float(self._edges[-1])]))[0])
         drift = self._clock.hz / self._panel.hz - 1
         return phase, drift - self._loop.correction / INTERVAL
@@ -184,8 +181,8 @@ class Locking:
             self._edges.append(self._edges[-1] + length + self._step * int(counts[tick]))
 
     def _counts(self) -> npt.NDArray[np.int64]:
-        """Returns the counts by which each tick of the current interval is longer. What is less
-        than a count is owed to the next interval."""
+        """Counts by which each tick of the current interval is longer. What is less than a count is
+        owed to the next interval."""
         whole = self._loop.correction * self._model.period / self._step + self._owed
         sums = np.floor(np.arange(INTERVAL + 1) * whole / INTERVAL + 0.5).astype(np.int64)
         self._owed = whole - float(sums[-1])
@@ -227,7 +224,7 @@ class Locking:
         return None if delay is None else (self._loop.phase + delay.ticks, delay.error)
 
     def _expected(self) -> Timing:
-        """Returns the timing that the loop expects of a window in the current interval."""
+        """Timing that the loop expects of a window in the current interval."""
         growth = self._loop.growth / INTERVAL
         return self._model.timing(self._loop.phase, growth, self._slope)
 
@@ -299,14 +296,14 @@ class Locking:
     def hold(
         self, setting: LinkSetting, planes: int, progress: Progress, measured: bool = True
     ) -> tuple[LinkSetting, ClockLock | None]:
-        """Returns a link with the ticks of the loop over its run, and how they were held; the link
-        with the clocks that it had at first, and None, if the lock is lost. The loop stays as it
-        was at the begin of the run, so that several threads may call this, again and again.
+        """A link with the ticks of the loop over its run, and how they were held; the link with the
+        clocks that it had at first, and None, if the lock is lost. The loop stays as it was at the
+        begin of the run, so that several threads may call this, again and again.
 
         Args:
-            setting: that of `setting`; its hidden spans and its seeds may be changed.
-            planes: of the transmission.
-            progress: of the ticks.
+            setting: link of `setting`; its hidden spans and its seeds may be changed.
+            planes: number of planes of the transmission.
+            progress: progress of the ticks.
             measured: whether the last interval is measured as well, which no tick of the run
                 depends on.
         """

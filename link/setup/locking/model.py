@@ -27,8 +27,6 @@ from link.setup.truth import true_timing
 from link.timing import Timing
 from sensor import SpikeCamera
 
-__all__ = ["BEFORE", "PhaseModel", "at_lock"]
-
 BEFORE: Final = 3
 """Dark ticks of the model before a window."""
 _LEAST_COLUMNS: Final = 32
@@ -55,14 +53,14 @@ class PhaseModel:
 
     Args:
         setting: the link, with its own clocks.
-        mode: of the transmission.
+        mode: mode of the transmission.
         device: OpenCL device, None for numba.
 
     Attributes:
         strip: the link of the strip.
-        mode, layout: of the strip.
-        registration: of the strip in the image.
-        slope, rows: of the true timing in the image.
+        mode, layout: mode and layout of the strip.
+        registration: registration of the strip in the image.
+        slope, rows: slope and rows of the true timing in the image.
         middle: instant at which the middle row receives plane 0, ps.
         period: nominal length of a tick, ps.
 
@@ -93,13 +91,13 @@ class PhaseModel:
         )  # fmt: skip
 
     def timing(self, phase: float, growth: float, slope: float) -> Timing:
-        """Returns the timing of a window of that phase, ticks, of its growth, ticks a tick, and of
-        that slope over the rows, ticks."""
+        """Timing of a window of that phase, ticks, of its growth, ticks a tick, and of that slope
+        over the rows, ticks."""
         period = self.mode.ticks * (1 + growth)
         return Timing(BEFORE + phase - slope / 2, period, slope, self.rows)
 
     def data(self, window: int, symbols: int) -> npt.NDArray[np.bool_]:
-        """Returns random data of a window in the mode's line code, (symbols, cells)."""
+        """Random data of a window in the mode's line code, (symbols, cells)."""
         code = self.mode.code
         rng = np.random.Generator(np.random.Philox(key=(self._seed << 32) | window))
         groups = -(-symbols // code.symbols)
@@ -144,7 +142,7 @@ class PhaseModel:
 
 
 def at_lock(setting: LinkSetting) -> LinkSetting:
-    """Returns a link whose clocks have the same rate, and whose planes begin with the ticks."""
+    """A link whose clocks have the same rate, and whose planes begin with the ticks."""
     clock = setting.camera.clock
     strip = strip_of(setting)
     mode = Mode(strip.optics.width, strip.optics.height, 2, 1, "scrambled", 16)

@@ -20,8 +20,6 @@ from rtl_model.host.csr import CsrMap
 from rtl_model.host.ether import Etherbone
 from rtl_model.registers import REGISTERS
 
-__all__ = ["Bench", "Burst", "SerialBench", "UdpBench"]
-
 _CHANGED_BY_READING = {register.name for register in REGISTERS if register.read_effect}
 
 Result = TypeVar("Result")
@@ -32,7 +30,7 @@ class Burst:
     """Captured planes and the expected ones.
 
     Attributes:
-        name: of the test pattern.
+        name: name of the test pattern.
         got, expected: (frames, rows, columns) bool.
         wrong: the difference; None if there is none.
     """
@@ -48,12 +46,12 @@ class Bench:
     """A board under test, over any line.
 
     Attributes:
-        port: to the board; a stage that exceeds its time ends with OutOfTime here.
+        port: port to the board; a stage that exceeds its time ends with OutOfTime here.
         bone: the host's side of the protocol, on that port.
         csr: registers of the loaded design.
         simulated: whether there is no real clock behind the port.
         frames: number of frames in a captured burst.
-        geometry: of the board, once the identity stage has passed; a default before.
+        geometry: geometry of the board, once the identity stage has passed; a default before.
         board: figures of the identity stage; empty before it.
         bursts: captured so far.
         magic: word at address 0 as the first stage has read it, None before.
@@ -101,7 +99,7 @@ class Bench:
         return value
 
     def repeat(self, check: Callable[[], Result], *kinds: str) -> Result:
-        """Returns the result of `check`, and repeats it once if it fails by one of these kinds.
+        """Runs `check`, and repeats it once if it fails by one of these kinds.
 
         If the second run passes, the first one met a fault of the line, not of the design. The
         monitor counts it.

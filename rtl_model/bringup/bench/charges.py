@@ -9,8 +9,6 @@ from rtl_model.bringup.bench.frames import read_pattern
 from rtl_model.host import Board, Reading, read_charges
 from sensor.reconstruct.readings import quantised
 
-__all__ = ["read_and_compare"]
-
 _FRAMES = 1024  # planes of the model at a time
 
 

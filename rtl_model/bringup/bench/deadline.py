@@ -9,8 +9,6 @@ from rtl_model.host.countdown import Countdown
 from rtl_model.host.ether import PacketPort
 from rtl_model.host.ports import Port
 
-__all__ = ["Deadline", "DeadlinePort", "DeadlineSocket", "OutOfTime"]
-
 _COUNTED_S = 10.0  # most of an operation, or of a pause between two, that counts
 
 
@@ -25,7 +23,7 @@ class Deadline:
 
     Attributes:
         inner: the wrapped port.
-        name: for messages.
+        name: name for messages.
     """
 
     def __init__(self, inner: Port | PacketPort) -> None:

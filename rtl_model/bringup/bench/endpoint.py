@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rtl_model.virtual import Level, VirtualBoard
     from rtl_model.virtual.ethernet import EthernetBoard
 
-__all__ = ["VIRTUAL", "Endpoint", "checked_level", "csr_map", "open_endpoint", "virtual_board"]
-
 VIRTUAL = "virtual"
 """Name of the port that starts a virtual board."""
 
@@ -33,8 +31,8 @@ class Endpoint:
     """A port with a board behind it.
 
     Attributes:
-        url: of the port, for `opened_bone`.
-        baud: of a serial line.
+        url: URL of the port, for `opened_bone`.
+        baud: baud of a serial line.
         simulated: whether a simulated board is behind the port.
         time_scale: seconds of the host's time to a second of the board's clock.
         lines: modem lines of a serial port to set.
@@ -79,10 +77,10 @@ def virtual_board(
     """A virtual board that is not started yet.
 
     Args:
-        baud: of its line.
-        level: of simulation, one of `rtl_model.virtual.LEVELS`.
-        faults: to inject, such as "stuck=3,7".
-        geometry: of the build; by default 32 x 32 at a clock that the simulator reaches.
+        baud: baud of the board's line.
+        level: level of simulation, one of `rtl_model.virtual.LEVELS`.
+        faults: faults to inject, such as "stuck=3,7".
+        geometry: geometry of the build; by default 32 x 32 at a clock that the simulator reaches.
         link: symbolic link to make for its port.
         device: another device to simulate instead, such as a conventional imager.
         udp: `udp:HOST[:PORT]` to serve Etherbone at instead of a pty.
@@ -122,12 +120,12 @@ def open_endpoint(
 
     Args:
         port: a device, a URL of pyserial, `udp:HOST[:PORT]`, or `VIRTUAL`.
-        baud: of a serial line; None for 115 200, and with a board over UDP.
+        baud: baud of a serial line; None for 115 200, and with a board over UDP.
         time_scale: seconds of the host's time to a second of the board's clock; None for 1, or
             for the measured value of a virtual board.
         simulated: whether a simulated board is behind the port; None: true for a pty and a
             loopback address only.
-        level, faults, geometry: of a virtual board.
+        level, faults, geometry: level, faults and geometry of a virtual board.
         dtr, rts: modem lines of a serial port to set.
     """
     from cosim import InputError

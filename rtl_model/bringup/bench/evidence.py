@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from rtl_model.bringup.bench.stage import Figures
 
-__all__ = ["Evidence"]
-
 
 @dataclass(frozen=True)
 class Evidence:

@@ -17,8 +17,6 @@ from rtl_model.bringup.bench.wrong_bits import compare
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, capture
 
-__all__ = ["capture_and_compare", "compare_burst", "frame_clock", "read_pattern"]
-
 
 def frame_clock(board: Board) -> Clock:
     """The frame clock from the board's registers: nominal clock divided by clocks of a tick."""
@@ -47,9 +45,9 @@ def compare_burst(
     """Compares captured planes with the cycle model's.
 
     Args:
-        name: of the test pattern.
+        name: name of the test pattern.
         captured: frames from `first_frame` on, the sensor having started without charge.
-        size: of the board.
+        size: geometry of the board.
         registers: values of the `sensor_*` registers during the burst.
         image: contents of the pattern memory, (rows, columns); None if no pixel reads it.
         first_frame: number of the first frame.

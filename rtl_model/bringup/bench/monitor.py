@@ -27,8 +27,6 @@ from rtl_model.host import CsrMap, LineFault, Uartbone
 from rtl_model.host.uartbone import FINAL
 from rtl_model.registers import REGISTERS, Register, identifier
 
-__all__ = ["LineMonitor"]
-
 _TRIES = 12  # readings until two agree
 _COUNTERS = 7  # words from uart_rx_bytes to uart_writes_crc
 _GROW = ("rx", "tx", "framing", "aborts", "unknown", "words")  # counts of the board
@@ -53,8 +51,8 @@ class _Sums(NamedTuple):
     """Counts at both ends at one moment, in bytes unless noted.
 
     Attributes:
-        sent, heard, asked: by the host: bytes sent, received and requested.
-        rx, tx: by the board: bytes received and sent.
+        sent, heard, asked: counts of the host: bytes sent, received and requested.
+        rx, tx: counts of the board: bytes received and sent.
         framing, aborts, unknown: framing errors, watchdog aborts and unknown commands.
         words, words_crc: words written by the board's count, and their CRC-32.
         written, written_crc: the same by the host's count.
@@ -83,7 +81,7 @@ class LineMonitor:
     `take_evidence` evaluates the interval since then and starts the next one.
 
     Attributes:
-        geometry: of the board; None until it is known.
+        geometry: geometry of the board; None until it is known.
     """
 
     def __init__(self, bone: Uartbone, csr: CsrMap) -> None:
@@ -306,7 +304,7 @@ class _Reading(NamedTuple):
     """A reading of the board's counters.
 
     Attributes:
-        words: of the counters.
+        words: values of the counters.
         sent: bytes that the host had sent, including the request.
         asked: bytes that the host had requested before this answer.
     """
@@ -340,9 +338,9 @@ class _WrongAnswers:
     """Answers that were wrong once, in one interval.
 
     Attributes:
-        address: of another register.
+        address: answers of another register.
         answers: changed on the way from the board.
-        open: of undecided direction.
+        open: answers of undecided direction.
         early: wrong while the counters were first read.
         examined: number of answers examined so far.
         errors: bus errors before a reset of the board.

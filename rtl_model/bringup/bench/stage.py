@@ -7,8 +7,6 @@ from typing import Any, Literal, TypeAlias
 
 from cosim import ViformError
 
-__all__ = ["STAGES", "UDP_STAGES", "Figures", "Outcome", "Report", "Stage", "StageFault"]
-
 STAGES = (
     "port", "bytes", "identity", "counters", "registers", "prbs", "patterns", "threshold", "timing",
 )  # fmt: skip
@@ -50,8 +48,8 @@ class Stage:
 
     Attributes:
         name: one of `STAGES` or `UDP_STAGES`.
-        outcome: of its check.
-        cause: one sentence with what to repair; None if the outcome is ok.
+        outcome: outcome of the stage's check.
+        cause: sentence with what to repair; None if the outcome is ok.
         figures: measured by the stage.
         seconds: duration by the port's clock, s.
         kind: short name of the cause, for programs; None if the outcome is ok.
@@ -82,10 +80,10 @@ class Report:
 
     Attributes:
         port: name of the port.
-        baud: of the line; None over UDP.
+        baud: baud of the line; None over UDP.
         simulated: whether there is no real clock behind the port.
-        names: of all stages, in order.
-        stages: in order; those after a failed one may be left out.
+        names: names of all stages, in order.
+        stages: stages in order; those after a failed one may be left out.
         board: figures of the identity stage, None if it did not pass.
         bursts: captured and expected planes, in order of capture.
         wall_s: wall time of the bring-up, s.

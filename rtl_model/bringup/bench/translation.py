@@ -17,8 +17,6 @@ from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.stage import StageFault
 from rtl_model.host import LineFault
 
-__all__ = ["find_translation"]
-
 _LF, _CR, _XON, _XOFF, _ALL_ONES, _HIGH = 0x0A, 0x0D, 0x11, 0x13, 0xFF, 0xB3
 _NEUTRAL: Final = bytes((0x5A, 0x35, 0x5A, 0x35))
 """A word that no known translation changes."""
@@ -29,7 +27,7 @@ class _Signature(NamedTuple):
     """A known translation.
 
     Attributes:
-        byte: that is probed.
+        byte: byte that is probed.
         change: what the byte becomes.
         text: the observation, followed by the direction.
         remedy: what to do.
@@ -80,7 +78,7 @@ _KNOWN: Final = (
 
 
 def find_translation(bench: SerialBench) -> StageFault | None:
-    """Returns the fault "translated" if the line has the signature of a known translation.
+    """Fault "translated" if the line has the signature of a known translation.
 
     The scratch register of a Viform board is overwritten. Returns None if the line does not carry
     a neutral word either, or differs in another way.
@@ -106,7 +104,7 @@ def _direction(word: bytes, known: _Signature, answer: bytes) -> str | None:
     """Direction of a translation; None if the answer has another cause.
 
     Args:
-        word: written, after `_NEUTRAL` was written.
+        word: bytes written, after `_NEUTRAL` was written.
         known: the translation.
         answer: all bytes that came back.
     """

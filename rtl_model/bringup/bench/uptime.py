@@ -7,8 +7,6 @@ from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.stage import StageFault
 from rtl_model.host import LineFault
 
-__all__ = ["Uptime"]
-
 _FAST = 1.5  # largest ratio of a real clock to its nominal frequency
 _WRAP = 1 << 32  # clocks
 

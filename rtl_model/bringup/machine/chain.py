@@ -18,8 +18,6 @@ from rtl_model.bringup.machine.waves import Trace, write_waves
 from rtl_model.bringup.run import BringUp, bring_up
 from rtl_model.host import LineFault
 
-__all__ = ["LOG", "BoardChain"]
-
 LOG = "line.jsonl"
 """File of a run's folder that lists every transaction on the line."""
 
@@ -31,7 +29,7 @@ class BoardChain:
     again.
 
     Attributes:
-        report: of the bring-up, once the chain has run.
+        report: report of the bring-up, once the chain has run.
         image: the captured frames; None if a stage or the capture failed.
         fault: the line's fault that ended the capture, None if there was none.
     """

@@ -7,15 +7,13 @@ import numpy.typing as npt
 
 from rtl_model.geometry import Geometry
 
-__all__ = ["make_image"]
-
 
 def make_image(size: Geometry, seed: int) -> npt.NDArray[np.uint8]:
     """A bright disc on a ramp with uniform noise: (rows, columns) uint8, electrons a tick.
 
     Args:
-        size: of the board.
-        seed: of the noise.
+        size: geometry of the board.
+        seed: seed of the noise.
     """
     row, column = np.mgrid[: size.rows, : size.columns]
     y, x = (row + 0.5) / size.rows - 0.5, (column + 0.5) / size.columns - 0.5

@@ -14,15 +14,13 @@ from rtl_model.bringup.machine.section import BoardSection
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, opened_bone, pattern
 
-__all__ = ["ImageCapture", "capture_image"]
-
 
 class ImageCapture(NamedTuple):
     """Captured frames of the image.
 
     Attributes:
         captured: the frames with their timing.
-        burst: their comparison with the cycle model.
+        burst: comparison of the frames with the cycle model.
         clock: frame clock.
     """
 

@@ -23,8 +23,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.host.ether import is_udp
 from rtl_model.virtual import nominal_clock
 
-__all__ = ["BoardMachine"]
-
 _SIDE, _LANES = 32, 32  # default size of a virtual board
 _MOST_WORDS = 1 << 20  # largest capture memory of a virtual board
 
@@ -43,7 +41,7 @@ class BoardMachine:
 
         Args:
             section: the board, its port and the frames to capture.
-            seed: of the image's noise.
+            seed: seed of the image's noise.
             toml: the resolved scenario, as TOML.
             trace: file for the waveforms of a virtual board, None for none.
 

@@ -9,9 +9,6 @@ from pydantic import Field, model_validator
 from cosim import InputError
 from cosim.config.quantity import Section
 
-__all__ = ["BoardSection"]
-
-
 _SLOWEST = 9600
 """Baud of the cycle model: each bit takes a simulated clock its time, minutes for slower lines."""
 
@@ -25,8 +22,9 @@ class BoardSection(Section):
         "simulator is started",
     )
     level: Literal["bytes", "pins", "model"] = Field(
-        default="bytes", description="of a virtual board: the Verilog behind bytes or pins, or the "
-        "cycle model, which needs no Verilator",
+        default="bytes",
+        description="level of a virtual board: the Verilog behind bytes or pins, or the cycle "
+        "model, which needs no Verilator",
     )  # fmt: skip
     baud: Annotated[int, Field(ge=2001, le=12_000_000)] = 115_200
     dtr: Literal["on", "off"] | None = Field(
@@ -36,19 +34,19 @@ class BoardSection(Section):
         default=None, description="RTS of a serial port, likewise; on when absent"
     )
     rows: Annotated[int, Field(ge=1, le=4095)] | None = Field(
-        default=None, description="of the board; a virtual one has 32 when absent"
+        default=None, description="rows of the board; a virtual one has 32 when absent"
     )
     columns: Annotated[int, Field(ge=1, le=4096)] | None = Field(
-        default=None, description="of the board; a virtual one has 32 when absent"
+        default=None, description="columns of the board; a virtual one has 32 when absent"
     )
     lanes: Literal[32, 64] | None = Field(
         default=None, description="pixels a clock computes; a virtual board has 32 when absent"
     )
     frames: Annotated[int, Field(ge=1, le=65_536)] = Field(
-        default=24, description="of the captured stream, one burst"
+        default=24, description="frames of the captured stream, one burst"
     )
     faults: tuple[str, ...] = Field(
-        default=(), max_length=64, description='of a virtual board, such as ["stuck=3,7"]'
+        default=(), max_length=64, description='faults of a virtual board, such as ["stuck=3,7"]'
     )
     csr: str | None = Field(default=None, description="csr.csv of the design; ours when absent")
     time_scale: Annotated[float, Field(gt=0, le=1e6)] | None = Field(

@@ -16,8 +16,6 @@ from rtl_model.bringup.machine.image import make_image
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS
 
-__all__ = ["Trace", "checked_trace", "write_waves"]
-
 _FRAMES = 2
 _WORDS = 64  # of a request
 _ANSWER = 6  # bytes' time that an answer of one word takes, with a margin
@@ -28,7 +26,7 @@ class Trace(NamedTuple):
 
     Attributes:
         path: file.
-        geometry: of the build.
+        geometry: geometry of the build.
     """
 
     path: Path
@@ -40,7 +38,7 @@ def checked_trace(path: Path | None, geometry: Geometry | None) -> Trace | None:
 
     Args:
         path: file, None for none.
-        geometry: of the virtual board, None for a real one.
+        geometry: geometry of the virtual board, None for a real one.
 
     Raises InputError for a real board, another file ending, or a missing folder.
     """

@@ -12,8 +12,6 @@ from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from rtl_model.bringup.bench.bench import Burst
 
-__all__ = ["planes_figure", "threshold_figure"]
-
 _MAPPED = 1500
 """Pixels of all bursts up to which the data of the figure hold all, not the wrong ones alone."""
 _RULES = {"residual": "#1c7ed6", "hard": "#2b8a3e", "subtract": "#9c36b5"}

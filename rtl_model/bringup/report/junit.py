@@ -8,8 +8,6 @@ from pathlib import Path
 from cosim.files.whole import whole
 from rtl_model.bringup.bench.stage import Report
 
-__all__ = ["junit_xml", "write_junit"]
-
 # Characters that XML 1.0 forbids, even as entities.
 _CONTROLS = [*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF]
 _FORBIDDEN = dict.fromkeys([*_CONTROLS, *range(0xD800, 0xE000)], "?")

@@ -19,8 +19,6 @@ from rtl_model.bringup.report.junit import write_junit
 from rtl_model.bringup.report.stage_text import stage_text
 from rtl_model.bringup.report.summary import answers, cards_of, cause, subtitle
 
-__all__ = ["TITLE", "Sections", "make_sections", "write_board_report"]
-
 TITLE = "Bring-up of a board"
 JUNIT = "junit.xml"
 _UNITS: Final = {

@@ -5,8 +5,6 @@ from __future__ import annotations
 from cosim.config.amounts import amount, number
 from rtl_model.bringup.bench.stage import Stage
 
-__all__ = ["stage_text"]
-
 _VERILOG = {
     None: "",
     True: ", this program's Verilog",

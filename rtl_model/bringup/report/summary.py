@@ -11,10 +11,8 @@ from cosim.report.parts import Card, cards
 from cosim.report.summary import Answer, big, paragraph
 from rtl_model.bringup.bench.stage import Report
 
-__all__ = ["answers", "cards_of", "cause", "simulated", "subtitle"]
-
 _CHANCE: Final = 0.05
-"""That a line of the stated error rate shows no wrong bit."""
+"""Chance that a line of the stated error rate shows no wrong bit."""
 
 
 def answers(report: Report) -> list[Answer]:

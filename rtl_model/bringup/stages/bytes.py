@@ -11,8 +11,6 @@ from rtl_model.host.baud import REACH_PERCENT, STANDARD_RATES
 from rtl_model.host.uartbone import FINAL, PATIENCE_S
 from rtl_model.registers import MAGIC
 
-__all__ = ["check_bytes", "readable"]
-
 _READS = 8  # consecutive reads of one word; all must be complete
 _LEAST_TEXT = 4  # consecutive printable bytes that count as text
 _SHOWN = 40

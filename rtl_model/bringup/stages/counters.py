@@ -10,8 +10,6 @@ from rtl_model.bringup.bench.bench import SerialBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ports import latency_timer
 
-__all__ = ["check_counters"]
-
 ERRORS = ("uart_framing_errors", "uart_watchdog_aborts", "uart_unknown_commands")
 _ROUND_TRIPS = 64
 _LATENCY_S = 4e-3  # beyond line time; a larger one is caused by an adapter's timer
@@ -135,7 +133,7 @@ def _check_written(
         bench: the board under test.
         written: words written.
         before: the board's count and CRC-32 before.
-        figures: of the stage, for a fault.
+        figures: figures of the stage, for a fault.
     """
     count, crc = bench.bone.read_twice(bench.address("uart_writes"), 2)
     count = (count - before[0]) & 0xFFFFFFFF

@@ -9,8 +9,6 @@ from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Cause, LineFault
 from rtl_model.registers import MAGIC, VERSION, identifier
 
-__all__ = ["check_identity"]
-
 _MOST_ROWS, _MOST_COLUMNS = 4095, 4096
 _BAUD_SLACK = 0.06  # relative difference of the host's baud and the board's nominal one
 

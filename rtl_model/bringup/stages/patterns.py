@@ -10,8 +10,6 @@ from rtl_model.bringup.bench.frames import compare_burst
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import Board, Captured, capture, pattern
 
-__all__ = ["check_patterns"]
-
 _CASES: tuple[tuple[str, int, int, int], ...] = (
     # name, pattern, level, threshold level; every pixel fires in some ticks and not in others
     ("constant", 1, 200, 0),
@@ -48,8 +46,8 @@ def _capture_burst(
     Args:
         bench: the board under test.
         board: its registers.
-        name: of the test pattern.
-        registers: written before the burst.
+        name: name of the test pattern.
+        registers: registers written before the burst, by name.
         image: contents of the pattern memory, (rows, columns).
         frames: number of frames.
     """

@@ -7,8 +7,6 @@ from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import Board, prbs
 from rtl_model.host.prbs import ORDERS
 
-__all__ = ["check_prbs", "which_bits"]
-
 _WORDS = 256  # for each direction and order
 
 

@@ -11,8 +11,6 @@ from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.registers import REGISTERS, Register, parameters, reset_value
 
-__all__ = ["check_registers"]
-
 _LIMITED = {"capture_pointer"}  # reads as at most the number of stored words
 _VARYING = {  # read-only registers without a constant value after reset
     "ctrl_build", "ctrl_uptime", "prbs_source", "capture_state", "ctrl_bus_errors",

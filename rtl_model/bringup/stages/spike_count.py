@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["count_spikes"]
-
 
 def count_spikes(frames: int, electrons: int, level: int, rule: int) -> int:
     """Spikes of one pixel that starts without charge.
@@ -14,8 +12,8 @@ def count_spikes(frames: int, electrons: int, level: int, rule: int) -> int:
 
     Args:
         frames: number of ticks.
-        electrons: of one tick, 0 to 510; at 20 kHz twice those at 40 kHz.
-        level: of the threshold, Q = 255 + 256 level.
+        electrons: electrons of one tick, 0 to 510; at 20 kHz twice those at 40 kHz.
+        level: level of the threshold, Q = 255 + 256 level.
         rule: reset rule, 0 residual (also 3), 1 hard, 2 subtract.
     """
     q = 255 + 256 * level

@@ -6,8 +6,6 @@ from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.bringup.stages.spike_count import count_spikes
 
-__all__ = ["LEVELS", "RULES", "check_threshold"]
-
 LEVELS = 16
 RULES = ("residual", "hard", "subtract")
 _ELECTRONS = 200  # in a 40 kHz tick; divides none of the thresholds

@@ -9,8 +9,6 @@ from cosim.config.amounts import number
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 
-__all__ = ["check_timing", "clock_rate"]
-
 _SPAN_S = 1.0  # between the first and the last reading of the clock
 _READINGS = 8  # at each end; the fastest is used
 _DIFFERENCES = 6  # of frame clocks, for each setting

@@ -12,8 +12,6 @@ from rtl_model.host.ether.etherbone import AROUND, WRITE_MEM, Etherbone
 from rtl_model.host.ether.exchange import Counts, is_answered
 from rtl_model.host.ether.packet import MOST_WORDS, record_packet
 
-__all__ = ["Losses", "count_losses", "most_words"]
-
 _BACK = WRITE_MEM.to_bytes(4, "big")
 _SETTLE = 0.1  # share of the patience after which no late answer is expected
 _WORD = 1 << 32
@@ -23,7 +21,7 @@ class Losses(NamedTuple):
     """What became of packets that were not repeated.
 
     Attributes:
-        counts: of the packets.
+        counts: counts of the packets.
         to_board, from_board: net packets added (lost, if negative) in that direction.
     """
 
@@ -38,7 +36,7 @@ def count_losses(bone: Etherbone, packets: int) -> Losses:
     They are numbered writes whose number has been passed, which the board counts and refuses.
 
     Args:
-        bone: of a Viform board.
+        bone: Etherbone of a Viform board.
         packets: number of packets.
     """
     exchange = bone.exchange

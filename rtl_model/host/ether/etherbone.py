@@ -33,8 +33,6 @@ from rtl_model.registers import MAGIC, MEMORIES, VERSION
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["AROUND", "WRITE_MEM", "Etherbone"]
-
 AROUND = 5
 """Words of a numbered write's record besides its data and one address: head, second address, and
 the word read."""
@@ -150,7 +148,7 @@ class Etherbone:
         """Reads words.
 
         Args:
-            address: of the first word, bytes.
+            address: address of the first word, bytes.
             words: number of words.
             fixed: whether all are read from the same address.
             retry: whether the read may be repeated; by default unless `fixed`.
@@ -176,7 +174,7 @@ class Etherbone:
         """Reads words from consecutive addresses; see `read_addresses`.
 
         Args:
-            address: of the first word, bytes.
+            address: address of the first word, bytes.
             words: number of words.
         """
         check_address(address, words)
@@ -207,8 +205,8 @@ class Etherbone:
         """Writes words; every write is confirmed.
 
         Args:
-            address: of the first word, bytes.
-            values: one word, or several, of which the lower 32 bits are written.
+            address: address of the first word, bytes.
+            values: word, or several, of which the lower 32 bits are written.
             fixed: whether all are written to the same address.
 
         Raises LineFault SILENT, GONE, RESTARTED, or GARBLED if another program writes too.
@@ -228,7 +226,7 @@ class Etherbone:
         """Writes words by numbered writes; see `write_blocks`.
 
         Args:
-            address: of the first word, bytes.
+            address: address of the first word, bytes.
             words: big-endian.
             fixed: whether all are written to the same address.
         """

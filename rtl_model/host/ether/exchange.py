@@ -20,8 +20,6 @@ from rtl_model.host.faults import Cause, LineFault
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-__all__ = ["Counts", "Exchange", "PacketPort", "is_answered", "silent"]
-
 _LATER = 3  # answers to later requests that prove a loss, as in TCP (RFC 5681, section 3.2)
 _GAIN, _VARIATION_GAIN = 1 / 8, 1 / 4  # of the smoothed round trip and its variation (RFC 6298)
 _LEAST_WAIT_S = 20e-3  # before an answer is overdue: a busy machine may suspend a thread so long
@@ -40,7 +38,7 @@ class PacketPort(Protocol):
     """A port that exchanges datagrams.
 
     Attributes:
-        name: for messages.
+        name: name for messages.
         same_port: whether LiteEth's answers arrive here.
         refused: whether the system learnt that no program listens there.
     """
@@ -94,7 +92,7 @@ class Sent(NamedTuple):
     """A transmitted request.
 
     Attributes:
-        key: of the caller.
+        key: key of the caller.
         order: number of the transmission.
         at: time, s.
         turn: number of the exchange.
@@ -110,9 +108,9 @@ class Exchange:
     """Requests in flight on a port.
 
     Attributes:
-        port: of the board.
+        port: port of the board.
         patience_s: longest usual wait for an answer, s.
-        counts: of packets since the start.
+        counts: counts of packets since the start.
         window: number of requests in flight that the board and the network have kept up with.
         round_trip_s: smoothed duration of a round trip, s; None before the first answer.
         least_wait_s: least time after which an answer is overdue, s.
@@ -170,7 +168,7 @@ class Exchange:
         """Sends a request.
 
         Args:
-            key: by which the caller knows it.
+            key: key by which the caller knows the request.
             make: returns the packet for a tag.
         """
         self._tag = tag = (self._tag + 1) % _TAGS
@@ -304,7 +302,7 @@ def is_answered(exchange: Exchange, make: Callable[[int], bytes], tries: int = 6
     Raises LineFault GONE.
 
     Args:
-        exchange: that sends them, one at a time.
+        exchange: exchange that sends them, one at a time.
         make: returns the packet for a tag.
         tries: most packets that may be lost.
     """

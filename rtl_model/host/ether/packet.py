@@ -25,11 +25,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "MOST_BYTES", "MOST_WORDS", "Malformed", "Packet", "Record", "Words", "answer_packet",
-    "answered", "parse", "probe", "probe_reply", "record_packet",
-]  # fmt: skip
-
 Words = npt.NDArray[np.uint32]
 """Words or byte addresses, (n,) big-endian uint32."""
 
@@ -74,7 +69,7 @@ class Packet(NamedTuple):
 
     Attributes:
         probe, reply: flags PF and PR.
-        records: of the packet.
+        records: records of the packet.
         rest: bytes after the first four, which the reply to a probe repeats.
     """
 

@@ -13,11 +13,6 @@ from typing import NamedTuple
 from cosim import InputError
 from rtl_model.host.faults import Cause, LineFault
 
-__all__ = [
-    "DEFAULT_PORT", "UdpAddress", "UdpPort", "is_loopback", "is_udp", "open_udp", "resolved",
-    "udp_address",
-]  # fmt: skip
-
 DEFAULT_PORT = 1234
 """UDP port of Etherbone in LiteX and LiteEth."""
 
@@ -106,7 +101,7 @@ class UdpPort:
     has the same number, unless the board is on this machine or the port is in use.
 
     Attributes:
-        name: for messages.
+        name: name for messages.
         same_port: whether LiteEth's answers arrive here.
     """
 

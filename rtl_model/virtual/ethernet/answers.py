@@ -5,8 +5,6 @@ from __future__ import annotations
 from rtl_model.host.ether import Malformed, answer_packet, parse, probe_reply
 from rtl_model.virtual.ethernet.bus import Bus
 
-__all__ = ["answer"]
-
 
 def answer(data: bytes, bus: Bus) -> bytes | None:
     """Performs a packet and returns its answer; None if it has none.

@@ -26,8 +26,6 @@ from rtl_model.virtual.pace import Pace, measured_speed
 from rtl_model.virtual.served import Served
 from rtl_model.virtual.simulators import Level
 
-__all__ = ["EthernetBoard"]
-
 _AT_ONCE = 64  # requests that are answered before the end of the board is looked for
 _BUFFER = 1 << 21  # bytes asked of the system for each direction
 _LONGEST = 65_536
@@ -40,7 +38,7 @@ class EthernetBoard(Served):
 
     Args:
         url: `udp:HOST[:PORT]`; with port 0 the system chooses one.
-        geometry: of the build; the default one if None.
+        geometry: geometry of the build; the default one if None.
         level: "bytes" runs the Verilog, at its bus; "model" the cycle model.
         faults: texts (see `virtual.faults`), or parsed ones: silent, slow, and those of the design.
         device: another device to simulate instead, such as a conventional imager, at level

@@ -18,8 +18,6 @@ from rtl_model.virtual.simulators import Level, faulty_library
 if TYPE_CHECKING:
     from rtl_model.cycle import Behind
 
-__all__ = ["Bus", "make_bus"]
-
 _ADDRESSES = 0xFFFFFFFC
 _SHIM = Path(__file__).with_name("bus.cpp")
 

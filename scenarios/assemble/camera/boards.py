@@ -30,10 +30,6 @@ from sensor.latched.pixel.fixed_point import ONE
 if TYPE_CHECKING:
     from rtl_model.stand_in import BoardDisplay, OpenBoard
 
-__all__ = [
-    "NO_ERROR", "BoardCamera", "BoardPanel", "Boards", "open_boards", "open_panel", "refuse_boards",
-]  # fmt: skip
-
 NO_ERROR: Final = "a board's spikes are not held against full physics"
 _SIMULATED: Final = (
     ("pattern", None), ("circuit", None), ("threshold_noise", 0.0), ("dead_time", 0.0),

@@ -17,8 +17,6 @@ from sensor.latched.reading import ReadingCamera
 from sensor.reconstruct.readings import READINGS, DimLight, write_readings
 from sensor.reconstruct.shots import Shot
 
-__all__ = ["dim_light", "dim_metrics", "dim_range", "reading_camera"]
-
 
 def reading_camera(camera: SpikeCamera, setup: CameraSetup) -> SpikeCamera | ReadingCamera:
     """The camera of a run, which also reads the charge if the scenario has it do so."""

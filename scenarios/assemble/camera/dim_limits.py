@@ -11,8 +11,6 @@ from sensor import CameraSetting
 from sensor.dynamic_range import longest_width
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["check_dim", "cycles_between", "dark_cycles"]
-
 _MOST: Final = 2**31
 """Readings of single pixels that a run may take; they are kept in memory, two bytes each."""
 _KEY: Final = "sensor.sub_threshold.limit"

@@ -25,8 +25,6 @@ from scenarios.assemble.camera.verifier import Verifier
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.patches import PatchCamera
 
-__all__ = ["TOLERANCES", "every_tile"]
-
 TOLERANCES: Final = (0.0, 1e-3, 1e-2, 0.1)
 """Tolerances at which the errors are measured."""
 REFERENCE: Final = "reference"

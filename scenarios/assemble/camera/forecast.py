@@ -18,8 +18,6 @@ from scenarios.assemble.camera.setup import CameraSetup
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.patches import PatchCamera
 
-__all__ = ["forecast"]
-
 BLOCKS = 4
 """Number of blocks that are run, from the start of the scene. The first compiles; of the others the
 least time counts, as other programs can only add to it."""

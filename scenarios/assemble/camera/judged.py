@@ -20,8 +20,6 @@ from sensor.codec.size import Sizes
 from sensor.latched.check.bank import BankChange
 from sensor.reconstruct.shots import Shot
 
-__all__ = ["LatchedRun"]
-
 
 @dataclass(frozen=True, eq=False)
 class LatchedRun:

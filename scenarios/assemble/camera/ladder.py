@@ -39,8 +39,6 @@ from sensor.latched.patches import PatchCamera
 from sensor.latched.reference.error import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 
-__all__ = ["accuracy"]
-
 TIMED = 3
 """Number of blocks of the whole chip that are timed, after one block for warm-up."""
 TILES = 24

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.compute.stopping import threads
+from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
 from cosim.run.chain import STREAM, BlockChain
@@ -34,7 +35,6 @@ from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
-from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.filming import make_camera
@@ -51,8 +51,6 @@ from sensor.reconstruct.shots import (
     write_colour,
     write_images,
 )
-
-__all__ = ["LatchedMachine", "assemble_latched"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +141,7 @@ class LatchedMachine:
         return copies * self.setup.cycles * self.pixels
 
     def trial(self, progress: Progress) -> list[Finding]:
-        """Returns []: the plan is checked during the recording."""
+        """No finding: the plan is checked during the recording."""
         return []
 
     def keep(self, effects: Sequence[str]) -> LatchedMachine:

@@ -17,8 +17,6 @@ from scenarios.scenes.clips.kept import KEPT_BYTES
 if TYPE_CHECKING:
     from scenarios.assemble.camera.setup import CameraSetup
 
-__all__ = ["check_run_memory", "memory_note", "peak_memory"]
-
 PROGRAM: Final = 440 * 2**20
 """Bytes of the program with its libraries and compiled kernels."""
 IMAGES: Final = 136

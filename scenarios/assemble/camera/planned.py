@@ -12,8 +12,6 @@ from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.reading import ReadingCamera
 
-__all__ = ["PlannedCamera", "planned_camera"]
-
 PlannedCamera = SpikeCamera | ReadingCamera | BoardCamera | BandedCamera
 """The simulated camera, or in its place a board, or bands that workers simulate."""
 

@@ -21,8 +21,6 @@ from sensor.latched.planning import CameraPlan, plan_camera
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier
 
-__all__ = ["RunPlan", "plan_run"]
-
 HELD: Final = (1, 2, 4, 8, 16, 64)
 """Numbers of planes over which a drive holds a packet at least, by the brightest rate of a tile."""
 

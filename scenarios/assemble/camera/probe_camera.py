@@ -14,8 +14,6 @@ from cosim.compute.stopping import heed
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.sampling import row_offsets
 
-__all__ = ["SpikeProbeCamera"]
-
 NOISY: Final = 1 << 16
 """Cycles of a recording up to which the sampling instants of its rows are noisy: each cycle then
 takes 0.1 ms. The noise moves single spikes by less than a cycle and does not accumulate, so a

@@ -29,8 +29,6 @@ from sensor.latched.stages import LensStage, SceneStage
 from sensor.latched.survey import SceneSurvey, survey_scene
 from sensor.latched.tiers import Tier
 
-__all__ = ["CameraSetup", "set_up_camera"]
-
 
 @dataclass(frozen=True, eq=False)
 class CameraSetup:

@@ -13,8 +13,6 @@ from scenarios.assemble.camera.memory import check_run_memory
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
 
-__all__ = ["LatchedStudy"]
-
 
 class LatchedStudy:
     """Implements `Study`. Raises InputError for a camera that cannot be simulated."""

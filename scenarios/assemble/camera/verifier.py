@@ -30,8 +30,6 @@ from sensor import CameraSetting
 from sensor.latched.check.plan_check import PlanCheck, absent_on, finding
 from sensor.latched.check.samples import TileSamples
 
-__all__ = ["Verifier"]
-
 
 class Verifier(PlanCheck, DisplayTrial):
     """The stage that checks a plan.
@@ -121,7 +119,7 @@ class Verifier(PlanCheck, DisplayTrial):
         patches does.
 
         Args:
-            change: from the words of the patches, (words, pixels), and their cycles, to others.
+            change: map from the words of the patches, (words, pixels), and their cycles, to others.
             what: names the part, for the result.
         """
         assert self.displays is not None

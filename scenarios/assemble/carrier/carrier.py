@@ -37,8 +37,6 @@ from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 from sensor.latched.readout import readout_stages
 
-__all__ = ["LINK_STREAM", "RECEIVED", "Carrier", "make_carrier"]
-
 LINK_STREAM: Final = "link.zarr"
 """Recording of the link's camera in the folder of a run."""
 RECEIVED: Final = "received.zarr"
@@ -156,8 +154,8 @@ class Carrier:
         """The stages of the whole chain.
 
         Args:
-            stages: those that make the stream and those that take it, by name, in their order.
-            folder: of the run.
+            stages: stages that make the stream and those that take it, by name, in their order.
+            folder: folder of the run.
         """
         far = dict(dropwhile(lambda item: item[0] not in _FAR, stages.items()))
         near = {name: stage for name, stage in stages.items() if name not in far}
@@ -214,7 +212,7 @@ def make_carrier(stream: CarriedStream, device: str | None, progress: Progress) 
     Args:
         stream: what is sent.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
-        progress: of the pilots.
+        progress: progress of the pilots.
     """
     link = stream.scenario()
     with section_at("link.sensor"):

@@ -19,8 +19,6 @@ from sensor.codec.packets.rate import RateControl
 
 Mask = npt.NDArray[np.bool_]
 
-__all__ = ["Counts", "Decoder", "Sender"]
-
 
 @dataclass(frozen=True)
 class Counts:
@@ -50,7 +48,7 @@ class Sender:
     the panel is, so its choice does not depend on the order in which the stages of a chain run.
 
     Args:
-        code: of the stream.
+        code: code of the stream.
         shape: (height, width) of the stream.
         cycles: length of the stream.
         control: rate control, with the bits a cycle that the link carries.
@@ -144,7 +142,7 @@ class Decoder:
     """Packets to a stream; see `PacketDecoder`.
 
     Args:
-        code: of the stream.
+        code: code of the stream.
         shape: (height, width) of the stream.
     """
 

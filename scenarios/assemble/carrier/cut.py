@@ -15,8 +15,6 @@ from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.encoder import StreamEncoder
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["CutCode"]
-
 SIDE: Final = 8
 """Side of the tiles in which patches are coded, pixels: it divides that of every code."""
 
@@ -29,7 +27,7 @@ class CutCode:
     alone. So patches can be coded without the rest of their tiles.
 
     Attributes:
-        code: of the run.
+        code: code of the run.
         shape: (height, width) of the stream.
         cut: number of layers sent, by first cycle and tile, where some were left out.
         plane: the patches.

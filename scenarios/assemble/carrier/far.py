@@ -21,8 +21,6 @@ from cosim.stage import BLOCK, Block, State, blocks
 from link.receiving.packets import PacketReceiver
 from sensor.codec.packets.packet import LENGTH
 
-__all__ = ["FarEnd", "PacketDecoder", "Schedule"]
-
 Mask = npt.NDArray[np.bool_]
 ReadBack = Callable[[int, int], Words]
 
@@ -51,7 +49,7 @@ class Schedule:
         hold: cycles from filming to showing.
         group: cycles that are coded together.
         cycles: length of the stream.
-        clock: of the stream.
+        clock: clock of the stream.
     """
 
     lead: int
@@ -70,17 +68,17 @@ class FarEnd:
     that resumes receives the link's recording again from its start.
 
     Args:
-        receiver: of the packets.
-        decoder: of the packets.
-        schedule: when the stream is shown.
+        receiver: receiver of the packets.
+        decoder: decoder of the packets.
+        schedule: instants at which the stream is shown.
         read_back: words `first` to `stop` of the link's recording so far.
 
     Attributes:
-        arrivals: of each packet that arrived in time, the cycle of the link at which it did, its
-            bytes with its length, and the cycle of the stream after its last one.
+        arrivals: cycle of the link at which each packet arrived, if it did in time, its bytes with
+            its length, and the cycle of the stream after its last one.
         late: packets that arrived too late.
-        gaps: of each group that was not shown whole, the cycle of the stream at which it begins,
-            its missing tiles, and those that were shown with the rate that they had last.
+        gaps: cycle of the stream at which each group that was not shown whole begins, its missing
+            tiles, and those that were shown with the rate that they had last.
         missing: tiles of groups of which nothing has ever arrived.
         tiles: tiles of all groups shown.
     """

@@ -34,8 +34,6 @@ from sensor.reconstruct.fidelity import judge, psnr, to_white
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import LATCHED, Shot, Truth, spike_rate, take_shots
 
-__all__ = ["CarrierOutcome", "Watch", "carrier_speeds", "judge_carrier"]
-
 WATCHED: Final = (DIM, GREY, WHITE)
 """Lights after a step that is watched through the whole chain, spikes a cycle."""
 _PART = 8
@@ -81,7 +79,7 @@ class Watch:
         display: the display at the far end; None for none.
         probe: the source in the small, for the display's probes; None if it has none.
         before: latencies of the source, up to the stream.
-        after: those of the display, if it has no probe.
+        after: latencies of the display, if it has no probe.
     """
 
     scene: Truth | None
@@ -134,7 +132,7 @@ def _rows(stage: str, cycles: npt.ArrayLike, period_ps: float) -> list[Latency]:
     return latency_rows(stage, ps)
 
 
-def _latency(carrier: Carrier, near: NearEnd, far: FarEnd, period_ps: float) -> list[Latency]:
+def _latency(carrier: Carrier, far: FarEnd, period_ps: float) -> list[Latency]:
     """Time of each stage from the latch of a spike until it is shown, over all packets.
 
     A packet waits for the end of its group, in the send buffer, and is on the panel for the rest of
@@ -192,10 +190,10 @@ def judge_carrier(
     Args:
         carrier: code and link.
         watch: how pictures are taken at both ends.
-        stages: of the whole chain, after its last block.
+        stages: stages of the whole chain, after its last block.
         sent: recording of the stream that was sent, in the folder of the run.
         seconds: wall time of each stage, s; that of the rates is added.
-        outcome: of the source and the display, which shows the decoded stream.
+        outcome: outcome of the source and the display, which shows the decoded stream.
     """
     near, far = stages["code"], stages["receiver"]
     received = far.receiver.received
@@ -228,7 +226,7 @@ def judge_carrier(
         if row.rate == GREY
         for stage, part in zip(PARTS, row.parts, strict=True)
     ]
-    latency = [*watch.before, *_latency(carrier, near, far, 1e12 / clock.hz)]
+    latency = [*watch.before, *_latency(carrier, far, 1e12 / clock.hz)]
     metrics = {
         **outcome.metrics,
         "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),

@@ -23,8 +23,6 @@ from scenarios.assemble.carrier.page import carried_page
 from scenarios.assemble.carrier.stream import CarriedStream
 from scenarios.assemble.schema.scenario import Scenario
 
-__all__ = ["CarriedMachine", "assemble_carried"]
-
 
 @dataclass(frozen=True, eq=False)
 class CarriedMachine(LatchedMachine):

@@ -10,8 +10,6 @@ from link.coding.stream_boxes import StreamOutbox
 from link.sending import Transmission
 from link.setup.stream import StreamSetup
 
-__all__ = ["NearEnd", "PacketSender"]
-
 
 class PacketSender(Protocol):
     """A coder and its send buffer."""

@@ -15,8 +15,6 @@ from link.report.tables import left_out_table
 from scenarios.assemble.carrier.judged import CarrierOutcome
 from scenarios.assemble.carrier.rates import rates_figure
 
-__all__ = ["carried_page"]
-
 FIGURE = "figures/through-link.png"
 RATES_FIGURE = "figures/rates.png"
 _CARRIED = (

@@ -14,8 +14,6 @@ from scenarios.assemble.carrier.coding import Sender
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 
-__all__ = ["CodedProbeCamera"]
-
 
 @dataclass(frozen=True)
 class CodedProbeCamera:
@@ -27,7 +25,7 @@ class CodedProbeCamera:
     Attributes:
         camera: the camera.
         section, code: the code of the run.
-        bits: that the link carries for a pixel in a cycle.
+        bits: bits that the link carries for a pixel in a cycle.
     """
 
     camera: ProbeCamera

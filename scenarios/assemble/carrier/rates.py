@@ -21,8 +21,6 @@ from sensor.reconstruct.fidelity import psnr, to_white
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import Shot
 
-__all__ = ["RATES", "RatePoint", "code_rates", "rates_figure"]
-
 RATES: Final = (0.1e9, 0.2e9, 0.5e9, 1e9, 2e9, 5e9, 10e9)
 """Rates of the link, for MEGAPIXEL pixels, bit/s."""
 MEGAPIXEL: Final = 1_000_000
@@ -38,7 +36,7 @@ class RatePoint:
 
     Attributes:
         kind: the code.
-        rate: of the link for a megapixel, bit/s.
+        rate: rate of the link for a megapixel, bit/s.
         sent: bits of the packets that were sent, for a megapixel, bit/s.
         psnr: TFP of the decoded stream against the truth, dB; infinite if they are equal.
         wait_us: longest wait of a packet in the send buffer, us.
@@ -76,11 +74,11 @@ def code_rates(
     """Codes a part of a stream at every rate; [] for a stream shorter than a word.
 
     Args:
-        stream: that is sent.
+        stream: stream that is sent.
         shot: truth at the instant that is compared.
         section: cycles, tile and buffer of the run's code.
-        threshold, noise: of the pixels, electrons.
-        window: of TFP, cycles.
+        threshold, noise: threshold and noise of the pixels, electrons.
+        window: window of TFP, cycles.
         white_rate: spikes a cycle of white.
     """
     if stream.cycles < WORD:

@@ -13,8 +13,6 @@ from typing import Any
 from cosim.spikes.viform import Viform
 from cosim.stage import Block, Stage, State, Stateful, WithFiles
 
-__all__ = ["EachBlock", "Later"]
-
 
 class _Wrapped:
     """A stage with the state of another one, `stage`."""

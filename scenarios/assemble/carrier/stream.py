@@ -12,8 +12,6 @@ from scenarios.assemble.schema.scenario import ImagerScenario, RecordingScenario
 from sensor.codec.packets.section import CodeSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["THRESHOLD", "CarriedStream"]
-
 THRESHOLD: Final = 1000.0
 """Threshold of pixels that have none, electrons: of an unknown chip, and of held values. The
 statistical code takes its noise for that of the spikes, and the link's chip has it by default."""
@@ -28,12 +26,12 @@ class CarriedStream:
     """A stream of 1-bit planes for a link.
 
     Attributes:
-        title, tolerance, seed: of the scenario.
+        title, tolerance, seed: title, tolerance and seed of the scenario.
         code, link: its sections.
         chip: section of the chip that makes the stream; None for another source.
         shape: (height, width) of the stream.
-        clock, cycles: of the stream.
-        threshold, noise: of the pixels that fire, electrons.
+        clock, cycles: clock and number of cycles of the stream.
+        threshold, noise: threshold and noise of the pixels that fire, electrons.
     """
 
     title: str

@@ -27,8 +27,6 @@ from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.carrier.stages import Later
 from scenarios.assemble.output.setup import ReadoutSetup
 
-__all__ = ["ReadoutMachine", "ReadoutStudy", "with_readout"]
-
 SCAN, _RECORDER = "scan", "recorder"
 """Names of stages: the readout, and the one that it stands before."""
 
@@ -144,7 +142,7 @@ def with_readout(setup: ReadoutSetup | None, machine: Machine, device: str | Non
 
     Args:
         setup: the readout.
-        machine: of a scene before the chip, or of a link that it films.
+        machine: machine of a scene before the chip, or of a link that it films.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
     """
     if setup is None:

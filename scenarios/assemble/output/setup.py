@@ -16,8 +16,6 @@ from scenarios.assemble.schema.scenario import AnyScenario, LinkScenario, Scenar
 from sensor.sections.readout import ReadoutSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["ReadoutSetup", "readout_of", "refuse_readout", "run_cycles"]
-
 
 @dataclass(frozen=True)
 class ReadoutSetup:
@@ -25,7 +23,7 @@ class ReadoutSetup:
 
     Attributes:
         section: the section [readout].
-        timing: of the row scan, with its window.
+        timing: timing of the row scan, with its window.
     """
 
     section: ReadoutSection

@@ -22,8 +22,6 @@ from cosim.stage import State, section
 from scenarios.assemble.recording.lateness import Lateness
 from scenarios.assemble.recording.origin import Origin
 
-__all__ = ["ComingPlanes"]
-
 _LOOK_S: Final = 0.1
 """Time after which a waiting chain looks whether the user has asked to stop, s."""
 _PATIENCE: Final = 10
@@ -36,8 +34,8 @@ class ComingPlanes:
     Args:
         origin: source of the bytes.
         stored: (width, height) of a plane as it is stored; 416 x 250 means 400 x 250 with head.
-        order: of bits, bytes and rows.
-        clock: of the planes.
+        order: order of bits, bytes and rows.
+        clock: clock of the planes.
         cycles: number of planes that are wanted; None for all that come.
         bound: delay up to which a plane is in time, ps.
         now: a clock, ns.

@@ -16,8 +16,6 @@ from cosim.run.chain import STREAM, BlockChain
 from cosim.run.progress import Progress
 from scenarios.assemble.recording.coming import ComingPlanes
 
-__all__ = ["ComingChain"]
-
 _TOLD_S: Final = 0.5
 """Least time between two texts of the progress, s."""
 _LEAST_S: Final = 1e-9
@@ -71,7 +69,7 @@ class ComingChain(BlockChain):
 
     Attributes:
         planes: the first stage, as it is without a link.
-        recorder: of the stream.
+        recorder: recorder of the stream.
         again: whether the source can be read again, so that an interrupted run can go on.
     """
 

@@ -20,6 +20,7 @@ from typing import Any
 from cosim import PS, Block, seconds_to_ps
 from cosim.config.amounts import amount, count, number
 from cosim.config.quantity import DAY
+from cosim.config.toml import to_toml
 from cosim.files import Recorder
 from cosim.report.parts import table
 from cosim.run.chain import STREAM
@@ -32,14 +33,11 @@ from scenarios.assemble.recording.coming_opening import Coming, open_coming
 from scenarios.assemble.recording.machine import RecordingMachine
 from scenarios.assemble.recording.opening import Recording as Stream
 from scenarios.assemble.recording.opening import white_of
-from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.show.assembling import play_recording
 from scenarios.assemble.show.feeds import RecordedFeed
 from scenarios.assemble.show.machine import PlayedMachine
 from scenarios.assemble.show.playing import Played
-
-__all__ = ["ComingMachine", "assemble_coming"]
 
 
 class ComingMachine:
@@ -52,7 +50,7 @@ class ComingMachine:
         live: the link and the display, laid out for the cycles asked for; None if they play the
             stream after its end, or if there are none.
         waits: why they do so, in words; "" if they do not.
-        device: for them.
+        device: device for the link and the display.
     """
 
     unit = "planes"

@@ -20,8 +20,6 @@ from scenarios.assemble.recording.origin import open_origin
 from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Coming", "comes", "open_coming", "refuse_pipe"]
-
 _KEYS: Final = "sensor.width and sensor.height"
 
 
@@ -34,7 +32,7 @@ class Coming:
         path: the file or pipe; a name for standard input.
         again: whether the source can be read again.
         sized_by: what has told the size of a plane, in words.
-        note: on the size; "" for none.
+        note: note on the size; "" for none.
     """
 
     planes: ComingPlanes

@@ -15,8 +15,6 @@ import numpy as np
 from cosim import Clock
 from cosim.stage import State
 
-__all__ = ["Lateness"]
-
 _NS: Final = 1000
 """Picoseconds in a nanosecond."""
 
@@ -25,7 +23,7 @@ class Lateness:
     """Counts the late planes of a stream.
 
     Args:
-        clock: of the planes.
+        clock: clock of the planes.
         bound: delay up to which a plane is in time, ps.
 
     Attributes:

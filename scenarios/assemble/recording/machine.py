@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from cosim.config.amounts import count, number
+from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream, ending_of
 from cosim.report.explorer import explorer_part
 from cosim.report.png import pictures_wanted, write_linear_png
@@ -25,14 +26,11 @@ from cosim.spikes.clocked import ClockedEvents
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.recording.opening import Recording, open_recording
 from scenarios.assemble.recording.page import recording_page
-from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import RecordingScenario
 from sensor.reconstruct.fidelity import Estimate, to_white
 from sensor.reconstruct.intervals import tfi
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import spike_rate
-
-__all__ = ["RecordingMachine", "assemble_recording"]
 
 NO_ERROR: Final = "a recorded stream is not simulated"
 NO_TRUTH: Final = (

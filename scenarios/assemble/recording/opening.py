@@ -22,8 +22,6 @@ from scenarios.assemble.schema.scenario import RecordingScenario
 from sensor.codec.files import open_any
 from sensor.sections.recorded import RecordedSection
 
-__all__ = ["Recording", "given_size", "known_white", "open_recording", "recorded", "white_of"]
-
 FASTEST: Final = 1e6
 """Fastest clock of planes, Hz; events of a faster one must be latched by another clock."""
 BRIGHT: Final = 0.99
@@ -44,7 +42,7 @@ class Recording:
     Attributes:
         path: the file, or the folder of a run.
         shape: (height, width).
-        clock: of the cycles.
+        clock: clock of the cycles.
         cycles: number of cycles that are used.
         white_rate: spikes a cycle of white.
         notes: what the user must know.
@@ -101,7 +99,7 @@ def recorded(
     Args:
         scenario: the scenario.
         stream: the stream.
-        clock: of its cycles.
+        clock: clock of the stream's cycles.
         path: the file or the folder of a run.
         folder: what the user has named: `path`, or the folder of its run; None for spikes in
             memory.

@@ -15,8 +15,6 @@ from typing import Final, Protocol
 from cosim import InputError
 from cosim.run.inputs import FILE, PIPE, STANDARD_INPUT
 
-__all__ = ["GrowingFile", "Origin", "Pipe", "open_origin"]
-
 _LOOK_S: Final = 0.01
 """Time between two looks at a file that has not grown, s: no call tells of growth everywhere."""
 _SAMPLE: Final = 64

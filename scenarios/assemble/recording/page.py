@@ -8,8 +8,6 @@ from cosim.report.parts import figure, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page, Run
 
-__all__ = ["recording_page"]
-
 
 def recording_page(
     title: str, clock: Clock, run: Run, facts: list[list[str]], explorer: str
@@ -18,10 +16,10 @@ def recording_page(
 
     Args:
         title: title of the scenario.
-        clock: of the stream.
+        clock: clock of the stream.
         run: the run; its views are the images (TFP, TFI) by cycle, white = 1.
         facts: rows of the table of the recording: what, value, from.
-        explorer: of its spikes.
+        explorer: explorer of the stream's spikes.
     """
     metrics, shots = run.result.metrics, run.outcome.views
     rate = number(metrics["spike_rate"].value)

@@ -21,8 +21,6 @@ from scenarios.assemble.schema.scenario import (
     imager_scenario,
 )
 
-__all__ = ["export"]
-
 
 class _AsWritten(GenerateJsonSchema):
     """A JSON Schema whose defaults are what a scenario would have: quantities as text."""

@@ -10,8 +10,6 @@ from cosim.config.quantity import Section, placed
 from display.camera.section import FramesSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = ["CameraSection", "SpikesSection"]
-
 
 class SpikesSection(Section):
     """A latched spike camera before the panel. Its lens is ideal: one of its pixels sees one pixel

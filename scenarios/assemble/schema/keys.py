@@ -13,16 +13,14 @@ from typing import Any
 from cosim.config.units import KINDS
 from scenarios.assemble.schema.export import export
 
-__all__ = ["Key", "keys", "table"]
-
 
 @dataclass(frozen=True)
 class Key:
     """A key of a scenario.
 
     Attributes:
-        name: with its sections, "link.panel.pitch"; "sensor.writes[].at" is a key of each item of a
-            list.
+        name: name with its sections, "link.panel.pitch"; "sensor.writes[].at" is a key of each item
+            of a list.
         of: the kinds that have the key: of its section ("film" of `scene`) or of the scenario
             ("link"); () for all that have the section.
         accepts: the values that are accepted, "a length such as '500 um', above 0 um".

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import InputError
-from cosim.config.toml import read_text, to_toml
+from cosim.config.toml import read_text
 from cosim.errors import one_line, quote, shorten
 from cosim.run.inputs import PATHS, named_path, with_path
 from scenarios.assemble.schema.messages import validate
@@ -24,8 +24,6 @@ from scenarios.assemble.schema.scenario import (
     Scenario,
 )
 from scenarios.scenes.catalogue import scene_keys
-
-__all__ = ["FRONT", "assign", "filmed", "linked", "load", "shipped", "to_toml"]
 
 FRONT = "glass"
 """The scenario that runs by default."""

@@ -25,8 +25,6 @@ from scenarios.assemble.schema.scenario import (
     imager_scenario,
 )
 
-__all__ = ["first_fault", "validate"]
-
 
 @dataclass(frozen=True)
 class _Place:

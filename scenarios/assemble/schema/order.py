@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 from cosim import InputError
 from cosim.run.inputs import FILE, PIPE
 
-__all__ = ["check_order", "is_recording"]
-
 Data = dict[str, Any]
 
 
@@ -25,7 +23,7 @@ class _Rule(NamedTuple):
 
     Attributes:
         breaks: whether a scenario has it.
-        what, must, actual, remedy: of the InputError.
+        what, must, actual, remedy: parts of the InputError.
     """
 
     breaks: Callable[[Data], bool]
@@ -137,7 +135,7 @@ RULES: tuple[_Rule, ...] = (
         "leave it out: the panel then has one colour",
     ),
 )  # fmt: skip
-"""In the order in which they are said."""
+"""Rules in the order in which they are said."""
 
 
 def check_order(data: Data) -> None:

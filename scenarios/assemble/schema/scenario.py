@@ -23,17 +23,6 @@ from sensor.sections.readout import ReadoutSection
 from sensor.sections.recorded import RecordedSection
 from sensor.sections.sensor import SensorSection
 
-__all__ = [
-    "AnyScenario",
-    "BoardScenario",
-    "ImageSection",
-    "ImagerScenario",
-    "LinkScenario",
-    "RecordingScenario",
-    "Scenario",
-    "imager_scenario",
-]
-
 
 class ImageSection(Section):
     """The instants and the window of the images that a run reconstructs."""
@@ -48,7 +37,8 @@ class ImageSection(Section):
     window: Annotated[int, Field(ge=1)] = 41
     placing: Literal["centred", "preceding"] = Field(
         default="centred",
-        description="of the window: around the instant, or up to it, as in Huang 2022 (3.3.1)",
+        description="place of the window: around the instant, or up to it, as in Huang 2022 "
+        "(3.3.1)",
     )
     floor: Annotated[float, Field(ge=0, le=1)] | None = Field(
         default=None,
@@ -156,7 +146,8 @@ class ImagerScenario(_Linked):
     imager: ImagerSection
     lens: ImagerLens | None = Field(
         default=None,
-        description="without a lens, the illuminance of the scene falls on the pixels unchanged",
+        description="lens before the chip; without one, the illuminance of the scene falls on the "
+        "pixels unchanged",
     )
     display: DisplaySection | None = Field(
         default=None,

@@ -11,8 +11,6 @@ import numpy as np
 
 from cosim import InputError
 
-__all__ = ["assignments_of"]
-
 
 def assignments_of(settings: Mapping[str, Any]) -> list[str]:
     """Settings as the command line has them. Raises InputError for a value of another kind."""

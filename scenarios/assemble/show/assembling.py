@@ -37,8 +37,6 @@ from scenarios.scenes.kinds.grid import SceneGrid
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.continuous.machine import ContinuousMachine
 
-__all__ = ["play_continuous", "play_events", "play_frames", "play_recording"]
-
 AnySource = Scenario | ImagerScenario | RecordingScenario
 PLANES: Final = 40e3
 """Planes a second for the frames of an imager, unless display.clock or link.sensor.clock says

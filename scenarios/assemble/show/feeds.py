@@ -45,10 +45,6 @@ from scenarios.assemble.recording.machine import RecordingMachine
 from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.continuous.machine import ContinuousMachine
 
-__all__ = [
-    "ContinuousFeed", "EventFeed", "Feed", "FrameFeed", "Planes", "RecordedFeed",
-]  # fmt: skip
-
 
 @dataclass(frozen=True, eq=False)
 class Planes:
@@ -103,7 +99,7 @@ class Feed(Protocol):
 
     Attributes:
         shape: (height, width) of the planes.
-        clock, cycles: of the planes.
+        clock, cycles: clock and number of the planes.
         white_rate: spikes a cycle of the scene's white.
         white: what white means, in words, for the notes.
     """

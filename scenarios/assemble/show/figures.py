@@ -14,8 +14,6 @@ from display.chain.tap import panel_waves, spike_waves
 from display.probes.latency import PARTS
 from scenarios.assemble.show.shown import Shown
 
-__all__ = ["latency_figure", "wave_figure"]
-
 _COLOURS = ("#2f6db5", "#74a7dd", "#c8ccd4", "#f2b36b")
 WINDOW = 25 * 10**9
 """Maximum length of the plotted window, ps."""

@@ -19,8 +19,6 @@ from display.camera.stage import PanelCamera
 if TYPE_CHECKING:
     from scenarios.assemble.show.shown import Shown
 
-__all__ = ["FramesFilmer"]
-
 _PICTURES: Final = 8
 """Maximum number of frames that are written and drawn, evenly spaced."""
 _DRAWN: Final = 4

@@ -10,8 +10,6 @@ from cosim.run.result import Metric
 if TYPE_CHECKING:  # a display that was shown has a camera
     from scenarios.assemble.show.shown import Shown
 
-__all__ = ["Filmer"]
-
 
 class Filmer(Protocol):
     """A camera that films the display of a run.

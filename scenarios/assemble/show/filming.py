@@ -12,8 +12,6 @@ from scenarios.assemble.show.filmed import FramesFilmer
 from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.spike_camera import make_spikes_filmer
 
-__all__ = ["make_camera"]
-
 
 def make_camera(
     section: CameraSection | None,

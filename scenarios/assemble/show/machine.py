@@ -17,8 +17,6 @@ from scenarios.assemble.show.feeds import Feed, Planes
 from scenarios.assemble.show.playing import SHOWN, Played, Playing
 from scenarios.assemble.show.screen import ScreenViews
 
-__all__ = ["PlayedMachine"]
-
 
 @dataclass(frozen=True, eq=False)
 class _Views:
@@ -110,7 +108,7 @@ class PlayedMachine:
         """Evaluates a stream that has been played.
 
         Args:
-            recording: of the source.
+            recording: recording of the source.
             inner: the source's own outcome.
             planes: the planes, after their last block.
             played: the link and the display, after their last block.

@@ -20,8 +20,6 @@ from scenarios.assemble.show.feeds import Planes
 from scenarios.assemble.show.screen import Screen
 from sensor.latched.stages import SceneStage
 
-__all__ = ["SHOWN", "Played", "Playing"]
-
 SHOWN: Final = "shown.zarr"
 """The planes that the source has given, in the folder of a run whose recording are no planes."""
 
@@ -52,7 +50,7 @@ class Playing:
         screen: the display; None without one.
         board: the board that displays the planes; None without one.
         carrier: the link; None without one.
-        clock, cycles, shape: of the stream.
+        clock, cycles, shape: clock, cycles and shape of the stream.
         opened: stack that closes display and board.
     """
 

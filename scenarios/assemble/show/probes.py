@@ -25,8 +25,6 @@ from sensor.asynchronous.run import EventSpec
 from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.run import ContinuousSpec
 
-__all__ = ["ContinuousProbeCamera", "EventProbeCamera"]
-
 MOST = 10**9
 """Firings of a probe beyond which it ends; probes are small."""
 PART = 4096

@@ -33,8 +33,6 @@ from scenarios.assemble.show.sections import (
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import display_lines
 
-__all__ = ["Screen", "ScreenViews", "make_screen"]
-
 OVERVIEW = "displays.png"
 """Figure of all displays; the page of the source has one of its own."""
 
@@ -60,7 +58,7 @@ class Screen:
         chain: the stages of the display.
         camera: the camera that films it; None without one.
         probe: a camera for its probes; None if the source has none.
-        clock, cycles, shape: of the stream.
+        clock, cycles, shape: clock, cycles and shape of the stream.
         white_rate: spikes a cycle of white.
         instants: cycles of the images.
     """
@@ -91,7 +89,7 @@ class Screen:
         observers' images.
 
         Args:
-            outcome: of the source.
+            outcome: outcome of the source.
             stream: the planes shown.
             folder: folder of the run.
             seconds: wall time of each stage, s; that of probes and images is added.

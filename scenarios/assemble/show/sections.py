@@ -27,8 +27,6 @@ from scenarios.assemble.show.figures import latency_figure, wave_figure
 from scenarios.assemble.show.shown import Shown
 from scenarios.assemble.show.tables import band_tables, display_table, light_table
 
-__all__ = ["display_cards", "display_quality", "display_sections", "display_simulated"]
-
 Images = npt.NDArray[np.float32]
 _SEES = {
     "eye": "What the still eye sees",

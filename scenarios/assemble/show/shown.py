@@ -9,8 +9,6 @@ from cosim.run.machine import Run
 from display.chain.outcome import DisplayOutcome
 from scenarios.assemble.show.filmer import Filmer
 
-__all__ = ["Shown"]
-
 
 @dataclass(frozen=True, eq=False)
 class Shown:

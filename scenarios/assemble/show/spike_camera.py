@@ -34,8 +34,6 @@ from sensor.sections.sensor import SensorSection
 if TYPE_CHECKING:
     from scenarios.assemble.show.shown import Shown
 
-__all__ = ["CAMERA", "SpikesFilmer", "make_spikes_filmer"]
-
 CAMERA: Final = "camera.zarr"
 """The stream of the camera in the folder of a run."""
 BLOCK: Final = 64

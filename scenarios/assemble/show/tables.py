@@ -12,14 +12,6 @@ from display.probes.latency import Latency
 from display.probes.metrics import GREY, NAMES
 from display.quality.figures import FlickerFigures
 
-__all__ = [
-    "band_tables",
-    "display_lines",
-    "display_rows",
-    "display_table",
-    "light_table",
-]
-
 _LEAST = 1e-3
 """Percentage below which a figure is the rounding of float32."""
 _LIGHTS = {"sparse": "0.15 % density", "grey": "mid grey", "bright": "above full scale"}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.run.shown import SilentProgress
 from scenarios.cli.board.connection import (
     BoardOptions,
     endpoint_of,
@@ -15,12 +16,10 @@ from scenarios.cli.board.connection import (
     warn_of_latency,
 )
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.bringup.bench.stage import Stage
-
-__all__ = ["board_bringup", "print_stage"]
 
 
 @expand_options
@@ -29,7 +28,7 @@ def board_bringup(
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html and junit.xml, created if missing")
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, max=4096, help="in each captured burst")] = 8,
+    frames: Annotated[int, typer.Option(min=1, max=4096, help="frames in each captured burst")] = 8,
     all_stages: Annotated[
         bool, typer.Option("--all", help="continue after a failed stage, if possible")
     ] = False,

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.config.amounts import number
+from cosim.run.shown import SilentProgress, make_progress
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, make_progress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.host import Captured
-
-__all__ = ["board_capture"]
 
 
 @expand_options
@@ -28,7 +27,7 @@ def board_capture(
         ),
     ],
     frames: Annotated[
-        int | None, typer.Option(min=1, help="in the captured burst", show_default="8")
+        int | None, typer.Option(min=1, help="frames in the captured burst", show_default="8")
     ] = None,
     levels: Annotated[
         int | None,

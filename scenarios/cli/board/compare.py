@@ -8,29 +8,30 @@ from typing import Annotated
 
 import typer
 
+from cosim.run.shown import make_progress
 from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["board_compare"]
+from scenarios.cli.output import Json, print_document, tell
 
 
 @dataclass(frozen=True)
 class LockstepOptions:
     """Options of --lockstep."""
 
-    rows: Annotated[int, typer.Option(min=1, max=4095, help="of --lockstep, pixels")] = 32
-    columns: Annotated[int, typer.Option(min=1, max=4096, help="of --lockstep, pixels")] = 32
-    lanes: Annotated[int, typer.Option(help="of --lockstep, 32 or 64")] = 32
-    seed: Annotated[int, typer.Option(min=0, help="of --lockstep's random program")] = 1
+    rows: Annotated[int, typer.Option(min=1, max=4095, help="rows of --lockstep, pixels")] = 32
+    columns: Annotated[int, typer.Option(min=1, max=4096, help="columns of --lockstep, pixels")] = (
+        32
+    )
+    lanes: Annotated[int, typer.Option(help="lanes of --lockstep, 32 or 64")] = 32
+    seed: Annotated[int, typer.Option(min=0, help="seed of --lockstep's random program")] = 1
     pixels: Annotated[float, typer.Option(min=1, help="pixel-cycles of --lockstep")] = 1e7
     until: Annotated[int | None, typer.Option(min=1, help="clock at which --lockstep ends")] = None
     trace: Annotated[
-        Path | None, typer.Option(help="of --lockstep: waveforms around a difference, .fst or .vcd")
+        Path | None, typer.Option(help="waveforms of --lockstep around a difference, .fst or .vcd")
     ] = None
     sources: Annotated[
         Path | None,
-        typer.Option(help="of --lockstep: a folder of Verilog; the design's when absent"),
+        typer.Option(help="folder of Verilog for --lockstep; the design's when absent"),
     ] = None
 
 
@@ -39,7 +40,7 @@ def board_compare(
     options: BoardOptions,
     verilog: LockstepOptions,
     frames: Annotated[
-        int | None, typer.Option(min=1, help="to capture and compare", show_default="8")
+        int | None, typer.Option(min=1, help="frames to capture and compare", show_default="8")
     ] = None,
     levels: Annotated[
         int | None,

@@ -36,7 +36,9 @@ class LineOptions:
             "start a board"
         ),
     ] = VIRTUAL
-    baud: Annotated[int | None, typer.Option(help="of a serial line", show_default="115200")] = None
+    baud: Annotated[
+        int | None, typer.Option(help="baud of a serial line", show_default="115200")
+    ] = None
     csr: Csr = None
     log: Annotated[
         Path | None, typer.Option(help="file to write: every transaction with its time")
@@ -78,11 +80,11 @@ class BoardOptions(LineOptions):
     """Options of the line, and of a virtual board behind it."""
 
     level: Annotated[
-        str, typer.Option(help="of --port virtual: bytes, pins, or model (no Verilator)")
+        str, typer.Option(help="level of --port virtual: bytes, pins, or model (no Verilator)")
     ] = "bytes"
     fault: Annotated[
         list[str] | None,
-        typer.Option("--fault", help="of --port virtual; see `viform board virtual --help`"),
+        typer.Option("--fault", help="fault of --port virtual; see `viform board virtual --help`"),
     ] = None
 
 
@@ -92,8 +94,8 @@ class Connection:
 
     Attributes:
         board: its registers.
-        url: of the port.
-        baud: of a serial line, None over UDP.
+        url: URL of the port.
+        baud: baud of a serial line, None over UDP.
     """
 
     board: Board
@@ -127,7 +129,7 @@ def connect(
     the document.
 
     Args:
-        options: of the line.
+        options: options of the line.
         json: whether the command prints a document.
         recognise: whether, without a csr.csv, the first register decides between the Viform board
             and an imager.

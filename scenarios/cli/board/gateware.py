@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.config.amounts import number
+from cosim.run.shown import SilentProgress
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.gateware import Design, Fit
-
-__all__ = ["board_gateware"]
 
 
 _IP, _MAC = "192.168.1.50", "10:e2:d5:00:00:01"  # of a board that is given none
@@ -25,12 +24,12 @@ _IP, _MAC = "192.168.1.50", "10:e2:d5:00:00:01"  # of a board that is given none
 class BuildOptions:
     """Options of the build."""
 
-    rows: Annotated[int, typer.Option(min=1, max=4095, help="of pixels")] = 32
-    columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32
+    rows: Annotated[int, typer.Option(min=1, max=4095, help="rows of pixels")] = 32
+    columns: Annotated[int, typer.Option(min=1, max=4096, help="columns of pixels")] = 32
     lanes: Annotated[int, typer.Option(help="pixels computed in a clock, 32 or 64")] = 32
     baud: Annotated[
         int | None,
-        typer.Option(min=1, max=12_000_000, help="of the serial line", show_default="115200"),
+        typer.Option(min=1, max=12_000_000, help="baud of the serial line", show_default="115200"),
     ] = None
 
 

@@ -14,8 +14,6 @@ from scenarios.cli.board.replay import board_replay
 from scenarios.cli.board.stream import board_stream
 from scenarios.cli.board.virtual import board_virtual
 
-__all__ = ["board"]
-
 board = typer.Typer(
     name="board",
     help="A test board over a serial line or Ethernet: real, or of Verilog in a simulator.",

@@ -6,8 +6,6 @@ from scenarios.cli.board.connection import LineOptions, connect
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["board_identify"]
-
 
 @expand_options
 def board_identify(

@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import amount, number
-from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
-
-__all__ = ["board_links"]
+from cosim.run.shown import make_progress
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 _CODES = ("first-spike", "layered")  # the lossless ones
 

@@ -11,8 +11,6 @@ from scenarios.cli.board.connection import BoardOptions, connect
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["board_prbs"]
-
 
 @expand_options
 def board_prbs(

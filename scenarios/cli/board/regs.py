@@ -14,15 +14,13 @@ from scenarios.cli.output import Json, print_document, tell
 if TYPE_CHECKING:
     from rtl_model.host import CsrMap
 
-__all__ = ["assignment", "board_regs"]
-
 
 @expand_options
 def board_regs(
     options: LineOptions,
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME", help="to read; all without read effect if none"),
+        typer.Argument(metavar="NAME", help="registers to read; all without read effect if none"),
     ] = None,
     assignments: Annotated[
         list[str] | None,

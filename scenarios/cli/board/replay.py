@@ -13,8 +13,6 @@ from scenarios.cli.output import Json, print_document, tell
 if TYPE_CHECKING:
     from rtl_model.host.log_events import LogEvent
 
-__all__ = ["board_replay"]
-
 _PRINTED = 4  # most words of a transaction that are printed
 
 
@@ -26,7 +24,9 @@ def board_replay(
     ] = False,
     frames: Annotated[
         int | None,
-        typer.Option(min=1, max=4096, help="in the bring-up's bursts; as in the log when absent"),
+        typer.Option(
+            min=1, max=4096, help="frames in the bring-up's bursts; as in the log when absent"
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -9,31 +9,32 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from cosim.run.shown import SilentProgress
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.stream.program import Case
-
-__all__ = ["board_stream"]
 
 
 @dataclass(frozen=True)
 class StreamOptions:
     """Options of the build and its inputs."""
 
-    rows: Annotated[int, typer.Option(min=1, max=4095, help="of pixels")] = 32
-    columns: Annotated[int, typer.Option(min=1, max=4096, help="of pixels")] = 32
+    rows: Annotated[int, typer.Option(min=1, max=4095, help="rows of pixels")] = 32
+    columns: Annotated[int, typer.Option(min=1, max=4096, help="columns of pixels")] = 32
     lanes: Annotated[int, typer.Option(help="pixels of a tile, 32 or 64")] = 32
-    depth: Annotated[int, typer.Option(help="of the ring buffer, beats, a power of two")] = 64
+    depth: Annotated[int, typer.Option(help="depth of the ring buffer, beats, a power of two")] = 64
     pixels: Annotated[
         int | None, typer.Option(help="external: of a memory word, 1, 2, 4 (when absent) or 8")
     ] = None
     latency: Annotated[
         int | None, typer.Option(min=1, max=1000, help="external: clocks of a read, 5 when absent")
     ] = None
-    clocks: Annotated[int, typer.Option(min=1, max=10**7, help="to compare at least")] = 50_000
-    seed: Annotated[int, typer.Option(min=0, help="of the random inputs")] = 1
+    clocks: Annotated[int, typer.Option(min=1, max=10**7, help="clocks to compare at least")] = (
+        50_000
+    )
+    seed: Annotated[int, typer.Option(min=0, help="seed of the random inputs")] = 1
 
 
 @expand_options

@@ -12,27 +12,26 @@ import typer
 
 from cosim.compute.stopping import said
 from cosim.config.amounts import number
+from cosim.run.shown import SilentProgress
 from rtl_model.bringup.bench.endpoint import checked_level, virtual_board
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, SilentProgress, print_document, tell
+from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.geometry import Geometry
     from rtl_model.virtual import VirtualBoard
     from rtl_model.virtual.ethernet import EthernetBoard
 
-__all__ = ["board_virtual"]
-
 
 @dataclass(frozen=True)
 class BuildOptions:
     """Options of the simulated build."""
 
-    rows: Annotated[int | None, typer.Option(min=1, max=4095, help="of pixels, 32 when absent")] = (
-        None
-    )
+    rows: Annotated[
+        int | None, typer.Option(min=1, max=4095, help="rows of pixels, 32 when absent")
+    ] = None
     columns: Annotated[
-        int | None, typer.Option(min=1, max=4096, help="of pixels, 32 when absent")
+        int | None, typer.Option(min=1, max=4096, help="columns of pixels, 32 when absent")
     ] = None
     lanes: Annotated[
         int | None, typer.Option(help="pixels computed in a clock, 32 (when absent) or 64")
@@ -73,7 +72,7 @@ def board_virtual(
     ] = None,
     baud: Annotated[
         int | None,
-        typer.Option(min=50, max=12_000_000, help="of the line", show_default="115200"),
+        typer.Option(min=50, max=12_000_000, help="baud of the line", show_default="115200"),
     ] = None,
     udp: Annotated[
         str | None,

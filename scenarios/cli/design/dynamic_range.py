@@ -11,8 +11,6 @@ from cosim.config.amounts import number
 from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["design_dynamic_range"]
-
 
 def design_dynamic_range(
     budget: Annotated[

@@ -4,8 +4,6 @@ import typer
 
 from scenarios.cli.design.dynamic_range import design_dynamic_range
 
-__all__ = ["design"]
-
 design = typer.Typer(
     name="design",
     help="Choose hardware: dynamic range within a budget.",

@@ -11,14 +11,13 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import number
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["link_ber"]
+from cosim.run.shown import make_progress
+from scenarios.cli.output import Json, print_document, tell
 
 
 def link_ber(
-    points: Annotated[int, typer.Option(min=2, max=64, help="of each curve")] = 8,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of all Monte Carlo")] = 1,
+    points: Annotated[int, typer.Option(min=2, max=64, help="points of each curve")] = 8,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of all Monte Carlo")] = 1,
     out: Annotated[
         Path | None, typer.Option(help="a folder for ber.png, ber.svg and ber.json; made new")
     ] = None,

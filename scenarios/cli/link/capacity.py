@@ -11,9 +11,8 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, number
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["link_capacity"]
+from cosim.run.shown import make_progress
+from scenarios.cli.output import Json, print_document, tell
 
 
 def link_capacity(
@@ -23,11 +22,13 @@ def link_capacity(
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override a key")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="of the scenario, and of Monte Carlo")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="seed of the scenario, and of Monte Carlo")
+    ] = None,
     symbols: Annotated[
-        int, typer.Option(min=8, max=4096, help="of random data in each pilot")
+        int, typer.Option(min=8, max=4096, help="symbols of random data in each pilot")
     ] = 24,
-    points: Annotated[int, typer.Option(min=2, max=32, help="of each curve")] = 5,
+    points: Annotated[int, typer.Option(min=2, max=32, help="points of each curve")] = 5,
     out: Annotated[
         Path | None,
         typer.Option(

@@ -7,8 +7,6 @@ from scenarios.cli.link.capacity import link_capacity
 from scenarios.cli.link.receive import link_receive
 from scenarios.cli.link.send import link_send
 
-__all__ = ["link"]
-
 link = typer.Typer(
     name="link",
     help="Bytes over light: error rates beside theory, capacity, files through streams.",

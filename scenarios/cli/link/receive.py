@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, count
-from scenarios.cli.output import Json, SilentProgress, print_document, size_option, tell
+from cosim.run.shown import SilentProgress
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from cosim import Clock
     from link.receiving import Received
 
-__all__ = ["link_receive"]
-
 _WORDS = 8
-"""Of a block that is read at a time: 256 ticks."""
+"""Words of a block that is read at a time: 256 ticks."""
 
 
 def link_receive(
@@ -33,7 +32,7 @@ def link_receive(
         str, typer.Option(help="packed, joint, threshold or forward-backward")
     ] = "packed",
     interleave: Annotated[
-        bool, typer.Option("--interleave/--no-interleave", help="as the sender had it")
+        bool, typer.Option("--interleave/--no-interleave", help="interleaving as the sender had it")
     ] = True,
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     json: Json = False,

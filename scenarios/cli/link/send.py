@@ -12,20 +12,19 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import amount, count, number
+from cosim.run.shown import make_progress
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document
-
-__all__ = ["link_send"]
+from scenarios.cli.output import Json, print_document
 
 _MOST_BLOCKS = 100_000
-"""Of one rate in --rates."""
+"""Most blocks of one rate in --rates."""
 
 
 @dataclass(frozen=True)
 class SendOptions:
     """The panel and the modulation."""
 
-    size: Annotated[str, typer.Option(help="of the panel, WxH, multiples of 32")] = "960x960"
+    size: Annotated[str, typer.Option(help="size of the panel, WxH, multiples of 32")] = "960x960"
     cell: Annotated[int, typer.Option(help="panel pixels to a cell's side")] = 2
     ticks: Annotated[int, typer.Option(help="planes to a symbol")] = 2
     line: Annotated[
@@ -35,13 +34,13 @@ class SendOptions:
     rate: Annotated[
         float | None,
         typer.Option(
-            help="of an LDPC code, .75 to .97, in place of parity; with scrambled symbols alone"
+            help="rate of an LDPC code, .75 to .97, in place of parity; scrambled symbols only"
         ),
     ] = None
     rates: Annotated[
         str | None,
         typer.Option(
-            help="of each block of LDPC words in turn, .4 to .97, with the numbers of blocks, such "
+            help="rates of the blocks of LDPC words, .4 to .97, with the numbers of blocks, such "
             "as 0.65x12,0.97; the last one is that of all later blocks; in place of rate and parity"
         ),
     ] = None
@@ -54,7 +53,7 @@ class SendOptions:
     overhead: Annotated[
         float, typer.Option(help="frames beyond the file's own, as a share of them")
     ] = 0.05
-    clock: Annotated[str, typer.Option(help="of the panel's planes")] = "40 kHz"
+    clock: Annotated[str, typer.Option(help="clock of the panel's planes")] = "40 kHz"
 
 
 @expand_options
@@ -63,7 +62,7 @@ def link_send(
     out: Annotated[
         Path,
         typer.Option(
-            "--out", metavar="STREAM", help="written: .zarr, .npz, .events.npz, .dat or .raw"
+            "--out", metavar="STREAM", help="file to write: .zarr, .npz, .events.npz, .dat or .raw"
         ),
     ],
     panel: SendOptions,
@@ -151,7 +150,7 @@ def _sides(text: str) -> tuple[int, int]:
 
 
 def _rates(panel: SendOptions) -> list[int]:
-    """Returns the numbers of the blocks' rates; none without --rates."""
+    """Numbers of the blocks' rates; none without --rates."""
     from cosim import InputError
     from link.mode import EVERY_RATE
 

@@ -23,8 +23,6 @@ from cosim.compute.pocl_files import drop_damaged
 from cosim.compute.stopping import threads
 from display import GL_INSTALL, probe_gl
 
-__all__ = ["CHECKS", "Check", "run_checks"]
-
 _GIB = 2**30
 _MEMORY_GIB = 4
 """Memory of a megapixel run with its report, GiB."""

@@ -7,8 +7,6 @@ import typer
 from cosim.run.called import as_called
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["doctor"]
-
 
 def doctor(json: Json = False) -> None:
     """Check this machine; exit 0 if `viform run film` can work."""

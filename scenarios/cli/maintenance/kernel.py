@@ -10,8 +10,6 @@ from sensor import EFFECTS, make_pixels
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["kernel_agrees", "main"]
-
 _PIXELS = _CYCLES = 64
 
 

@@ -18,8 +18,6 @@ from cosim.compute.cores import cores
 from scenarios.cli.output import Json, print_document
 from scenarios.cli.packages import has_launcher, install_and_restart
 
-__all__ = ["test"]
-
 # Each worker has a contiguous part of the tests, because those of a file share fixtures and
 # compiled kernels. A worker that is done takes over tests of another.
 _SPREAD = ["-n", str(min(cores(), 4)), "--dist", "worksteal"]

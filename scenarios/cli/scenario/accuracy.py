@@ -8,10 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import count, number
+from cosim.run.shown import make_progress
 from scenarios.cli.options import ScenarioName, ScenarioOptions, check_figure, expand_options
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["accuracy"]
+from scenarios.cli.output import Json, print_document, tell
 
 
 @expand_options

@@ -11,12 +11,11 @@ import typer
 from cosim import InputError
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["list_scenarios"]
-
 
 def list_scenarios(
     prefix: Annotated[
-        str | None, typer.Argument(help="with --keys: what the keys begin with, such as link.panel")
+        str | None,
+        typer.Argument(help="beginning of the keys that --keys names, such as link.panel"),
     ] = None,
     keys: Annotated[
         bool, typer.Option("--keys", help="list the keys of scenarios, a line each, instead")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from cosim.run.shown import make_progress
 from scenarios.cli.options import ScenarioName, ScenarioOptions, expand_options
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["live"]
+from scenarios.cli.output import Json, print_document, tell
 
 
 @expand_options

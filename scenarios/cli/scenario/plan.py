@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.config.amounts import amount, count, elapsed, number, percent
+from cosim.run.shown import make_progress
 from scenarios.cli.options import ScenarioName, ScenarioOptions, Tolerance, expand_options
-from scenarios.cli.output import Json, make_progress, print_document
-
-__all__ = ["plan"]
+from scenarios.cli.output import Json, print_document
 
 
 @expand_options

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cosim.run.shown import SilentProgress, make_progress
 from scenarios.cli.options import (
     ScenarioName,
     ScenarioOptions,
@@ -14,19 +15,10 @@ from scenarios.cli.options import (
     Tolerance,
     expand_options,
 )
-from scenarios.cli.output import (
-    Json,
-    SilentProgress,
-    make_progress,
-    print_document,
-    print_json,
-    tell,
-)
+from scenarios.cli.output import Json, print_document, print_json, tell
 
 if TYPE_CHECKING:
     from cosim.run.result import Result
-
-__all__ = ["print_result", "run"]
 
 _FURTHER = (
     "latency_bright_us", "total_light", "spike_rate", "white_rate", "f_number", "shown_rate",

@@ -19,8 +19,6 @@ from scenarios.cli.output import Json, print_document, size_option, tell
 if TYPE_CHECKING:
     from scenarios.view.server import ViewServer
 
-__all__ = ["view"]
-
 
 def view(
     run: Annotated[Path, typer.Argument(help="folder of a run, or a stream of any format")],

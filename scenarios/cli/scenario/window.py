@@ -16,8 +16,6 @@ from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import SpikeCamera
 
-__all__ = ["FRAME", "show_live"]
-
 FRAME = 256
 """Number of cycles whose mean light is one picture in the window."""
 BATCH = 64

@@ -8,11 +8,9 @@ from typing import Annotated
 
 import typer
 
+from cosim.run.shown import make_progress
 from scenarios.cli.options import expand_options
-from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
-
-__all__ = ["convert"]
-
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 FORMATS_HELP = ".dat, .raw, .npz, .zarr, .events.npz, .fsc, .vfl"
 

@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.run.shown import SilentProgress
 from scenarios.cli.options import check_figure
-from scenarios.cli.output import Json, SilentProgress, print_document, size_option
-
-__all__ = ["image"]
+from scenarios.cli.output import Json, print_document, size_option
 
 
 def image(

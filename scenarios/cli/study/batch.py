@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.run.shown import make_progress
 from scenarios.cli.options import (
     Resume,
     ScenarioOptions,
@@ -17,9 +18,7 @@ from scenarios.cli.options import (
     Workers,
     count_workers,
 )
-from scenarios.cli.output import Json, make_progress, print_document
-
-__all__ = ["BatchOptions"]
+from scenarios.cli.output import Json, print_document
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class BatchOptions(ScenarioOptions):
         """Makes a batch and prints its document; ends with exit code 1 if a run of it failed.
 
         Args:
-            name: of the folder in runs/.
+            name: name of the folder in runs/.
             build: makes it; called with the folder, and device, workers, scheduler, resume and
                 progress by name.
             show: prints the document, with the folder, as text.

@@ -12,8 +12,6 @@ from cosim.config.amounts import amount, number
 from scenarios.cli.options import Device, check_figure
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["bench"]
-
 Study = tuple[dict[str, Any], str, Callable[[Path], object]]
 """The document of a study, its tables as text, and the function that draws its figure."""
 

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim.run.called import as_called
-from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
+from cosim.run.shown import make_progress
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from sensor.calibrate.calibration import Calibration
-
-__all__ = ["calibrate"]
 
 
 def calibrate(

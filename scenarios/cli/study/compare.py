@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from cosim.run.shown import make_progress
 from scenarios.cli.options import Device
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["compare"]
+from scenarios.cli.output import Json, print_document, tell
 
 
 def compare(

@@ -12,8 +12,6 @@ from scenarios.cli.options import expand_options
 from scenarios.cli.output import tell
 from scenarios.cli.study.batch import BatchOptions
 
-__all__ = ["dataset"]
-
 
 @expand_options
 def dataset(

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.config.amounts import number
-from scenarios.cli.output import Json, make_progress, print_document, size_option, tell
+from cosim.run.shown import make_progress
+from scenarios.cli.output import Json, print_document, size_option, tell
 
 if TYPE_CHECKING:
     from scenarios.studies.methods import MethodRow
-
-__all__ = ["compare_methods"]
 
 
 def compare_methods(

@@ -13,8 +13,6 @@ from scenarios.cli.output import Json, print_document, tell
 if TYPE_CHECKING:
     from cosim.run.printed import Row
 
-__all__ = ["paper"]
-
 _WORDS = {"=": "", "<": "below", "<=": "at most", ">": "above", ">=": "at least"}
 
 

@@ -11,8 +11,6 @@ from cosim.config.amounts import number
 from scenarios.cli.options import Device
 from scenarios.cli.output import Json, print_document, tell
 
-__all__ = ["stability"]
-
 
 def stability(
     cases: Annotated[

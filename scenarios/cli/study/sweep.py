@@ -12,8 +12,6 @@ from scenarios.cli.options import ScenarioName, expand_options
 from scenarios.cli.output import tell
 from scenarios.cli.study.batch import BatchOptions
 
-__all__ = ["sweep"]
-
 
 @expand_options
 def sweep(

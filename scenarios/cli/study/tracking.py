@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from cosim.config.amounts import number
+from cosim.run.shown import make_progress
 from scenarios.cli.options import check_figure
-from scenarios.cli.output import Json, make_progress, print_document, tell
-
-__all__ = ["compare_tracking"]
+from scenarios.cli.output import Json, print_document, tell
 
 
 def compare_tracking(
@@ -19,7 +18,7 @@ def compare_tracking(
         str, typer.Option(metavar="A,B,C", help="speeds, pixels/ms")
     ] = "0.1,0.3,1,3,10,30,100",
     frame_rates: Annotated[
-        str, typer.Option(metavar="A,B,C", help="of cameras with frames, frames/s")
+        str, typer.Option(metavar="A,B,C", help="rates of cameras with frames, frames/s")
     ] = "60,240,1000",
     white: Annotated[
         float, typer.Option(help="light: spikes a cycle of white in the spike camera")

@@ -19,8 +19,6 @@ from cosim import Box, Plane
 from scenarios.scenes.charts.chart_art import FINE, bars, edge, faces, slow, still, words
 from scenarios.scenes.drawing.canvas import check_instant, check_shape
 
-__all__ = ["PURSUIT", "SLOW", "Chart"]
-
 PURSUIT = 4000.0
 """Speed of the fast strips, which an eye follows, pixels/s, for any size of picture."""
 SLOW = 1000.0
@@ -114,10 +112,6 @@ class Chart:
     def edge_rows(self) -> tuple[int, int]:
         """First row of the strip with the edge, and the row after its last."""
         return _rows(self.shape[0], *STRIPS[2][:2])
-
-    def edge_at(self, t: float) -> float:
-        """Column of the edge from dark to mid grey at t, 0 to the width."""
-        return (PURSUIT * check_instant(t) + self.shape[1] / 4) % self.shape[1]
 
     def points(self) -> list[tuple[int, int, str]]:
         """Characteristic pixels (row, column, label)."""

@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from cosim.report.figures import own_settings
 
-__all__ = ["FINE", "WEDGE", "bars", "edge", "faces", "slow", "still", "words"]
-
 FINE = 4
 """Number of fine columns and rows in a pixel."""
 WHITE_RATE = 0.6

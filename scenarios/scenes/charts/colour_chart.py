@@ -10,8 +10,6 @@ import numpy.typing as npt
 from cosim import Block, Light, Piece, Plane
 from cosim.light.mosaic import Mosaic
 
-__all__ = ["PATCHES", "ColourChart", "linear"]
-
 PATCHES: Final = (
     ("dark skin", (115, 82, 68)), ("light skin", (194, 150, 130)), ("blue sky", (98, 122, 157)),
     ("foliage", (87, 108, 67)), ("blue flower", (133, 128, 177)),

@@ -17,8 +17,6 @@ from cosim import Box, Clock, InputError, Plane
 from cosim.light.source import Target
 from scenarios.scenes.drawing.analytic import AnalyticSource
 
-__all__ = ["FINE", "JUST_BELOW", "Sky", "SkySource", "star_levels"]
-
 FINE = 1e-2
 """Illuminance below which there are five stars in a decade, lux."""
 JUST_BELOW = 0.9

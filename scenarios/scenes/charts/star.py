@@ -29,8 +29,6 @@ from scenarios.scenes.drawing.canvas import (
 from scenarios.scenes.drawing.shading import Array, square_mean
 from scenarios.scenes.drawing.shapes import Cam, Win, cover, grid, lay
 
-__all__ = ["Star", "spokes"]
-
 TAU = 2 * math.pi
 Profile = Literal["square", "sine"]
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from cosim import Block, Light, Piece, Plane, seconds_to_ps
 
-__all__ = ["StepSource"]
-
 BARS = 8
 
 

@@ -17,8 +17,6 @@ from imagers.common.scenery import Course
 from scenarios.scenes.clips.pictures import open_clip
 from scenarios.scenes.drawing.points import spread_points
 
-__all__ = ["ChartScene", "TargetSource", "target_course", "target_plane"]
-
 _FOREVER = 2**62
 """End of the last piece of light, ps."""
 

@@ -21,8 +21,6 @@ from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.kept import Fitted, kept_file
 from scenarios.scenes.clips.timeline import Timeline
 
-__all__ = ["Clip"]
-
 _OF_OTHERS = (2, 3)
 """FFmpeg's numbers of frames that are told by others, P and B."""
 

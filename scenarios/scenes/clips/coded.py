@@ -17,15 +17,13 @@ import numpy.typing as npt
 
 from scenarios.scenes.clips.fitted import CONVERTING, LUMINANCE, Fit
 
-__all__ = ["GREY_OF_TIFF", "SRGB", "Coded", "float_values", "is_of_floats", "transfer_curve"]
-
 # Transfer characteristics: code point (ITU-T H.273, table 3) -> exponent of the display.
 _POWER: Final = {4: 2.2, 5: 2.8, 8: 1.0}
 _AS_SRGB: Final = {0, 1, 2, 3, 6, 7, 13, 14, 15}
 SRGB: Final = 13
 """Transfer characteristic "sRGB" (ITU-T H.273, table 3)."""
 GREY_OF_TIFF: Final = 4
-"""That which FFmpeg gives grey TIFF: a power of 2.2."""
+"""Transfer characteristic that FFmpeg gives grey TIFF: a power of 2.2."""
 _PQ: Final = 16
 _HLG: Final = 18
 _PQ_WHITE: Final = 203 / 10_000

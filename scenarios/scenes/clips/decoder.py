@@ -13,8 +13,6 @@ from scenarios.scenes.clips.fitted import DECODING, MOST_PIXELS, Fit
 from scenarios.scenes.clips.kept import KeptFile, Opened
 from scenarios.scenes.clips.timeline import Timeline
 
-__all__ = ["Decoder"]
-
 _FAR: Final = 8
 """Number of frames ahead from which on a seek to a key frame saves time."""
 _PROBED: Final = 1000

@@ -20,8 +20,6 @@ from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.pictures import Pictures, open_clip
 from scenarios.scenes.drawing.points import spread_points
 
-__all__ = ["FilmSource"]
-
 _FOREVER = 2**62
 
 

@@ -10,8 +10,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["AS_STORED", "Pose", "deinterlaced", "pose_of", "upright"]
-
 Pose = tuple[bool, int]
 """What turns a stored picture upright: whether it is mirrored, left to right, and then the number
 of quarter turns, counterclockwise."""

@@ -13,8 +13,6 @@ from cosim.compute.memory import check_memory
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.filtered import AS_STORED, Pose, upright
 
-__all__ = ["CONVERTING", "DECODING", "LUMINANCE", "MOST_PIXELS", "Fit"]
-
 MOST_PIXELS: Final = 1 << 26
 """Pixels of a picture, at most: twice those of 8K video (7680 x 4320)."""
 DECODING: Final = {"max_pixels": str(MOST_PIXELS)}

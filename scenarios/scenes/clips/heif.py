@@ -19,8 +19,6 @@ from scenarios.scenes.clips.coded import Coded
 from scenarios.scenes.clips.filtered import AS_STORED, Pose, pose_of
 from scenarios.scenes.clips.fitted import CONVERTING, DECODING, Fit
 
-__all__ = ["Still", "decoded_still", "still_in"]
-
 _MOST: Final = 1 << 24
 """Bytes of a description that are read."""
 _CODED: Final = (b"hvc1", b"hev1", b"av01", b"avc1", b"jpeg")

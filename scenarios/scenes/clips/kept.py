@@ -19,8 +19,6 @@ from typing import Any, Final
 
 from cosim import Plane
 
-__all__ = ["KEPT_BYTES", "Fitted", "KeptFile", "Opened", "bytes_kept", "forget_frames", "kept_file"]
-
 KEPT_BYTES: Final = 1 << 28
 """Bytes of all frames that are kept, at most, in a process."""
 _FILES: Final = 1 << 12
@@ -70,9 +68,9 @@ class KeptFile:
         path: the file.
 
     Attributes:
-        lock: held by who decodes or converts one of its frames: a decoded frame is converted by one
-            thread at a time.
-        opened: None before it was opened.
+        lock: lock that is held by who decodes or converts one of its frames: a decoded frame is
+            converted by one thread at a time.
+        opened: decoder of the file; None before it was opened.
         count: number of its frames; None before its end was reached.
         notes: what the user is told of decoding, each with the number of the frame.
         bytes: bytes of its frames; None if nothing is kept of it any more.

@@ -27,8 +27,6 @@ from cosim.compute.cores import cores
 from cosim.compute.stopping import threads
 from scenarios.scenes.drawing.analytic import MOTION_STEP
 
-__all__ = ["Between"]
-
 Flow = npt.NDArray[np.float32]
 """(H, W, 2) float32: motion along the columns and along the rows, pixels."""
 

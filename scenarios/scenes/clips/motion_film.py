@@ -26,8 +26,6 @@ from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.motion import Between
 from scenarios.scenes.drawing.analytic import MOTION_STEP
 
-__all__ = ["Example", "MotionFilm"]
-
 _SKETCHED: Final = 4
 """Every how many planes one is drawn for the range of the light."""
 _KEPT: Final = 2

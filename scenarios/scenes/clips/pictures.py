@@ -21,8 +21,6 @@ from scenarios.scenes.clips.heif import Still, decoded_still, still_in
 from scenarios.scenes.clips.tiff import Page, tiff_pages
 from scenarios.scenes.clips.timeline import Timeline
 
-__all__ = ["Pictures", "array_clip", "open_clip", "shown"]
-
 _KEPT: Final = 3
 """Frames in memory."""
 _REMEMBERED: Final = 1 << 28
@@ -47,23 +45,23 @@ class Pictures:
     """Frames of equal size, by number, in any order; the form of `Clip`.
 
     Args:
-        path: for messages.
-        read: from the number of a frame to the frame on the pixels.
+        path: path for messages.
+        read: map from the number of a frame to the frame on the pixels.
         frames: their number.
         size: (height, width) of a picture, its pixels.
         rate: frames/s, which several frames need.
-        notes: to which `read` adds.
+        notes: notes to which `read` adds.
         kept: frames in memory.
         codes: frames of uint8 whose pixels are those of the grid, (T, H, W); None if they are not.
 
     Attributes:
-        codes: as given; `times` takes frames from a table of them.
+        codes: frames as given; `times` takes frames from a table of them.
         notes: notes for the user.
-        size: as given.
+        size: size as given.
         rate: frame rate, 1/s; 0 for a still image.
         count: number of frames read so far.
         ended: whether all frames have been read.
-        timeline: None: frames are evenly spaced.
+        timeline: times of the frames; None where they are evenly spaced.
     """
 
     timeline: Timeline | None = None

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
-__all__ = ["Page", "tiff_pages"]
-
 _SUBFILE, _WIDTH, _HEIGHT = 254, 256, 257
 _TILE_WIDTH, _TILE_HEIGHT, _SAMPLES = 322, 323, 339
 _TAGS: Final = (_SUBFILE, _WIDTH, _HEIGHT, _TILE_WIDTH, _TILE_HEIGHT, _SAMPLES)

@@ -17,8 +17,6 @@ from typing import Any
 from cosim import PS, Clock
 from scenarios.scenes.clips.fitted import DECODING
 
-__all__ = ["Timeline"]
-
 _STAMPED = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi", "gif", "nut", "apng")
 """Containers, by their names in FFmpeg, that stamp every packet and support seeks to key frames.
 Not MPEG program streams: after a seek their frames have other stamps."""

@@ -10,9 +10,6 @@ import numpy as np
 from cosim import PS, Block, Box, Clock, Light, Piece, Plane
 from cosim.light.source import Points, Sketch
 
-__all__ = ["MOTION_STEP", "AnalyticScene", "AnalyticSource"]
-
-
 MOTION_STEP = 1.0
 """Largest motion of an edge between two instants at which an analytic scene is drawn, pixels. The
 light in between is interpolated linearly. A pixel that an edge passes then receives the correct

@@ -19,8 +19,6 @@ from numba import njit
 from scenarios.scenes.drawing.shading import Array, Surface, shade, visible
 from scenarios.scenes.drawing.shapes import Cam, Win
 
-__all__ = ["capsules", "paint_body", "paint_shadow", "polyline"]
-
 TILE = 8
 """Side of the tiles in which far cones are skipped, pixels; they are aligned to the picture."""
 _PIXELS: Final = TILE * TILE

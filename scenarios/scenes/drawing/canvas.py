@@ -21,11 +21,6 @@ from cosim import Box, Plane
 from scenarios.scenes.drawing import bodies, shapes
 from scenarios.scenes.drawing.shading import Surface
 
-__all__ = [
-    "Canvas", "Drawn", "Item", "Layer", "View", "blob", "body", "check_instant",
-    "check_number", "check_shape", "ellipse", "everywhere", "shadow",
-]  # fmt: skip
-
 NOTHING: Box = (0, 0, 0, 0)
 SMALLEST, LARGEST = 8, 2000
 BAND = 1 << 14

@@ -12,8 +12,6 @@ from cosim.light.light import PlaneMap
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Sketch, Source
 
-__all__ = ["NeutralSource"]
-
 
 class NeutralSource:
     """A `Source` whose light is white: each pixel has the signal of its filter under white."""

@@ -21,8 +21,6 @@ from cosim import PS, Block, Clock, Light, Piece, Plane
 from cosim.light.source import Sketch
 from scenarios.scenes.drawing.analytic import MOTION_STEP, AnalyticScene
 
-__all__ = ["PARTS", "PacedScene", "PacedSource"]
-
 PARTS = 4
 """Number of means in a cycle for windows that split it. Each is a plane in memory."""
 MANY = 1024

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["spread_points"]
-
 
 def spread_points(shape: tuple[int, int], n: int = 10) -> list[tuple[int, int, str]]:
     """`n` pixels spread evenly over a plane by the R2 sequence: row, column, name."""

@@ -14,11 +14,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = [
-    "CHECK", "HAIR", "PLAIN", "SKIN", "Array", "Surface", "brightness", "lattice", "noise",
-    "shade", "square_mean", "visible",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 
 # Lighting, all assumed: a large soft source at the upper left in front, a weak one at the right,

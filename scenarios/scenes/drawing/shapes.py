@@ -27,11 +27,6 @@ import numpy as np
 
 from scenarios.scenes.drawing.shading import Array, brightness
 
-__all__ = [
-    "BLOB_REACH", "Array", "Blob", "Cam", "Ellipse", "Win", "cover", "cover_solid", "grid", "lay",
-    "paint_all", "paint_blob", "paint_ellipse",
-]  # fmt: skip
-
 Win = tuple[int, int, int, int, int, int]
 Cam = tuple[float, float, float]
 

@@ -20,8 +20,6 @@ from cosim.light.source import Sketch, Source
 from cosim.light.survey import limits
 from scenarios.scenes.drawing.canvas import LARGEST, SMALLEST
 
-__all__ = ["SizedSource", "sized"]
-
 
 def sized(shape: tuple[int, int], draw: Callable[[tuple[int, int]], Source]) -> Source:
     """The source of an array of this shape. draw: the source at a size at which it can be drawn."""
@@ -40,7 +38,7 @@ class SizedSource:
 
     Attributes:
         shape: rows and columns of the array.
-        notes: those of the drawing, with the size at which it is drawn.
+        notes: notes of the drawing, with the size at which it is drawn.
         pursuit: speed along the rows that an eye follows, pixels/s of the array; None without one.
     """
 

@@ -15,28 +15,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-__all__ = [
-    "GAMMA",
-    "GAS",
-    "Fan",
-    "Gas",
-    "Start",
-    "behind_normal",
-    "behind_oblique",
-    "billig_curvature",
-    "billig_standoff",
-    "detachment",
-    "fan",
-    "nozzle",
-    "prandtl_meyer",
-    "reflected",
-    "shock_angle",
-    "shock_mach",
-    "stagnation_ratio",
-    "stalling",
-    "start_flow",
-]  # fmt: skip
-
 GAMMA = 1.4
 """Ratio of specific heats of air below some 600 K."""
 GAS = 287.05

@@ -19,8 +19,6 @@ from numba import njit
 from cosim import Plane
 from scenarios.scenes.drawing.shading import noise
 
-__all__ = ["GLADSTONE_DALE", "Bench"]
-
 GLADSTONE_DALE = 2.26e-4
 """K of air for visible light, m3/kg (Merzkirch: 2.264e-4 at 568 nm)."""
 RANGE = 3.5e-4

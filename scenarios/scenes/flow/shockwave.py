@@ -42,8 +42,6 @@ from scenarios.scenes.flow.schlieren import Bench
 from scenarios.scenes.flow.sightlines import SWELLS, WIDTH, fine, flows, grain, mix, swirl
 from scenarios.scenes.flow.steadyflow import Sphere, Wedge
 
-__all__ = ["Shockwave"]
-
 STAGNATION_PRESSURE, STAGNATION_TEMPERATURE = 1e6, 500.0
 """Stagnation state of the M6HQWT: its lowest pressure, Pa, and its temperature, K."""
 ROOM = 293.0

@@ -16,8 +16,6 @@ from cosim import Plane
 from scenarios.scenes.drawing.shading import noise
 from scenarios.scenes.flow.steadyflow import Sphere, Wedge
 
-__all__ = ["SWELLS", "WIDTH", "fine", "flows", "grain", "mix", "swirl"]
-
 WIDTH = 0.12
 """Length of a sight line through the flow, m: the width of the nozzle exit and the span of a
 wedge."""

@@ -30,8 +30,6 @@ from scenarios.scenes.flow.gasdynamics import (
     stagnation_ratio,
 )
 
-__all__ = ["BASE_TURN", "STING", "Sphere", "Wedge", "viscosity"]
-
 Array = npt.NDArray[np.float64]
 
 STING = 0.4

@@ -13,8 +13,6 @@ from cosim.light.source import Source
 from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
-__all__ = ["FilmScene"]
-
 
 class FilmScene(Section):
     """A clip or pictures, see `open_clip`; without a path, the built-in moving scene."""

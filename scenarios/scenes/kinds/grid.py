@@ -9,8 +9,6 @@ from cosim import Clock
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
 
-__all__ = ["SceneGrid", "SceneKind"]
-
 
 @dataclass(frozen=True)
 class SceneGrid:

@@ -13,8 +13,6 @@ from scenarios.scenes.kinds.grid import SceneGrid
 if TYPE_CHECKING:
     from scenarios.scenes.objects.scene import Objects
 
-__all__ = ["ObjectsScene"]
-
 
 class ObjectsScene(Section):
     """Textured plates that move, turn and come closer at several depths and cover each other. Flow,

@@ -13,8 +13,6 @@ from cosim.light.source import Source
 from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
-__all__ = ["ShockwaveScene"]
-
 
 class ShockwaveScene(Section):
     """Formation of a shock wave on a model at the start of a quiet wind tunnel (Huang 2022, figure

@@ -11,8 +11,6 @@ from cosim.light.source import Source
 from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
-__all__ = ["StarScene"]
-
 
 class StarScene(Section):
     """A rotating Siemens star inside a ring of grey steps."""

@@ -11,8 +11,6 @@ from cosim.light.source import Source
 from scenarios.scenes.charts.step import StepSource
 from scenarios.scenes.kinds.grid import SceneGrid
 
-__all__ = ["StepScene"]
-
 
 class StepScene(Section):
     """A grey wedge whose illumination steps from one level to another at one instant."""

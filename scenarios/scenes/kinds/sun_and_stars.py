@@ -11,8 +11,6 @@ from cosim.light.source import Source
 from scenarios.scenes.charts.sky import SkySource
 from scenarios.scenes.kinds.grid import SceneGrid
 
-__all__ = ["SunAndStarsScene"]
-
 
 class SunAndStarsScene(Section):
     """The sun, and stars of decreasing illuminance, as discs of known light (Huang 2022, section

@@ -10,8 +10,6 @@ from cosim.config.quantity import Illuminance, Section, Time
 from cosim.light.source import Source
 from scenarios.scenes.kinds.grid import SceneGrid
 
-__all__ = ["TargetScene"]
-
 
 class TargetScene(Section):
     """A static test chart or picture under variable light."""

@@ -11,8 +11,6 @@ from cosim.light.source import Source
 from scenarios.scenes.drawing.sized import sized
 from scenarios.scenes.kinds.grid import SceneGrid
 
-__all__ = ["WaveScene"]
-
 
 class WaveScene(Section):
     """A person who waves an arm (Huang 2022, figures 3 to 5)."""

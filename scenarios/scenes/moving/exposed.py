@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from cosim import PS, Block, Clock, Light, Piece
 
-__all__ = ["MOTION", "ExposedScene", "ExposedSource"]
-
 MOTION: Final = 0.25
 """Longest motion within a piece of light, pixels, if a piece is longer than a cycle."""
 
@@ -42,7 +40,7 @@ class ExposedSource:
 
     Args:
         scene: the scene.
-        illuminance: of reflectance 1 on the pixels, lux.
+        illuminance: illuminance of reflectance 1 on the pixels, lux.
         clock: latch clock.
         longest: cycles of the longest piece.
     """

@@ -13,8 +13,6 @@ from scipy.special import erf
 
 from scenarios.scenes.moving.texture import Texture
 
-__all__ = ["Spot"]
-
 Knot = tuple[float, float, float]
 
 
@@ -33,7 +31,7 @@ class Spot:
         knots: (instant in s, column, row) of the centre, in order; the object appears at the first
             and disappears at the last.
         sigma: standard deviation of the profile, pixels.
-        reflectance: of its centre.
+        reflectance: reflectance of the object's centre.
     """
 
     background: Texture

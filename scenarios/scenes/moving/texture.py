@@ -10,8 +10,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Texture"]
-
 WAVES: Final = 10
 """Number of waves. More have less contrast, because their sum must stay within the range."""
 WAVELENGTHS: Final = (8.0, 64.0)
@@ -28,9 +26,9 @@ class Texture:
 
     Attributes:
         shape: (rows, columns).
-        velocity: of columns and rows, pixels/s.
+        velocity: velocity along columns and rows, pixels/s.
         level, swing: mean reflectance, and largest deviation from it.
-        seed: of directions and phases.
+        seed: seed of directions and phases.
     """
 
     shape: tuple[int, int]

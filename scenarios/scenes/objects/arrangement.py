@@ -13,8 +13,6 @@ import numpy as np
 
 from scenarios.scenes.objects.plate import CATEGORIES, FOCAL, Plate, Wave
 
-__all__ = ["BACKGROUND", "MOST", "arrange"]
-
 MOST: Final = 64
 """Largest number of plates."""
 NEAR: Final = 2.0

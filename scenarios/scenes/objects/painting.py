@@ -16,12 +16,8 @@ from numba import njit
 
 from scenarios.scenes.objects.plate import Matrix, Plate
 
-__all__ = [
-    "HIDDEN", "MIXED", "SEEN", "Mask", "Tables", "flow", "paint", "surfaces", "tabulate",
-]  # fmt: skip
-
 SEEN: Final = 0
-"""In an occlusion mask: the pixel shows one surface, which is seen at the other instant."""
+"""Value in an occlusion mask: the pixel shows one surface, which is seen at the other instant."""
 MIXED: Final = 128
 """Its centre is seen at the other instant, but the pixel, or its place there, is at an edge."""
 HIDDEN: Final = 255

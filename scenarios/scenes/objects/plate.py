@@ -17,8 +17,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CATEGORIES", "FOCAL", "Matrix", "Plate", "Wave", "intrinsics"]
-
 Matrix = npt.NDArray[np.float64]
 
 FOCAL: Final = 1.2
@@ -56,12 +54,13 @@ class Plate:
         x, y, z: centre in the middle of its motion, m.
         swing: amplitude of the motion along (cos heading, sin heading), m.
         heading: direction of the motion, rad.
-        rate, phase: of the motion, rad/s and rad.
+        rate, phase: rate and phase of the motion, rad/s and rad.
         pump, pump_phase: amplitude of the depth, m, and phase, rad.
         turn, spin: angle in its own plane at t = 0, rad, and its rate, rad/s.
         tilt, tilt_axis: slant of the plane, rad, about the axis (cos, sin, 0) of this angle.
         tone: mean reflectance.
-        waves: of the texture; their shares sum to at most 1 / tone - 1, so that nothing is clipped.
+        waves: waves of the texture; their shares sum to at most 1 / tone - 1, so that nothing is
+            clipped.
     """
 
     category: int | None

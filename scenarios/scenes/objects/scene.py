@@ -14,8 +14,6 @@ from scenarios.scenes.objects.arrangement import arrange
 from scenarios.scenes.objects.painting import Tables, paint, tabulate
 from scenarios.scenes.objects.plate import Matrix, Plate
 
-__all__ = ["Objects"]
-
 
 @dataclass(frozen=True)
 class Objects:

@@ -12,11 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarios.scenes.objects import painting
-from scenarios.scenes.objects.painting import HIDDEN, MIXED, SEEN, Mask
+from scenarios.scenes.objects.painting import Mask
 from scenarios.scenes.objects.plate import CATEGORIES
 from scenarios.scenes.objects.scene import Objects
-
-__all__ = ["HIDDEN", "MIXED", "SEEN", "Surfaces", "flow", "surfaces"]
 
 
 @dataclass(frozen=True, eq=False)

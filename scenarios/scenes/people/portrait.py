@@ -13,8 +13,6 @@ from scenarios.scenes.drawing.bodies import polyline
 from scenarios.scenes.drawing.canvas import Item, blob, body, ellipse, shadow
 from scenarios.scenes.drawing.shading import CHECK, HAIR, SKIN, Surface
 
-__all__ = ["CENTRE", "SHIRT", "SKIN_TONE", "person", "person_shadow"]
-
 CENTRE = -0.17
 """Position of the body's axis, m from the centre of the picture."""
 SKIN_TONE = Surface(0.58, SKIN, period=0.0012, contrast=0.07, shine=0.05, gloss=14.0)

@@ -33,8 +33,6 @@ from scenarios.scenes.drawing.shading import Array, Surface, lattice, noise, vis
 from scenarios.scenes.drawing.shapes import Cam, Win, cover, grid, lay
 from scenarios.scenes.people.portrait import CENTRE, SHIRT, SKIN_TONE, person, person_shadow
 
-__all__ = ["Wave"]
-
 TAU = 2 * math.pi
 
 # Segment lengths as parts of the stature (Drillis and Contini 1966, in Winter, Biomechanics and

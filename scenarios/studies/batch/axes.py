@@ -12,8 +12,6 @@ import numpy as np
 
 from cosim import InputError
 
-__all__ = ["Axis", "check_axes", "grid", "latin_hypercube", "read_axis"]
-
 MOST: Final = 100_000
 """Largest number of points."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -25,10 +23,10 @@ class Axis:
     """A key and its values.
 
     Attributes:
-        key: of the scenario.
+        key: key of the scenario.
         texts: values as text with their unit; () for a range of which points are drawn.
         span: lowest and highest number; None for a list of texts.
-        unit: of the numbers.
+        unit: unit of the numbers.
         log: whether the logarithm is evenly spaced.
         whole: whether a drawn value is a whole number.
         given: the text that it was read from.

@@ -11,8 +11,6 @@ from cosim.files.whole import whole
 from cosim.run.folder import room_for
 from cosim.run.result import dumps
 
-__all__ = ["begin_batch", "read_document", "write_document"]
-
 
 def begin_batch(what: str, folder: Path, stated: dict[str, Any], inner: str, resume: bool) -> bool:
     """Creates the folder, with WHAT.json and an empty folder for the results, or checks that it
@@ -20,7 +18,7 @@ def begin_batch(what: str, folder: Path, stated: dict[str, Any], inner: str, res
 
     Args:
         what: kind of the batch, such as "sweep".
-        folder: of the batch.
+        folder: folder of the batch.
         stated: the batch as it was asked for.
         inner: name of the folder for the results.
         resume: whether the batch may be there.

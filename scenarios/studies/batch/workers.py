@@ -10,8 +10,6 @@ from cosim.compute.pocl_files import keep_sums
 from cosim.files.whole import NO_ROOM
 from cosim.run.workers import workers_for
 
-__all__ = ["run_jobs"]
-
 Job = tuple[int, tuple[Any, ...]]
 Result = tuple[int, Any]
 

@@ -23,12 +23,10 @@ from rtl_model.host import default_map
 from rtl_model.host.bone import patience_s
 from rtl_model.host.ether import Etherbone, answer_packet, open_udp, record_packet
 
-__all__ = ["AIM", "board_rows"]
-
 AIM: Final = 100e6
 """Real time: Ethernet of 100 Mbit/s, whose payload is less, bit/s."""
 SECONDS: Final = 3.0
-"""Of each measurement, about."""
+"""Duration of each measurement, about, s."""
 _FLYING: Final = 64
 """Datagrams in flight for the ceiling."""
 _LOST_S: Final = 0.1
@@ -55,7 +53,7 @@ def board_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     """The rows `board.read` and `board.write`: payload per second. Every word read is compared.
 
     Args:
-        device, ceiling: not used; these rows have ceilings of their own.
+        device, ceiling: device and ceiling, not used; these rows have ceilings of their own.
     """
     base, words = default_map().base("pattern_mem"), Geometry().pattern_bytes // 4
     with _child(_BOARD) as port, closing(open_udp(port)) as udp:

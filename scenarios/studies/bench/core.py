@@ -16,8 +16,6 @@ from cosim.spikes.viform import WORD, Words
 from display import FixedEye
 from scenarios.python import Camera, Display, Link
 
-__all__ = ["core_rows", "send_rows"]
-
 CHIP: Final = (250, 400)
 """Rows and columns of the clip of SpikeOne, and of its chip."""
 FRAMES, RATE = 20, 2000.0
@@ -26,7 +24,7 @@ LARGE, LARGE_FRAMES, LARGE_RATE = (1000, 1000), 64, 1000.0
 """Rows and columns, frames and frames/s of the clip of SpikeTwo: 2560 cycles."""
 CHIPS: Final = {CHIP: "spikeone", LARGE: "spiketwo"}
 BYTES: Final = 100_000
-"""Of a call of the link."""
+"""Bytes of a call of the link."""
 WHITE: Final = 0.6
 """Spikes a cycle of white."""
 
@@ -211,7 +209,7 @@ def send_rows(device: Device | None, size: int, **keys: Any) -> list[Row]:
     Args:
         device: OpenCL device, None for the compiled form.
         size: bytes of a call.
-        **keys: of the link.
+        **keys: keys of the link.
     """
     data = np.random.Generator(np.random.Philox(key=1)).bytes(size)
 

@@ -22,8 +22,6 @@ from link.theory.soft_information import soft_information
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 
-__all__ = ["DETECTORS", "information_rows", "time_rows"]
-
 DETECTORS: Final = ("joint", "packed")
 """Names; the ratio of a row is over the first."""
 HEIGHT: Final = 480
@@ -38,10 +36,10 @@ _SEED: Final = 1
 def time_rows(
     detectors: dict[str, Detector], given: tuple[Any, ...], cell_symbols: int
 ) -> list[Row]:
-    """Returns the rows `link.detector`, ns of processor time for a symbol of a cell.
+    """Rows `link.detector`, ns of processor time for a symbol of a cell.
 
     Args:
-        detectors: by name, which have learned.
+        detectors: detectors by name, which have learned.
         given: arguments of `Detector.soft`.
         cell_symbols: soft values of a call.
     """
@@ -57,7 +55,7 @@ def time_rows(
 
 
 def information_rows() -> list[Row]:
-    """Returns the rows `link.detector`, bits of information of a bit, by ticks and phase."""
+    """Rows `link.detector`, bits of information of a bit, by ticks and phase."""
     rows = []
     for ticks in TICKS:
         mode = Mode(WIDTH, HEIGHT, 2, ticks, "scrambled", 32)

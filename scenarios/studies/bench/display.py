@@ -18,8 +18,6 @@ from cosim.spikes.viform import WORD
 from display import FixedEye, PlaneByPlane, PursuingEye, SpikePanel, make_renderer, panel_views
 from sensor import CHIPS
 
-__all__ = ["display_rows"]
-
 CYCLES = 512
 """Number of planes in a timed call."""
 PLAIN_CYCLES = 16

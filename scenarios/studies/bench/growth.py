@@ -19,8 +19,6 @@ from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row, least
 from scenarios.studies.bench.planned import planned_pixels
 from sensor.latched.fast.units import BANK, NOISE
 
-__all__ = ["growth_rows"]
-
 _WIDTH: Final = 1000
 _PIXELS: Final = {f"1e{k}": 10**k for k in range(4, 9)}
 _CYCLES: Final = {"64": 64, "512": 512, "4096": 4096, "1e5": 10**5}

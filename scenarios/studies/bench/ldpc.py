@@ -18,8 +18,6 @@ from link.coding.ldpc import ROUNDS, Ldpc, quantise
 from link.coding.ldpc_numpy import decode_in_numpy
 from scenarios.studies.bench.words import AIM, code_rows
 
-__all__ = ["ldpc_rows"]
-
 DATA_BITS: Final = 8448
 CODES: Final = {9216: 0.4000, 9600: 0.4687, 10368: 0.5539}
 """Bits of a word as sent -> standard deviation of the noise on signs of +-1 in which the rate is

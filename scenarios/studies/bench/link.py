@@ -18,8 +18,6 @@ from scenarios.studies.bench.ldpc import ldpc_rows
 from scenarios.studies.bench.modem import film_link, modem_rows
 from scenarios.studies.bench.reed_solomon import reed_solomon_rows
 
-__all__ = ["link_rows"]
-
 SYMBOLS = 40
 """Symbols that the detectors decide in a call: those of a call of the receiver."""
 

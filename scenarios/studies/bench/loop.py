@@ -16,16 +16,14 @@ from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
 
-__all__ = ["LOOPS", "loop_rows"]
-
 LOOPS: Final[dict[str, tuple[str, ...]]] = {
     "loop.glass": ("glass",), "loop.glass-over-light": ("glass-over-light",),
 }  # fmt: skip
 """Scenario, and values of --set, by the name of the row."""
 DURATION: Final = "16 ms"
-"""Of light: a part of the shipped scenarios, whose cost grows with the time."""
+"""Duration of light: a part of the shipped scenarios, whose cost grows with the time."""
 WARM: Final = "2 ms"
-"""Of light: a run before those that are timed, which builds kernels and shaders for all. No
+"""Duration of a run before those that are timed, which builds kernels and shaders for all. No
 shorter than the window of an image."""
 
 
@@ -39,7 +37,7 @@ def loop_rows(device: Device | None, ceiling: float | None) -> list[Row]:
 
     Args:
         device: OpenCL device, None for the compiled form.
-        ceiling: of the machine; chains have none.
+        ceiling: ceiling of the machine; chains have none.
     """
     rows = []
     for name, (scenario, *sets) in LOOPS.items():

@@ -39,12 +39,10 @@ from link.timing import Registration
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 
-__all__ = ["Filmed", "film_link", "modem_rows"]
-
 BYTES: Final = 4_000_000
-"""Of the file."""
+"""Bytes of the file."""
 RATE: Final = 0.935
-"""Of the words: what a run chooses for such a file."""
+"""Rate of the words: what a run chooses for such a file."""
 SETS: Final = ("link.panel.phase=0", "link.panel.clock_offset=0")
 """Keys of light-link, by which the clock is locked from the start."""
 TURNS: Final = 5
@@ -58,7 +56,7 @@ class Filmed:
     """A transmission of a file, and its spikes.
 
     Attributes:
-        setting: of the link.
+        setting: setting of the link.
         data: the file.
         sent: the transmission.
         words: (n, height, width) uint32 spikes, bit 0 of word 0 tick 0.
@@ -75,7 +73,7 @@ class Filmed:
         return self.sent.data_end - TRAINING
 
     def recording(self) -> Recording:
-        """Returns the spikes as a receiver stores them."""
+        """Spikes as a receiver stores them."""
         out = Recording(self.words.shape[1:])
         out.add(Viform(self.words, len(self.words) * WORD, self.setting.camera.clock))
         return out
@@ -88,7 +86,7 @@ class Filmed:
         return acquired
 
     def detector(self, name: str) -> Detector:
-        """Returns a detector that has learned from the training."""
+        """A detector that has learned from the training."""
         refined = self.acquired.refined
         place = Registration(refined.homography, np.zeros((0, 3)), refined.blur)
         made = make_detector(name, self.sent.layout, place, self.acquired.timing)

@@ -15,10 +15,8 @@ from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.pixel.bank import LANES
 from sensor.latched.pixel.model import ExactModel
 
-__all__ = ["THRESHOLD", "planned_pixels"]
-
 THRESHOLD: Final = 1000.0
-"""Of the pixels, electrons."""
+"""Threshold of the pixels, electrons."""
 
 
 def planned_pixels(

@@ -13,8 +13,6 @@ from cosim.run.timing import Row, least_of
 from cosim.spikes.viform import WORD
 from rtl_model.readout import BIT_RATE, Readout, read_in_numpy
 
-__all__ = ["readout_row"]
-
 _WORDS: Final = 8
 """Number of words per pixel in a call: 32 MB of spikes, more than the cache."""
 _PLAIN_CYCLES: Final = 8

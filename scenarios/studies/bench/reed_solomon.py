@@ -14,8 +14,6 @@ from cosim.run.timing import Row
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from scenarios.studies.bench.words import AIM, code_rows
 
-__all__ = ["reed_solomon_rows"]
-
 PARITY: Final = 32
 WRONG: Final = (0, 4, 16)
 """Wrong bytes of a word."""

@@ -42,8 +42,6 @@ from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["LARGE", "PARTS", "Row", "bench"]
-
 CYCLES = 512
 PLAIN_CYCLES = 8
 MEAN = 0.034
@@ -272,7 +270,8 @@ PARTS = {
 }  # fmt: skip
 """The parts that have a benchmark."""
 LARGE: Final = ("growth", "view")
-"""Those that take minutes, much memory or gigabytes of disk, and are measured on request alone."""
+"""Measurements that take minutes, much memory or gigabytes of disk, and are made on request
+alone."""
 
 
 def _need_gl() -> None:

@@ -33,8 +33,6 @@ from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row
 from cosim.spikes.viform import Viform, Words
 from cosim.stage import Block
 
-__all__ = ["view_rows", "write_stream"]
-
 SHAPE: Final = (1000, 1000)
 CYCLES: Final = 20_000
 _BLOCK: Final = 64
@@ -46,7 +44,7 @@ _STEPS: Final = 15
 _FAR: Final = 37
 """Blocks between two jumps."""
 _PAUSE_S: Final = 0.1
-"""Between two steps of a user who scrolls: ten pictures a second."""
+"""Pause between two steps of a user who scrolls, s: ten pictures a second."""
 
 
 def _block(random: np.random.Generator, shape: tuple[int, int]) -> Words:

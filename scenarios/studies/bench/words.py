@@ -8,8 +8,6 @@ from typing import Any, Final
 
 from cosim.run.timing import Row, least_of
 
-__all__ = ["AIM", "code_rows"]
-
 AIM: Final = 8e9
 """Data that the link should carry, bit/s."""
 
@@ -18,10 +16,10 @@ def code_rows(
     name: str, what: str, call: Callable[[], Any], bits: int, aim: float, turns: int,
     plain: tuple[Callable[[], Any], float] | None = None,
 ) -> list[Row]:  # fmt: skip
-    """Returns the rows of a call: over all cores, and per core, from processor time.
+    """Rows of a call: over all cores, and per core, from processor time.
 
     Args:
-        name, what: of the rows, and their tier.
+        name, what: name of the rows, and their tier.
         call: what is timed.
         bits: data bits of a call.
         aim: bit/s that are real time.

@@ -8,8 +8,6 @@ from typing import Any
 from cosim.report.figures import subplots
 from scenarios.studies.codes.tables import light_name
 
-__all__ = ["draw"]
-
 INK, LINE = "#1d2433", "#c8ccd4"
 FORMS = (
     ("zstd 19, best order", "#8a94a6", lambda r: min(r["zstd"].values())),

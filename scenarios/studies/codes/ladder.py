@@ -22,8 +22,6 @@ from sensor.codec.packets.layered import LAYERS
 from sensor.codec.packets.through import from_packets, size_of, to_packets
 from sensor.codec.size import coded_size
 
-__all__ = ["Rung", "fidelity", "ladder", "speed", "statistical"]
-
 WINDOW = 41
 SIDE = 512
 """Side of the part in the middle of a stream that is measured, pixels."""
@@ -38,9 +36,9 @@ class Rung:
     """A size and what it keeps.
 
     Attributes:
-        name: of the code and its setting.
+        name: name of the code and its setting.
         size: bits per pixel and cycle, with all headers.
-        psnr: of TFP against that of the stream, dB; infinite if all is there.
+        psnr: PSNR of TFP against that of the stream, dB; infinite if all is there.
     """
 
     name: str

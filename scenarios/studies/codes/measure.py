@@ -32,8 +32,6 @@ from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 from sensor.reconstruct.fidelity import psnr, to_white
 
-__all__ = ["KS", "SizeRow", "SteadyRow", "bench_code", "steady"]
-
 THRESHOLDS = (100.0, 1000.0, 30_000.0)
 KS = (1.0, 2.0, 3.0, 5.0)
 RUNGS = (1, 3, 5, 6, 7, 8)

@@ -25,8 +25,6 @@ from scenarios.scenes.kinds.wave import WaveScene
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
 from sensor.latched.effects import SHOT_NOISE
 
-__all__ = ["CLOCK", "CYCLES", "SCENES", "SHAPE", "WHITE", "camera", "film", "open_scene", "truth"]
-
 SHAPE = (96, 128)
 CYCLES = 2560
 CLOCK = Clock(40_000)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["light_name", "markdown", "table"]
-
 
 def light_name(row: dict[str, Any]) -> str:
     """Description of the light of a row."""

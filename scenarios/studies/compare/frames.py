@@ -30,8 +30,6 @@ from scenarios.studies.compare.setting import SHAPE
 from sensor.frame_pixels import Exposed
 from sensor.reconstruct.fidelity import psnr
 
-__all__ = ["film_frames"]
-
 
 def film_frames(
     scenario: ImagerScenario, comparison: Comparison, view: View, motion: Motion, white: float

@@ -15,8 +15,6 @@ from scipy.optimize import minimize_scalar
 
 from scenarios.studies.compare.row import Snr
 
-__all__ = ["EDGE", "noise", "snr_curve", "still_blur"]
-
 Image = npt.NDArray[np.float64]
 EDGE: Final = 2.5631
 """10 to 90 % width of an edge after a Gaussian blur, in standard deviations: 2 x 1.28155."""

@@ -27,8 +27,6 @@ from scipy.optimize import minimize_scalar
 from cosim import PS
 from scenarios.studies.compare.measure import still_blur
 
-__all__ = ["RAMP", "Motion", "edge_blur"]
-
 RAMP: Final = 0.8
 """10 to 90 % width of a linear ramp over its length."""
 _LEAST: Final = 200

@@ -11,9 +11,6 @@ from imagers.common.kind import Comparison
 from sensor.dynamic_range import decibels
 from sensor.frame_pixels import Exposed
 
-__all__ = ["black_and_slope", "ends", "one_frame", "signal_to_noise", "with_controls"]
-
-
 _STEADY: Final = 1e3
 """Exposure at which the smear of the EMCCD, which is not a signal, is negligible, s."""
 _NOISELESS: Final = frozenset({"direct light", "dark current"})

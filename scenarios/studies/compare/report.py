@@ -10,21 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.config.amounts import amount, decibel, elapsed, percent
+from cosim.config.toml import to_toml
 from cosim.report.drawn import Data, save_figure, write_figure
 from cosim.report.figures import INK, subplots
 from cosim.report.page import write_page
 from cosim.report.parts import figure, plot, table
 from cosim.report.png import for_display
 from cosim.report.summary import summary
-from scenarios.assemble.schema.loading import to_toml
 from scenarios.studies.compare.row import FIGURES, Camera, Figure
 from scenarios.studies.compare.setting import SceneComparison
 from scenarios.studies.compare.summary import summary_of_comparison
 from sensor.dynamic_range import decibels
-
-__all__ = [
-    "HEADS", "PICTURE", "SNR", "figure_text", "write_compare_report", "write_picture", "write_snr",
-]  # fmt: skip
 
 PICTURE: Final = "side-by-side.png"
 SNR: Final = "snr.png"

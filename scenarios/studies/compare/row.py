@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FIGURES", "Camera", "Figure", "Snr"]
-
 FIGURES = (
     "dynamic_range", "dynamic_range_controls", "blur", "noise", "data_rate", "data_rate_pixel",
     "latency", "psnr", "psnr_smear_corrected", "skew", "exposure", "saturated", "off",
@@ -36,8 +34,8 @@ class Snr:
 
     Attributes:
         reflectance: mean of the pixels.
-        measured: of a camera's images.
-        formula: by the closed form of its pixels; None where there is none.
+        measured: ratio in a camera's images.
+        formula: ratio by the closed form of the camera's pixels; None where there is none.
     """
 
     reflectance: float

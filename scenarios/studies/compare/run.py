@@ -28,8 +28,6 @@ from scenarios.studies.compare.row import Camera
 from scenarios.studies.compare.setting import SHAPE, SceneComparison, compared_imagers
 from scenarios.studies.compare.spike import film_spikes
 
-__all__ = ["run_compare"]
-
 AT: Final = 0.6
 """The instant as a share of the duration: long exposures then begin after the start of the
 scene."""

@@ -15,8 +15,6 @@ from cosim import PS
 from cosim.frames import Frame
 from imagers.common.scenery import Scenery
 
-__all__ = ["Footage", "Placed", "RunIn", "film_at", "middle"]
-
 STILL = 8
 """Number of consecutive frames with one exposure after which the controls count as settled."""
 MOST = 40

@@ -9,17 +9,16 @@ from dataclasses import dataclass
 from typing import Any, Final, cast, get_args
 
 from cosim import InputError
+from cosim.config.toml import to_toml
 from imagers.catalogue import IMAGERS
 from imagers.common.kind import Comparison
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import choose_lens
-from scenarios.assemble.schema.loading import assign, load, shipped, to_toml
+from scenarios.assemble.schema.loading import assign, load, shipped
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.schema.scenario import ImagerScenario, Scenario
 from scenarios.scenes.catalogue import SceneSection
 from sensor import CHIPS
-
-__all__ = ["CHIP", "SHAPE", "SceneComparison", "compared_imagers", "load_comparison"]
 
 CHIP: Final = "spikeone"
 SHAPE: Final = (CHIPS[CHIP].height, CHIPS[CHIP].width)

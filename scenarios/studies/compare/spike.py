@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from cosim import PS, Viform
+from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream
 from cosim.light.lens import Lens
 from cosim.run.chain import STREAM, BlockChain
@@ -19,7 +20,6 @@ from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from scenarios.assemble.camera.boards import refuse_boards
 from scenarios.assemble.camera.setup import set_up_camera
-from scenarios.assemble.schema.loading import to_toml
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.studies.compare.measure import Image, noise, snr_curve
 from scenarios.studies.compare.motion import Motion, edge_blur
@@ -27,8 +27,6 @@ from scenarios.studies.compare.row import Camera, Figure
 from sensor import CameraSetting, SpikeCamera, interval_rate, isi, tfp
 from sensor.dynamic_range import decibels, longest_width, spike_dynamic_range
 from sensor.reconstruct.fidelity import psnr, to_white
-
-__all__ = ["film_spikes"]
 
 STILLS: Final = 16
 """Number of instants at which the noise of pixels without motion is measured."""

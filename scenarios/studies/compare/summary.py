@@ -12,8 +12,6 @@ from cosim.report.summary import Answer, big, listed, paragraph
 from scenarios.studies.compare.row import FIGURES, Camera
 from sensor.dynamic_range import decibels
 
-__all__ = ["summary_of_comparison"]
-
 _BEST: Final[tuple[tuple[str, str, bool, Callable[[float], str]], ...]] = (
     ("psnr", "highest PSNR", True, decibel),
     ("blur", "sharpest edge", False, lambda v: amount(v, "pixels")),
@@ -31,8 +29,8 @@ def summary_of_comparison(
 
     Args:
         cameras: what was measured.
-        document: of the comparison so far.
-        seconds: that it took.
+        document: document of the comparison so far.
+        seconds: time that the comparison took, s.
     """
     kinds = len({camera.seconds for camera in cameras if camera.seconds})
     done = (

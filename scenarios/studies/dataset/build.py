@@ -24,8 +24,6 @@ from scenarios.studies.dataset.item import make_item
 from scenarios.studies.dataset.order import Item, Order
 from scenarios.studies.dataset.places import PARTS, Places, digest_of, write_config
 
-__all__ = ["build_dataset"]
-
 
 def build_dataset(
     order: Order, folder: Path, *, device: str | None, workers: int, scheduler: str | None,
@@ -35,11 +33,11 @@ def build_dataset(
 
     Args:
         order: the data set.
-        folder: to create, or with `resume` that of an interrupted data set.
-        device: of the runs.
+        folder: folder to create, or with `resume` that of an interrupted data set.
+        device: device of the runs.
         workers, scheduler: see `run_jobs`.
         resume: whether an interrupted data set goes on.
-        progress: of the items.
+        progress: progress of the items.
 
     Returns:
         The document of the data set: its folder, counts, and the items by split.

@@ -15,8 +15,6 @@ from scenarios.studies.dataset.order import Item, Order
 from scenarios.studies.dataset.places import Places, digest_of
 from scenarios.studies.dataset.reading import SPLITS, SUMS
 
-__all__ = ["write_annotations", "write_card", "write_sums"]
-
 _TRACKS: Final = 100
 """Numbers of tracks of a view; a scene has at most 64 objects."""
 

@@ -19,12 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.format import write_array
 
-from cosim import InputError
-
-__all__ = ["read_flo", "run_lengths", "write_arrays", "write_flo", "write_grey"]
-
 MAGIC: Final = np.float32(202021.25)
-_BAD: Final = "a .flo file: PIEH, width, height, and 8 bytes a pixel"
 
 
 def write_flo(path: Path, flow: npt.NDArray[np.float32]) -> None:
@@ -34,17 +29,6 @@ def write_flo(path: Path, flow: npt.NDArray[np.float32]) -> None:
         file.write(MAGIC.astype("<f4").tobytes())
         file.write(np.array([width, height], "<i4").tobytes())
         file.write(np.ascontiguousarray(flow, "<f4").tobytes())
-
-
-def read_flo(path: Path) -> npt.NDArray[np.float32]:
-    """Optical flow of a file, (H, W, 2) float32. Raises InputError if it is no such file."""
-    data = path.read_bytes()
-    if len(data) < 12 or np.frombuffer(data, "<f4", 1)[0] != MAGIC:
-        raise InputError(f"{path}", _BAD, "another file", "check it")
-    width, height = (int(n) for n in np.frombuffer(data, "<i4", 2, 4))
-    if width < 1 or height < 1 or len(data) != 12 + 8 * width * height:
-        raise InputError(f"{path}", _BAD, f"{width} x {height} in {len(data)} bytes", "check it")
-    return np.frombuffer(data, "<f4", offset=12).reshape(height, width, 2).astype(np.float32)
 
 
 def write_grey(path: Path, image: npt.NDArray[np.uint8]) -> None:

@@ -14,8 +14,6 @@ from cosim.errors import quote, shorten
 from scenarios.assemble.schema.loading import shipped
 from sensor.device.chips import CHIPS
 
-__all__ = ["CameraChoice", "SourceChoice", "read_cameras", "read_sources"]
-
 CLIPS: Final = frozenset({
     ".avi", ".bmp", ".gif", ".jpeg", ".jpg", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg",
     ".png", ".tif", ".tiff", ".webm", ".y4m",
@@ -28,7 +26,7 @@ class SourceChoice:
     """A source of light.
 
     Attributes:
-        given: as the user named it, or the file of a folder.
+        given: source as the user named it, or the file of a folder.
         label: short name for files.
         scenario: name or TOML file of its scenario.
         clip: file of a clip; None for a scenario.
@@ -48,7 +46,7 @@ class CameraChoice:
         label: short name for files.
         chip: preset that replaces the chip of the scenario; None to keep it.
         section: a whole [sensor]; None to keep that of the scenario.
-        given: as the user named it; "" for that of the scenario.
+        given: camera as the user named it; "" for that of the scenario.
     """
 
     label: str

@@ -25,8 +25,6 @@ from scenarios.studies.dataset.order import Item
 from scenarios.studies.dataset.places import PARTS, Places, digest_of
 from scenarios.studies.dataset.truth import write_truth
 
-__all__ = ["make_item"]
-
 _IN_MEMORY: Final = 1 << 28
 """Bytes of a stream up to which it is filmed in memory."""
 _TIMED: Final = frozenset({"camera", "full_physics"})
@@ -41,7 +39,7 @@ def make_item(
 
     Args:
         item: the item.
-        places: of its files.
+        places: places of the item's files.
         device: see `choose_device`.
         checked: whether the error is measured against full physics on patches.
 

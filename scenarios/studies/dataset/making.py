@@ -16,8 +16,6 @@ from scenarios.studies.dataset.build import build_dataset
 from scenarios.studies.dataset.inputs import read_cameras, read_sources
 from scenarios.studies.dataset.order import CHECK, Order, read_split
 
-__all__ = ["dataset", "order_of"]
-
 
 def order_of(
     sources: Sequence[str], cameras: Sequence[str], vary: Sequence[str],
@@ -49,7 +47,7 @@ def dataset(
         vary: ranges by key, such as {"scene.illuminance": "200:2000 lux:log"}.
         samples: scenes of each source.
         split: shares of train, val and test.
-        seed: of all that is drawn.
+        seed: seed of all that is drawn.
         tolerance: allowed relative error of each item.
         check: an item of so many is measured against full physics; 0 for none.
         device: number or part of the name of an OpenCL device, or "numba".

@@ -16,8 +16,6 @@ from scenarios.studies.batch.axes import MOST, Axis, check_axes, latin_hypercube
 from scenarios.studies.dataset.inputs import CameraChoice, SourceChoice
 from scenarios.studies.dataset.reading import SPLITS
 
-__all__ = ["CHECK", "Item", "Order", "read_split"]
-
 CHECK: Final = 100
 """One item of so many is measured against full physics."""
 _SHARED: Final = ("duration", "image.at")
@@ -31,9 +29,9 @@ class Item:
     """One recording of the data set.
 
     Attributes:
-        name: of its files.
+        name: name of the item's files.
         view: number of the scene that it shows; all cameras see the same one.
-        source: as the user named it.
+        source: source as the user named it.
         camera: label of the camera.
         split: train, val or test.
         values: keys that were drawn, with their values.
@@ -76,11 +74,11 @@ class Order:
     Attributes:
         sources, cameras: every source is filmed by every camera.
         axes: keys that vary. Those of [scene] are drawn for each view, the others for each item.
-        assignments: of --set.
+        assignments: assignments of --set.
         samples: views of each source.
         split: shares of train, val and test.
-        seed: of everything that is drawn, and of the noise.
-        tolerance: of each run; that of the scenario if None.
+        seed: seed of everything that is drawn, and of the noise.
+        tolerance: tolerance of each run; that of the scenario if None.
         check: an item of so many is measured against full physics; 0 for none.
     """
 

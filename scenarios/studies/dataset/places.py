@@ -28,8 +28,6 @@ from cosim.files.whole import whole
 from scenarios.studies.dataset.order import Item
 from scenarios.studies.dataset.reading import SUMS
 
-__all__ = ["PARTS", "Places", "digest_of", "write_config"]
-
 PARTS: Final = ".parts"
 """Folder for items that are not finished."""
 _TIME: Final = 946_684_800
@@ -41,7 +39,7 @@ class Places:
     """Paths of a data set, relative to its folder.
 
     Args:
-        folder: of the data set.
+        folder: folder of the data set.
         items: all items.
     """
 

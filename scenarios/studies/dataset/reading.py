@@ -14,8 +14,6 @@ from cosim.archive import load_arrays
 from cosim.files.dat import DatStream
 from cosim.spikes.viform import part_of
 
-__all__ = ["SPLITS", "SUMS", "SpikeDataset", "torch_dataset"]
-
 SPLITS: Final = ("train", "val", "test")
 SUMS: Final = "SHA256SUMS"
 """The file that is written last: a data set without it is not finished."""
@@ -26,11 +24,11 @@ class SpikeDataset:
     PyTorch.
 
     Args:
-        folder: of the data set.
+        folder: folder of the data set.
         split: train, val or test.
         camera: label of the only camera to take; all if None. Cameras of several sizes do not fit
             into one batch.
-        cycles: so many cycles from the middle of each recording; all if None.
+        cycles: cycles from the middle of each recording; all if None.
         unfinished: whether a data set that was interrupted is opened, with the items that it has.
 
     An item is a dictionary of

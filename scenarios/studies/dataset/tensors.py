@@ -15,8 +15,6 @@ except ImportError:
         "pip install 'viform[torch]', or use viform.SpikeDataset for numpy arrays",
     ) from None  # fmt: skip
 
-__all__ = ["TorchSpikeDataset"]
-
 
 class Items(Protocol):
     """Dictionaries of arrays and texts, by number."""

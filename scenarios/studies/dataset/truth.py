@@ -14,8 +14,6 @@ from cosim.report.png import to_linear_bytes
 from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.studies.dataset.formats import run_lengths, write_arrays, write_flo, write_grey
 
-__all__ = ["write_truth"]
-
 
 def write_truth(setup: CameraSetup, folder: Path, image: Path) -> dict[str, Any]:
     """Writes the truth of a camera's scene.

@@ -32,8 +32,6 @@ from sensor.dynamic_range import (
     SensorPart,
 )
 
-__all__ = ["MOST_ROWS", "BudgetFile", "load_budget", "to_budget"]
-
 MOST_ROWS = 20_000
 """Maximum number of choices of a budget."""
 

@@ -6,8 +6,6 @@ from typing import Any
 
 from sensor.dynamic_range import Budget, Judged, bits_for, measure_chain, sweep
 
-__all__ = ["UNITS", "budget_document"]
-
 UNITS = {
     "temperature": "degC", "clock": "Hz", "circuit_noise": "V", "analog_gain": "1",
     "digital_gain": "1", "dr_db": "dB", "dr_over_noise_db": "dB", "dr_document_db": "dB",

@@ -7,8 +7,6 @@ from typing import Any, Final
 
 from cosim.report.figures import INK, LINE, MARK, subplots
 
-__all__ = ["draw_budget"]
-
 _TITLES: Final = {
     "sensor": "sensor", "adc": "converter", "temperature": "sensor temperature, degC",
     "clock": "pixel clock, MHz", "circuit_noise": "circuit noise, mV RMS",

@@ -10,8 +10,6 @@ from typing import Final, NamedTuple
 from cosim.run.printed import Row
 from imagers.catalogue import IMAGERS
 
-__all__ = ["DOCUMENTS", "paper_rows"]
-
 Rows = Callable[[], list[Row]]
 
 

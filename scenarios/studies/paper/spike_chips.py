@@ -16,8 +16,6 @@ from scenarios.assemble.schema.scenario import Scenario
 from sensor import CHIPS, CameraSetting, SpikeCamera, isi, tau_image
 from sensor.asynchronous import AsynchronousPixels, EventModel
 
-__all__ = ["chip_rows"]
-
 WINDOWS = (1, 2, 5, 50, 200, 800)
 """Windows of the six images in figure 3, cycles."""
 

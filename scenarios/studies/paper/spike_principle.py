@@ -27,8 +27,6 @@ from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.span import Span
 
-__all__ = ["principle_rows"]
-
 # Assumptions of section 4: lux, um2, quantum efficiency, e; s; e/s.
 SUN, AREA, EFFICIENCY, THRESHOLD = 1e5, 100.0, 0.7, 100
 SHORTEST = 1e-8
@@ -162,7 +160,7 @@ def _measured_range(longest: float, levels: int) -> float:
 
     Args:
         longest: seconds after which a pixel that is not full is read.
-        levels: of that reading, N.
+        levels: number of levels of that reading, N.
     """
     clock, shortest, end = Clock(PS), round(SHORTEST * PS), round(longest * PS)
     model = EventModel(THRESHOLD, 1, clock, shortest, end, levels, shot=False)

@@ -14,8 +14,6 @@ from cosim.report.figures import INK, MARK, subplots
 from scenarios.studies.batch.axes import Axis
 from scenarios.studies.sweep.store import Row, metric_values
 
-__all__ = ["chosen", "sweep_figure"]
-
 _SHOWN: Final = 4
 """Metrics of a figure that nobody chose."""
 _ASKED_FOR: Final = ("psnr", "goodput_bps", "ber", "error")

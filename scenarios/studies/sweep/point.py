@@ -15,11 +15,9 @@ from cosim.run.result import dumps
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.run import run_scenario
 
-__all__ = ["run_point"]
-
 
 def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any]:
-    """Returns the document of the result, as `viform run --json` prints it.
+    """Document of the result, as `viform run --json` prints it.
 
     Args:
         name: short name of the scenario.

@@ -12,8 +12,6 @@ import zarr
 
 from scenarios.studies.batch.axes import Axis
 
-__all__ = ["metric_values", "write_store"]
-
 Row = dict[str, Any] | None
 
 
@@ -55,9 +53,9 @@ def write_store(
     """Writes the store, over an earlier one.
 
     Args:
-        path: of the store.
-        axes: of the sweep. Each is a dimension of a grid; of a Latin hypercube the only dimension
-            is `point`, and the axes are variables.
+        path: path of the store.
+        axes: axes of the sweep. Each is a dimension of a grid; of a Latin hypercube the only
+            dimension is `point`, and the axes are variables.
         samples: points of a Latin hypercube, None for a grid.
         points: values of the axes.
         rows: documents of the results, None for a failed point.

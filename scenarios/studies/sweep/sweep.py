@@ -14,11 +14,12 @@ from shutil import rmtree
 from typing import Any
 
 from cosim import InputError, Interrupted
+from cosim.config.toml import to_toml
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
 from scenarios.assemble.recording.coming_opening import refuse_pipe
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
 from scenarios.studies.batch.folder import begin_batch, read_document, write_document
@@ -26,8 +27,6 @@ from scenarios.studies.batch.workers import run_jobs
 from scenarios.studies.sweep.figure import chosen, sweep_figure
 from scenarios.studies.sweep.point import run_point
 from scenarios.studies.sweep.store import metric_values, write_store
-
-__all__ = ["Sweep", "run_sweep"]
 
 
 @dataclass(frozen=True)
@@ -37,9 +36,9 @@ class Sweep:
     Attributes:
         scenario: name of a scenario or a TOML file.
         axes: what varies.
-        assignments: of --set.
+        assignments: assignments of --set.
         samples: points of a Latin hypercube; None for all combinations.
-        tolerance, seed: of each point; those of the scenario if None.
+        tolerance, seed: tolerance and seed of each point; those of the scenario if None.
     """
 
     scenario: str
@@ -87,12 +86,12 @@ def run_sweep(
 
     Args:
         sweep: the sweep.
-        folder: to create, or with `resume` that of an interrupted sweep.
-        device: of the points.
+        folder: folder to create, or with `resume` that of an interrupted sweep.
+        device: device of the points.
         workers, scheduler: see `run_jobs`.
         resume: whether an interrupted sweep goes on.
-        progress: of the points.
-        metrics: in the figure; those that vary most if empty.
+        progress: progress of the points.
+        metrics: metrics in the figure; those that vary most if empty.
 
     Returns:
         The document of the sweep: its axes, and the rows of its points.

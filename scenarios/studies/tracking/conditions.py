@@ -10,8 +10,6 @@ from typing import Final
 from cosim import Clock, InputError
 from sensor import CHIPS, EFFECTS, CameraSetting
 
-__all__ = ["Conditions"]
-
 CLOCK: Final = Clock(40_000)
 
 
@@ -20,14 +18,14 @@ class Conditions:
     """What all measurements share.
 
     Attributes:
-        speeds: of the motion, pixels/s, in rising order.
-        frame_rates: of the cameras with frames, 1/s.
+        speeds: speeds of the motion, pixels/s, in rising order.
+        frame_rates: frame rates of the cameras with frames, 1/s.
         trials: number of repetitions with other phases, places and noise.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         white: spikes a cycle of reflectance 1.
         shape: (rows, columns) of every camera.
-        clock: of the spike camera.
-        threshold: of the spike camera, electrons.
+        clock: clock of the spike camera.
+        threshold: threshold of the spike camera, electrons.
         block: cycles in which the spikes of a picture are counted, a divisor of 64.
         shot_noise: whether there is shot noise.
     """

@@ -14,8 +14,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Background", "Detection", "detect"]
-
 SMOOTH: Final = 1.5
 """Standard deviation of the filter, pixels, near that of the object (a matched filter)."""
 THRESHOLD: Final = 6.0

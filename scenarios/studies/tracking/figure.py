@@ -9,8 +9,6 @@ from typing import Final
 from cosim.report.figures import MARK, subplots
 from scenarios.studies.tracking.study import SPIKES, Row
 
-__all__ = ["tracking_figure"]
-
 PANELS: Final[tuple[tuple[str, bool, Callable[[Row], float | None]], ...]] = (
     ("endpoint error of the flow over the speed", True, lambda row: row.flow_error),
     ("share of time without a right position", False, lambda row: row.track_loss),

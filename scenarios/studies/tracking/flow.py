@@ -20,8 +20,6 @@ from scenarios.studies.tracking.conditions import Conditions
 from scenarios.studies.tracking.pictures import Picture
 from sensor.reconstruct.flow import flow_grey, optical_flow
 
-__all__ = ["Flow", "make_texture", "measure_flow"]
-
 NEAR: Final = 8.0
 """Median motion between the windows that is enough, pixels."""
 LONGEST: Final = 0.15
@@ -45,7 +43,7 @@ class Flow:
         error: mean distance of the flow's velocity from the true one (endpoint error for a motion
             of 1 s), pixels/s.
         window_s: time between the middles of the two windows.
-        latency_s: from the beginning of the first window until the second has been read.
+        latency_s: time from the beginning of the first window until the second has been read.
     """
 
     error: float

@@ -14,8 +14,6 @@ from scenarios.scenes.moving import ExposedScene, ExposedSource
 from scenarios.studies.tracking.conditions import Conditions
 from sensor import SpikeCamera
 
-__all__ = ["Picture", "frame_pictures", "spike_pictures"]
-
 STEP = 64
 """Cycles that are simulated at once."""
 
@@ -25,7 +23,7 @@ class Picture:
     """An estimate of reflectance.
 
     Attributes:
-        start, stop: of its exposure, s.
+        start, stop: limits of the picture's exposure, s.
         ready: instant at which its last pixel has left the camera, s.
         values: (H, W) float32, white = 1.
     """

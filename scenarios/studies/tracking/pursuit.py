@@ -15,8 +15,6 @@ from scenarios.studies.tracking.detection import Background, detect
 from scenarios.studies.tracking.pictures import Picture
 from scenarios.studies.tracking.tracker import Track, Tracker
 
-__all__ = ["RIGHT", "WARM", "Pursuit", "make_spot", "pursue"]
-
 RIGHT: Final = 4.0
 """Largest distance of a right position from the true one, pixels: about the object's width at half
 height (4.7)."""
@@ -35,9 +33,9 @@ class Pursuit:
     """The measurements of one object. A time is None if it never came.
 
     Attributes:
-        entry_s: from the object's appearance until the first picture with a right position.
-        turn_s: from its turn until the first picture after which the track has a right position and
-            a velocity nearer to the new than to the old one.
+        entry_s: time from the object's appearance until the first picture with a right position.
+        turn_s: time from the object's turn until the first picture after which the track has a
+            right position and a velocity nearer to the new than to the old one.
         lost: share of the time in the image in which the track, predicted to the present, was
             absent or wrong.
         position_px: median distance of detections from the object at the middle of the exposure;
@@ -85,7 +83,7 @@ def pursue(spot: Spot, pictures: Iterator[Picture]) -> Pursuit:
 
     Args:
         spot: the object, which appears at WARM or later.
-        pictures: of the camera, from the instant 0 on.
+        pictures: pictures of the camera, from the instant 0 on.
     """
     begin, turn, end = (knot[0] for knot in spot.knots)
     background, early = None, []

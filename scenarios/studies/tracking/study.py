@@ -16,14 +16,12 @@ from scenarios.studies.tracking.flow import WARM, Flow, make_texture, measure_fl
 from scenarios.studies.tracking.pictures import Picture, frame_pictures, spike_pictures
 from scenarios.studies.tracking.pursuit import Pursuit, make_spot, pursue
 
-__all__ = ["SPIKES", "Row", "run_tracking", "tracking_document", "tracking_table"]
-
 SPIKES: Final = "spikes"
 """Name of the spike camera in a row."""
 FLOW_BLOCK: Final = 4
 """Cycles of the shortest window of the flow by spikes."""
 Film = Callable[[ExposedScene, int, bool], Iterator[Picture]]
-"""From a scene, a seed, and whether it is for the flow, to pictures."""
+"""Map from a scene, a seed, and whether it is for the flow, to pictures."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +37,14 @@ class Row:
             is absent or more than 4 pixels from the object; mean over the trials.
         position_px: distance of a detection from the object at the middle of the exposure, median;
             None without detections.
-        entry_ms: from the object's appearance until a right position.
+        entry_ms: time from the object's appearance until a right position.
         entry_missed: share of the trials without one.
-        turn_ms: from the object's turn until the track has it.
+        turn_ms: time from the object's turn until the track has it.
         turn_missed: share of the trials in which it never has.
         flow_error_px_ms: endpoint error of the flow, as a velocity, mean over pixels and trials.
         flow_error: the same over the speed.
         flow_window_ms: time between the two images of the flow, median.
-        flow_latency_ms: from the beginning of the first image until the second has been read.
+        flow_latency_ms: time from the beginning of the first image until the second has been read.
     """
 
     speed_px_ms: float

@@ -18,8 +18,6 @@ from typing import Final
 
 from scenarios.studies.tracking.detection import Detection
 
-__all__ = ["Track", "Tracker", "line_gains", "steady_gains"]
-
 RADIUS: Final = 10.0
 """Radius of a turn, pixels. A smaller one responds sooner and follows the noise more."""
 NOISE: Final = 0.15
@@ -53,7 +51,7 @@ class Track:
     """The state of a track.
 
     Attributes:
-        time: of the state, s.
+        time: time of the state, s.
         x, y: position, columns and rows.
         vx, vy: velocity, pixels/s; 0 after the first detection.
         hits: number of detections that made it.

@@ -24,8 +24,6 @@ from sensor.asynchronous.pixel.engine import advance
 from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import NO_TABLE, interval_table
 
-__all__ = ["AsynchronousPixels"]
-
 TILE: Final = 2048
 """Pixels that are run together; results do not depend on it."""
 _BUFFER: Final = 1 << 15
@@ -44,13 +42,13 @@ class AsynchronousPixels:
 
     Args:
         model: rules of a pixel.
-        shape: of the array, (H, W).
+        shape: shape of the array, (H, W).
         gain: photoelectrons a second for a unit of light.
-        pattern: of the device, None for a perfect one.
+        pattern: pattern of the device, None for a perfect one.
         start: instant at which the run begins, ps.
         most: firings of the whole run beyond which it ends with InputError.
         tile: pixels that are run together.
-        numbers: of the pixels that are run, (n,); all if None.
+        numbers: numbers of the pixels that are run, (n,); all if None.
     """
 
     def __init__(

@@ -20,8 +20,6 @@ from sensor.device.charge import later
 from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import NO_TABLE, interval_table
 
-__all__ = ["ClosedPixels", "is_steady"]
-
 Reals = npt.NDArray[np.float64]
 
 

@@ -26,8 +26,6 @@ from sensor.asynchronous.pixel.interval import (
 from sensor.asynchronous.pixel.skipping import LEAST, RARE, fitting, geometric, stretch
 from sensor.device.charge import crossing, exposure, later
 
-__all__ = ["advance"]
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _tick(instant, part, tick):  # type: ignore[no-untyped-def]

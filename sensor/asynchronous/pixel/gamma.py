@@ -11,15 +11,6 @@ import math
 
 from numba import njit
 
-__all__ = [
-    "inverse_lower",
-    "inverse_upper",
-    "poisson_below",
-    "poisson_outside",
-    "tails",
-    "xdensity",
-]
-
 _TINY = 1e-300
 _EPS = 1e-15
 

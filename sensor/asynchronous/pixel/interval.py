@@ -14,11 +14,6 @@ from sensor.asynchronous.pixel.gamma import inverse_lower, inverse_upper, poisso
 from sensor.asynchronous.pixel.skipping import SKIP, interval_moments
 from sensor.latched.pixel.draws import look_up
 
-__all__ = [
-    "LEVEL", "goal", "level_law", "rare_goal", "rare_reading",
-    "unit", "width_law",
-]  # fmt: skip
-
 LEVEL: Final = np.uint64(Stream.READING)
 _SHOT: Final = np.uint64(Stream.SHOT_NOISE)
 _ONE: Final = 2.0**-40

@@ -13,8 +13,6 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["log_between", "log_counts", "log_lower", "log_upper"]
-
 _DEEP = 1e-250
 """Tail below which the continued fraction takes over."""
 _TERMS = 1000

@@ -23,8 +23,6 @@ from cosim.light.light import Light
 from sensor.asynchronous.model import EventModel
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["Followed", "exact_thresholds", "follow", "quantile_error"]
-
 Reals = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 Numbers = npt.NDArray[np.uint32]
@@ -36,8 +34,8 @@ class Followed:
 
     Attributes:
         exact: widths, ps.
-        width: in ticks.
-        instant: of the end, ps, rounded up.
+        width: width in ticks.
+        instant: instant of the end, ps, rounded up.
         level: `EventModel.levels` for a spike.
         sent: whether the rule of changes sends it.
         count: intervals that ended, (n,).

@@ -24,15 +24,13 @@ from cosim.compute.philox_compiled import random_words
 from cosim.compute.streams import Stream
 from sensor.asynchronous.pixel.gamma import tails, xdensity
 
-__all__ = ["LEAST", "RARE", "SKIP", "fitting", "geometric", "interval_moments", "stretch"]
-
 LEAST: Final = 256
 """Intervals in the shortest stretch that is drawn at once."""
 RARE: Final = 1 / LEAST
 """Probability of a report above which intervals are drawn one by one: stretches would be shorter.
 So a report costs some hundreds of draws at most, whatever happens between."""
 SKIP: Final = np.uint64(Stream.SKIPPED)
-"""Of everything here."""
+"""Random stream of every draw in this module."""
 _NEVER: Final = 1 << 62
 _FAR: Final = 8.0
 """Standard deviations by which a stretch stays clear of the light's next change."""

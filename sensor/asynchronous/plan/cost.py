@@ -17,8 +17,6 @@ from sensor.asynchronous.pixel.reference import follow
 from sensor.asynchronous.plan.plan import EventPlan
 from sensor.asynchronous.plan.verify import View
 
-__all__ = ["Cost", "least", "reference_cost"]
-
 _FEW: Final = 8
 _MANY: Final = 64
 """Intervals a pixel whose difference in time is the cost of one."""
@@ -42,11 +40,11 @@ class Cost:
     """Time that the reference takes.
 
     Attributes:
-        numbers: of the pixels that were timed.
-        intervals_timed: of the longer call.
+        numbers: numbers of the pixels that were timed.
+        intervals_timed: number of intervals of the longer call.
         each: time of an interval, s.
         pixel: time of a pixel, s.
-        intervals: of the whole array, as long as its light is known.
+        intervals: number of intervals of the whole array, as long as its light is known.
         seconds: time of all of them, s.
     """
 

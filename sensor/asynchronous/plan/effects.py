@@ -20,8 +20,6 @@ from cosim.clock import PS
 from sensor.asynchronous.model import EventModel
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["CONFIDENCE", "SIDE", "EventEffect", "EventScene", "event_effects", "summarise"]
-
 SIDE: Final = 16
 """Pixels along a tile."""
 CONFIDENCE: Final = 3.2905
@@ -113,12 +111,12 @@ class EventEffect:
     """An effect of an asynchronous pixel that a plan may leave out.
 
     Attributes:
-        name: as reports print it.
-        source: of its bound.
+        name: name as reports print it.
+        source: source of the effect's bound.
         kind: "proof", or "estimate", which counts twice.
         work: what leaving it out saves, in draws of a threshold; nothing for what is kept whatever
             it changes.
-        bound: by tile.
+        bound: bound of what leaving it out changes, by tile.
     """
 
     name: str

@@ -21,8 +21,6 @@ from sensor.asynchronous.pixel.reference import exact_thresholds
 from sensor.asynchronous.pixel.skipping import LEAST, RARE, stretch
 from sensor.asynchronous.plan.effects import CONFIDENCE
 
-__all__ = ["WeakError", "weak_error"]
-
 _SPARE: Final = 64
 """Thresholds drawn beyond those needed, for those that would have been sent."""
 
@@ -35,8 +33,8 @@ class WeakError:
 
     Attributes:
         intervals, pixels: number of unsent intervals, and of their pixels.
-        mean: of the charge, relative to the closed form.
-        variance: of the charge's deviation over the closed form, less 1.
+        mean: mean of the charge, relative to the closed form.
+        variance: variance of the charge's deviation over the closed form, less 1.
     """
 
     intervals: int

@@ -16,8 +16,6 @@ import numpy.typing as npt
 from sensor.asynchronous.plan.effects import EventEffect, EventScene, event_effects
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["EVERYTHING", "LATER", "EventPlan", "make_plan"]
-
 Reals = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.uint32]
 LATER = "later reports"
@@ -32,7 +30,7 @@ class EventPlan:
     Attributes:
         scene: what bounds are computed from.
         effects: all that the camera has.
-        bounds: of what leaving an effect out changes, relative, (effects, tiles).
+        bounds: bounds of what leaving an effect out changes, relative, (effects, tiles).
         left_out: whether it is, (effects, tiles) bool.
     """
 

@@ -21,8 +21,6 @@ from sensor.asynchronous.pixel.closed import ClosedPixels
 from sensor.asynchronous.plan.plan import LATER, EventPlan
 from sensor.device.pattern import DevicePattern
 
-__all__ = ["PlannedPixels", "reduced"]
-
 Numbers = npt.NDArray[np.uint32]
 
 

@@ -29,11 +29,6 @@ from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.thresholds import first_thresholds
 
-__all__ = [
-    "KIND", "Checked", "Distance", "View", "check_plan", "choose_tiles", "measure",
-    "verify",
-]  # fmt: skip
-
 REPORTS = 8
 """Reports of a pixel that are compared where every spike is sent."""
 RANDOM = 4
@@ -49,12 +44,12 @@ class View:
     """The array under the light of its run, as far as that is known before the run.
 
     Attributes:
-        light: on the pixels.
+        light: light on the pixels.
         until: instant up to which it is known, ps.
-        shape: of the array.
+        shape: shape of the array.
         gain: photoelectrons a second for a unit of light.
-        pattern: of the device, None for none.
-        seed: of the run.
+        pattern: pattern of the device, None for none.
+        seed: seed of the run.
     """
 
     light: Light
@@ -81,11 +76,11 @@ class Checked:
 
     Attributes:
         plan: the plan.
-        error: of the worst tile that was compared. Its upper limit holds for all tiles: for the
-            others it is the sum of the bounds of what is left out.
-        tiles: that were compared.
+        error: error of the worst tile that was compared. Its upper limit holds for all tiles: for
+            the others it is the sum of the bounds of what is left out.
+        tiles: tiles that were compared.
         over: number of them whose error is above the tolerance.
-        left_out: as result.json has it.
+        left_out: effects that are left out, as result.json has them.
         notes: what the user must know.
         full_physics: time that full physics would take for the run, s; None if not measured.
     """

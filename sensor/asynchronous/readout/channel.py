@@ -25,8 +25,6 @@ from numba import njit
 from cosim.stage import section
 from sensor.asynchronous.model import Firings
 
-__all__ = ["Channel", "ChannelModel", "Sent"]
-
 Arbitration = Literal["fifo", "priority", "round-robin"]
 Buffer = Literal["pixel", "row", "fifo"]
 
@@ -41,7 +39,7 @@ class ChannelModel:
     Attributes:
         service: time that an event occupies the bus, ps.
         arbitration, buffer: see above.
-        depth: of the common queue, without the event on the bus; for the `fifo` buffer.
+        depth: depth of the common queue, without the event on the bus; for the `fifo` buffer.
     """
 
     service: int
@@ -61,7 +59,7 @@ class Sent:
     """Events that have crossed.
 
     Attributes:
-        firings: in the order in which they left.
+        firings: firings in the order in which they left.
         leaves: instant at which each had crossed, ps, (n,) int64.
     """
 
@@ -102,7 +100,7 @@ def _serve(  # type: ignore[no-untyped-def]
         waiting: the event in each place (pixel or row), -1 for none; unused by a common queue.
         row_count: events that wait in each row.
         begins: instant each is put on the bus, left as it is while it waits.
-        lost: those that found no place. Gives (instant the bus is free, the row served last).
+        lost: firings that found no place. Gives (instant the bus is free, the row served last).
     """
     n = instant.size
     queue = np.empty(n, np.int64)

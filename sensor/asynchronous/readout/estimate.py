@@ -20,8 +20,6 @@ from cosim.clock import PS
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.pixel.logtails import log_between, log_counts, log_upper
 
-__all__ = ["Observed", "RateEstimate", "estimate_rate", "mean_rate"]
-
 _NARROW = 1e-3
 """Tick over standard deviation of a width below which a tick's probability is density x tick; that
 is off by its square over 24."""
@@ -38,7 +36,7 @@ class Observed:
 
     Attributes:
         widths: ticks of the pixels that fired first, counted from the edge of a tick.
-        levels: of the pixels that were read first.
+        levels: levels of the pixels that were read first.
         silent: number of pixels without a report.
         waited: time without a report of these, ps.
     """

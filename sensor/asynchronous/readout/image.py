@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from cosim.spikes.events import Events
 
-__all__ = ["rate_image"]
-
 
 def rate_image(events: Events, tick: int, threshold: float, delay: float = 0.0) -> np.ndarray:
     """Electrons a second of every pixel in a tick, (H, W) float64; 0 where nothing is known yet.

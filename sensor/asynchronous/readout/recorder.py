@@ -17,8 +17,6 @@ from cosim.stage import section
 from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.asynchronous.readout.channel import Channel
 
-__all__ = ["STREAM", "Output", "gather_events"]
-
 STREAM = "stream.events.npz"
 """The event stream's name in a run's folder."""
 
@@ -44,7 +42,7 @@ class Output:
             all that has fired.
         parts, leaves: firings that have crossed, and when, ps.
         offered: number of firings so far.
-        turns: of the pixels' loop.
+        turns: turns of the pixels' loop.
         fired: whether a pixel has fired at all, (pixels,) bool.
     """
 

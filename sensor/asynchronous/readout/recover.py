@@ -22,8 +22,6 @@ from sensor.asynchronous.readout.estimate import (
 )
 from sensor.dynamic_range import decibels, spike_dynamic_range
 
-__all__ = ["WITHIN", "Recovered", "dynamic_range", "formula", "recover", "unheard"]
-
 WITHIN = 0.2
 """Relative error up to which a target counts as recovered, if every brighter one does."""
 ALONE: Final = 0.683
@@ -36,7 +34,7 @@ class Recovered:
     """One target.
 
     Attributes:
-        target: in the scene.
+        target: target in the scene.
         lux: true illuminance on the pixels.
         pixels: number of its pixels, the sum of `fired`, `read`, `silent` and `lost`.
         fired, read, silent: pixels by their first report: a spike, a reading, none.
@@ -87,8 +85,8 @@ def recover(
     first interval did not cross the channel is left out.
 
     Args:
-        targets: in the scene.
-        firings: that crossed the channel.
+        targets: targets in the scene.
+        firings: firings that crossed the channel.
         fired: whether a pixel has fired or was read at all, (pixels,).
         model: rules of a pixel.
         stop: end of the run, ps.

@@ -13,8 +13,6 @@ from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.asynchronous.readout.image import rate_image
 from sensor.reconstruct.fidelity import Estimate, to_white
 
-__all__ = ["EventShot", "first_instants", "take_event_shots"]
-
 Instants = npt.NDArray[np.int64]
 
 
@@ -23,7 +21,7 @@ class EventShot:
     """One instant.
 
     Attributes:
-        cycle: of sensor.clock.
+        cycle: cycle of sensor.clock.
         truth, tfi: reflectance, and its estimate from the event that holds the instant, white = 1,
             (H, W).
     """

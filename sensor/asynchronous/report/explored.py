@@ -15,8 +15,6 @@ from cosim.spikes.held import held_events
 from cosim.spikes.staged import StagedStream
 from sensor.asynchronous.run import EventRun
 
-__all__ = ["events_explorer"]
-
 _SPIKES: Final = 16
 """Spikes of white within the window of TFP, about."""
 _ENOUGH: Final = 1024
@@ -33,8 +31,8 @@ def _clock(judged: EventRun, clock: Clock) -> tuple[Clock, int]:
 
 
 def events_explorer(judged: EventRun) -> str:
-    """Returns the HTML of the section; "" for targets of steady light, whose decades no planes of
-    one clock can show."""
+    """HTML of the section; "" for targets of steady light, whose decades no planes of one clock can
+    show."""
     if judged.views.recovered:
         return ""
     spec, events = judged.spec, judged.views.events

@@ -14,8 +14,6 @@ from cosim.report.figures import INK, LINE, MARK, subplots
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.recover import WITHIN, Recovered
 
-__all__ = ["delay_figure", "events_figure", "target_figure", "view_figure", "width_figure"]
-
 BLUE, PALE = "#2f5fa7", "#e9edf5"
 Image = npt.NDArray[np.float64]
 

@@ -26,8 +26,6 @@ from sensor.asynchronous.report.figures import (
 from sensor.asynchronous.run import EventRun
 from sensor.sections.provenance import optics_rows
 
-__all__ = ["events_page"]
-
 
 def _range(low: float | None, high: float | None) -> str:
     if low is None or high is None:

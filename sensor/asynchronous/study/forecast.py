@@ -16,8 +16,6 @@ from sensor.asynchronous.plan.planned import reduced
 from sensor.asynchronous.run import EventStart
 from sensor.asynchronous.setting import channel_model
 
-__all__ = ["forecast_events", "plan_rows"]
-
 _SAMPLE: Final = 4096
 """Pixels that costs are measured on."""
 _SPIKES: Final = 500_000

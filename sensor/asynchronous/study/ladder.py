@@ -24,8 +24,6 @@ from sensor.asynchronous.plan.planned import PlannedPixels
 from sensor.asynchronous.plan.verify import choose_tiles, measure, verify
 from sensor.asynchronous.run import EventStart
 
-__all__ = ["TOLERANCES", "measure_ladder"]
-
 TOLERANCES: Final = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0)
 _CALLS: Final = 25
 _BRIGHTEST: Final = 1024
@@ -33,7 +31,7 @@ _BRIGHTEST: Final = 1024
 _DIGITS: Final = 200_000
 """Terms that checking the reference's quantiles may add up."""
 _ROUNDING: Final = 2.0**-50
-"""Of the reference's instants: a few roundings of float64 each."""
+"""Rounding of the reference's instants: a few roundings of float64 each."""
 
 
 def _run(start: EventStart, plan: EventPlan) -> None:

@@ -10,8 +10,6 @@ from sensor.asynchronous.run import EventSpec, EventStart
 from sensor.asynchronous.study.forecast import forecast_events
 from sensor.asynchronous.study.ladder import measure_ladder
 
-__all__ = ["AsynchronousStudy"]
-
 
 class AsynchronousStudy:
     """See `Study`."""

@@ -9,8 +9,6 @@ import numpy as np
 from cosim.stage import State
 from sensor.codec.packets.packet import Packet
 
-__all__ = ["SendBuffer", "Sent"]
-
 Sent = tuple[Packet, int]
 """A packet that has left, and the cycles that it has waited."""
 

@@ -12,8 +12,6 @@ from sensor.codec.packets.layered import LAYERS, Layered
 from sensor.codec.packets.part import MOST_CYCLES, TileCode
 from sensor.codec.packets.single import FirstSpike, Raw
 
-__all__ = ["KINDS", "StreamCode"]
-
 
 @dataclass(frozen=True)
 class StreamCode:
@@ -21,10 +19,10 @@ class StreamCode:
 
     Attributes:
         kind: name in the catalogue.
-        cycles: of a packet, a multiple of 32.
+        cycles: cycles of a packet, a multiple of 32.
         tile: side of a tile, pixels.
-        layers: that are made, of `layered`.
-        k, refine, threshold, threshold_noise: of `statistical`, see `Code`; electrons.
+        layers: number of layers that are made, of `layered`.
+        k, refine, threshold, threshold_noise: settings of `statistical`, see `Code`; electrons.
     """
 
     kind: str = "layered"

@@ -16,9 +16,6 @@ from numba import njit
 from sensor.codec.packets.numbers import NUMBER, get_number, put_number
 from sensor.codec.packets.ranges import open_bits
 
-__all__ = ["MOST_PART", "SUM_CONTEXTS", "TOP", "get_blocks", "get_parts", "put_blocks",
-           "put_parts", "pyramid", "spread"]  # fmt: skip
-
 TOP = 3
 """Level of the coarsest sums, blocks of 2^3 x 2^3 pixels."""
 _ACTIVITY = 12

@@ -12,8 +12,6 @@ from numba import njit
 
 from cosim.spikes.viform import WORD
 
-__all__ = ["ONE", "SPAN_LEVEL", "course_of", "spikes_up_to", "time_of"]
-
 SPAN_LEVEL = 2
 """Level of the sums whose course is known, blocks of 2^2 x 2^2 pixels."""
 ONE = 16

@@ -18,8 +18,6 @@ from sensor.codec.packets.fill import steady
 from sensor.codec.packets.packet import Packet
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["Decoded", "StreamDecoder"]
-
 Mask = npt.NDArray[np.bool_]
 COUNTERS = ("taken", "refused", "late", "damaged", "held", "missing")
 
@@ -30,7 +28,7 @@ class Decoded:
 
     Attributes:
         words: (n, H, W) uint32.
-        first, cycles: which.
+        first, cycles: first cycle and number of cycles.
         held: (rows, columns) of tiles; whether a tile's spikes are, in any of these cycles, those
             of the rate that it had last.
         missing: the same of tiles that were never received, whose bits are 0.

@@ -13,8 +13,6 @@ from sensor.codec.packets.packet import Packet
 from sensor.codec.packets.part import Layer
 from sensor.codec.packets.tiles import Tiles
 
-__all__ = ["StreamEncoder"]
-
 
 class StreamEncoder:
     """Encodes a stream from cycle 0 on; groups of `code.cycles` cycles, each of them complete.
@@ -33,8 +31,8 @@ class StreamEncoder:
 
         Args:
             words: (n, H, W) uint32; bits beyond the block are 0.
-            first_cycle: of the block, where the last one ended.
-            cycles: of the block, 32 n unless it is the last one.
+            first_cycle: first cycle of the block, where the last one ended.
+            cycles: cycles of the block, 32 n unless it is the last one.
 
         Raises ValueError for a block that is not the next one, or of another shape.
         """

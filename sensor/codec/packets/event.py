@@ -30,8 +30,6 @@ from sensor.codec.follow import FOLLOW_STATE, follow
 from sensor.codec.packets.packet import HEADER, Packet
 from sensor.codec.packets.part import Layer
 
-__all__ = ["MOST_EVENT_CYCLES", "Event", "Gap", "encode_events", "gaps_of", "packet_of_line"]
-
 MOST_EVENT_CYCLES: Final = 128
 """Cycles of a packet at most, as a width has seven bits."""
 SIDE: Final = 128
@@ -80,8 +78,8 @@ def encode_events(words: Words, cycles: int, gaps: Sequence[Gap] = ()) -> bytes:
 
     Args:
         words: (n, H, W) uint32, H and W at most 128; their bits in gaps are taken as 0.
-        cycles: of the packet, 1 to 128.
-        gaps: in order, without an overlap.
+        cycles: cycles of the packet, 1 to 128.
+        gaps: gaps in order, without an overlap.
 
     Raises ValueError for more cycles, rows or columns.
     """

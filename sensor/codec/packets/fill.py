@@ -12,8 +12,6 @@ from sensor.codec.packets.memory import peek16, poke16
 from sensor.codec.packets.midpoints import WINDOW
 from sensor.codec.packets.spans import even_spans
 
-__all__ = ["draw_spikes", "fill_times", "steady"]
-
 _NONE = 10
 """A level that no packet reaches."""
 _SIDE = 8

@@ -52,8 +52,6 @@ from sensor.codec.packets.spans import (
     spans_of,
 )
 
-__all__ = ["LAYERS", "Layered"]
-
 SUM_LAYERS: Final = ((), (3, 2), (1,))
 """Levels of sums that are split in layers 0 to 2."""
 TIME_LAYERS: Final = ((8, 4), (3, 3), (2, 2), (1, 1), (0, 0))

@@ -12,8 +12,6 @@ from typing import Any
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-__all__ = ["peek16", "peek32", "poke16", "poke32", "trailing_zeros"]
-
 
 def _peek(kind: Any) -> Any:
     """A load of entry `index` of numbers of a numba type, as int64."""

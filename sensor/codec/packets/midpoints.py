@@ -18,10 +18,6 @@ from sensor.codec.packets.memory import peek16, poke16, trailing_zeros
 from sensor.codec.packets.numbers import NUMBER, get_number, put_number
 from sensor.codec.packets.ranges import open_bits
 
-__all__ = [
-    "MOST_DECISIONS", "SCALE", "TIME_CONTEXTS", "WINDOW", "find_spikes", "get_times", "put_times",
-]  # fmt: skip
-
 _SIZES = 20
 _SIDES = 5
 _EDGES = 3 * 2 * _SIDES * _SIZES

@@ -13,8 +13,6 @@ from numba import njit
 from sensor.codec.packets.memory import poke16
 from sensor.codec.packets.ranges import decode_bit
 
-__all__ = ["NUMBER", "get_number", "put_number"]
-
 NUMBER = 19
 """Contexts of a number: equal, side, nearest on either side (2), exponent (9), mantissa (6)."""
 _EXPONENT, _MANTISSA = 4, 13

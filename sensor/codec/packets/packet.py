@@ -18,8 +18,6 @@ from cosim.spikes.viform import WORD
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.part import MOST_CYCLES
 
-__all__ = ["HEADER", "LENGTH", "Packet"]
-
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<I")
 HEADER = _HEAD.size + _CRC.size
@@ -39,7 +37,7 @@ class Packet:
         first: first cycle, a multiple of 32.
         cycles: 1 to 512.
         data: what the code made.
-        spikes: those whose time is known from this layer on; 0 in a received one.
+        spikes: number of spikes whose time is known from this layer on; 0 in a received one.
         gain: error that it takes away, see `Layer`; 0 in a received one.
     """
 

@@ -8,8 +8,6 @@ from typing import Protocol
 
 from cosim.spikes.viform import Words
 
-__all__ = ["MOST_CYCLES", "Layer", "TileCode"]
-
 MOST_CYCLES = 512
 """Cycles of a packet, at most."""
 
@@ -20,7 +18,8 @@ class Layer:
 
     Attributes:
         data: its bytes.
-        spikes: those whose time is known from this layer on; a spike is in one layer alone.
+        spikes: number of spikes whose time is known from this layer on; a spike is in one layer
+            alone.
         gain: the squared error of counts in a window of 41 cycles that it takes away, summed over
             pixels and cycles, estimated.
     """

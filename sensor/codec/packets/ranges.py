@@ -19,8 +19,6 @@ from numba import njit
 
 from sensor.codec.packets.memory import peek32, poke32
 
-__all__ = ["FRESH", "Model", "decode_bit", "encode_bits", "from_bytes", "open_bits", "to_bytes"]
-
 Model = npt.NDArray[np.uint32]
 """State of each context: probability of a zero, 22 bits, then the decisions seen, 10 bits."""
 FRESH = np.uint32(1 << 31)

@@ -19,8 +19,6 @@ from cosim.stage import State, section
 from sensor.codec.packets.buffer import SendBuffer, Sent
 from sensor.codec.packets.packet import Packet
 
-__all__ = ["RateControl"]
-
 MOST_LAYERS = 8
 SPREAD = 4
 """A group takes one in SPREAD of the bits that are free, so that groups are equally good."""

@@ -14,8 +14,6 @@ from sensor.codec.packets.layered import LAYERS
 from sensor.codec.packets.part import MOST_CYCLES
 from sensor.codec.packets.rate import RateControl
 
-__all__ = ["CodeSection"]
-
 
 class CodeSection(Section):
     """The code of a stream, and the rate that it may take."""

@@ -11,8 +11,6 @@ from sensor.codec.coding import Code, decode_band, encode_band
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.part import Layer
 
-__all__ = ["FirstSpike", "Raw"]
-
 
 class Raw:
     """Words as they are, one bit a pixel and cycle: 32-bit words, little-endian, of the first 32

@@ -20,8 +20,6 @@ from sensor.codec.packets.midpoints import SCALE, WINDOW
 from sensor.codec.packets.numbers import NUMBER, get_number, put_number
 from sensor.codec.packets.ranges import decode_bit
 
-__all__ = ["SPAN_CONTEXTS", "even_spans", "get_spans", "put_spans", "spans_of"]
-
 _SIDE = 1 << SPAN_LEVEL
 _NODES = 16
 """Nodes that can be split, from 1 on: 512 cycles are 16 words."""

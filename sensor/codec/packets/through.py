@@ -13,8 +13,6 @@ from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.encoder import StreamEncoder
 from sensor.codec.packets.packet import Packet
 
-__all__ = ["from_packets", "size_of", "to_packets"]
-
 
 def to_packets(stream: SpikeStream, code: StreamCode) -> list[Packet]:
     """All packets of a stream."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Tiles"]
-
 
 @dataclass(frozen=True)
 class Tiles:
@@ -13,7 +11,7 @@ class Tiles:
 
     Attributes:
         shape: (height, width) of the sensor in pixels.
-        side: of a tile, pixels.
+        side: side of a tile, pixels.
     """
 
     shape: tuple[int, int]

@@ -15,8 +15,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["BankChange", "bank_change"]
-
 Values = npt.NDArray[np.float64]
 _DOUBT: Final = 1e-6
 """Chance that an interval does not include the true change. A run beyond it is repeated without the

@@ -34,8 +34,6 @@ from sensor.latched.planning import ARITHMETIC, CameraPlan
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-__all__ = ["PlanCheck", "absent_on", "finding"]
-
 _SAMPLES: Final = "samples/"
 """Prefix of the state of the samples."""
 

@@ -22,8 +22,6 @@ from sensor.latched.effects.costs import REFERENCE_CIRCUIT, reference_cost
 from sensor.latched.patches import PatchCamera
 from sensor.latched.planning import CameraPlan
 
-__all__ = ["TileSamples", "sample_tiles"]
-
 _BOXES: Final = ((2, 8), (1, 8), (1, 4), (1, 2), (1, 1))
 """Rows and columns of a sample, by falling cost."""
 _LEAST_S: Final = 0.15
@@ -38,7 +36,7 @@ class _SampleGrid:
     """One box in every tile of a grid, at a random place.
 
     Attributes:
-        height, width: of the chip.
+        height, width: height and width of the chip.
         boxes: (tiles, 4) first row, stop row, first column, stop column of each.
     """
 

@@ -19,17 +19,6 @@ from sensor.latched.effects.shot_noise import SHOT_NOISE
 from sensor.latched.effects.steering import CLOCK_STEERING
 from sensor.latched.effects.threshold_noise import THRESHOLD_NOISE
 
-__all__ = [
-    "CATALOGUE",
-    "EFFECTS",
-    "acting",
-    "all_keys",
-    "defaults",
-    "named",
-    "register",
-    "silicon_sizes",
-]
-
 CATALOGUE: Final[list[PixelEffect]] = [
     RESIDUAL,
     INITIAL_CHARGE,

@@ -19,8 +19,6 @@ from sensor.latched.effects.costs import circuit_cost
 from sensor.latched.effects.effect import ALL_READOUTS, Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 
-__all__ = ["LEAK", "OVERSHOOT"]
-
 FAINTEST: Final = 1e-3
 """Lowest rate, spikes a cycle, for which the lumped form holds."""
 

@@ -13,20 +13,6 @@ import numpy as np
 
 from cosim.plan.effects import Summary
 
-__all__ = [
-    "EXACT",
-    "QUIET",
-    "REFERENCE_CIRCUIT",
-    "bank_cost",
-    "circuit_cost",
-    "crosstalk_cost",
-    "dead_time_cost",
-    "noise_cost",
-    "pattern_cost",
-    "reference_cost",
-    "sampling_cost",
-]
-
 QUIET: Final = 0.03
 """A pixel-cycle without effects: phase and carry."""
 NOISE_SPIKE: Final = 4.0

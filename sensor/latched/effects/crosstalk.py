@@ -15,8 +15,6 @@ from sensor.latched.effects.costs import crosstalk_cost
 from sensor.latched.effects.effect import ALL_READOUTS, Key, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, shift_error
 
-__all__ = ["CROSSTALK"]
-
 
 class _Crosstalk(PixelEffect):
     name = "optical cross-talk"

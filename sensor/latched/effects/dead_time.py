@@ -16,8 +16,6 @@ from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.sampling import check_within_cycle
 from sensor.latched.effects.windows import bound_of, shift_error
 
-__all__ = ["DEAD_TIME"]
-
 
 class _DeadTime(PixelEffect):
     name = "reset dead time"
@@ -29,7 +27,11 @@ class _DeadTime(PixelEffect):
     keys: ClassVar = {
         "dead_time": Key(
             Time,
-            Field(default=0.0, examples=["1 us"], description="after each spike; at most a cycle"),
+            Field(
+                default=0.0,
+                examples=["1 us"],
+                description="dead time after each spike; at most a cycle",
+            ),
             readouts=("synchronous", "asynchronous"),
             silicon=Sized(50e-9, "assumed", "SCSim's reset delay, 0.2 % of a 25 us cycle"),
             first=True,

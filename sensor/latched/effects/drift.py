@@ -26,8 +26,6 @@ from sensor.latched.effects.costs import crosstalk_cost
 from sensor.latched.effects.effect import Key, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, shift_error
 
-__all__ = ["COMMON_DRIFT", "KNOT", "STEP", "Drift"]
-
 KNOT: Final = 512
 """Cycles between the values of the drift: those of the recording, about."""
 STEP: Final = 128
@@ -54,7 +52,7 @@ class Drift:
     Args:
         clock: whose cycles are counted.
         size: RMS of the gain at a knot.
-        seed: of the run.
+        seed: seed of the run.
     """
 
     def __init__(self, clock: Clock, size: float, seed: int) -> None:

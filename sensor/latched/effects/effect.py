@@ -23,8 +23,6 @@ from sensor.device.pattern import FixedPattern
 from sensor.device.silicon import Sized
 from sensor.latched.pixel.transfer import Transfer
 
-__all__ = ["ALL_READOUTS", "CommonGain", "Dependence", "Key", "Operation", "PixelEffect", "Setting"]
-
 ALL_READOUTS: Final = ("synchronous", "asynchronous", "continuous")
 
 
@@ -74,7 +72,7 @@ class Operation(NamedTuple):
     """Operating point of a chip, which effects read when a scenario is turned into a setting.
 
     Attributes:
-        clock: of the latches.
+        clock: clock of the latches.
         threshold: electrons, at the selected level.
         celsius: temperature of the chip, degC.
     """

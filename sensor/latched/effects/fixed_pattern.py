@@ -30,8 +30,6 @@ from sensor.latched.effects.effect import (
 )
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 
-__all__ = ["DARK", "DEFECTS", "PATTERN_EFFECTS", "PRNU", "THRESHOLD_FPN", "WARM"]
-
 _PATTERN: Final = (
     "a recording of a 400 x 250 chip: 2.9 % in all without its warm pixels, how much of it of the "
     "light is assumed"
@@ -210,7 +208,11 @@ class _Defects(_PatternEffect):
         ),
         "hot_current": Key(
             Current,
-            Field(default=0.0, examples=["100000 e/s"], description="that a hot pixel has on top"),
+            Field(
+                default=0.0,
+                examples=["100000 e/s"],
+                description="dark current that a hot pixel has on top",
+            ),
             readouts=ALL_READOUTS,
         ),
         "dead_pixels": Key(

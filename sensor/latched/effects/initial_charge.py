@@ -11,8 +11,6 @@ from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Summary
 from sensor.latched.effects.effect import PixelEffect, Setting
 
-__all__ = ["INITIAL_CHARGE"]
-
 
 class _InitialCharge(PixelEffect):
     name = "random initial charge"

@@ -19,8 +19,6 @@ from cosim.clock import Clock
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 
-__all__ = ["Metastability"]
-
 
 @dataclass(frozen=True)
 class Metastability:
@@ -62,10 +60,10 @@ class Metastability:
 
         Args:
             instants: (n,) spike times, ps.
-            clock: of the latches.
+            clock: clock of the latches.
             pixels: (n,) number of each spike's pixel.
             spikes: (n,) index of each spike within its pixel.
-            seed: of the run.
+            seed: seed of the run.
 
         Returns:
             (n,) bool.

@@ -22,8 +22,6 @@ from sensor.latched.effects.costs import bank_cost, noise_cost
 from sensor.latched.effects.windows import noise_error
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["OWN_DRAWS", "SOURCE", "with_own_draws"]
-
 OWN_DRAWS: Final = "a draw for each spike"
 """Name in plans and reports."""
 SOURCE: Final = "quantiles of one random word for each spike; without it, those of a bank"

@@ -7,8 +7,6 @@ import numpy as np
 from cosim.plan.effects import Bound, Summary
 from sensor.latched.effects.effect import PixelEffect, Setting
 
-__all__ = ["RESIDUAL"]
-
 
 class _Residual(PixelEffect):
     name = "residual carried"

@@ -16,8 +16,6 @@ from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, shift_error
 from sensor.latched.row_timing import RowTiming
 
-__all__ = ["ROW_TIMING"]
-
 _RECORDING: Final = "a recording of a 400 x 250 chip, 500 cycles of a static board"
 
 

@@ -20,8 +20,6 @@ from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, shift_error
 from sensor.latched.sampling import row_delays
 
-__all__ = ["COMPARATOR_DELAY", "ROW_SAMPLING", "check_within_cycle"]
-
 
 def check_within_cycle(key: str, seconds: float, clock: Clock) -> None:
     """Raises InputError for a time longer than a cycle. key: key of [sensor], for the message."""
@@ -83,7 +81,9 @@ class _ComparatorDelay(PixelEffect):
         "comparator_delay": Key(
             Time,
             Field(
-                default=0.0, examples=["1 us"], description="from full to fired; at most a cycle"
+                default=0.0,
+                examples=["1 us"],
+                description="delay from full to fired; at most a cycle",
             ),
             readouts=("synchronous", "asynchronous"),
             silicon=Sized(20e-9, "assumed", USUAL),

@@ -11,8 +11,6 @@ from sensor.latched.effects.costs import noise_cost
 from sensor.latched.effects.effect import PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, lost_spikes, noise_error
 
-__all__ = ["SHOT_NOISE"]
-
 
 class _ShotNoise(PixelEffect):
     name = "shot noise"

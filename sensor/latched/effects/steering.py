@@ -9,8 +9,6 @@ import numpy as np
 from cosim.plan.effects import Bound, Summary
 from sensor.latched.effects.effect import PixelEffect, Setting
 
-__all__ = ["CLOCK_STEERING"]
-
 
 class _ClockSteering(PixelEffect):
     name = "clock steering"

@@ -25,8 +25,6 @@ from sensor.latched.effects.costs import noise_cost
 from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, noise_error, shift_error
 
-__all__ = ["THRESHOLD_NOISE"]
-
 _ZERO_CELSIUS: Final = 273.15
 """Kelvin at 0 degC."""
 

@@ -18,24 +18,6 @@ import numpy.typing as npt
 from cosim.plan.effects import Bound, Summary
 from cosim.plan.tiles import TILE
 
-__all__ = [
-    "CHANCE",
-    "GAINS",
-    "SHARES",
-    "bound_of",
-    "clipped_tiles",
-    "crossing_error",
-    "ends_error",
-    "latch_error",
-    "light_contrast",
-    "lost_spikes",
-    "noise_error",
-    "rare_error",
-    "saturated_tiles",
-    "share_of_window",
-    "shift_error",
-]
-
 Values = npt.NDArray[np.float64]
 CHANCE = 1e-4
 """Chance that a scene has a tile with more changed spikes than a bound takes."""

@@ -35,8 +35,6 @@ from sensor.latched.pixel.fixed_point import LARGEST
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["LANES", "PixelArray"]
-
 
 @dataclass(frozen=True, eq=False)
 class PixelArray:
@@ -46,7 +44,7 @@ class PixelArray:
         model: rules of a pixel; any reset rule.
         shape: (H, W) of the plane.
         numbers: (H W,) uint32, numbers of the pixels on the chip.
-        clock: of the latches.
+        clock: clock of the latches.
         gain: photoelectrons a second per unit of light.
         pattern: fixed pattern of these pixels, None if all are nominal.
         offsets: (H,) or (1,) int64, ps from a clock edge to the sampling instant of each row; None

@@ -34,8 +34,6 @@ from sensor.latched.fast.units import units_of
 from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel
 
-__all__ = ["charge_error", "parted_share", "rate_bound"]
-
 _ROUNDINGS: Final = 10 * 2.0**-24
 """Rounding of a cycle's light in float32, relative to the brightest level: gain, dark charge, their
 product and sum, difference of levels, weight, product, sum, conversion to units, and the half that

@@ -29,8 +29,6 @@ from cosim.spikes.viform import WORD
 from sensor.latched.fast.joints import Joint, Weights, merged, weighed
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["MOST_PLANES", "Course", "Segment", "check_covered", "course_of", "parts_of"]
-
 MOST_PLANES: Final = 16
 """Most planes of a segment, including its base, and of a launch of a kernel."""
 
@@ -70,8 +68,8 @@ class Course:
         box: rows and columns in which the light changes, None if it is constant everywhere.
         segments: light inside the box.
         pieces: all pieces of the call, whose planes must be checked.
-        longest: with noise of the sampling instants, an upper limit of the length of a cycle over
-            that of one without noise.
+        longest: upper limit of the length of a cycle over that of one without noise, with noise of
+            the sampling instants.
     """
 
     steady: Plane
@@ -156,7 +154,7 @@ def _positions(
 
     Args:
         runs: runs of cycles.
-        clock: of the cycles.
+        clock: clock of the cycles.
         run_of: (n,) run of each cycle.
         cycles: (n, 1) or (n, rows).
         offsets: (rows,) or (n, rows) ps of these middles.
@@ -311,7 +309,7 @@ def course_of(
 
     Args:
         light: light on the pixels.
-        clock: of the latches.
+        clock: clock of the latches.
         offsets: (H,) or (1,) int64, ps from an edge to the sampling instant of a row.
         start: first cycle.
         cycles: number of cycles.

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from cosim.clock import Clock
 from cosim.light.light import Box, Piece, Plane
 
-__all__ = ["Joint", "Weights", "merged", "weighed"]
-
 Weights = npt.NDArray[np.float32]
 _Terms = tuple[Any, ...]
 """Number of pieces, and the terms of `_terms_of`."""

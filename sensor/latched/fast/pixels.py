@@ -39,8 +39,6 @@ from sensor.latched.fast.units import (
 from sensor.latched.pixel.bank import GENERATOR, PERIOD, STEPS, group_keys
 from sensor.latched.pixel.transfer import light_source
 
-__all__ = ["FastPixels"]
-
 _LOCAL: Final = 8
 """Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at
 once: those of a few fit in the cache, those of thousands overflow the stack."""

@@ -17,8 +17,6 @@ import numpy.typing as npt
 from cosim.light.light import Box, Light, Plane
 from sensor.latched.fast.course import MOST_PLANES, Course, Segment
 
-__all__ = ["KeptLaunches", "Launches", "Run", "launches_of"]
-
 _ENTRY: Final = 7 + MOST_PLANES
 """Integers that describe a segment to a kernel."""
 _KEPT: Final = 8

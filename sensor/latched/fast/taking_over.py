@@ -11,8 +11,6 @@ from sensor.latched.fast.array import PixelArray
 from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE, draw_thresholds
 from sensor.latched.pixel.settling import settle
 
-__all__ = ["taken_over"]
-
 Mask = npt.NDArray[np.bool_]
 
 

@@ -23,25 +23,6 @@ from sensor.latched.pixel.interval import KNOTS
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.thresholds import thresholds
 
-__all__ = [
-    "BANK",
-    "BITS",
-    "CAP",
-    "DEAD_TIME",
-    "DEEPEST",
-    "EMPTY",
-    "NOISE",
-    "NOTHING",
-    "RESET",
-    "TIMING",
-    "Units",
-    "current_thresholds",
-    "draw_thresholds",
-    "first_charge",
-    "quantile",
-    "units_of",
-]
-
 Array = npt.NDArray[np.float64]
 
 NOISE: Final = 1
@@ -68,7 +49,7 @@ DEEPEST: Final = -(1 << 30)
 """Lowest deficit under `subtract`: 64 thresholds, or 2^21 electrons as in the exact tier if that is
 less."""
 EMPTY: Final = -(1 << 30)
-"""In place of a threshold that is not drawn yet: sums with it are negative."""
+"""Value that stands for a threshold that is not drawn yet: sums with it are negative."""
 NOTHING: Final = -1e30
 """Light of a pixel that gathers nothing, not even dark current: below 0 it is cut off."""
 

@@ -29,21 +29,6 @@ from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import KNOTS, knot_places
 from sensor.latched.pixel.model import ExactModel
 
-__all__ = [
-    "GENERATOR",
-    "LANES",
-    "PERIOD",
-    "SIZE",
-    "STEPS",
-    "Bank",
-    "bank_distance",
-    "bank_of",
-    "group_keys",
-    "groups_of",
-    "has_bank",
-    "offsets",
-]
-
 LANES: Final = 16
 """Pixels of a group: a 512-bit vector of 32-bit integers."""
 _BITS: Final = 12
@@ -189,7 +174,7 @@ class Bank:
             lanes: (n,) place of each pixel in its group.
             cycles: (n,) cycle in which each pixel fires.
             crossing: thresholds that the pixel has crossed before in this cycle.
-            seed: of the run.
+            seed: seed of the run.
         """
         return self.values[offsets(groups, cycles, crossing, seed) + lanes]
 

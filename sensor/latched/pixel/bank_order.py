@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["uncorrelate"]
-
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _sums(x, sums):  # type: ignore[no-untyped-def]

@@ -19,8 +19,6 @@ from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
 from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.transfer import transfer_spans
 
-__all__ = ["CompiledPixels"]
-
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _STREAM = np.uint64(Stream.SHOT_NOISE)
 

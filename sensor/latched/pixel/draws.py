@@ -9,8 +9,6 @@ from cosim.compute.philox_compiled import ten_rounds
 from cosim.compute.streams import Stream
 from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS
 
-__all__ = ["first_deficits", "look_up"]
-
 _SHOT, _INITIAL = np.uint64(Stream.SHOT_NOISE), np.uint64(Stream.INITIAL_CHARGE)
 _TOGETHER = 1024
 """Pixels whose words are drawn at once."""
@@ -42,7 +40,7 @@ def first_deficits(pixels, seed, table, noisy, q, random, beyond, out):  # type:
 
     Args:
         pixels: (n,) uint32.
-        seed: of the run, uint64.
+        seed: seed of the run, uint64.
         table: quantiles of the first threshold, used only if `noisy`; else it is `q`.
         noisy: whether thresholds are drawn.
         q: mean threshold, Q24.40.

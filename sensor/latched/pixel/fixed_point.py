@@ -12,11 +12,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FRACTION_BITS", "LARGEST", "ONE", "Charge", "to_fixed"]
-
 FRACTION_BITS: Final = 40
 ONE: Final = 1 << FRACTION_BITS
-"""One electron."""
+"""Unit of one electron."""
 LARGEST: Final = 1 << 21
 """Upper limit in electrons of a threshold, and of the charge that a cycle adds. Brighter light is
 clipped to it; such a pixel fires in every cycle, whatever its threshold."""

@@ -24,8 +24,6 @@ from cosim.compute.kept import kept
 from cosim.compute.stopping import threads
 from sensor.latched.pixel.fixed_point import ONE, Charge
 
-__all__ = ["KNOTS", "MANTISSA_BITS", "NO_TABLE", "interval_table", "knot_places", "threshold"]
-
 MANTISSA_BITS: Final = 7
 _M: Final = 1 << MANTISSA_BITS
 KNOTS: Final = (31 - MANTISSA_BITS + 1) * _M + 1
@@ -117,8 +115,8 @@ def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
 
 
 NO_TABLE: Charge = np.zeros(1, np.int64)
-"""In place of a table where no lookup occurs. It is read-only like the tables; otherwise numba
-would compile the loops a second time."""
+"""Array in place of a table where no lookup occurs. It is read-only like the tables; otherwise
+numba would compile the loops a second time."""
 NO_TABLE.setflags(write=False)
 
 

@@ -20,8 +20,6 @@ from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
 from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.transfer import charge_source
 
-__all__ = ["KernelPixels"]
-
 LANES: Final = 16
 """Pixels in a work-item: a vector of 32-bit integers on a 512-bit processor."""
 _SHORT: Final = 8

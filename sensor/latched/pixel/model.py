@@ -20,8 +20,6 @@ from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import first_thresholds, initial_deficit
 from sensor.latched.pixel.transfer import Transfer
 
-__all__ = ["DEEPEST", "JUMP", "ROOM", "ExactModel", "ExactPixels", "PixelState", "Reset"]
-
 Reset = Literal["residual", "hard", "subtract"]
 """Reset rule. `residual`: charge beyond the threshold stays. `hard`: charge returns to 0 at the
 readout of a spike. `subtract`: at most one threshold is subtracted a cycle, and the rest
@@ -62,7 +60,7 @@ class ExactModel:
 
     Attributes:
         threshold: electrons, positive, below 2^21.
-        seed: of the run, below 2^32.
+        seed: seed of the run, below 2^32.
         effects: the inherent effects that are kept.
         threshold_noise: standard deviation in electrons, drawn anew for each spike (kTC,
             comparator).

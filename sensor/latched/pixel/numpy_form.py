@@ -13,8 +13,6 @@ from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
 from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import thresholds
 
-__all__ = ["NumpyPixels"]
-
 
 class NumpyPixels:
     """One numpy operation a cycle over all pixels. pixels: (n,) uint32, their numbers."""

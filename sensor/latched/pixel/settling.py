@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from sensor.latched.pixel.model import JUMP, ROOM
 
-__all__ = ["settle"]
-
 
 def settle(
     deficit: npt.NDArray[Any],

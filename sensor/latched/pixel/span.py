@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from sensor.latched.pixel.fixed_point import Charge
 
-__all__ = ["Span"]
-
 
 @dataclass(frozen=True, eq=False)
 class Span:

@@ -10,8 +10,6 @@ from cosim.compute.streams import Stream
 from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import threshold
 
-__all__ = ["first_thresholds", "initial_deficit", "spike_words", "thresholds"]
-
 
 def spike_words(
     k: npt.NDArray[np.uint64], pixels: npt.NDArray[np.uint32], seed: int
@@ -36,7 +34,7 @@ def thresholds(
         table: quantiles, see `interval_table`.
         k: (n,) index of the spike.
         pixels: (n,) numbers of the pixels.
-        seed: of the run.
+        seed: seed of the run.
     """
     return threshold(table, spike_words(k, pixels, seed))
 
@@ -55,7 +53,7 @@ def initial_deficit(first: Charge, pixels: npt.NDArray[np.uint32], seed: int) ->
     Args:
         first: (n,) int64, thresholds of spike 0.
         pixels: (n,) numbers of the pixels.
-        seed: of the run.
+        seed: seed of the run.
     """
     word = philox4x32((pixels, 0, 0, 0), (seed, Stream.INITIAL_CHARGE))[0].astype(np.int64)
     high, low = first >> 32, (first & 0xFFFFFFFF).astype(np.uint64)

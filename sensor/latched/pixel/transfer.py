@@ -16,8 +16,6 @@ import numpy as np
 from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
 from sensor.latched.pixel.span import Span
 
-__all__ = ["Transfer", "charge_source", "light_source", "transfer_light", "transfer_spans"]
-
 
 @dataclass(frozen=True, eq=False)
 class Transfer:

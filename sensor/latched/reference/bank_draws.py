@@ -22,8 +22,6 @@ from sensor.latched.pixel.bank import (
 )
 from sensor.latched.pixel.model import ExactModel
 
-__all__ = ["BankDraws", "bank_draws", "bank_entry"]
-
 Values = npt.NDArray[np.float64]
 
 _WEYL = np.uint64(GENERATOR["WEYL"])

@@ -11,17 +11,6 @@ from numba import njit
 
 from sensor.device.charge import exposure
 
-__all__ = [
-    "first_latch",
-    "integrate",
-    "latched",
-    "often",
-    "piece_at",
-    "rate_at",
-    "rate_on",
-    "slope_on",
-]
-
 _SAME = 2.0**-50
 """Relative tolerance within which an instant counts as at a latch."""
 _INSTANT = 2.0**-20

@@ -30,8 +30,6 @@ from sensor.latched.reference.course import (
 )
 from sensor.latched.reference.law import draw
 
-__all__ = ["expose"]
-
 _STREAM = np.uint64(Stream.SHOT_NOISE)
 _SAME = 2.0**-50
 """Relative tolerance within which charge counts as at a threshold."""
@@ -63,7 +61,7 @@ def expose(  # type: ignore[no-untyped-def]
         rule: 0 residual, 1 hard, 2 subtract.
         dead: dead time, ps.
         q, kind, sigma, table, functions: distribution of thresholds, see `Law`.
-        seed: of the run.
+        seed: seed of the run.
         bank, keys, lanes: thresholds in the bank, and which pixels draw from it; see `BankDraws`.
             Their index of the interval is the latest spike: twice the number of the cycle after it,
             plus 1 if it was not the first of its cycle; 0 for none.

@@ -10,8 +10,6 @@ from cosim.compute.streams import Stream
 from sensor.latched.reference.law import law_error, law_of
 from sensor.latched.setting import CameraSetting
 
-__all__ = ["DRAWS", "reference_error"]
-
 DRAWS = 256
 """Number of thresholds that are compared with their distribution."""
 

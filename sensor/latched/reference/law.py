@@ -23,8 +23,6 @@ from numba import njit
 from cosim.compute.kept import kept
 from sensor.latched.reference.special import address, call_one, call_two
 
-__all__ = ["Law", "draw", "draw_all", "law_error", "law_of", "mixed_law", "mixed_quantiles"]
-
 Values = npt.NDArray[np.float64]
 
 LEAST: Final = 2.0**-40

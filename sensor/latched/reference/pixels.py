@@ -24,8 +24,6 @@ from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
 from sensor.latched.row_timing import RowMoves
 
-__all__ = ["ReferencePixels"]
-
 Values = npt.NDArray[np.float64]
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _KEYS = {
@@ -51,7 +49,7 @@ class ReferencePixels:
     Args:
         model: rules of a pixel.
         numbers: (n,) uint32, numbers of the pixels on the chip.
-        clock: of the latches.
+        clock: clock of the latches.
         gain: electrons a second per unit of light.
         pattern: fixed pattern of these pixels, None if all are nominal.
         offsets: (n,) int64, ps from a clock edge to the latch of each pixel; None for 0.

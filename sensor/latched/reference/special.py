@@ -12,8 +12,6 @@ from llvmlite import ir
 from numba import types
 from numba.extending import get_cython_function_address, intrinsic
 
-__all__ = ["address", "call_one", "call_two"]
-
 
 def address(name: str) -> np.int64:
     """Address of a function of doubles in scipy.special.cython_special.

@@ -19,8 +19,6 @@ from sensor.latched.pixel.model import JUMP, ROOM
 from sensor.latched.reference.course import first_latch, latched, often, piece_at, rate_at
 from sensor.latched.reference.law import draw
 
-__all__ = ["expose_circuit"]
-
 _STREAM = np.uint64(Stream.SHOT_NOISE)
 _SAME = 2.0**-50
 

@@ -10,7 +10,6 @@ from display.quality.blur import (
     cmr_like,
     ebet,
     mprt,
-    mprt_full_width,
 )
 
 SPEED = 4000.0
@@ -72,7 +71,7 @@ def test_noise_hardly_moves_a_width():
 def test_mprt_is_told_in_both_conventions():
     times = [bet(w, SPEED) for w in (52.0, 54.0)]
     assert mprt(times) == pytest.approx(53 / SPEED)
-    assert mprt_full_width(times) == pytest.approx(53 / SPEED / STEP_SHARE)
+    assert ebet(mprt(times)) == pytest.approx(53 / SPEED / STEP_SHARE)
 
 
 def test_cmr_like_of_a_60_hz_hold_is_100():

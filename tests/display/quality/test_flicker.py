@@ -2,14 +2,25 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from display.quality.flicker import flicker_index, ieee_1789, percent_flicker, risk_of
+from display.quality.flicker import flicker_index, ieee_1789_of, percent_flicker, risk_of
 from display.quality.spectrum import spectrum
 from display.quality.svm import svm, svm_threshold
-from display.quality.tcsf import critical_frequency, sensitivity, tcsf_visibility
+from display.quality.tcsf import sensitivity, tcsf_visibility_of
 
 RATE = 20_000
 SAMPLE = np.arange(2 * RATE)
+
+
+def critical_frequency(contrast, luminance, field):
+    """Frequency, Hz, above which a sine of this contrast is not visible."""
+    return brentq(lambda f: contrast * sensitivity(f, luminance, field)[0] - 1, 10.0, 500.0)
+
+
+def visibility(wave, luminance, field):
+    """Flicker of samples of light over its threshold."""
+    return tcsf_visibility_of(spectrum(wave, RATE), luminance, field)
 
 
 def square(hz, duty=0.5):
@@ -52,7 +63,7 @@ def test_percent_flicker_and_index(wave, percent, index):
     ],
 )
 def test_ieee_1789(wave, hz, percent, risk):
-    found = ieee_1789(wave, RATE)
+    found = ieee_1789_of(spectrum(wave, RATE))
     assert found.frequency == pytest.approx(hz, abs=1)
     assert found.modulation == pytest.approx(percent, rel=1e-3)
     assert found.risk == risk
@@ -114,22 +125,20 @@ def test_a_critical_frequency_of_numpy_numbers():
 def test_visibility_of_a_sine_is_contrast_times_sensitivity():
     for hz in (10, 30.4, 60):
         wanted = 0.2 * sensitivity(hz, 300, (16.7, 16.7))[0]
-        assert tcsf_visibility(sine(hz, 0.2), RATE, 300, (16.7, 16.7)) == pytest.approx(
-            wanted, rel=2e-2
-        )
+        assert visibility(sine(hz, 0.2), 300, (16.7, 16.7)) == pytest.approx(wanted, rel=2e-2)
     edge = critical_frequency(0.5, 100, (20, 20))
-    at_edge = np.array([tcsf_visibility(sine(edge + d, 0.5), RATE, 100, (20, 20)) for d in (-2, 2)])
+    at_edge = np.array([visibility(sine(edge + d, 0.5), 100, (20, 20)) for d in (-2, 2)])
     assert at_edge[0] > 1 > at_edge[1]
 
 
 def test_visibility_adds_up_as_energy_and_not_with_time():
     field = (10.0, 10.0)
     two = 1 + 0.1 * (sine(20) - 1) + 0.1 * (sine(30) - 1)
-    alone = [tcsf_visibility(sine(hz, 0.1), RATE, 100, field) for hz in (20, 30)]
-    assert tcsf_visibility(two, RATE, 100, field) == pytest.approx(np.hypot(*alone), rel=1e-6)
+    alone = [visibility(sine(hz, 0.1), 100, field) for hz in (20, 30)]
+    assert visibility(two, 100, field) == pytest.approx(np.hypot(*alone), rel=1e-6)
     rng = np.random.default_rng(3)
     noise = np.maximum(1 + 0.1 * rng.standard_normal(40 * RATE), 0)
-    short, long = (tcsf_visibility(noise[:n], RATE, 100, field) for n in (4 * RATE, 40 * RATE))
+    short, long = (visibility(noise[:n], 100, field) for n in (4 * RATE, 40 * RATE))
     # Of about 80 visible bins a second: 6 deviations of the shorter one's energy.
     assert short == pytest.approx(long, rel=6 / np.sqrt(2 * 80 * 4))
 

@@ -107,7 +107,7 @@ def test_too_few_frames_deliver_nothing():
     inbox = Inbox(SMALL)
     put_all(inbox, values[: len(values) // 2])
     assert inbox.file is None
-    assert 0 < inbox.frames_gathered < inbox.frames_needed == outbox.frames_needed
+    assert 0 < inbox.frames_right < inbox.frames_needed == outbox.frames_needed
 
 
 def chance(rows: int, seed: int = 11) -> np.ndarray:

@@ -10,11 +10,11 @@ from link.detect.catalogue import make_detector
 from link.detect.detector import Soft
 from link.detect.joint import Joint
 from link.detect.packed import Packed
-from link.detect.packed_numpy import packed_by_numpy
 from link.layout import TRAINING, Layout
 from link.mode import Mode
 from link.theory.soft_information import soft_information
 from link.timing import Registration, Timing
+from tests.link.detect.packed_numpy import packed_by_numpy
 from tests.link.detect.scenes import Scene, homography, make
 
 SYMBOLS = TRAINING + 24

@@ -13,6 +13,7 @@ import pytest
 from cosim import PS, Clock, InputError
 from cosim.compute.kept import described
 from cosim.compute.opencl import Device
+from cosim.run.shown import SilentProgress
 from link.layout import TRAINING
 from link.mode import Mode
 from link.receiving.phasing import Delay
@@ -30,7 +31,6 @@ from link.setup.spent import Spent
 from link.setup.truth import true_timing
 from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
-from scenarios.cli.output import SilentProgress
 from sensor.device.steering import BOARD
 
 SMALL = (

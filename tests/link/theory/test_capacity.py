@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import entr
 
 from link.theory import count_capacity, one_bit_capacity, poisson_capacity
-from link.theory.capacity import binary_capacity, entropy, poisson_best_duty
+from link.theory.capacity import binary_capacity, poisson_best_duty
 from link.theory.information import fsc_information_rate
+
+
+def entropy(p):
+    """Binary entropy, bits."""
+    return (entr(p) + entr(1 - p)) / np.log(2)
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import viform
+from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
 from link.setup.setup import FileLinkSetup, set_up_link
 from link.trial.amounts import amounts, carried
 from link.trial.stages import Spell, StageTime, stage_document
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
-from scenarios.cli.output import SilentProgress
 
 SMALL = {
     "sensor.chip": "spikeone", "link.panel.width": 384, "link.panel.height": 224,

@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from rtl_model.cycle import Bridge
 from rtl_model.geometry import Geometry
 
-__all__ = ["ModelPort", "received"]
-
 _BITS = 10
 
 
@@ -101,7 +99,7 @@ class ModelPort:
             self._coming.append((begun + step, byte))
 
     def read(self, count: int, deadline_s: float) -> bytes:
-        """Returns `count` bytes, or those that arrive within `deadline_s` of simulated time."""
+        """Reads `count` bytes, or those that arrive within `deadline_s` of simulated time."""
         end = self._clock + int(deadline_s * self.geometry.clock_hz)
         got = b""
         while len(got) < count:
@@ -115,7 +113,7 @@ class ModelPort:
         return got
 
     def drain(self) -> bytes:
-        """Returns the bytes that have arrived."""
+        """Bytes that have arrived."""
         got = b""
         while self._coming and self._coming[0][0] <= self._clock:
             got += bytes([self._coming.popleft()[1]])

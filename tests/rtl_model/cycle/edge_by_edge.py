@@ -14,8 +14,6 @@ from rtl_model.cycle.tiles import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS, parameters, quantum, reset_value
 
-__all__ = ["EdgeByEdgeSensor"]
-
 _NAMES = {entry.address: entry for entry in REGISTERS if entry.name.startswith("sensor_")}
 _PATTERN = next(memory.address for memory in MEMORIES if memory.name == "pattern_mem")
 

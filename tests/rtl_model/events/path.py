@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtl_model.events.decoder import EventDecoder
-from rtl_model.events.encoder import OUTPUT, EventEncoder, packets_in
-from rtl_model.events.light import random_ready, steady_words, tiles_of
+from rtl_model.events.encoder import OUTPUT, EventEncoder, Output
+from rtl_model.events.light import steady_words, tiles_of
 from rtl_model.events.size import EventSize
-from rtl_model.events.verilated import VerilatedDecoder, VerilatedEncoder
-from sensor.codec.packets.event import Event, encode_events, gaps_of
-
-__all__ = ["Light", "Result", "run"]
+from sensor.codec.packets.event import Event, encode_events, gaps_of, packet_of_line
+from sensor.codec.packets.packet import Packet
+from tests.rtl_model.events.decoder import EventDecoder
+from tests.rtl_model.events.verilated import VerilatedDecoder, VerilatedEncoder
 
 _CHUNK = 1 << 23
 """Pixel-cycles of a chunk, about."""
@@ -26,6 +25,25 @@ def unequal(one, other):
     return len(one) != len(other) or any(
         (one[name] != other[name]).any() for name in one.dtype.names
     )
+
+
+def packets_in(words: Output) -> list[Packet]:
+    """The packets of words that end with the last word of a packet. Raises Damaged for others."""
+    data = words["data"].astype("<u2").tobytes()
+    ends = 2 * (np.flatnonzero(words["last"]) + 1)
+    return [packet_of_line(data[a:b]) for a, b in zip(np.append(0, ends)[:-1], ends, strict=True)]
+
+
+def random_ready(clocks: int, share: float, seed: int) -> np.ndarray:
+    """`m_tready` of a receiver that is ready in a share of the clocks, at random, and pauses now
+    and then for up to 500 clocks; with share 1 it is always ready."""
+    rng = np.random.default_rng(seed)
+    if share >= 1:
+        return np.ones(clocks, np.uint8)
+    ready = (rng.integers(0, 256, clocks, np.uint8) < round(256 * share)).astype(np.uint8)
+    for at in rng.integers(0, clocks, clocks // 20_000):
+        ready[at : at + rng.integers(1, 500)] = 0
+    return ready
 
 
 class Light(NamedTuple):

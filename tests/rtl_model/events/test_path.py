@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from rtl_model.events.decoder import EventDecoder
-from rtl_model.events.encoder import EventEncoder, packets_in
-from rtl_model.events.light import random_ready, steady_words, tiles_of
+from rtl_model.events.encoder import EventEncoder
+from rtl_model.events.light import steady_words, tiles_of
 from rtl_model.events.size import EventSize
 from sensor.codec.packets.event import gaps_of
-from tests.rtl_model.events.path import Light, run
+from tests.rtl_model.events.decoder import EventDecoder
+from tests.rtl_model.events.path import Light, packets_in, random_ready, run
 
 SQUARE = EventSize()
 WIDE = EventSize(128, 128, 64, depth=1024, tile=70_000)

@@ -46,7 +46,7 @@ def test_verilator_has_nothing_to_remark_of_64_lanes(tmp_path):
 
 
 def read_over_the_line(folder, design):
-    """Returns what Icarus prints: the first words of the board, by the top's pins alone."""
+    """What Icarus prints: the first words of the board, by the top's pins alone."""
     written(folder, design)
     settings = {
         "HALF_PS": 10**12 // (2 * design.target.pin_hz),

@@ -10,8 +10,6 @@ from types import TracebackType
 import serial
 from serial.rfc2217 import PortManager
 
-__all__ = ["Rfc2217Server"]
-
 
 class _Pty(serial.Serial):
     """Omits the modem lines, which the manager reports but a pty does not have."""

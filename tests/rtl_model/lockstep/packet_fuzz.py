@@ -21,8 +21,6 @@ from rtl_model.verilated import build_crc
 from rtl_model.virtual.faults import Faults
 from rtl_model.virtual.simulators import Simulator, make_simulator
 
-__all__ = ["FUZZED", "Fuzz", "fuzz"]
-
 FUZZED = Geometry(4, 32, 32, clock_hz=8000, baud=1000, capture_words=64, sink_words=16)
 """The build, with a short watchdog of 800 clocks."""
 

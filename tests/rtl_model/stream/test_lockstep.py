@@ -7,10 +7,10 @@ import pytest
 
 from rtl_model.stream.lockstep import beats, run
 from rtl_model.stream.program import Case
-from rtl_model.stream.reader import read_stream
 from rtl_model.stream.verilated import COLUMNS
 from rtl_model.verilated.build import missing
 from tests.rtl_model.netlist import lint
+from tests.rtl_model.stream.reader import read_stream
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"not installed: {', '.join(missing())}")
 

@@ -7,8 +7,8 @@ from cosim import InputError
 from rtl_model.cycle import Settings, System, planes
 from rtl_model.geometry import Geometry
 from rtl_model.lockstep.program import ADDRESS
-from rtl_model.stream.reader import read_stream
 from rtl_model.stream.ring import Beat, Ring, Tile
+from tests.rtl_model.stream.reader import read_stream
 
 SIZE = Geometry(rows=6, columns=70, lanes=32, clock_hz=4_000_000)
 FRAMES = 40

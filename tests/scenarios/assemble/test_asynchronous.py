@@ -19,8 +19,8 @@ from cosim.files.event_file import read_events
 from cosim.light.steps import light_steps
 from cosim.run.machine import Options, Run
 from cosim.run.result import Result
+from cosim.run.shown import SilentProgress
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from scenarios.scenes.charts.sky import FINE, Sky, star_levels

@@ -15,10 +15,10 @@ import pytest
 from cosim import InputError
 from cosim.run.machine import Options, Run
 from cosim.run.result import Result
+from cosim.run.shown import SilentProgress
 from scenarios.assemble.asynchronous import study_asynchronous
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from sensor.asynchronous.plan import effects
 from sensor.asynchronous.plan.verify import choose_tiles, measure, verify

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from cosim import InputError, SpikeStream
+from cosim.config.toml import to_toml
 from cosim.files import open_stream
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
 from cosim.run.result import Result
 from cosim.spikes.viform import count_spikes
 from scenarios.assemble.chip import camera_setting
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.messages import validate
 from scenarios.cli.entry import _main
 from scenarios.run import run_scenario

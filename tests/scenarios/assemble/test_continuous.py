@@ -18,8 +18,8 @@ from cosim.files.intensities import read_intensities
 from cosim.light.steps import light_steps
 from cosim.run.machine import Machine, Options, Run
 from cosim.run.result import Result
+from cosim.run.shown import SilentProgress
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from sensor.continuous.run import ContinuousRun

@@ -8,6 +8,7 @@ import pytest
 
 from cosim import PS, InputError
 from cosim.config.amounts import percent
+from cosim.config.toml import to_toml
 from cosim.light.charts import CHARTS, draw, regions
 from cosim.run.machine import Options
 from cosim.run.result import Metric
@@ -18,7 +19,7 @@ from imagers.report.page import metric_text
 from imagers.run.check import watched_frames
 from scenarios.assemble.imager import plan_imager
 from scenarios.assemble.machine import assemble, assemble_study
-from scenarios.assemble.schema.loading import filmed, linked, load, shipped, to_toml
+from scenarios.assemble.schema.loading import filmed, linked, load, shipped
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.view import make_view
 from scenarios.cli.scenario.accuracy import _text

@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
+from cosim.config.toml import to_toml
 from cosim.run.folder import begin_folder
 from cosim.run.inputs import add_digests, changed_files, digest
 from imagers.run.chain import FrameChain
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 
 
 @pytest.fixture

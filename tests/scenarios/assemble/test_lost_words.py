@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 
 SMALL = (

@@ -12,11 +12,11 @@ import pytest
 from cosim import Clock, InputError, Viform
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from display.probes import metrics
 from scenarios.assemble.carrier import carrier
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.show import assembling
-from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 
 CLOCK = Clock(40_000)

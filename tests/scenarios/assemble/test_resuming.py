@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 
+from cosim.config.toml import to_toml
 from cosim.run.folder import begin_folder
 from cosim.run.result import dumps, read_result
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 
 SETS = (
     "sensor.chip=spikeone", "duration=2.5 ms", "image.at=[]", "scene.at=1.26 ms",

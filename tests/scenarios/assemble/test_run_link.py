@@ -16,6 +16,7 @@ from scipy.stats import chi2
 from cosim import InputError
 from cosim.run.machine import Options
 from cosim.run.result import Metric, Result
+from cosim.run.shown import SilentProgress
 from link.evaluation.delivery import judge_delivery
 from link.evaluation.record import LinkEvaluation
 from link.layout import Layout
@@ -27,7 +28,6 @@ from link.trial.amounts import carried
 from link.verdict import Cause, Verdict
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.cli.scenario.run import print_result
 from scenarios.report import write_report
 from scenarios.run import run_scenario

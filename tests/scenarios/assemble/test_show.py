@@ -11,6 +11,7 @@ import pytest
 from cosim import Block, Clock, Events, InputError, Intensities, Interrupted, Viform
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from cosim.spikes.events import only_full
 from cosim.spikes.held import held_events, held_reports
 from display.panels.panel import SpikePanel
@@ -23,7 +24,6 @@ from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.show import assembling, probes
 from scenarios.assemble.show.figures import _named
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from scenarios.scenes.drawing.points import spread_points

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from cosim.compute.compiling import compiles
-from scenarios.cli.output import LineProgress, TerminalProgress, make_progress
+from cosim.run.shown import LineProgress, TerminalProgress, make_progress
 
 
 class Hand:

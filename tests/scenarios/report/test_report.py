@@ -18,10 +18,11 @@ import pytest
 
 from cosim import Clock, Viform
 from cosim.config.amounts import elapsed, number
+from cosim.config.toml import to_toml
 from cosim.report.pictures import accumulation, busiest_box, enlarge, mark_pixels
 from cosim.report.png import for_display, to_linear_bytes
 from cosim.run.result import Metric
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 from scenarios.cli.scenario.run import print_result
 from scenarios.report import write_report
 from scenarios.report.summary import _long

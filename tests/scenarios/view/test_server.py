@@ -25,7 +25,7 @@ from cosim.files.recorder import write_zarr
 from cosim.files.zarr_store import ZarrStream
 from cosim.report.png import to_linear_bytes
 from cosim.spikes.viform import pack_planes
-from scenarios.view.opened import Opened, open_run
+from scenarios.view.opened import Opened, open_recording, with_scene
 from scenarios.view.server import MOST, ViewServer
 from sensor.reconstruct import reconstruct
 from sensor.reconstruct.intervals import isi
@@ -190,7 +190,7 @@ def test_a_browser_that_leaves_says_nothing(
 
 def test_a_stream_without_a_run_has_no_light(tmp_path: Path) -> None:
     write_zarr(stream(), tmp_path / "a.zarr")
-    opened = open_run(tmp_path / "a.zarr")
+    opened = with_scene(open_recording(tmp_path / "a.zarr"), tmp_path / "a.zarr")
     assert opened.source is None and opened.white == 1.0 and opened.window == 41
     chip = 1 << 23  # bytes of a chunk of 1000 x 1000 pixels; intervals of dim ones take a dozen
     assert isinstance(opened.stream, ZarrStream) and opened.stream.kept > 24 * chip

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cosim import InputError
-from scenarios.assemble.schema.loading import load, to_toml
+from cosim.config.toml import to_toml
+from scenarios.assemble.schema.loading import load
 from sensor.calibrate.calibration import Recording, calibrate
 from sensor.calibrate.preset import preset_text
 from sensor.device.pattern import DevicePattern

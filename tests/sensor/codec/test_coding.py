@@ -15,7 +15,7 @@ from cosim.spikes.events import events_of, viform_of
 from cosim.spikes.viform import unpack_planes
 from sensor.codec.coding import Code, encode
 from sensor.codec.follow import FOLLOW_STATE, follow
-from sensor.codec.law import effective_q, entropy_bounds, event_rate, width_law, width_sigma
+from sensor.codec.law import LATCH_VARIANCE, effective_q, entropy_bounds, event_rate, width_law
 from sensor.codec.stream import recode
 from sensor.codec.trains import first_spikes, levels, repeated, without_transitions
 
@@ -200,7 +200,7 @@ def test_the_law_of_a_width_has_the_moments_that_follow_from_its_parts():
     # A spread of many ticks: the latch adds 1/6.
     mean, variance = moments(width_law(40.0, 100.0))
     assert mean == pytest.approx(40, rel=1e-9)
-    assert variance == pytest.approx(width_sigma(40.0, 100.0) ** 2, rel=1e-9)
+    assert variance == pytest.approx(40.0**2 / 100.0 + LATCH_VARIANCE, rel=1e-9)
     # None to speak of: f (1 - f), which is 1/6 on average over the fraction of the mean width.
     fractions = (np.arange(50) + 0.5) / 50
     spreads = [moments(width_law(5 + f, 1e9))[1] for f in fractions]
@@ -274,7 +274,7 @@ def test_no_lossless_code_goes_below_the_entropy():
 
 def test_a_change_beyond_k_is_sent_and_one_within_is_not():
     q, k = 100.0, 3.0
-    sigma = width_sigma(50, q)  # 5.02
+    sigma = math.sqrt(50**2 / q + LATCH_VARIANCE)  # 5.02
     inside, outside = 50 + int(k * sigma), 50 + int(k * sigma) + 1
     for new, events in ((inside, 1), (outside, 2)):
         times = np.cumsum([50] * 10 + [new] * 10) - 1

@@ -10,8 +10,6 @@ import math
 
 import numpy as np
 
-__all__ = ["exit_time", "sampled_exit_time"]
-
 
 def exit_time(bound: float) -> float:
     """Mean time from the mean to +-bound, watched without pause.

@@ -161,15 +161,6 @@ def test_a_mapping_holds_gamma_times_its_steps():
         middle = mapping.steps // 2
         a, b = mapping.light([middle, middle + 1])
         assert (b - a) / a == pytest.approx(mapping.step(a), rel=2 / middle)
-    assert Mapping(curved.gamma_for(90)).holds == pytest.approx(90)
-
-
-def test_where_steps_grow_beyond_the_noise():
-    assert Mapping(1.0).coarse_from(64.08) == 0.0
-    assert Mapping(1.0).coarse_from(40) is None
-    light = Mapping(2.2).coarse_from(64.08)
-    assert light is not None and 0 < light < 1
-    assert Mapping(2.2).step(light) * light == pytest.approx(25 / 40_000, rel=1e-3)
 
 
 def test_beyond_the_linear_full_well():
@@ -181,7 +172,7 @@ def test_beyond_the_linear_full_well():
     assert volts.max() < 3.4 and volts[-1] == pytest.approx(3.4)
     slopes = np.diff(volts) / np.diff(light)
     assert (np.diff(slopes) < 1e-9).all()
-    reach = 2.5 * 10 ** (DALSA.light_gain(0.1) / 20)
+    reach = 2.5 + (3.4 - 2.5) * math.log(10)  # where a tenth of the slope is left
     assert slopes[np.searchsorted(light, reach)] == pytest.approx(0.1, rel=2e-3)
     assert FullWell(2.5, 2.5).response(9.0) == 2.5
 

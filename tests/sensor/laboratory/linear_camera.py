@@ -20,8 +20,6 @@ from cosim.light.radiometry import photons_per_lux
 from cosim.plan.effects import Bound, Effect, Summary
 from sensor.frame_pixels import Exposed, ImagerSummary
 
-__all__ = ["LinearPixels"]
-
 _COST = 60.0
 """ns a pixel-frame of one draw, about."""
 _SOURCE = "EMVA 1288 release 4.0 linear, section 2"

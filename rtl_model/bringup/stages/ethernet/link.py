@@ -8,8 +8,6 @@ from rtl_model.bringup.bench.bench import UdpBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import Cause, LineFault
 
-__all__ = ["check_link"]
-
 _PROBES = 4
 _READS = 64  # one after another, of one word
 

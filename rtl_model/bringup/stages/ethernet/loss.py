@@ -7,8 +7,6 @@ from rtl_model.bringup.bench.bench import UdpBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ether import count_losses
 
-__all__ = ["check_loss"]
-
 _PACKETS = 512
 _MOST = 0.1
 """Largest share of lost packets: then half of all windows of seven packets have a loss."""

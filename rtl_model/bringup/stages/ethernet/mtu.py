@@ -6,8 +6,6 @@ from rtl_model.bringup.bench.bench import UdpBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ether import AROUND, most_words
 
-__all__ = ["check_mtu"]
-
 _MOST = 255  # words of an Etherbone record
 _LEAST = AROUND + 1  # a numbered write of one word
 _HEADS = 28 + 16  # bytes of a packet besides its words: IPv4 and UDP, Etherbone and one address

@@ -11,8 +11,6 @@ from rtl_model.bringup.bench.bench import UdpBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host.ether import AROUND, Etherbone
 
-__all__ = ["Rates", "check_rate", "measured_rates"]
-
 _SECONDS = 0.5  # of each direction
 _PACKETS = 64  # of the first measurement, then as many as take the time
 _MOST_PACKETS = 1 << 17
@@ -58,10 +56,10 @@ def measured_rates(bone: Etherbone, base: int, words: int, seconds: float) -> Ra
     """Writes and reads a memory in the longest packets; its contents are restored.
 
     Args:
-        bone: of the board.
+        bone: Etherbone of the board.
         base: byte address of the memory.
-        words: of the memory.
-        seconds: of each direction, about.
+        words: words of the memory.
+        seconds: time of each direction, about, s.
     """
     previous = bone.read_words(base, words).tobytes()
     random = np.random.Generator(np.random.Philox(1))

@@ -16,8 +16,6 @@ from scenarios.assemble.camera.setup import CameraSetup
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.tiers import Tier
 
-__all__ = ["HALO", "Band", "expose_band"]
-
 HALO = 1
 """Rows around a band that are simulated as well where pixels share light (cross-talk)."""
 
@@ -33,7 +31,7 @@ class Band:
         tier: its arithmetic.
         flags: flags of the fast tier for the rows with their halo, (rows, groups) uint8; None in
             another tier.
-        device: as for `choose_device`.
+        device: device as for `choose_device`.
     """
 
     rows: tuple[int, int]

@@ -34,8 +34,6 @@ from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.latched.fine_tiles import FineTiles
 
-__all__ = ["FOLDER", "MOST", "BandChain", "BandedCamera", "Bands", "band_rows", "refuse_bands"]
-
 FOLDER: Final = "bands"
 """Folder of the bands in that of a run that is not finished."""
 MOST: Final = 1 << 26
@@ -49,7 +47,7 @@ class Bands:
 
     Attributes:
         workers, scheduler: see `workers_for`.
-        device: as for `choose_device`.
+        device: device as for `choose_device`.
     """
 
     workers: int

@@ -9,8 +9,6 @@ import numpy as np
 from cosim import Block, Light, Piece, Plane
 from cosim.light.source import Source
 
-__all__ = ["Strip"]
-
 
 class Strip:
     """Rows of the light of a scene.

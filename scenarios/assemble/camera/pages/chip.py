@@ -8,8 +8,6 @@ from scenarios.assemble.camera.judged import LatchedRun
 from sensor.sections.provenance import fault_rows, optics_rows
 from sensor.sections.writes import write_rows
 
-__all__ = ["machine"]
-
 
 def machine(run: LatchedRun) -> str:
     """HTML of the section: a table of the camera's parameters."""

@@ -17,8 +17,6 @@ from scenarios.assemble.show.sections import (
 )
 from scenarios.assemble.show.shown import Shown
 
-__all__ = ["display_page"]
-
 
 def _subtitle(run: LatchedRun, shown: Shown) -> str:
     panel = shown.outcome.chain.panel

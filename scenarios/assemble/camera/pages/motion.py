@@ -11,8 +11,6 @@ from cosim.report.pictures import busiest_box, crop
 from cosim.report.png import for_display, to_linear_bytes
 from scenarios.scenes.clips.motion_film import MotionFilm
 
-__all__ = ["motion_section"]
-
 
 def motion_section(source: Source) -> str:
     """HTML of the section: both kinds of interpolation between the two frames for which they differ

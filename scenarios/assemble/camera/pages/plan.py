@@ -18,8 +18,6 @@ from cosim.run.result import Metric
 from scenarios.assemble.camera.judged import LatchedRun
 from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 
-__all__ = ["board_error", "plan_section"]
-
 _COLOURS: Final = (
     "#d0d9e8", "#74a7dd", "#2f6db5", "#b7ddb0", "#5fa55a", "#f2d38b", "#c9a2d8", "#8a8f9c",
 )  # fmt: skip

@@ -31,8 +31,6 @@ from sensor.reconstruct.fidelity import LEAST_RATE
 from sensor.reconstruct.figure import interval_figure
 from sensor.reconstruct.shots import Shot
 
-__all__ = ["simulated", "stream_page"]
-
 _WHERE = {"exact": "on any device", "fast": "on any OpenCL device"}
 _QUALITY = (
     "Higher is better. TFP and TFI are two ways to make an image of spikes; the true light is "

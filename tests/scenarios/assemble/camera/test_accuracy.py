@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from cosim.plan.ladder import LADDER, fit_order
+from cosim.run.shown import SilentProgress
 from scenarios.assemble.camera.ladder import accuracy
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 
 STAR = (
     "sensor.width=160", "sensor.height=128", "sensor.preset=silicon", "scene.rotation=0 Hz",

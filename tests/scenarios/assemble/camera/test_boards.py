@@ -16,6 +16,7 @@ import pytest
 from cosim import Block, Clock, Light, Piece
 from cosim.files import open_stream
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import count_spikes
 from link.sending import Transmission
 from link.setup.setup import set_up_link
@@ -28,7 +29,6 @@ from scenarios.assemble.camera.boards import BoardCamera
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting

@@ -10,11 +10,11 @@ import pytest
 
 from cosim import Block
 from cosim.plan.ladder import LADDER
+from cosim.run.shown import SilentProgress
 from display.trial.cost import display_ns, golden_ns
 from scenarios.assemble.camera.ladder import accuracy
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from tests.scenarios.assemble.camera.test_display_plan import GLASS, SPANS
 
 

@@ -18,6 +18,7 @@ from skimage.metrics import structural_similarity
 
 from cosim import Block, Clock, Interrupted, Light, Piece, Viform
 from cosim.light.ssim import Likeness, inside
+from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import pack_planes
 from display import CameraPlane, DisplaySetting, SpikePanel
 from display.chain.clip import chosen_tiles
@@ -30,7 +31,6 @@ from display.probes import metrics
 from display.probes.metrics import Probes
 from display.quality.fidelity import BANDS, display_fidelity
 from display.render.golden import GoldenRenderer
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 
 CLOCK = Clock(40_000)

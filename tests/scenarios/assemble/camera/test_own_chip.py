@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from cosim import Block, Clock, InputError
+from cosim.config.toml import to_toml
 from cosim.light.survey import survey
 from scenarios.assemble.chip import camera_setting
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CHIPS, CameraSetting
 

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from cosim import Block, Clock, Viform
+from cosim.config.toml import to_toml
 from cosim.files import open_stream
 from cosim.run.machine import Options
 from cosim.run.result import Result
+from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import count_spikes
 from rtl_model.stand_in import written_levels
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
-from scenarios.assemble.schema.loading import load, to_toml
-from scenarios.cli.output import SilentProgress
+from scenarios.assemble.schema.loading import load
 from scenarios.run import run_scenario
 from sensor.latched.levels import fast_can_follow, planned_effects, widening
 from sensor.latched.writes import Registers, Write, phases_of

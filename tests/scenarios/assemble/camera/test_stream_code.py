@@ -10,13 +10,13 @@ import pytest
 
 from cosim.files import ZarrStream
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
 from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.cli.output import SilentProgress
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.through import from_packets, to_packets
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from display.chain.display import DisplayChain
 from scenarios.assemble.schema.messages import validate
-from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 
 

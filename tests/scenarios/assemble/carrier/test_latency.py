@@ -12,6 +12,7 @@ import pytest
 from cosim import PS, Viform
 from cosim.files import ZarrStream
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
 from display.probes import metrics
 from display.probes.waveform import panel_light
@@ -20,7 +21,6 @@ from scenarios.assemble.carrier.carrier import RECEIVED
 from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
-from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 
 AT = 4.5125

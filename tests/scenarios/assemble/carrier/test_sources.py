@@ -13,10 +13,10 @@ import pytest
 from cosim import Clock, InputError, Interrupted, Viform
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from rtl_model.stand_in import BoardDisplay
 from scenarios.assemble.carrier import carrier
 from scenarios.assemble.schema.messages import validate
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 

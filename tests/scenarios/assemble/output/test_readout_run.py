@@ -17,12 +17,12 @@ from cosim.config.amounts import count
 from cosim.files import open_stream, write_stream
 from cosim.run.loop import run_blocks
 from cosim.run.machine import Page, Run
+from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import unpack_planes
 from rtl_model.readout.stage import LOST, RAW
 from scenarios.assemble.machine import assemble_study
 from scenarios.assemble.output.machine import ReadoutStudy
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.cli.scenario.plan import _readout
 
 CYCLES = 70

@@ -17,10 +17,10 @@ import pytest
 from cosim import Clock, InputError, Interrupted, Viform
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.recording.coming_machine import assemble_coming
 from scenarios.assemble.schema.messages import validate
-from scenarios.cli.output import SilentProgress
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 

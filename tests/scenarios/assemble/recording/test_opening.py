@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from cosim import Block, Clock, Events, InputError, Viform
+from cosim.config.toml import to_toml
 from cosim.files import write_events, write_stream
 from cosim.run.inputs import add_digests, changed_files
 from scenarios.assemble.recording.opening import open_recording
-from scenarios.assemble.schema.loading import load, to_toml
+from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.messages import validate
 from sensor.codec.coding import Code
 from sensor.codec.files import write_coded

@@ -66,7 +66,7 @@ def key(name: str, kind: str | None = None) -> Key:
 def test_a_line_has_unit_default_and_range() -> None:
     assert str(key("link.distance")) == (
         "link.distance: a length such as '2 m', above 0 um, at most 100 km; default \"2 m\"; "
-        "from the panel to the lens"
+        "distance from the panel to the lens"
     )
     assert str(key("scene.at")) == (
         "scene.at (step): a time such as '32 ms', at least 0 s, at most 86.4 ks; "

@@ -11,8 +11,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cosim import InputError
+from cosim.config.toml import to_toml
 from cosim.errors import quote
-from scenarios.assemble.schema.loading import load, shipped, to_toml
+from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.scenario import AnyScenario
 
 FILM = shipped()["film"]

@@ -16,8 +16,9 @@ from pydantic import BaseModel, WrapValidator
 
 from cosim import InputError
 from cosim.config.quantity import Quantity
+from cosim.config.toml import to_toml
 from scenarios.assemble.schema.export import export
-from scenarios.assemble.schema.loading import load, shipped, to_toml
+from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.messages import _sections, validate
 from scenarios.assemble.schema.scenario import AnyScenario, Scenario
 from sensor.sections.sensor import SensorSection

@@ -8,12 +8,12 @@ import pytest
 
 from cosim import InputError
 from cosim.run.machine import Options
+from cosim.run.shown import SilentProgress
 from rtl_model.bringup.bench.endpoint import virtual_board
 from rtl_model.bringup.bench.stage import Report, Stage
 from rtl_model.bringup.report.page import write_board_report
 from rtl_model.bringup.run import bring_up
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.run import run_scenario
 from tests.scenarios.pages import page_of
 

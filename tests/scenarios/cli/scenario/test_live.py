@@ -11,9 +11,9 @@ import numpy.typing as npt
 import pytest
 
 from cosim import InputError
+from cosim.run.shown import SilentProgress
 from display import open_window
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.output import SilentProgress
 from scenarios.cli.scenario.window import FRAME, show_live
 
 SMALL = [

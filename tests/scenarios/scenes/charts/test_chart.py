@@ -74,8 +74,9 @@ def test_between_two_pixels_a_picture_is_the_mean_over_pixels_of_the_strip(part)
     for n in range(4):
         a, b = (p[rows(n)].astype(np.float64).mean(axis=1) for p in (whole, moved))
         np.testing.assert_allclose(a, b, atol=1e-6)
-    at = int(CHART.edge_at(t + part / PURSUIT))
-    assert CHART.edge_at(t) == pytest.approx(at, abs=1e-9)  # it begins on a pixel's border
+    start = PURSUIT * t + CHART.shape[1] / 4
+    at = int(start + part) % CHART.shape[1]
+    assert start % CHART.shape[1] == pytest.approx(at, abs=1e-9)  # it begins on a pixel's border
     row = moved[CHART.edge_rows()[0] + 2]
     assert row[at - 1] == pytest.approx(DARK) and row[at + 1] == pytest.approx(MIDDLE)
     assert row[at] == pytest.approx(MIDDLE + (DARK - MIDDLE) * part, abs=1e-5)

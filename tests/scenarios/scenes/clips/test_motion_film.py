@@ -16,7 +16,7 @@ from cosim.config.amounts import percent
 from cosim.light.mosaic import Mosaic
 from cosim.light.survey import survey
 from cosim.run.loop import run_blocks
-from scenarios.cli.output import SilentProgress
+from cosim.run.shown import SilentProgress
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.motion_film import MotionFilm

@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
+from scenarios.scenes.objects.painting import HIDDEN, SEEN
 from scenarios.scenes.objects.plate import CATEGORIES, FOCAL, Plate, Wave
 from scenarios.scenes.objects.scene import Objects
-from scenarios.scenes.objects.truth import HIDDEN, SEEN, Surfaces, flow, surfaces
+from scenarios.scenes.objects.truth import Surfaces, flow, surfaces
 
 SHAPE = (250, 400)
 PLAIN = Plate(

@@ -11,8 +11,6 @@ import scenarios.studies.bench.modem as modem
 from rtl_model.events.size import EventSize
 from sensor import CHIPS
 
-__all__ = ["SMALL_BENCH", "make_bench_small"]
-
 _GLASS = "sensor.width=32", "sensor.height=24", "display.beside=[]", "display.projector=none"
 _LOOPS: Final = {
     "loop.glass": (*loop.LOOPS["loop.glass"][:1], *_GLASS),

@@ -8,17 +8,6 @@ from typing import Any
 from imagers.adaptive.device.decision import Search
 from imagers.adaptive.device.loop import from_register, unlimited
 from imagers.emccd.device.cooling import Cooler
-from tests.imagers.ebaps.naive_loop import (
-    float32_sum,
-    proportional,
-    sum_of_32_bits,
-    unclipped,
-)
-
-__all__ = [
-    "float32_sum", "no_end", "proportional", "sum_of_32_bits", "twice_followed", "unclipped",
-    "wound_up",
-]  # fmt: skip
 
 
 def no_end(search: int) -> Any:

@@ -7,8 +7,6 @@ from typing import Any
 
 from scenarios.studies.stability import CASES
 
-__all__ = ["Way", "ids", "must_fail", "must_hold_and_be_caught"]
-
 Way = tuple[int, Any, float]
 """A case's number, a naive method, and the least value that it must come to."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from tests.rtl_model.imagers.ebaps import naive_loop
 
 from tests.scenarios.studies.stability import naive_controls as naive
 from tests.scenarios.studies.stability.naive_ways import (
@@ -16,12 +17,12 @@ WAYS: list[Way] = [
     (33, naive.no_end, 1),
     (33, naive.twice_followed, 1),
     (34, naive.twice_followed, 1),
-    (35, naive.unclipped, 640_000),
-    (35, naive.proportional, 640_000),
-    (36, naive.unclipped, 640_000),
-    (36, naive.proportional, 640_000),
-    (37, naive.float32_sum, 1),
-    (37, naive.sum_of_32_bits, 1),
+    (35, naive_loop.unclipped, 640_000),
+    (35, naive_loop.proportional, 640_000),
+    (36, naive_loop.unclipped, 640_000),
+    (36, naive_loop.proportional, 640_000),
+    (37, naive_loop.float32_sum, 1),
+    (37, naive_loop.sum_of_32_bits, 1),
     (38, naive.wound_up, 2),
 ]
 

@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from cosim.spikes.viform import Words, pack_planes
 
-__all__ = ["random_stream", "steady"]
-
 
 def steady(
     rate: npt.ArrayLike, phase: npt.ArrayLike, cycles: int, noise: float = 0.0, seed: int = 0

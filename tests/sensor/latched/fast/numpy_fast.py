@@ -18,8 +18,6 @@ from sensor.latched.fast.course import Course, Segment
 from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
 from sensor.latched.pixel.transfer import transfer_light
 
-__all__ = ["NumpyFast"]
-
 _F = np.float32
 Array = npt.NDArray[Any]
 

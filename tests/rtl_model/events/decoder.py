@@ -15,8 +15,6 @@ from numba import njit
 from rtl_model.events.encoder import CODE, CRC_TABLE, Output, Ready
 from rtl_model.events.size import EventSize
 
-__all__ = ["Decoded", "EventDecoder", "room_for"]
-
 SPIKES = np.dtype(
     [
         ("clock", "<u8"), ("data", "<u4"), ("first", "<u4"), ("tile", "<u4"), ("last", "u1"),
@@ -71,7 +69,7 @@ class EventDecoder:
     """The decoder after reset, at clock 0.
 
     Attributes:
-        size: of the build.
+        size: size of the build.
         clock: edges passed.
     """
 

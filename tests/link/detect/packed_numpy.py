@@ -14,17 +14,15 @@ from link.detect.detector import LIMIT, Soft
 from link.detect.geometry import PLACES
 from link.detect.packed import Looks, Packed
 
-__all__ = ["packed_by_numpy"]
-
 
 def _steps(
     detector: Packed, words: Words, start_tick: int, looks: Looks, look: int, symbol: int
 ) -> npt.NDArray[np.int64]:
-    """Returns ln P(spikes | bits) of a look's symbol minus that for both bits off, in steps,
-    (cells, PAIRS).
+    """ln P(spikes | bits) of a look's symbol minus that for both bits off, in steps, (cells,
+    PAIRS).
 
     Args:
-        detector: that has learned.
+        detector: detector that has learned.
         words, start_tick: spikes, which must contain the symbol, and the tick of their first bit.
         looks, look: all looks, and the number of the one.
         symbol: counted from the look's first; the sensor must contain all of its pixels.
@@ -61,7 +59,7 @@ def _either(a: Soft, b: Soft) -> Soft:
 def packed_by_numpy(
     detector: Packed, words: Words, start_tick: int, first_symbol: int, count: int
 ) -> Soft:
-    """Returns the soft values of `Packed.soft`, with other rounding of the chain.
+    """Soft values of `Packed.soft`, with other rounding of the chain.
 
     The words must contain the symbols and those around them in whole groups.
     """

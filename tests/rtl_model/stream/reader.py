@@ -12,8 +12,6 @@ from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.stream.ring import Beat
 
-__all__ = ["Received", "read_stream"]
-
 _NUMBERS = 1 << 20  # a head has the plane's number modulo this
 
 
@@ -41,8 +39,8 @@ def read_stream(beats: Iterable[Beat], geometry: Geometry) -> Received:
     number that does not rise is a cleared sensor, and raises.
 
     Args:
-        beats: in order, from the stream's start.
-        geometry: of the build.
+        beats: beats in order, from the stream's start.
+        geometry: geometry of the build.
 
     Raises:
         InputError: for beats that are no packets of this geometry.
