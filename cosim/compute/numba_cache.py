@@ -9,6 +9,10 @@ numba compiles a function anew where its own file has changed, and not where ano
 which it takes a function or a constant: after an update it would go on with the old ones, without a
 word. Here what a function takes from elsewhere is a part of the key under which it is kept.
 
+numba imports all that it can compile, 250 modules, before it reads a function from the disk: .3 s
+of each process. Code that is compiled needs none of them but the memory of arrays and the secret of
+Python's hashes, whose addresses it names. Here they are imported when something is compiled.
+
 numba has no option for this. But it calls the entry point "init" of the group "numba_extensions"
 before it compiles anything (numba's manual, "Registering extensions with entry points"). Ours in
 `pyproject.toml` is `tolerate`; so nothing imports numba before it is needed.
@@ -20,6 +24,7 @@ import hashlib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import IO, Any
@@ -39,6 +44,7 @@ def tolerate() -> None:
 
     from numba.core import event
     from numba.core.caching import FunctionCache, IndexDataCacheFile
+    from numba.core.runtime import rtsys
 
     class _Compiling(event.Listener):
         def on_start(self, event: Any) -> None:
@@ -49,7 +55,7 @@ def tolerate() -> None:
 
     event.register("numba:compile", _Compiling())
     index_key = FunctionCache._index_key
-    keep, find = FunctionCache.save_overload, FunctionCache.load_overload
+    keep, find = FunctionCache.save_overload, FunctionCache._load_overload
     write, read_index = IndexDataCacheFile._open_for_write, IndexDataCacheFile._load_index
 
     def save_overload(self: Any, sig: Any, data: Any) -> None:
@@ -58,6 +64,8 @@ def tolerate() -> None:
 
     def load_overload(self: Any, sig: Any, target_context: Any) -> Any:
         try:
+            rtsys.initialize(target_context)
+            import_module("numba.cpython.hashing")
             return find(self, sig, target_context)
         except MemoryError:
             raise

@@ -9,9 +9,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cosim.compute.numba_cache import taken
+from cosim.report.png import for_display
 from sensor.latched.reference.engine import expose
 
 CALLER = """
@@ -78,3 +80,22 @@ def test_what_a_function_takes_is_the_same_in_each_process() -> None:
     )
     function: Any = expose
     assert said.stdout.strip() == taken(function.__wrapped__.py_func)
+
+
+def test_a_kept_function_is_used_without_what_only_the_compiler_needs() -> None:
+    """Numba would import all that it can compile first, .3 s of each process. What is compiled
+    after it has all of that."""
+    for_display(np.zeros((2, 2)))  # kept from now on
+    code = (
+        "import sys\n"
+        "import numpy as np\n"
+        "from numba import njit\n"
+        "from cosim.report.codes import look_up\n"
+        "from cosim.report.png import for_display\n"
+        "print(for_display(np.ones((1, 2))), sum(look_up.stats.cache_hits.values()))\n"
+        "print('numba.np.linalg' in sys.modules, njit(lambda x: x[0] + x[1])((3, 4)))\n"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
+    )
+    assert said.stdout.split("\n")[:2] == ["[[255 255]] 1", "False 7"]
