@@ -57,10 +57,10 @@ class PixelModel(Protocol):
     """Physics of one imager's pixels, its analog chain and its converter.
 
     Attributes:
-        effects: all of them, by name. The random draws of one do not depend on which others are
+        effects: all effects, by name. The random draws of one do not depend on which others are
             left out.
         shape: (H, W).
-        bits: of a value.
+        bits: number of bits of a value.
     """
 
     @property
@@ -77,7 +77,7 @@ class PixelModel(Protocol):
 
         Args:
             rows: exposed rows.
-            seed: of the temporal noise; the fixed pattern has the device's own seed.
+            seed: seed of the temporal noise; the fixed pattern has the device's own seed.
             kept: names of the effects that are computed.
         """
         ...

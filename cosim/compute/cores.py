@@ -71,9 +71,9 @@ def by_rows(function: Callable[..., None], rows: int, *arguments: Any, least: in
     lock. With numba's own threads (parallel=True), its compilation takes three times as long.
 
     Args:
-        function: see above.
-        rows: their number.
-        arguments: of which the largest array says how much there is to do.
+        function: compiled function.
+        rows: number of rows.
+        arguments: further arguments; the largest array says how much there is to do.
         least: values from which threads are worth it.
     """
     if arguments and max(getattr(each, "size", 1) for each in arguments) <= least:

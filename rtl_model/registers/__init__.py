@@ -1,6 +1,6 @@
 """The register map: one table, and the files that are generated from it."""
 
-from rtl_model.registers.csr_csv import csr_csv, csr_text
+from rtl_model.registers.csr_csv import csr_csv
 from rtl_model.registers.parameters import identifier, parameters, reset_value
 from rtl_model.registers.table import (
     MAGIC,
@@ -9,7 +9,6 @@ from rtl_model.registers.table import (
     VERSION,
     WRITE_WORDS,
     Field,
-    Memory,
     Register,
     mask,
     quantum,
@@ -22,10 +21,8 @@ __all__ = [
     "VERSION",
     "WRITE_WORDS",
     "Field",
-    "Memory",
     "Register",
     "csr_csv",
-    "csr_text",
     "identifier",
     "mask",
     "parameters",

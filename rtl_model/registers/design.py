@@ -17,8 +17,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from rtl_model.geometry import Geometry
-from rtl_model.registers import MEMORIES, REGISTERS, Memory, Register, csr_text
+from rtl_model.registers.csr_csv import csr_text
 from rtl_model.registers.document import register_tables
+from rtl_model.registers.table import MEMORIES, REGISTERS, Memory, Register
 
 if TYPE_CHECKING:
     from rtl_model.cycle import Behind
@@ -33,13 +34,13 @@ CONSTANT = "config_viform_imager"
 """Constant in csr.csv that names the imager."""
 
 Update = Literal["now", "frame", "cycle"]
-"""When a written value takes effect: at once, at the next frame, at the next cycle."""
+"""Instant at which a written value takes effect: at once, at the next frame or cycle."""
 
 IDENTIFIER: Memory = next(memory for memory in MEMORIES if memory.name == "identifier_mem")
 
 
 def head() -> tuple[Register, ...]:
-    """Returns the registers that every imager has, derived from the table of the board."""
+    """The registers that every imager has, derived from the table of the board."""
     changed = {
         "ctrl_magic": {"reset": IMAGER_MAGIC, "text": 'ASCII "VIMG"'},
         "ctrl_version": {"reset": IMAGER_VERSION},
@@ -127,13 +128,13 @@ class Design:
         }
 
     def csr_csv(self) -> str:
-        """Returns the imager's `csr.csv`."""
+        """The imager's `csr.csv`."""
         return csr_text(
             self.registers, self.memories, self.values, self.clock_hz, {CONSTANT: self.name}
         )
 
     def document(self, heading: str = "##") -> str:
-        """Returns the specific registers as Markdown."""
+        """The specific registers as Markdown."""
         instants = {
             "now": "at once",
             "frame": "with the next frame",

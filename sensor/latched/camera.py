@@ -56,7 +56,7 @@ class SpikeCamera:
             than `step` is given it, such as that of a source with a rolling shutter. It moves the
             sampling instant of each row. None for 0.
         like: `constants` of a camera that differs in its seed only; None for none.
-        gathering: that of the setting, if it has begun; None for a new one.
+        gathering: light that the pixels of the setting gather, if it has begun; None for a new one.
     """
 
     def __init__(

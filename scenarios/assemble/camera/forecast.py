@@ -26,8 +26,7 @@ REFERENCE_TILES = 12
 
 
 def _with_every_effect(setup: CameraSetup, plan: RunPlan) -> RunPlan | None:
-    """The plan with every effect of the camera, and the same arithmetic in the same tiles; None if
-    `plan` is that."""
+    """The plan with every effect of the camera, in the same tier; None if `plan` is that."""
     tolerance, names = setup.scenario.tolerance, [e.name for e in setup.setting.acting_effects]
     names += [name for name in (OWN_DRAWS,) if name in plan.plan.kept]
     everything = setup.plan(tolerance, tier=plan.tier, forced=names)

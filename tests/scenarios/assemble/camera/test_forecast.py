@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from itertools import count
 
-import numpy as np
 import pytest
 
 from cosim.compute.opencl import Device
@@ -23,14 +22,14 @@ BRIGHT = (
 left out."""
 
 
-def test_everything_is_planned_with_the_same_arithmetic(device: Device) -> None:
+def test_everything_is_planned_in_the_same_tier(device: Device) -> None:
     _, scenario = load("step", list(BRIGHT))
     setup = set_up_camera(scenario, None)
     plan = setup.plan(scenario.tolerance)
     everything = forecasting._with_every_effect(setup, plan)
     assert everything is not None and plan.plan.left_out and not everything.plan.left_out
-    assert plan.fine.any()
-    np.testing.assert_array_equal(everything.fine, plan.fine)
+    # With a draw for each spike, at least the tiles that the bank leaves to the reference are.
+    assert everything.tier == plan.tier and plan.fine.any() and everything.fine[plan.fine].all()
 
 
 def test_a_plan_with_every_effect_has_one_number(monkeypatch: pytest.MonkeyPatch) -> None:
