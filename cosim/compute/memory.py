@@ -14,8 +14,8 @@ from cosim.compute.cores import cores
 from cosim.errors import InputError
 
 _GIB = 2**30
-_LITTLE: Final = 16 << 20
-"""Bytes for which free memory is not asked: to read the limits takes longer than a call."""
+LITTLE: Final = 16 << 20
+"""Bytes for which a call need not ask for free memory: to read the limits takes longer."""
 _PLANE: Final = 32
 """Bytes that each pixel of a stream takes at least while it is read: two words of 32 cycles, their
 copy, and a float64 and what it is computed from."""
@@ -107,8 +107,6 @@ def check_program(what: str, need: int, remedy: str, *, loaded: bool = False) ->
 
 def check_memory(what: str, need: int, remedy: str) -> None:
     """Raises InputError if `need` bytes exceed the free memory. what, remedy: for its message."""
-    if need <= _LITTLE:
-        return
     free = free_memory()
     if need > free:
         must = f"small enough for the {free / _GIB:.3g} GiB of memory that is free"

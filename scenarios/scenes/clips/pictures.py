@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from cosim import InputError, Plane
 from cosim.compute.cores import cores
+from cosim.compute.memory import LITTLE
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.coded import GREY_OF_TIFF, SRGB, Coded, transfer_curve
@@ -192,9 +193,10 @@ def array_clip(
     notes: list[str] = []
     fit = Fit(Path("frames"), shape, mosaic, True, notes)
     size = frames.shape[1], frames.shape[2]
-    fit.check_size(*size)
-    kept = min(len(frames), max(_KEPT, _REMEMBERED // cores() // (4 * shape[0] * shape[1])))
     coded = frames.dtype == np.uint8 and frames.ndim == 3 and size == shape and mosaic is None
+    if not coded or size[0] * size[1] > LITTLE:  # codes of the pixels are not scaled
+        fit.check_size(*size)
+    kept = min(len(frames), max(_KEPT, _REMEMBERED // cores() // (4 * shape[0] * shape[1])))
     return Pictures(
         Path("frames"), lambda n: shown(frames[n], fit), len(frames), size, rate, notes, kept,
         frames if coded else None,

@@ -12,7 +12,6 @@ from rtl_model.registers import (
     MEMORIES,
     REGISTERS,
     Field,
-    Memory,
     Register,
     csr_csv,
     identifier,
@@ -22,6 +21,7 @@ from rtl_model.registers import (
 from rtl_model.registers.checks import faults
 from rtl_model.registers.document import document
 from rtl_model.registers.parameters import PARAMETERS
+from rtl_model.registers.table import Memory
 
 ROOT = Path(__file__).resolve().parents[3]
 GEOMETRIES = [Geometry(), Geometry(rows=4095, columns=4096, lanes=64), Geometry(rows=1, columns=1)]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from tests.rtl_model.imagers.ebaps import naive_loop
 
+from tests.imagers.ebaps import naive_loop
 from tests.scenarios.studies.stability import naive_controls as naive
 from tests.scenarios.studies.stability.naive_ways import (
     Way,
