@@ -20,9 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.compute.cores import cores
+from cosim.compute.cores import by_rows
 from cosim.compute.philox_compiled import random_words
-from cosim.compute.stopping import threads
 from cosim.compute.streams import Stream
 
 Values = npt.NDArray[np.float64]
@@ -180,18 +179,12 @@ def _draw(law: Callable[..., None], given: tuple[Any, ...], numbers: Numbers, fr
     """Draws from a compiled distribution, large planes on all cores. The result does not depend on
     threads, since each pixel has its own counter. given: flat arrays of the parameters."""
     flat = _pixels(numbers)
-    parts = min(cores(), out.size // _PART)
-    if parts < 2:
-        law(*given, flat, frame, seed, int(stream), out)
-        return
-    ends = np.linspace(0, out.size, parts + 1).astype(np.int64)
 
-    def part(n: int) -> None:
-        at = slice(ends[n], ends[n + 1])
+    def part(first: int, stop: int, out: Any) -> None:
+        at = slice(first, stop)
         law(*(each[at] for each in given), flat[at], frame, seed, int(stream), out[at])
 
-    with threads(parts) as pool:
-        list(pool.map(part, range(parts)))
+    by_rows(part, out.size, out, least=2 * _PART - 1)
 
 
 def _flat(values: npt.ArrayLike, numbers: Numbers) -> Values:

@@ -54,7 +54,8 @@ class Piece:
 
     Attributes:
         start, stop: instants in picoseconds, start < stop.
-        first, last: (H, W) float32 >= 0; the same object if the light is constant.
+        first, last: (H, W) float32 >= 0, or `Scaled` for pixels that multiply; the same object if
+            the light is constant.
         changed: box outside which the piece is constant and follows the previous piece without a
             jump; None if unknown. Parts may use it to save work, but their results must not depend
             on it.

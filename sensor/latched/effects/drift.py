@@ -57,7 +57,6 @@ class Drift:
 
     def __init__(self, clock: Clock, size: float, seed: int) -> None:
         self._clock, self._size, self._seed = clock, size, seed
-        self._products = False
         self._parts: dict[tuple[int, int], tuple[Piece, Piece]] = {}
         self._planes: dict[tuple[int, int], tuple[Plane, Plane]] = {}
 
@@ -87,7 +86,7 @@ class Drift:
                 row has the gain of the instant at which the light was given.
             products: whether the pixels multiply `Scaled` planes themselves, in all calls.
         """
-        clock, self._products = self._clock, products
+        clock = self._clock
         begin = max(clock.edge(start - 2) - late, light.pieces[0].start)
         end = min(clock.edge(start + cycles + 2), light.pieces[-1].stop)
         made: list[Piece] = []
@@ -96,29 +95,29 @@ class Drift:
                 continue
             first = self.step(clock.cycle_at(max(piece.start, begin)))
             last = self.step(clock.cycle_at(min(piece.stop, end) - 1))
-            made += [self._part(piece, step) for step in range(first, last + 1)]
+            made += [self._part(piece, step, products) for step in range(first, last + 1)]
         self._parts = {k: v for k, v in self._parts.items() if any(v[1] is p for p in made)}
         return Light(tuple(made), light.unit)
 
-    def _part(self, piece: Piece, step: int) -> Piece:
+    def _part(self, piece: Piece, step: int, products: bool) -> Piece:
         """The part of a piece within a step: one object, however often it is asked for."""
         known = self._parts.get((id(piece), step))
         if known is not None and known[0] is piece:
             return known[1]
         start = piece.start if step == 0 else max(piece.start, self._edge(step))
         stop = min(piece.stop, self._edge(step + 1))
-        first, last = self._level(piece, start, step), self._level(piece, stop, step)
+        first, last = (self._level(piece, at, step, products) for at in (start, stop))
         joins = step == 0 or self._edge(step) < piece.start  # the part before has the same gain
         part = Piece(start, stop, first, last, piece.changed if joins else None)
         self._parts[id(piece), step] = piece, part
         return part
 
-    def _level(self, piece: Piece, at: int, step: int) -> Plane:
+    def _level(self, piece: Piece, at: int, step: int, products: bool) -> Plane:
         """Level of a piece at an instant, ps, at least 0, times the gain of a step."""
         if piece.constant or at == piece.start:
-            return self._scaled(piece.first, step)
+            return self._scaled(piece.first, step, products)
         if at == piece.stop:  # the first plane of the next piece
-            return self._scaled(piece.last, step)
+            return self._scaled(piece.last, step, products)
         # numba, which other starts need not load
         from sensor.latched.effects.gained import gained
 
@@ -128,22 +127,13 @@ class Drift:
         by_rows(gained, level.size, *planes, least=_LARGE)
         return level
 
-    def _scaled(self, plane: Plane, step: int) -> Plane:
+    def _scaled(self, plane: Plane, step: int, products: bool) -> Plane:
         """A plane times the gain of a step; the last few are kept."""
         known = self._planes.get((id(plane), step))
         if known is not None and known[0] is plane:
             return known[1]
         gain = np.float32(self.gain(step))
-        made: Any
-        if self._products:
-            made = Scaled(plane, gain)
-        elif plane.size < _LARGE:
-            made = plane * gain
-        else:
-            from sensor.latched.effects.gained import scaled
-
-            made, whole = np.empty(plane.shape, np.float32), np.ascontiguousarray(plane, np.float32)
-            by_rows(scaled, made.size, whole.reshape(-1), gain, made.reshape(-1))
+        made: Any = Scaled(plane, gain) if products else plane * gain
         self._planes = dict(list(self._planes.items())[-7:]) | {(id(plane), step): (plane, made)}
         return made
 

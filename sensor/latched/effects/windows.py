@@ -117,11 +117,11 @@ def rare_error(
     tiles = np.broadcast(low, high)
     if chance is None:
         chance = np.full(tiles.shape, CHANCE / tiles.size)
-    worst = np.zeros(tiles.shape)
+    worst, chances = np.zeros(tiles.shape), np.unique(chance)
     for share in shares:
         mean = np.asarray(events, np.float64) * share * TILE**2
         most = np.zeros(tiles.shape)
-        for each in np.unique(chance):
+        for each in chances:
             some = chance == each
             most[some] = _exceeded(np.broadcast_to(mean, tiles.shape)[some], float(each))
         changed = size * np.sqrt(most) / TILE

@@ -90,7 +90,7 @@ def test_a_large_plane_is_drawn_on_several_threads_as_in_pieces(monkeypatch):
     many = np.full(numbers.shape, 5)
     made = []
     for cores in (1, 3):
-        monkeypatch.setattr(draws, "cores", lambda cores=cores: cores)
+        monkeypatch.setattr("cosim.compute.cores.cores", lambda cores=cores: cores)
         given = numbers, 7, 3, Stream.IMAGER_SHOT
         made.append([
             draws.poisson(mean, *given), draws.normal(*given), draws.gamma(mean, *given),
