@@ -45,7 +45,7 @@ _PARAMETERS = {
 
 
 def document() -> str:
-    """Returns docs/imager-registers.md as text."""
+    """Text of docs/imager-registers.md."""
     lines = [_HEAD, "## Common head", "", *register_tables(HEAD, "###")]
     lines += ["| name | meaning |", "|---|---|"]
     lines += [f"| {name} | {meaning} |" for name, meaning in _PARAMETERS.items()]

@@ -159,8 +159,6 @@ def broken_rules(root: Path) -> list[str]:
 
 def listed(tree: ast.Module, place: Path) -> Iterator[tuple[int, str]]:
     """Yields (line, message) for the `__all__` of a module: a package alone lists its names."""
-    if "imagers" in place.parts:  # theirs go with their move
-        return
     for node in tree.body:
         targets = getattr(node, "targets", None) or [getattr(node, "target", node)]
         if any(isinstance(target, ast.Name) and target.id == "__all__" for target in targets):
@@ -239,8 +237,6 @@ def described(tree: ast.Module) -> Iterator[tuple[int, str]]:
 def loose_words(tree: ast.Module, place: Path) -> Iterator[tuple[int, str]]:
     """Yields (line, message) for descriptions of values without a noun at their beginning, and for
     docstrings that begin with "Returns"."""
-    if "imagers" in place.parts:  # theirs follow with their move
-        return
     for line, text in described(tree):
         if word := NAMELESS.match(text):
             yield line, f"a description must begin with its noun, not with {word[0]}"

@@ -18,7 +18,7 @@ class CouplingSection(Section):
         description="charge that one toggle of a counter's bit couples onto a pixel; assumed",
     )  # fmt: skip
     time_constant: Annotated[float, Quantity("time", above=0, most=1e-4)] = Field(
-        default=200e-9, examples=["200 ns"], description="with which it decays; assumed"
+        default=200e-9, examples=["200 ns"], description="time constant of its decay; assumed"
     )
     code: Literal["gray", "binary"] = Field(default="gray", description="code of the counters")
     idle: bool = Field(
@@ -58,7 +58,9 @@ class AdaptiveSection(ImagerSection):
     threshold: Annotated[int, Field(ge=0, lt=2**24)] | None = Field(
         default=None, description="saturated pixels that are still allowed; one in 1024 when absent"
     )
-    gain: Annotated[float, Field(gt=0, le=64)] = Field(default=1.0, description="before the ADC")
+    gain: Annotated[float, Field(gt=0, le=64)] = Field(
+        default=1.0, description="gain before the ADC"
+    )
     temperature: Temperature = 27.0
     device_seed: Device = 1
     coupling: CouplingSection | None = None

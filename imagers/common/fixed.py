@@ -33,9 +33,9 @@ class FixedTiming:
     Attributes:
         clock: pixel clock.
         rows, columns: pixels.
-        line: from the readout of a row to that of the next.
-        exposure: of every row.
-        frame: from frame to frame.
+        line: time from the readout of a row to that of the next.
+        exposure: exposure of every row.
+        frame: time from frame to frame.
         rolling: whether each row is read at the end of its own exposure; else all rows are exposed
             together and wait for their readout.
     """

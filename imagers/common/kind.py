@@ -128,7 +128,7 @@ class Comparison(ABC):
 
         Args:
             signal: (H, W) values above black, DN.
-            imager: that took the frame.
+            imager: imager that took the frame.
             seconds: exposure time, s.
         """
         return None

@@ -75,7 +75,7 @@ class Imager(Protocol):
         ...
 
     def read(self, register: str) -> int:
-        """Returns the present value of a register."""
+        """The present value of a register."""
         ...
 
     def film(
@@ -127,7 +127,7 @@ class JudgeBase:
     """Base of the judges.
 
     Args:
-        imager: that films.
+        imager: imager that films.
         full, kept: names of all effects, and of those that the run keeps.
         seed: seed of the temporal noise.
     """
@@ -140,7 +140,7 @@ def write_all(imager: Imager, writes: Sequence[tuple[float, str, int]]) -> None:
     """Schedules all writes before the imager films.
 
     Args:
-        imager: at power-on.
+        imager: imager at power-on.
         writes: (instant in s, register name, value) of each write.
 
     Raises InputError that names `imager.writes` for a write that the imager refuses: an unknown or
@@ -182,7 +182,7 @@ class FrameFigures:
     Attributes:
         number: frame number.
         ready: end of the last row's readout, ps.
-        begin, end: of the first row's exposure, ps.
+        begin, end: begin and end of the first row's exposure, ps.
         mean, spread: mean and standard deviation of all values, DN.
         full: share of pixels at full scale.
         least, most: smallest and largest value, DN.
@@ -286,7 +286,7 @@ class ImagerModel(ABC):
 
         Args:
             values: values of a frame, (rows, W), DN.
-            bits: of a value.
+            bits: number of bits of a value.
             white: illuminance of the scene's white on the plane, lux.
         """
         return values.astype(np.int64), (1 << bits) - 1
@@ -301,7 +301,7 @@ class ImagerModel(ABC):
         """The judge of the controller's decisions; None if no frame affects a later exposure.
 
         Args:
-            imager: that films.
+            imager: imager that films.
             full, kept: names of all effects, and of those that the run keeps.
             seed: seed of the temporal noise.
         """

@@ -172,7 +172,7 @@ class ImagerBus:
             self._errors += 1
 
     def read(self, address: int) -> int:
-        """Returns the 32 bits at a byte address at this clock; takes two clocks."""
+        """The 32 bits at a byte address at this clock; takes two clocks."""
         value = self._value(address & ~3)
         self.advance(self._clock + 2)
         return value
@@ -206,7 +206,7 @@ class ImagerBus:
 
 
 def line_of(target: BusTarget, byte_clocks: int | None = None) -> Bridge:
-    """Returns the serial line of an imager at byte level; byte_clocks as in `cycle.Bridge`."""
+    """The serial line of an imager at byte level; byte_clocks as in `cycle.Bridge`."""
     return Bridge(system=ImagerBus(target), byte_clocks=byte_clocks)
 
 
@@ -229,12 +229,12 @@ def register_of(registers: RegisterFile, register: str) -> Register:
 
 
 def write_instant(entry: Register, register: str, value: int, at: int | None, now: int) -> int:
-    """Returns the instant of a write, ps: `at`, or `now` if `at` is None.
+    """The instant of a write, ps: `at`, or `now` if `at` is None.
 
     Args:
         entry: the register.
         register: its name as the caller wrote it, for messages.
-        value: to be written.
+        value: value to be written.
         at: instant of the write, ps.
         now: present instant, ps.
 

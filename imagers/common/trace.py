@@ -45,7 +45,7 @@ class Record(NamedTuple):
 
 
 def trace_ending(path: Path) -> str:
-    """Returns ".vcd" or ".fst"; raises InputError for another ending."""
+    """Ending ".vcd" or ".fst"; raises InputError for another ending."""
     ending = path.suffix.lower()
     if ending not in (".vcd", ".fst"):
         raise InputError(

@@ -32,7 +32,7 @@ from imagers.report.page import ImagerRun
 from sensor.frame_pixels import Exposed
 
 VOLTAGES: Final = (0.0, 500.0, 1000.0, 1500.0)
-"""Of the document's figure 11, V below ground."""
+"""Voltages of the document's figure 11, V below ground."""
 LIGHT: Final = (3e-1, 3e-2, 3e-3)
 """Lux on the chart; the document names the first and the last."""
 SIZE: Final = (144, 180)

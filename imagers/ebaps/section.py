@@ -25,7 +25,7 @@ class EbapsBoardSection(Section):
         default=200e6, examples=["200 MHz"]
     )
     link_clock: Annotated[float, Quantity("frequency", least=10e6, most=90e6)] = Field(
-        default=85e6, examples=["85 MHz"], description="of Camera Link, and of both FPGAs"
+        default=85e6, examples=["85 MHz"], description="clock of Camera Link, and of both FPGAs"
     )
     stall: Annotated[float, Field(ge=0, le=0.9)] = Field(
         default=0.0, description="share of the memory's clocks in which it is not ready"
@@ -66,7 +66,7 @@ class EbapsSection(ImagerSection):
         "6504 K, the moonless sky, or one wavelength",
     )  # fmt: skip
     wavelength: Wavelength | None = Field(
-        default=None, description="of monochromatic light", examples=["640 nm"]
+        default=None, description="wavelength of monochromatic light", examples=["640 nm"]
     )
     temperature: Temperature = 27.0
     device_seed: Device = 1

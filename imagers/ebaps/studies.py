@@ -15,7 +15,7 @@ from sensor.laboratory.bench import Bench
 from sensor.laboratory.cameras import Camera
 
 VOLTS: Final = (1500.0, 1000.0, 500.0, 0.0)
-"""Of the document's figure 11."""
+"""Voltages of the document's figure 11, V below ground."""
 _SHAPE: Final = (32, 32)
 """Pixels for which closed forms are evaluated."""
 

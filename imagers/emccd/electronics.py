@@ -37,9 +37,9 @@ def drive_metrics(drive: SineDrive, peak: float, potentiometer: Potentiometer) -
     """Metrics of the drive at the end of a run.
 
     Args:
-        drive: of the camera.
+        drive: drive of the camera.
         peak: mean of the last frame, V.
-        potentiometer: after the run.
+        potentiometer: potentiometer after the run.
     """
     voltage, step, last = drive.voltage, potentiometer.wiper, GAIN_STEPS - 1
     slope = voltage.slope(drive.at_transfer(peak))
@@ -73,7 +73,7 @@ def supply_metrics(course: Course, begin: int, switched: float | None) -> dict[s
     """Metrics of the power-up.
 
     Args:
-        course: of the supplies from their switch-on.
+        course: course of the supplies from their switch-on.
         begin: first exposure's beginning, ps.
         switched: instant of the switch-on in the run, s; None before the run.
     """

@@ -16,16 +16,16 @@ class EmccdDriveSection(Section):
     """[imager.drive]: the high-voltage sine and the loop that holds its peak."""
 
     phase: Annotated[float, Quantity("angle", least=-90, most=90)] = Field(
-        default=0.0, examples=["5 deg"], description="of the crest after the fall of R1"
+        default=0.0, examples=["5 deg"], description="phase of the crest after the fall of R1"
     )
     trough: Annotated[float, Quantity("voltage", least=-10, most=20)] = Field(
-        default=0.0, examples=["0 V"], description="of the sine"
+        default=0.0, examples=["0 V"], description="trough of the sine"
     )
     transfer: Annotated[float, Quantity("time", least=0, most=50e-9)] = Field(
         default=10e-9, examples=["10 ns"], description="time in which the charge drops"
     )
     loop_gain: Annotated[float, Field(ge=1, le=1e5)] = Field(
-        default=200.0, description="at the largest peak"
+        default=200.0, description="gain of the loop at the largest peak"
     )
     response: Annotated[float, Quantity("time", least=1e-6, most=1e-3)] = Field(
         default=20e-6, examples=["20 us"], description="time constant of the loop"
@@ -40,7 +40,8 @@ class EmccdDriveSection(Section):
         default=100e-6, examples=["100 us"], description="time constant of the detector's fall"
     )
     drift: Annotated[float, Field(ge=-0.01, le=0.01)] = Field(
-        default=-2e-3, description="of the transformer's strength, a kelvin of ambient from 25 degC"
+        default=-2e-3,
+        description="drift of the transformer's strength, a kelvin of ambient from 25 degC",
     )
     ripple: Annotated[float, Field(ge=0, le=0.01)] = Field(
         default=1e-4, description="relative amplitude, of the amplifier's supply"
@@ -72,13 +73,13 @@ class EmccdSuppliesSection(Section):
     )
     off: Time | None = Field(default=None, description="instant of the switch-off")
     order: Annotated[tuple[str, ...], AfterValidator(_safe)] = Field(
-        default=ORDER, description="in which the rails come up"
+        default=ORDER, description="order in which the rails come up"
     )
     ramp: Annotated[float, Quantity("time", least=1e-4, most=0.1)] | None = Field(
-        default=None, description="of every rail; else each has its own"
+        default=None, description="ramp of every rail; else each has its own"
     )
     delay: Annotated[float, Quantity("time", least=0, most=0.1)] | None = Field(
-        default=None, description="before every rail; else each has its own"
+        default=None, description="delay before every rail; else each has its own"
     )
     failed: Annotated[str, AfterValidator(_known)] | None = Field(
         default=None, description="rail that gives no voltage"
@@ -93,7 +94,7 @@ class EmccdSection(ImagerSection):
         default=2e-3, examples=["2 ms"], description="whole steps of 10 us"
     )
     gain_step: Annotated[int, Field(ge=0, le=255)] | None = Field(
-        default=None, description="of the digital potentiometer"
+        default=None, description="step of the digital potentiometer"
     )
     gain: Annotated[float, Field(ge=1, le=1000)] | None = Field(
         default=None, description="wanted: the nearest step is taken; 1 when neither is given"
@@ -106,12 +107,12 @@ class EmccdSection(ImagerSection):
     )
     pulse_rate: Annotated[float, Quantity("frequency", above=0, most=10_000)] | None = Field(
         default=None, examples=["50 Hz"],
-        description="of external sync, the first at 0, in the place of pulses",
+        description="rate of external sync, the first at 0, in the place of pulses",
     )  # fmt: skip
     temperature: Temperature = Field(
-        default=-10.0, examples=["-10 degC"], description="that the cooling loop holds"
+        default=-10.0, examples=["-10 degC"], description="temperature that the cooling loop holds"
     )
-    ambient: Temperature = Field(default=25.0, description="of the camera's body")
+    ambient: Temperature = Field(default=25.0, description="temperature of the camera's body")
     ageing: Annotated[float, Quantity("voltage", least=0, most=5)] = Field(
         default=0.0, examples=["0.2 V"],
         description="peak that the gain of a new chip takes more, after use",

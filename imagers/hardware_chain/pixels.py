@@ -63,7 +63,7 @@ class Ripple:
     Attributes:
         volts: amplitude at the sensor's output.
         hertz: frequency.
-        timing: of the readout.
+        timing: timing of the readout.
     """
 
     volts: float
@@ -157,11 +157,11 @@ class ChainPixels:
         shape: (H, W).
         chain: well, volts an electron, circuit noise without the ripple, converter and gains; its
             `noise` is not used here.
-        noise: of the sensor, by its laws.
+        noise: noise of the sensor, by its laws.
         responsivity: photoelectrons of a lux second.
-        celsius: of the sensor.
+        celsius: temperature of the sensor.
         hertz: pixel clock.
-        ripple: of the supply.
+        ripple: ripple of the supply.
         black: value of darkness at the converter, DN; None for `PEDESTAL`.
         exposure: s, for that `PEDESTAL`.
     """

@@ -91,7 +91,7 @@ class HardwareChainSection(ImagerSection):
     rows: Annotated[int, Field(ge=8, le=4096)] = 512
     columns: Annotated[int, Field(ge=8, le=4096)] = 512
     sensor: Literal["kodak-full-frame", "dalsa", "cmos-3t", "ccd97", "cmos-4t"] = Field(
-        default="kodak-full-frame", description="as of `viform design dynamic-range`"
+        default="kodak-full-frame", description="name as of `viform design dynamic-range`"
     )
     adc: Literal["8-bit", "12-bit", "14-bit", "16-bit"] = Field(
         default="14-bit", description="converter, as of `viform design dynamic-range`"
@@ -103,12 +103,12 @@ class HardwareChainSection(ImagerSection):
         default=None, description="a converter of at most 16 bits in the place of `adc`"
     )
     pitch: Annotated[float, Quantity("length", above=0, most=1000)] = Field(
-        default=9.0, examples=["9 um"], description="of square pixels; assumed"
+        default=9.0, examples=["9 um"], description="pitch of square pixels; assumed"
     )
     quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.4, description="at 555 nm, fill factor included; assumed"
+        default=0.4, description="quantum efficiency at 555 nm, fill factor included; assumed"
     )
-    temperature: Temperature = Field(default=25.0, description="of the sensor")
+    temperature: Temperature = Field(default=25.0, description="temperature of the sensor")
     clock: Annotated[float, Quantity("frequency", least=1e3, most=1e9)] = Field(
         default=27e6, examples=["27 MHz"], description="pixels a second"
     )
@@ -119,7 +119,7 @@ class HardwareChainSection(ImagerSection):
         default=5e-3, examples=["5 ms"]
     )
     frame_rate: Annotated[float, Quantity("frequency", above=0, most=1e5)] | None = Field(
-        default=None, description="as fast as exposure and readout allow when absent"
+        default=None, description="frame rate; as fast as exposure and readout allow when absent"
     )
     circuit_noise: Volts = Field(
         default=1e-4, examples=["0.1 mV"], description="RMS at the sensor's output"
@@ -140,8 +140,8 @@ class HardwareChainSection(ImagerSection):
         "of the noise in the dark do not take below 0",
     )
     gamma: Annotated[float, Field(ge=1, le=10)] = Field(
-        default=2.2, description="of the pictures' tones; 1 is the linear mapping"
+        default=2.2, description="exponent of the pictures' tones; 1 is the linear mapping"
     )
     output_bits: Annotated[int, Field(ge=1, le=8)] = Field(
-        default=8, description="of the pictures' tones"
+        default=8, description="bits of the pictures' tones"
     )

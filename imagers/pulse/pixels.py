@@ -44,9 +44,9 @@ class PulsePixels:
     Attributes:
         shape: (H, W).
         threshold: Q, e.
-        exposure: of a frame, s.
+        exposure: exposure of a frame, s.
         shortest: least time from reset to pulse, s; a pixel that is full sooner waits.
-        bits: of a value.
+        bits: number of bits of a value.
         reset: kTC noise, e RMS.
         dark: dark current, e/s.
         responsivity: photoelectrons of a lux second.

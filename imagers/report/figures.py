@@ -63,7 +63,7 @@ def waveforms(
     many edges to resolve becomes a band.
 
     Args:
-        axes: of matplotlib.
+        axes: axes of matplotlib.
         signals: changes by name.
         names: signals to draw, from the top.
         span: first and last instant, ps.

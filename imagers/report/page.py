@@ -73,7 +73,7 @@ _TEXTS = {
 
 
 def frames_explorer(kind: ImagerKind, run: ImagerRun) -> str:
-    """Returns the HTML of the explorer."""
+    """The HTML of the explorer."""
     frames, registers = run.frames, run.chain.registers
     columns = [
         FrameColumn("Frame", "begin", "ms", [one.begin * 1e-9 for one in frames]),

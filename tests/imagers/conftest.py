@@ -1,5 +1,3 @@
 """Fixtures of the imagers' tests: the command line in this process."""
 
-from tests.scenarios.conftest import viform
-
-__all__ = ["viform"]
+from tests.scenarios.conftest import viform as viform

@@ -17,9 +17,9 @@ from imagers.document import document
 from imagers.emccd.device.timing import window_table
 from rtl_model.host import Board, Cause, LineFault, Uartbone, read_csr, recognised
 from rtl_model.host.csr import device_map
-from rtl_model.registers.checks import faults
 from rtl_model.virtual import VirtualBoard
 from tests.rtl_model.host.conftest import ModelPort
+from tests.rtl_model.registers.checks import faults
 
 ROOT = Path(__file__).resolve().parents[2]
 

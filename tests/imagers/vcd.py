@@ -2,8 +2,6 @@
 
 import re
 
-__all__ = ["read_vcd"]
-
 
 def read_vcd(text):
     """{full name: (width, [(ps, value), ...])} of a VCD, read by the standard's own words."""

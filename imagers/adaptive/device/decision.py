@@ -68,7 +68,7 @@ def gather(
     *,
     whole_scan: bool = False,
 ) -> Statistics:
-    """Returns the statistics of a frame.
+    """The statistics of a frame.
 
     Args:
         values: (H, W) DN, uint16.

@@ -41,10 +41,10 @@ class AdaptiveExposure:
         pixels: pixel array; None for one of the default shape.
         timing: timing of the sequencer; None derives it from `frame_rate`.
         frame_rate: frame rate without `timing`, Hz.
-        coupling: of switching logic onto the pixels; None for none, and Gray code.
+        coupling: coupling of switching logic onto the pixels; None for none, and Gray code.
 
     Attributes:
-        timings: with a coupling, of all frames filmed and of the one after them.
+        timings: instants, with a coupling, of all frames filmed and of the one after them.
     """
 
     name = "adaptive-exposure"

@@ -130,9 +130,9 @@ class Coupling:
     """How switching logic couples onto the pixels; its sizes are assumed.
 
     Attributes:
-        charge: that a toggle couples onto a pixel at its instant, e.
-        time_constant: with which it decays, s.
-        code: of the counters.
+        charge: charge that a toggle couples onto a pixel at its instant, e.
+        time_constant: time constant of its decay, s.
+        code: code of the counters.
         idle: whether the sample ends an idle phase. Otherwise the halves of the work cycle change
             places: counters run in the half that ends with the sample.
     """
@@ -158,7 +158,7 @@ def toggles(
         timing: timing of the array.
         frames: all frames with a reset or a read in the span.
         begin, end: first clock of the span, and the one after the last.
-        code: of the counters.
+        code: code of the counters.
 
     Returns:
         Clock of each step, and number of bits that toggle in it.

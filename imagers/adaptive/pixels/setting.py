@@ -16,7 +16,7 @@ BOLTZMANN: Final = 1.380649e-23
 ELEMENTARY_CHARGE: Final = 1.602176634e-19
 """C, exact by definition of the SI (2019)."""
 BITS: Final = 8
-"""Of the converter (document 001, section 1)."""
+"""Bits of the converter (document 001, section 1)."""
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ def error_rate(offset: float, jitter: float, density: float = 0.5) -> float:
     """Probability that a sample reads another bit.
 
     Args:
-        offset: of the sampling instant from the middle of the bit, ps.
+        offset: offset of the sampling instant from the middle of the bit, ps.
         jitter: standard deviation of the edges, ps.
         density: share of bits that differ from the neighbour on one side: 1/2 for random data.
     """
@@ -84,7 +84,7 @@ class Alignment:
     """Settings of the lines, (16,) each.
 
     Attributes:
-        positions: of the sampling instant, steps.
+        positions: positions of the sampling instant, steps.
         slips: bits by which the line is late, which the bitslip takes away.
         eyes: width of the error-free eye, ps; 0 if none was found.
     """

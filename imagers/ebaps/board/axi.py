@@ -34,7 +34,7 @@ class Burst(NamedTuple):
     """An AXI4 burst: address and length.
 
     Attributes:
-        address: of its first byte.
+        address: address of its first byte.
         beats: AWLEN or ARLEN and one.
     """
 

@@ -64,8 +64,8 @@ class LinkTiming:
     follow the last line (assumed: the document prints no blanking).
 
     Attributes:
-        columns, rows: of a frame.
-        clock_hz: of the link.
+        columns, rows: size of a frame.
+        clock_hz: clock of the link.
         rate: frames a second.
     """
 

@@ -128,11 +128,11 @@ class Path:
 
     Attributes:
         bias: byte address of region 0 (ADDR_BIAS).
-        clocks: of pixels, memory and display.
+        clocks: clocks of pixels, memory and display.
         stall: share of the memory's clocks in which it is not ready.
         latency: clocks from a read's address to its first data.
-        seed: of the stalls and of the FIFOs' synchronisers.
-        beats: of a burst.
+        seed: seed of the stalls and of the FIFOs' synchronisers.
+        beats: number of beats of a burst.
         depth: words of a FIFO.
     """
 

@@ -204,7 +204,7 @@ class Packer:
         self._word = self._held = 0
 
     def push(self, value: int, last: bool = False) -> int | None:
-        """Returns a word when it is full or after the last value (other bits zero), else None."""
+        """A word when it is full or after the last value (other bits zero), else None."""
         self._word |= value << self.narrow * self._held
         self._held += 1
         if self._held < self.count and not last:

@@ -32,7 +32,7 @@ from imagers.ebaps.board.fifo import AsyncFifo, Coin, edges_of
 FIFO_VALUES: Final = 2048
 """Depth of the slave's FIFO, values of 16 bits: assumed (one block memory of 36 Kbit)."""
 WINDOW_PS: Final = 200
-"""Around a flag's change, in which a sample may go either way."""
+"""Time around a flag's change, in which a sample may go either way."""
 _MARGIN: Final = 8
 """Values that the slave's view of its FIFO may be late by."""
 
@@ -83,8 +83,8 @@ class HandOver:
         image: (H, W) values as the slave shows them; None if some did not arrive.
         answers: ps from each change of REQ to the master's reaction to ACK.
         stored: ps from a line's REQ to its last value in the slave's FIFO.
-        ps: from the first REQ to the end.
-        overflows: of the slave's FIFO.
+        ps: time from the first REQ to the end.
+        overflows: overflows of the slave's FIFO.
         most: largest number of values in it.
     """
 

@@ -26,7 +26,7 @@ from imagers.ebaps.board.timing import REGIONS, region_bytes
 MEMORY_HZ = 200_000_000
 """Clock of the memory's AXI4 port, Hz: assumed."""
 LATENCY_CLOCKS = 20
-"""From a burst's turn to its first beat, 100 ns: assumed."""
+"""Time from a burst's turn to its first beat, 100 ns: assumed."""
 
 
 class Ddr:
@@ -151,7 +151,7 @@ class BurstMemory:
 
     Args:
         bias: ADDR_BIAS, a multiple of 4 KiB.
-        beats: of a burst, a power of two.
+        beats: number of beats of a burst, a power of two.
     """
 
     def __init__(self, *, bias: int = 0, beats: int = BURST_BEATS) -> None:

@@ -35,7 +35,7 @@ class Timing:
 
     Attributes:
         columns, rows: read in a frame.
-        clock_hz: of the pixel clock.
+        clock_hz: frequency of the pixel clock.
         rate: frames a second.
     """
 

@@ -65,14 +65,14 @@ class BoardFigures:
     """What the clocked frames have shown.
 
     Attributes:
-        alignment: of the converter's lines.
+        alignment: alignment of the converter's lines.
         untrained: share of the first clocked frame's values that would be wrong without training.
-        bits, bit_errors, expected_errors: of the samples; the last by the closed form.
+        bits, bit_errors, expected_errors: counts of the samples; the last by the closed form.
         transfers: through the memory, in order.
-        hand_overs: to the slave FPGA.
+        hand_overs: hand-overs to the slave FPGA.
         delivered: frames that the host received.
         wrong: pixels that differ from the frame that was sent, of lost frames all.
-        pixels: of the frames sent.
+        pixels: pixels of the frames sent.
         link_clocks, link_pixels: words of the frames on the link, and those with a pixel.
     """
 
@@ -105,9 +105,9 @@ class Board:
 
     Args:
         frames: live frames that are delivered clock by clock, with the dark frames before them.
-        lines: of the converter.
-        clocks: of pixels, memory and link; the last is also the master FPGA's.
-        timing: of the sensor; the link carries its whole frame.
+        lines: lines of the converter.
+        clocks: clocks of pixels, memory and link; the last is also the master FPGA's.
+        timing: timing of the sensor; the link carries its whole frame.
         stall: share of the memory's clocks in which it is not ready.
         depth: words of a FIFO.
     """

@@ -61,7 +61,7 @@ RESETTING = {"RST": (40, 48), "T": (40, 48)}
 LAG = READING["HSYNC"][0]
 """Clocks from a row's beginning to its first pixel."""
 DRIVE_SIGNALS = (*(Signal(name.lower()) for name in DRIVES), Signal("hclk_on"))
-"""Of a trace. `hclk` shows its edges in the first rows only, `hclk_on` when it runs."""
+"""Signals of a trace. `hclk` shows its edges in the first rows only, `hclk_on` when it runs."""
 HCLK_ROWS = 2
 """Rows of a trace's first frame in which each edge of HCLK is written."""
 

@@ -24,7 +24,7 @@ from sensor.frame_pixels import Exposed
 
 Image = npt.NDArray[np.uint16]
 SIGNALS = (*DRIVE_SIGNALS, Signal("read"), Signal("key"), Signal("exposure_ns", 26))
-"""Of a trace: the drive signals, rows being read, KEY and exposure as the frame took them."""
+"""Signals of a trace: drive signals, rows being read, KEY and exposure as the frame took them."""
 TRACED = 8
 """Frames in a trace."""
 

@@ -27,7 +27,7 @@ class Shot:
     """Settings of a frame at its VSYNC.
 
     Attributes:
-        number: from 0.
+        number: number from 0.
         exposure: ns.
         volts: magnitude.
         key: stored as a dark frame, in `region`.

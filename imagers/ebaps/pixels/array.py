@@ -114,7 +114,7 @@ def halo(means: Values, radius: float) -> Values:
 COLUMNS, ROWS = 1280, 1024
 """Document 002, section 1.1."""
 BITS = 16
-"""Of the converter (CBM92AD68-80): document 002, section 1.3."""
+"""Bits of the converter (CBM92AD68-80): document 002, section 1.3."""
 _BURST = 1 << 40
 """Added to a frame's number where ion bursts take their size from the stream of ion events."""
 
@@ -125,7 +125,7 @@ class EbapsPixels:
 
     Attributes:
         volts: magnitude of the high voltage, 0 to 1500.
-        kelvin: of the silicon.
+        kelvin: temperature of the silicon.
         device: seed of the fixed pattern.
         spectral: electrons of the light over those of a lamp of 2856 K. The rest see `PixelModel`.
     """

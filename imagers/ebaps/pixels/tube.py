@@ -50,7 +50,7 @@ class Tube:
     """The tube. All values are assumed unless a source is named; the document states none.
 
     Attributes:
-        sensitivity: of the photocathode for light of 2856 K, uA/lm.
+        sensitivity: sensitivity of the photocathode for light of 2856 K, uA/lm.
         emission_lux: equivalent background illumination of the dark emission (EBI), lx; 2.5e-7 is
             0.35 electrons per second in a pixel of 10.8 um.
         collection: collection efficiency eta_c.
@@ -219,8 +219,8 @@ class Spectral:
     """Electrons of a lux over those of a lux from a lamp of 2856 K.
 
     Attributes:
-        photocathode: of the photocathode.
-        silicon: of the silicon behind it, for light that passes the photocathode.
+        photocathode: ratio at the photocathode.
+        silicon: ratio in the silicon behind it, for light that passes the photocathode.
     """
 
     photocathode: float = 1.0

@@ -44,7 +44,7 @@ class Emccd:
     Args:
         pixels: chip; None for the default.
         timing: timing of the sequencer; None for the default.
-        drive: of the multiplication register; None for the default.
+        drive: drive of the multiplication register; None for the default.
         pulses: instants of external sync, ps; a pulse is detected at the first edge not before it.
         cooler: determines the temperature of the chip at each frame, from its present state on;
             None for the constant temperature of the pixels.

@@ -52,16 +52,16 @@ class DriveSettings:
     """Settings of drive and loop; all assumed.
 
     Attributes:
-        phase: of the crest after the fall of R1, degrees.
-        trough: of the sine, V.
+        phase: phase of the crest after the fall of R1, degrees.
+        trough: trough of the sine, V.
         transfer: time in which the charge drops, s, half of it before the fall's middle.
         loop_gain: L at the largest peak.
         response: time constant t_a/(1 + L) at the largest peak, s.
         quality: Q of the tuned transformer.
         attack: c, share of its distance by which the detector rises at a crest.
         droop: t_d, s.
-        drift: of the transformer, 1/K.
-        ripple: of the amplifier's supply, relative amplitude.
+        drift: drift of the transformer, 1/K.
+        ripple: ripple of the amplifier's supply, relative amplitude.
         ripple_frequency: Hz.
     """
 
@@ -133,7 +133,7 @@ class SineDrive:
 
     Attributes:
         voltage: peak and gain of each step.
-        settings: of drive and loop.
+        settings: settings of drive and loop.
         hertz: pixel clock, and frequency of the sine.
         celsius: temperature of the transformer.
     """
@@ -276,7 +276,7 @@ class RunningDrive:
 
     Args:
         drive: settings.
-        step: of the potentiometer.
+        step: step of the potentiometer.
         edge: first edge.
         cold: whether the sine begins there; otherwise the loop is at rest.
     """

@@ -23,9 +23,9 @@ class Rail(NamedTuple):
     """A supply.
 
     Attributes:
-        name: in scenarios.
-        pins: of the chip.
-        volts: when up.
+        name: name in scenarios.
+        pins: pins of the chip.
+        volts: voltage when up.
         ramp: time from 0 to `volts`, and back, s.
         delay: time from the rail before being good to the enable, s.
     """
@@ -119,7 +119,7 @@ class Supplies:
 
     Attributes:
         order: names of all rails, as they come up.
-        ramp, delay: of every rail, s; None for those of the table.
+        ramp, delay: ramp and delay of every rail, s; None for those of the table.
         failed: rail that gives no voltage, or None.
     """
 

@@ -77,7 +77,7 @@ class EmccdPixels:
 
     Attributes:
         gain: mean multiplication, 1 to 1000.
-        kelvin: of the chip.
+        kelvin: temperature of the chip.
         tier: "exact" draws every stage (40 us a pixel), "fast" one law for all.
         row_shift: s.
         readout: s that a row waits in storage at the longest; bounds read it.

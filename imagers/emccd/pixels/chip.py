@@ -27,7 +27,7 @@ ROWS: Final = IMAGE_ROWS + 2 * DARK_ROWS
 COLUMNS: Final = IMAGE_COLUMNS + 2 * DARK_COLUMNS
 """536, as the document prints; also the cells of the horizontal register."""
 TRANSITION_CELLS: Final = 16
-"""Between horizontal and multiplication register (document)."""
+"""Elements between horizontal and multiplication register (document)."""
 LINE_CLOCKS: Final = COLUMNS + TRANSITION_CELLS
 """552 pixel clocks a line, as the document prints."""
 STAGES: Final = 536

@@ -89,9 +89,9 @@ class _Scene:
 
     Attributes:
         high: most x.
-        least, most: of everything together.
+        least, most: least and largest noise of everything together.
         f2: F^2.
-        floor: of one DN.
+        floor: noise of one DN.
         read: noise power of the amplifier, quiet: with the converter's.
     """
 

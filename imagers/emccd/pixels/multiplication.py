@@ -184,10 +184,10 @@ class HighVoltage:
 
     Attributes:
         peak: V at the potentiometer's steps 0 and 255.
-        stages: of the multiplication register.
+        stages: number of stages of the multiplication register.
         parallel: the potentiometer's full resistance over the fixed resistor's (0: none in
             parallel); assumed.
-        kelvin: at which the ends' gains hold.
+        kelvin: temperature at which the ends' gains hold.
         cooling: relative rise of p a kelvin of cooling; the gain's rise on cooling is reported, its
             size assumed.
         ageing: V by which use has moved the curve: the gain of a new chip takes so much more peak.

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from imagers.adaptive.device.signals import Code, ring
 from imagers.adaptive.device.timing import Timing
 
-__all__ = ["CounterSequencer", "Tick", "johnson"]
-
 
 @dataclass
 class _ResetCounter:

@@ -11,8 +11,8 @@ from cosim import InputError
 from imagers.catalogue import kind_of
 from imagers.common.registers import RegisterFile, line_of
 from rtl_model.registers import REGISTERS, Register
-from rtl_model.registers.checks import faults
 from rtl_model.registers.design import HEAD, IMAGER_MAGIC, Design
+from tests.rtl_model.registers.checks import faults
 
 SPECIFIC = (
     Register("toy_now", 0x300, "rw", 5, 8, "taken at once"),

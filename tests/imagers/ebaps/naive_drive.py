@@ -2,8 +2,6 @@
 
 from imagers.ebaps.device.drive import LAG, READING, RESETTING
 
-__all__ = ["dense", "disturbed", "exposed_rows", "intervals"]
-
 
 class _Rows:
     """A clock within the row and a row counter; starts when told, stops after the last row."""

@@ -16,8 +16,8 @@ from imagers.ebaps.device.imager import Ebaps
 from imagers.ebaps.device.registers import DESIGN
 from imagers.ebaps.device.sequencer import bus_target
 from imagers.ebaps.pixels import Chart, EbapsPixels, wanted_exposure
-from rtl_model.registers.checks import faults
 from tests.imagers.ebaps.ideal_memory import IdealMemory
+from tests.rtl_model.registers.checks import faults
 
 SHAPE = (24, 64)
 PIXELS = EbapsPixels(SHAPE)

@@ -21,8 +21,6 @@ import numpy.typing as npt
 from imagers.emccd.pixels.chip import STAGES
 from imagers.emccd.pixels.multiplication import fast_shape, stage_probability
 
-__all__ = ["LAWS", "basden_law", "exact_law", "fast_law", "law_distance", "tubbs_law", "yule_law"]
-
 Values = npt.NDArray[np.float64]
 
 

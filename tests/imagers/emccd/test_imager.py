@@ -17,9 +17,9 @@ from imagers.emccd.device.timing import Settings, Timing, frame_clocks
 from imagers.emccd.pixels import HighVoltage
 from rtl_model.host import Board, Uartbone
 from rtl_model.host.csr import device_map
-from rtl_model.registers.checks import faults
 from tests.imagers.vcd import read_vcd
 from tests.rtl_model.host.conftest import ModelPort
+from tests.rtl_model.registers.checks import faults
 
 NONE = frozenset()
 SMALL = Timing(1_000_000, 12, 7, 2, 10, 3, 4, 2, 3)

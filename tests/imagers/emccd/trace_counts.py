@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 from imagers.emccd.device.sequencer import Cycle, Phase, signal_changes
 
-__all__ = ["Counted", "counted"]
-
 
 class Counted(NamedTuple):
     """Clocks of the frame and of the exposure; pulses of the image's and the store's clock; rows

@@ -18,10 +18,10 @@ from rtl_model.registers import (
     parameters,
     reset_value,
 )
-from rtl_model.registers.checks import faults
 from rtl_model.registers.document import document
 from rtl_model.registers.parameters import PARAMETERS
 from rtl_model.registers.table import Memory
+from tests.rtl_model.registers.checks import faults
 
 ROOT = Path(__file__).resolve().parents[3]
 GEOMETRIES = [Geometry(), Geometry(rows=4095, columns=4096, lanes=64), Geometry(rows=1, columns=1)]
