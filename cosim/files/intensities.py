@@ -43,7 +43,7 @@ def read_intensities(path: Path) -> Intensities:
             f"{path}",
             "an .npz of `row`, `column`, `time`, `value`, `shape`, `ticks`, `clock` and `start`",
             value,
-            "give the reports of a run with the continuous readout",
+            "give the reports of a run with continuous pixels",
         )
 
     try:

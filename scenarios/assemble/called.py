@@ -39,7 +39,7 @@ def _alone(scenario: AnyScenario) -> Scenario | None:
 def filmed_in_memory(scenario: AnyScenario) -> Scenario | None:
     """The scenario, if all it asks for is a simulated latched camera; else None."""
     found = _alone(scenario)
-    return found if found is not None and found.sensor.readout == "synchronous" else None
+    return found if found is not None and found.sensor.pixel == "latched" else None
 
 
 def in_memory(scenario: AnyScenario) -> Scenario | None:

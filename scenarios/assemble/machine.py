@@ -53,7 +53,7 @@ def _check_workers(scenario: AnyScenario, options: Options) -> None:
     check_workers(options.workers)
     if options.workers is None and options.scheduler is None:
         return
-    if not isinstance(scenario, Scenario) or scenario.sensor.readout != "synchronous":
+    if not isinstance(scenario, Scenario) or scenario.sensor.pixel != "latched":
         raise InputError(
             "--workers and --scheduler", "given with a latched spike camera", "with another one",
             "leave them out",
@@ -86,7 +86,7 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
     """The machine of a scenario without its [readout]."""
     device = options.device
     if isinstance(scenario, Scenario):
-        if scenario.sensor.readout == "synchronous":
+        if scenario.sensor.pixel == "latched":
             if scenario.link is not None:
                 from scenarios.assemble.carrier.machine import assemble_carried
 
@@ -102,8 +102,8 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
                 bands = Bands(options.workers or 1, options.scheduler, device)
             return assemble_latched(name, scenario, device, options.resume, bands)
         if scenario.link is None:
-            refuse_device(scenario.sensor.readout, device)
-        if scenario.sensor.readout == "asynchronous":
+            refuse_device(scenario.sensor.pixel, device)
+        if scenario.sensor.pixel == "asynchronous":
             from scenarios.assemble.asynchronous import assemble_asynchronous
             from scenarios.assemble.show.assembling import play_events
 
@@ -177,16 +177,16 @@ def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str 
         return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
-    if camera.sensor.readout == "continuous":
+    if camera.sensor.pixel == "continuous":
         why = {
-            "plan": "the continuous readout keeps every effect",
-            "accuracy": "the continuous readout has one tier and leaves no effect out",
+            "plan": "continuous pixels keep every effect",
+            "accuracy": "continuous pixels have one tier and leave no effect out",
         }
         raise InputError(
-            "sensor.readout", "synchronous or asynchronous", "continuous",
+            "sensor.pixel", "latched or asynchronous", "continuous",
             f"set one of them: {why[command]}",
         )  # fmt: skip
-    if camera.sensor.readout == "asynchronous":
+    if camera.sensor.pixel == "asynchronous":
         from scenarios.assemble.asynchronous import study_asynchronous
 
         refuse_device("asynchronous", device)

@@ -89,7 +89,7 @@ def _values(scenario: AnyScenario) -> dict[str, Any]:
 
         written = {"asynchronous": asynchronous.with_defaults,
                    "continuous": continuous.with_defaults}  # fmt: skip
-        whole = written.get(scenario.sensor.readout)
+        whole = written.get(scenario.sensor.pixel)
         scenario = scenario if whole is None else whole(scenario)
     return _flat(scenario.model_dump(mode="json", exclude_none=True, exclude={"title"}), "")
 

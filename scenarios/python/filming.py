@@ -55,7 +55,7 @@ def film(
             Frames are filmed for as long as they last.
 
     Returns:
-        The spikes, in memory; `Events` with sensor.readout = asynchronous, and `Intensities` with
+        The spikes, in memory; `Events` with sensor.pixel = asynchronous, and `Intensities` with
         continuous, as of a `Camera`. For a stream that does not fit: `run("film", ...).stream`.
 
     Raises:

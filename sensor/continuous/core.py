@@ -136,7 +136,7 @@ class IntensityCamera:
         """
         if check:
             raise InputError(
-                "check", "False with readout = continuous, which leaves nothing out", "True",
+                "check", "False with pixel = continuous, which leaves nothing out", "True",
                 "leave it out",
             )  # fmt: skip
         pixels, collected = self.pixels(number), Collected(self.most)

@@ -1,4 +1,4 @@
-"""Figures of a run with the continuous readout: reports over time, and what single pixels said
+"""Figures of a run with continuous pixels: reports over time, and what single pixels said
 beside their true light."""
 
 from __future__ import annotations

@@ -153,7 +153,7 @@ class ContinuousMachine:
         return Outcome(
             outcome="degraded" if spec.source.degraded else "ok",
             simulated_s=spec.cycles / clock.hz,
-            error=Error(None, "a continuous readout leaves nothing out", None),
+            error=Error(None, "continuous pixels leave nothing out", None),
             kept=list(spec.pixels.error.kept),
             metrics={
                 **metrics,

@@ -209,7 +209,7 @@ def continuous_page(judged: ContinuousRun) -> Page:
     figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
     return Page(
         spec.title,
-        f"{spec.setting.chip.title}, continuous readout, {number(spec.setting.clock.hz / 1e3)} "
+        f"{spec.setting.chip.title}, continuous pixels, {number(spec.setting.clock.hz / 1e3)} "
         f"kHz, {count(reports.ticks)} cycles",
         _simulated(judged),
         _cards(judged),

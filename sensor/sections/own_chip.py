@@ -58,10 +58,10 @@ def check_chip(section: Any) -> None:
 
 
 def _check_rows(section: Any, chip: Chip) -> None:
-    if section.readout != "synchronous":
+    if section.pixel != "latched":
         raise InputError(
-            "sensor.row_time", "given with sensor.readout = synchronous",
-            f"with {section.readout}", "leave it out: no rows are sampled",
+            "sensor.row_time", "given with sensor.pixel = latched",
+            f"with {section.pixel}", "leave it out: no rows are sampled",
         )  # fmt: skip
     frame = section.row_time * chip.height
     skew = frame * section.clock

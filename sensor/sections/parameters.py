@@ -16,9 +16,9 @@ def effect_parameters(section: SensorSection, operation: Operation) -> dict[str,
     for effect in CATALOGUE:
         for name, key in effect.keys.items():
             value, default = getattr(section, name), key.field.get_default()
-            if section.readout not in key.readouts and value != default:
+            if section.pixel not in key.pixels and value != default:
                 raise InputError(
-                    f"sensor.{name}", f"absent with readout = {section.readout}", f"{value:g}",
+                    f"sensor.{name}", f"absent with pixel = {section.pixel}", f"{value:g}",
                     "leave it out: these pixels have no such effect",
                 )  # fmt: skip
         parameters |= effect.configure(section, operation)

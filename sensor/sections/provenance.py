@@ -29,7 +29,7 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
         values = of.model_dump(mode="json")
         return values | (values["pattern"] or {})
 
-    same = ("chip", "readout", "threshold", "threshold_level")
+    same = ("chip", "pixel", "threshold", "threshold_level")
     asked = sizes(section)
     silicon = {name: asked[name] for name in same} | {"preset": "silicon"}
     preset = sizes(SensorSection.model_validate(silicon))

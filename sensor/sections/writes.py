@@ -81,9 +81,9 @@ def check_writes(section: Any) -> None:
                 f"sensor.{name}", "absent with sensor.writes: it knows one threshold", "given",
                 "leave one of the two out",
             )  # fmt: skip
-    if section.readout != "synchronous":
+    if section.pixel != "latched":
         raise InputError(
-            "sensor.writes", "empty unless sensor.readout = synchronous", section.readout,
+            "sensor.writes", "empty unless sensor.pixel = latched", section.pixel,
             "leave them out: these pixels have no latch to write between",
         )  # fmt: skip
     cycles = [_cycle(write, Clock.from_hz(section.clock)) for write in section.writes]

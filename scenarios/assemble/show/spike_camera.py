@@ -41,7 +41,7 @@ BLOCK: Final = 64
 WINDOW: Final = 41
 """Cycles of its pictures; all of a shorter stream."""
 _LATCHED: Final = (
-    ("readout", "synchronous"), ("source", None), ("colour", None), ("sub_threshold", None),
+    ("pixel", "latched"), ("source", None), ("colour", None), ("sub_threshold", None),
     ("dark_limit", None), ("asynchronous", None), ("continuous", None), ("channel", None),
     ("duplicated_rows", ()), ("width", None), ("height", None),
 )  # fmt: skip

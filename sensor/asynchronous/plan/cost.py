@@ -1,4 +1,4 @@
-"""What full physics costs the asynchronous readout: every interval by itself, on the brightest
+"""What full physics costs asynchronous pixels: every interval by itself, on the brightest
 tile, times the intervals that the light of the whole array makes."""
 
 from __future__ import annotations

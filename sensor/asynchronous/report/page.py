@@ -257,7 +257,7 @@ def events_page(judged: EventRun) -> Page:
     figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
     return Page(
         spec.title,
-        f"{spec.setting.chip.title}, asynchronous readout",
+        f"{spec.setting.chip.title}, asynchronous pixels",
         _simulated(judged),
         _cards(judged),
         sections,

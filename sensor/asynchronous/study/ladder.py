@@ -1,4 +1,4 @@
-"""Error against run time of the asynchronous readout: a ladder of tolerances.
+"""Error against run time of asynchronous pixels: a ladder of tolerances.
 
 The tier "fast" is the engine, and closed form where a tile's plan lets it; at tolerance 0 it is the
 engine alone, so this is the exact tier.
@@ -83,7 +83,7 @@ def _left_out(plan: EventPlan) -> list[str]:
 
 
 def measure_ladder(start: EventStart, progress: Progress) -> dict[str, Any]:
-    """{reference, order, rows, floor, weak} of a scenario with asynchronous readout.
+    """{reference, order, rows, floor, weak} of a scenario with asynchronous pixels.
 
     rows: {tier, tolerance, error, ci, run_time_s, ns_per_pixel_cycle, effects, failed, notes,
     left_out}, the loosest first. error: as `event_verify` has it, of the worst of the tiles that
@@ -91,7 +91,7 @@ def measure_ladder(start: EventStart, progress: Progress) -> dict[str, Any]:
     unsent spikes, what chance alone makes of the mean. Raises InputError for what a run would
     refuse.
     """
-    progress.start("accuracy of the asynchronous readout", len(TOLERANCES) + 1)
+    progress.start("accuracy of asynchronous pixels", len(TOLERANCES) + 1)
     checks = [verify(start.plan(tol), start.view, tol) for tol in TOLERANCES]
     tiles = sorted({n for c in checks for n in choose_tiles(c.plan, start.view.seed)})
     full = checks[-1].plan

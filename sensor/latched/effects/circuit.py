@@ -16,7 +16,7 @@ from cosim.plan.effects import Bound, Summary
 from sensor.circuit.lumped import lump
 from sensor.circuit.section import CircuitSection
 from sensor.latched.effects.costs import circuit_cost
-from sensor.latched.effects.effect import ALL_READOUTS, Key, Operation, PixelEffect, Setting
+from sensor.latched.effects.effect import ALL_PIXELS, Key, Operation, PixelEffect, Setting
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 
 FAINTEST: Final = 1e-3
@@ -37,7 +37,7 @@ class _Overshoot(PixelEffect):
                 default=None,
                 description="capacitance, leak, comparator and reset of a synchronous pixel",
             ),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             reported=False,
             section=True,
         )

@@ -23,7 +23,7 @@ from sensor.device.pattern import FixedPattern
 from sensor.device.silicon import Sized
 from sensor.latched.pixel.transfer import Transfer
 
-ALL_READOUTS: Final = ("synchronous", "asynchronous", "continuous")
+ALL_PIXELS: Final = ("latched", "asynchronous", "continuous")
 
 
 class Dependence(NamedTuple):
@@ -47,8 +47,8 @@ class Key:
     Attributes:
         annotation: type of the field, for pydantic.
         field: `pydantic.Field(...)` with default and description.
-        readouts: readouts whose pixels have the effect. With any other readout the key must keep
-            its default.
+        pixels: kinds of pixel that have the effect. With any other kind the key must keep its
+            default.
         silicon: value under `sensor.preset = "silicon"`, None if the preset does not set it.
         share_of_threshold: whether that value is a share of the threshold.
         needs: the key that this one depends on, None for none.
@@ -59,7 +59,7 @@ class Key:
 
     annotation: Any
     field: Any
-    readouts: tuple[str, ...] = ("synchronous",)
+    pixels: tuple[str, ...] = ("latched",)
     silicon: Sized | None = None
     share_of_threshold: bool = False
     needs: Dependence | None = None

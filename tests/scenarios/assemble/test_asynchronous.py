@@ -297,7 +297,7 @@ def test_what_the_channel_lost_is_no_evidence_of_the_dark(tmp_path, stamp, rules
 
 def test_a_step_of_light_is_seen_by_events(tmp_path):
     result, run = shoot(
-        tmp_path / "run", "sensor.readout=asynchronous", "sensor.asynchronous.width=80",
+        tmp_path / "run", "sensor.pixel=asynchronous", "sensor.asynchronous.width=80",
         "sensor.asynchronous.height=20", "sensor.asynchronous.change=3", "duration=20 ms",
         "scene.at=10 ms", "image.at=[200, 700]", name="step", report=write_report,
     )  # fmt: skip
@@ -316,7 +316,7 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
     """A clip's frames: steps of 64 cycles as far as the clip is not read to the run's end."""
     frames = np.random.default_rng(1).integers(0, 256, (6, 10, 12), np.uint8)
     clip = make_clip(tmp_path / "a.mkv", frames, rate=1000)
-    sets = ("sensor.readout=asynchronous", "sensor.asynchronous.width=12", "duration=4 ms",
+    sets = ("sensor.pixel=asynchronous", "sensor.asynchronous.width=12", "duration=4 ms",
             "sensor.asynchronous.height=10", f"scene.path={clip}")  # fmt: skip
     result, run = shoot(tmp_path / "run", *sets, name="film")
     steps = list(
@@ -338,10 +338,10 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
         (("sensor.threshold=300.5 e",), "sensor.threshold must be whole electrons"),
         (
             ("sensor.threshold_level=7",),
-            "sensor.threshold at level 7 of 16 must be whole electrons with readout = "
+            "sensor.threshold at level 7 of 16 must be whole electrons with pixel = "
             "asynchronous, not 131.25 e",
         ),
-        (("sensor.reset=hard",), "sensor.reset must be residual with readout = asynchronous"),
+        (("sensor.reset=hard",), "sensor.reset must be residual with pixel = asynchronous"),
         (("sensor.threshold_noise=3 e",), "sensor.threshold_noise must be 0 with"),
         (("sensor.asynchronous.timing=0.3 GHz",), "sensor.asynchronous.timing must be a clock of"),
         (
@@ -367,7 +367,7 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
         ),
         (("duration=0.1 ns",), "duration must be at least one period of the timing clock"),
         (("sensor.asynchronous.timing=1e-6 Hz",), "sensor.asynchronous.timing must be at least"),
-        (("sensor.readout=synchronous",), "sensor.asynchronous must be given with sensor.readout"),
+        (("sensor.pixel=latched",), "sensor.asynchronous must be given with sensor.pixel"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(
@@ -386,7 +386,7 @@ def test_a_device_is_refused(refused, tmp_path):
 
 def test_too_many_events_end_with_advice(viform, tmp_path):
     code, out, err = viform(
-        "run", "step", "--out", tmp_path / "run", "--set", "sensor.readout=asynchronous",
+        "run", "step", "--out", tmp_path / "run", "--set", "sensor.pixel=asynchronous",
         "--set", "sensor.asynchronous.most_events=1000",
     )  # fmt: skip
     assert (code, out) == (2, "")

@@ -164,7 +164,7 @@ def test_every_report_is_compared_where_every_spike_is_sent():
     """Moving and steady light without a rule of changes: the engine to its table's error."""
     for name, sets in (
         ("sun-and-stars", [*SMALL, "sensor.asynchronous.change=0", "duration=1 us"]),
-        ("step", ["sensor.readout=asynchronous", "sensor.asynchronous.width=48",
+        ("step", ["sensor.pixel=asynchronous", "sensor.asynchronous.width=48",
                   "sensor.asynchronous.height=32", "duration=2 ms", "scene.at=0.3 ms"]),
     ):  # fmt: skip
         start = begin(load(name, sets)[1])

@@ -1,4 +1,4 @@
-"""A run with the continuous readout: closed forms through the whole chain, the folder's contract,
+"""A run with continuous pixels: closed forms through the whole chain, the folder's contract,
 refusals, and the bench as a command."""
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from sensor.device.crosstalk import side_share
 from tests.scenarios.pages import page_of
 
 SMALL = (
-    "sensor.readout=continuous", "sensor.continuous.width=40", "sensor.continuous.height=16",
+    "sensor.pixel=continuous", "sensor.continuous.width=40", "sensor.continuous.height=16",
 )  # fmt: skip
 WHITE = 0.6 * 1000 * 40_000
 """Electrons a second of white where the f-number is chosen."""
@@ -263,12 +263,12 @@ def test_light_of_pixels_ends_with_the_run():
 @pytest.mark.parametrize(
     ("sets", "says"),
     [
-        (("sensor.reset=hard",), "sensor.reset must be residual with readout = continuous, not"),
-        (("sensor.threshold_noise=3 e",), "sensor.threshold_noise must be 0 with readout"),
-        (("sensor.capacitance=5 fF",), "sensor.capacitance must be absent with readout"),
-        (("sensor.dead_time=1 us",), "sensor.dead_time must be 0 with readout = continuous"),
-        (("sensor.comparator_delay=1 us",), "sensor.comparator_delay must be 0 with readout"),
-        (("sensor.row_skew=0.5",), "sensor.row_skew must be 0 with readout = continuous"),
+        (("sensor.reset=hard",), "sensor.reset must be residual with pixel = continuous, not"),
+        (("sensor.threshold_noise=3 e",), "sensor.threshold_noise must be 0 with pixel"),
+        (("sensor.capacitance=5 fF",), "sensor.capacitance must be absent with pixel"),
+        (("sensor.dead_time=1 us",), "sensor.dead_time must be 0 with pixel = continuous"),
+        (("sensor.comparator_delay=1 us",), "sensor.comparator_delay must be 0 with pixel"),
+        (("sensor.row_skew=0.5",), "sensor.row_skew must be 0 with pixel = continuous"),
         (("sensor.pattern.threshold_fpn=0.1",), "sensor.pattern.threshold_fpn must be 0"),
         (("sensor.continuous.contrast=0",), "sensor.continuous.floor must be given"),
         (("sensor.continuous.bits=5",), "sensor.continuous.exponent_bits must be below"),
@@ -276,11 +276,11 @@ def test_light_of_pixels_ends_with_the_run():
         (("duration=1 us",), "duration must be at least 2.5e-05 s, one cycle, not 1e-06 s"),
         (("sensor.clock=1e-6 Hz",), "sensor.clock must be at least 1.15741e-05 Hz, a cycle in"),
         (("image.at=[9999]",), "image.at must be cycles below 2560"),
-        (("sensor.channel.rate=1 MHz",), "sensor.channel must be given with sensor.readout = a"),
+        (("sensor.channel.rate=1 MHz",), "sensor.channel must be given with sensor.pixel = a"),
         (("sensor.asynchronous.change=1",), "sensor.asynchronous must be given with"),
         (
-            ("sensor.readout=synchronous",),
-            "sensor.continuous must be given with sensor.readout = continuous, not with sync",
+            ("sensor.pixel=latched",),
+            "sensor.continuous must be given with sensor.pixel = continuous, not with latched",
         ),
         (
             ("sensor.clock=12345.67890123 Hz", "sensor.continuous.shot_noise=false",
@@ -299,14 +299,14 @@ def test_what_cannot_be_is_refused_in_one_line(
 
 def test_a_device_is_refused(refused, tmp_path):
     flags = ("--device", "x")
-    readout = ("--set", "sensor.readout=continuous")
+    readout = ("--set", "sensor.pixel=continuous")
     assert refused("run", "step", "--out", tmp_path / "run", *readout, *flags).startswith(
         "--device"
     )
 
 
 def test_pixels_that_report_nothing_have_their_page(viform, tmp_path):
-    words = ("readout=continuous", "width=12", "height=8", "continuous.measure=1 s")
+    words = ("pixel=continuous", "width=12", "height=8", "continuous.measure=1 s")
     sets = [word for each in words for word in ("--set", f"sensor.{each}")]
     code, _, err = viform(
         "run", "star", *sets, "--set", "duration=1 ms", "--out", str(tmp_path / "run")

@@ -43,9 +43,9 @@ BOXED = {"width": 16, "height": 12}
 SOURCES = {
     "latched": chip(),
     "board": chip(source="serial:virtual"),
-    "asynchronous": chip(readout="asynchronous", asynchronous=BOXED),
-    "changes": chip(readout="asynchronous", asynchronous=BOXED | {"change": 2}),
-    "continuous": chip(readout="continuous", continuous=BOXED),
+    "asynchronous": chip(pixel="asynchronous", asynchronous=BOXED),
+    "changes": chip(pixel="asynchronous", asynchronous=BOXED | {"change": 2}),
+    "continuous": chip(pixel="continuous", continuous=BOXED),
     "adaptive-exposure": imager("adaptive-exposure", frame_rate="2 kHz", **SMALL),
     "ebaps": imager("ebaps", "200 ms", rows=8, columns=16),
     "emccd": imager("emccd", "60 ms", exposure="1 ms", pulse_rate="50 Hz"),

@@ -275,7 +275,7 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
         (["link.file=nosuch.bin"], "link.file must be a file that can be read"),
         (["link.file=."], "link.file must be a file that can be read"),
         (["link.panel.width=200"], "link.panel.width must be a multiple of 32, not"),
-        (["sensor.readout=continuous"], "sensor.readout must be synchronous in a link"),
+        (["sensor.pixel=continuous"], "sensor.pixel must be latched in a link"),
         (["sensor.lens.f_number=2"], "sensor.lens.f_number must be absent in a link"),
         (["duration=1 ms"], "duration must be at least"),
         (["link.distance=0.05 m"], ""),

@@ -38,7 +38,7 @@ def camera(readout, **keys):
         "title": readout, "duration": "3 ms", "display": PANEL,
         "scene": {"kind": "step", "illuminance": "700 lux", "at": "1 ms"},
         "sensor": {
-            "chip": "spikeone", "threshold": "1000 e", "clock": "40 kHz", "readout": readout,
+            "chip": "spikeone", "threshold": "1000 e", "clock": "40 kHz", "pixel": readout,
             readout: {"width": 16, "height": 12} | keys.pop("pixels", {}),
         } | keys,
     }  # fmt: skip
@@ -306,11 +306,11 @@ def test_a_spike_camera_goes_on_from_its_checkpoint(tmp_path):
 
 
 def test_only_a_latched_chip_films_the_display(tmp_path):
-    data = filmed(tmp_path, np.zeros((64, 2, 2), bool), readout="continuous")
+    data = filmed(tmp_path, np.zeros((64, 2, 2), bool), pixel="continuous")
     with pytest.raises(InputError) as caught:
         run(data, tmp_path / "run")
     assert str(caught.value) == (
-        "camera.sensor.readout must be synchronous, not continuous; leave it out: a latched, "
+        "camera.sensor.pixel must be latched, not continuous; leave it out: a latched, "
         "simulated chip films the display, with a pixel for each of the panel"
     )
 

@@ -52,15 +52,15 @@ KINDS = {
     ),
     "rows": ({"duplicated_rows": "[[0, 2]]"}, ["sensor.duplicated_rows=[[0, 2]]"]),
 }
-ASYNCHRONOUS = {"readout": "asynchronous", "preset": "silicon"}
+ASYNCHRONOUS = {"pixel": "asynchronous", "preset": "silicon"}
 UNLATCHED = {
     "asynchronous": ASYNCHRONOUS,
     "shared channel": {
-        "readout": "asynchronous", "channel.rate": "20 MHz", "channel.timestamp": "channel",
+        "pixel": "asynchronous", "channel.rate": "20 MHz", "channel.timestamp": "channel",
         "asynchronous.change": 3,
     },
-    "continuous": {"readout": "continuous", "preset": "silicon"},
-    "continuous, no noise": {"readout": "continuous", "continuous.shot_noise": False},
+    "continuous": {"pixel": "continuous", "preset": "silicon"},
+    "continuous, no noise": {"pixel": "continuous", "continuous.shot_noise": False},
 }  # fmt: skip
 
 
@@ -133,7 +133,7 @@ def test_pixels_that_send_once_leave_out_what_their_light_does_not_need() -> Non
     """Light that does not change; a tile that is checked is one that leaves something out."""
     still = np.repeat(frames(1), 4, axis=0)
     keys = {
-        "readout": "asynchronous",
+        "pixel": "asynchronous",
         "asynchronous.change": 8,
         "threshold": "10 ke",
         "illuminance": "50 klx",
@@ -212,7 +212,7 @@ def test_frames_pushed_to_pixels_without_a_latch_become_the_stream_of_the_whole(
 
 @pytest.mark.parametrize("kind", ["asynchronous", "continuous"])
 def test_calls_without_a_latch_have_draws_of_their_own_whatever_the_threads(kind: str) -> None:
-    keys = {**SMALL, "readout": kind, "seed": 7}
+    keys = {**SMALL, "pixel": kind, "seed": 7}
     given, camera = frames(), viform.Camera(**keys)
     many = list(camera.film_many((given for _ in range(5)), 2000))
     again = pickle.loads(pickle.dumps(camera))
@@ -318,7 +318,7 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         "a Camera must be a simulated one": lambda: viform.Camera(
             **{"sub_threshold.limit": "5 ms"}
         ),
-        "sensor.readout must be": lambda: viform.Camera(readout="slow"),
+        "sensor.pixel must be": lambda: viform.Camera(pixel="slow"),
         "check must be True, False or a whole": lambda: camera.film(frames(), 2000, check=-1),
         "the camera must be open, not closed": lambda: closed.film(frames(), 2000),
         "frame_rate must be frames/s above 0": lambda: camera.film(frames(), 0),
@@ -353,7 +353,7 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
 
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
 def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None:
-    keys = {**SMALL, "readout": readout}
+    keys = {**SMALL, "pixel": readout}
     camera, closed = viform.Camera(**keys), viform.Camera(**keys)
     closed.close()
     stream = camera.open(2000)
@@ -364,8 +364,8 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
         "sensor.colour must be given with": lambda: viform.Camera(
             **keys, **{"colour.filter": "rggb"}
         ),
-        "tier must be absent with readout": lambda: viform.Camera(**keys, tier="exact"),
-        "device must be numba with readout": lambda: viform.Camera(**keys, device="0"),
+        "tier must be absent with pixel": lambda: viform.Camera(**keys, tier="exact"),
+        "device must be numba with pixel": lambda: viform.Camera(**keys, device="0"),
         "the camera must be open, not closed": lambda: closed.film(frames(), 2000),
         "frame_rate must be frames/s as": lambda: camera.film(frames(), None),
         "a frame must be .* not .6, 48. int64": lambda: camera.film(np.zeros((2, 6, 48), int), 9),
@@ -379,7 +379,7 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
         ),
         "a frame must be as the first": lambda: stream.push(frames()[0, 1:]),
         "a share of white, not nan .*": lambda: camera.open(9).push(np.full((4, 4), np.nan)),
-        "camera must be one with readout = sync": lambda: viform.SpikeStream(
+        "camera must be one with pixel = latched": lambda: viform.SpikeStream(
             [frames()], camera, 2000
         ),
     }
@@ -398,7 +398,7 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
 @pytest.mark.parametrize(
     ("keys", "remedy"),
     [
-        ({"readout": "async"}, 'write readout="synchronous"'),
+        ({"pixel": "async"}, 'write pixel="latched"'),
         ({"threshold": "1000"}, 'write threshold="1000 e"'),
         ({"illuminance": "50"}, 'write illuminance="700 lux"'),
     ],

@@ -80,5 +80,5 @@ def test_a_reader_gets_a_table(viform, monkeypatch, document):
 
 
 def test_the_continuous_readout_is_refused_in_one_line(refused):
-    told = refused("accuracy", "step", "--set", "sensor.readout=continuous")
-    assert told.startswith("sensor.readout must be synchronous or asynchronous, not continuous")
+    told = refused("accuracy", "step", "--set", "sensor.pixel=continuous")
+    assert told.startswith("sensor.pixel must be latched or asynchronous, not continuous")

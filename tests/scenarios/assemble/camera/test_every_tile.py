@@ -82,7 +82,7 @@ def test_a_display_is_compared_by_its_radiance(capsys):
         ),
         (("emccd-window",), "a scenario of a latched chip, not emccd-window; leave it out"),
         (
-            ("step", "--set", "sensor.readout=asynchronous"),
+            ("step", "--set", "sensor.pixel=asynchronous"),
             "a scenario of a latched chip, not step; leave it out",
         ),
         (("step", "--figure", "a.png"), "--figure must be given without --every-tile"),

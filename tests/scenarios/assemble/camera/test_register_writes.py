@@ -73,7 +73,7 @@ def test_writes_land_on_their_cycles() -> None:
         ('{"cycle":5,"clock":"20 kHz"}', (), "cycles are numbered by one clock"),
         (f"{HALF},{HALF}", (), "sensor.writes[1] must be after cycle 60"),
         ('{"cycle":160,"threshold_level":8}', (), "at cycles below 160, the end of the run"),
-        (HALF, ("sensor.readout=asynchronous",), "empty unless sensor.readout = synchronous"),
+        (HALF, ("sensor.pixel=asynchronous",), "empty unless sensor.pixel = latched"),
         (HALF, ("display.drive=hold",), "empty with a display"),
         (HALF, ("sensor.circuit.capacitance=10 fF",), "sensor.circuit must be absent with"),
         (HALF, ("sensor.dark_limit=1 ms",), "sensor.dark_limit must be absent with"),

@@ -26,7 +26,7 @@ def filmed() -> list[str]:
     found = []
     for name in sorted(shipped()):
         _, scenario = load(name)
-        if isinstance(scenario, Scenario) and scenario.sensor.readout == "synchronous":
+        if isinstance(scenario, Scenario) and scenario.sensor.pixel == "latched":
             found.append(name)
     return found
 

@@ -192,7 +192,7 @@ def test_half_a_panel_hidden_is_named(tmp_path: Path) -> None:
         (("link.file=a.bin",), "link.file must be absent in a link that carries a stream, not"),
         (("link.size=5",), "link.size must be absent in a link that carries a stream, not 5"),
         (("link.sensor.clock=20 kHz",), "link.sensor.clock must be the stream's, 40000 Hz"),
-        (("link.sensor.readout=continuous",), "link.sensor.readout must be synchronous"),
+        (("link.sensor.pixel=continuous",), "link.sensor.pixel must be latched"),
         (
             (
                 "link.sensor.chip=spiketwo",

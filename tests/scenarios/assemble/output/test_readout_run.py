@@ -150,7 +150,7 @@ def test_a_plan_says_what_the_link_must_carry() -> None:
     [
         ("sensor.chip=spikeone", "readout must be given with a chip of 1000 x 1000 pixels"),
         ("sensor.width=900", "not with 900 x 1000; set sensor.chip=spiketwo without sensor.width"),
-        ("sensor.readout=asynchronous", "readout must be given with a simulated chip whose"),
+        ("sensor.pixel=asynchronous", "readout must be given with a simulated chip whose"),
         ("sensor.source=serial:virtual", "readout must be given with a simulated chip whose"),
         ("sensor.clock=50 kHz", "the clock of a readout must be at most 40000 Hz, at which 1000"),
         ("readout.lanes=3", "readout.lanes must be a power of two, so that a block of 512 bits"),

@@ -1,6 +1,6 @@
-"""The camera of a scenario in memory, by its readout: how it is made, filmed and opened.
+"""The camera of a scenario in memory, by the kind of its pixels: how it is made, filmed and opened.
 
-The modules of a readout are imported where its camera is made: compiled pixels take long to load.
+The modules of a kind are imported where its camera is made: compiled pixels take long to load.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ Frames = Callable[["np.float32 | None"], Source]
 """Gives frames as the light of a scene, or, with the gain of a lens, as the light behind it."""
 
 
-class Readout(ABC):
-    """How the camera of a readout is called. Its lengths are cycles of sensor.clock.
+class PixelKind(ABC):
+    """How a camera with pixels of a kind is called. Its lengths are cycles of sensor.clock.
 
     Attributes:
         setting: chip, light and device.
@@ -75,7 +75,7 @@ class Readout(ABC):
         return {"white_rate": white_rate}
 
 
-class _Latched(Readout):
+class _Latched(PixelKind):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario, camera_setting(scenario))
 
@@ -94,17 +94,17 @@ class _Latched(Readout):
         return core.open(most, frames, lens.relay(self.setting.chip.pitch), number)
 
 
-class _Unlatched(Readout):
+class _Unlatched(PixelKind):
     """A camera without a latch, which has one tier and runs on the processor."""
 
     _camera: Any
 
     def make(self, device: str | None, tier: Any) -> Any:
-        readout = self._scenario.sensor.readout
-        refuse_device(readout, device)
+        pixel = self._scenario.sensor.pixel
+        refuse_device(pixel, device)
         if tier is not None:
             raise InputError(
-                "tier", f"absent with readout = {readout}, which has one", quote(tier),
+                "tier", f"absent with pixel = {pixel}, which has one", quote(tier),
                 "leave it out",
             )  # fmt: skip
         return self._camera
@@ -172,9 +172,9 @@ class _Continuous(_Unlatched):
         return self._scenario.scene.illuminance * lens.gain * per_lux
 
 
-def readout_of(scenario: Scenario) -> Readout:
+def kind_of(scenario: Scenario) -> PixelKind:
     """How the camera of a scenario is called. Raises InputError for one that cannot be."""
-    kinds: dict[str, Callable[[Scenario], Readout]] = {
-        "synchronous": _Latched, "asynchronous": _Asynchronous, "continuous": _Continuous,
+    kinds: dict[str, Callable[[Scenario], PixelKind]] = {
+        "latched": _Latched, "asynchronous": _Asynchronous, "continuous": _Continuous,
     }  # fmt: skip
-    return kinds[scenario.sensor.readout](scenario)
+    return kinds[scenario.sensor.pixel](scenario)
