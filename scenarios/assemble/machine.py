@@ -69,7 +69,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     need = check_need(scenario)
     readout = None
     if getattr(scenario, "readout", None) is not None:
-        from scenarios.assemble.output.setup import readout_of
+        from scenarios.assemble.behind.readout import readout_of
 
         readout = readout_of(scenario)  # refused before the machine is assembled: that takes longer
     machine = _assemble(name, scenario, options, progress)
@@ -77,7 +77,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         progress.note(need)
     if readout is None:
         return machine
-    from scenarios.assemble.output.machine import with_readout
+    from scenarios.assemble.behind.readout import with_readout
 
     return with_readout(readout, machine, options.device)
 
@@ -88,7 +88,7 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
     if isinstance(scenario, Scenario):
         if scenario.sensor.pixel == "latched":
             if scenario.link is not None:
-                from scenarios.assemble.carrier.machine import assemble_carried
+                from scenarios.assemble.behind.link.machine import assemble_carried
 
                 return assemble_carried(name, scenario, device, options.resume, progress)
             from scenarios.assemble.camera.machine import assemble_latched
@@ -104,34 +104,34 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
         if scenario.link is None:
             refuse_device(scenario.sensor.pixel, device)
         if scenario.sensor.pixel == "asynchronous":
-            from scenarios.assemble.asynchronous import assemble_asynchronous
-            from scenarios.assemble.show.assembling import play_events
+            from scenarios.assemble.behind.assembling import play_events
+            from scenarios.assemble.source.asynchronous import assemble_asynchronous
 
             events = assemble_asynchronous(name, scenario)
             return play_events(scenario, events, device, progress)
-        from scenarios.assemble.continuous import assemble_continuous
-        from scenarios.assemble.show.assembling import play_continuous
+        from scenarios.assemble.behind.assembling import play_continuous
+        from scenarios.assemble.source.continuous import assemble_continuous
 
         return play_continuous(scenario, assemble_continuous(name, scenario), device, progress)
     if isinstance(scenario, RecordingScenario):
-        from scenarios.assemble.recording.coming_opening import comes
-        from scenarios.assemble.recording.machine import assemble_recording
-        from scenarios.assemble.show.assembling import play_recording
+        from scenarios.assemble.behind.assembling import play_recording
+        from scenarios.assemble.source.recording.coming_opening import comes
+        from scenarios.assemble.source.recording.machine import assemble_recording
 
         if scenario.link is None:
             refuse_device("a recorded stream", device)
         if comes(scenario.sensor):
-            from scenarios.assemble.recording.coming_machine import assemble_coming
+            from scenarios.assemble.behind.live import assemble_coming
 
             return assemble_coming(name, scenario, device, progress)
         return play_recording(scenario, assemble_recording(name, scenario), device, progress)
     if isinstance(scenario, LinkScenario):
-        from scenarios.assemble.link import assemble_link
+        from scenarios.assemble.source.link import assemble_link
 
         return assemble_link(name, scenario, device, progress)
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager import assemble_imager
-        from scenarios.assemble.show.assembling import play_frames
+        from scenarios.assemble.behind.assembling import play_frames
+        from scenarios.assemble.source.imager import assemble_imager
 
         return play_frames(scenario, assemble_imager(name, scenario, options), device, progress)
     from rtl_model.bringup.machine.machine import BoardMachine
@@ -153,13 +153,13 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
     """
     if getattr(scenario, "readout", None) is None:
         return _assemble_study(command, name, scenario, device)
-    from scenarios.assemble.output.setup import readout_of, run_cycles
+    from scenarios.assemble.behind.readout import readout_of, run_cycles
 
     readout = readout_of(scenario)
     study = _assemble_study(command, name, scenario, device)
     if command != "plan" or readout is None:
         return study
-    from scenarios.assemble.output.machine import ReadoutStudy
+    from scenarios.assemble.behind.readout import ReadoutStudy
 
     return ReadoutStudy(study, readout, run_cycles(scenario))
 
@@ -168,11 +168,11 @@ def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str 
     """The study of a scenario without its [readout]."""
     if isinstance(scenario, LinkScenario):
         from link.trial.study import LinkStudy
-        from scenarios.assemble.link import link_camera
+        from scenarios.assemble.source.link import link_camera
 
         return LinkStudy(name, scenario, link_camera(scenario), device)
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager import assemble_imager_study
+        from scenarios.assemble.source.imager import assemble_imager_study
 
         return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
@@ -187,7 +187,7 @@ def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str 
             f"set one of them: {why[command]}",
         )  # fmt: skip
     if camera.sensor.pixel == "asynchronous":
-        from scenarios.assemble.asynchronous import study_asynchronous
+        from scenarios.assemble.source.asynchronous import study_asynchronous
 
         refuse_device("asynchronous", device)
         return study_asynchronous(name, camera)

@@ -85,7 +85,7 @@ def verdict_before(folder: Path) -> list[str]:
 def _values(scenario: AnyScenario) -> dict[str, Any]:
     """Every key with its value, with the sections that a run writes out."""
     if isinstance(scenario, Scenario):
-        from scenarios.assemble import asynchronous, continuous
+        from scenarios.assemble.source import asynchronous, continuous
 
         written = {"asynchronous": asynchronous.with_defaults,
                    "continuous": continuous.with_defaults}  # fmt: skip

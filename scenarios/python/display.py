@@ -24,10 +24,10 @@ from display.render.kinds import RendererKind
 from display.section import OBSERVERS
 from scenarios.assemble.called import shown_in_memory
 from scenarios.assemble.instants import even_instants
-from scenarios.assemble.recording.opening import Recording, open_recording, recorded
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.schema.settings import assignments_of
+from scenarios.assemble.source.recording.opening import Recording, open_recording, recorded
 from scenarios.python.calls import Called
 from scenarios.python.streams import as_stream
 from scenarios.python.words import in_python

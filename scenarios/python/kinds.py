@@ -124,7 +124,7 @@ class _Asynchronous(_Unlatched):
     """Its lengths are picoseconds."""
 
     def __init__(self, scenario: Scenario) -> None:
-        from scenarios.assemble.asynchronous import event_setting
+        from scenarios.assemble.source.asynchronous import event_setting
         from sensor.asynchronous.setting import event_camera
 
         super().__init__(scenario, event_setting(scenario))
@@ -149,7 +149,7 @@ class _Asynchronous(_Unlatched):
 
 class _Continuous(_Unlatched):
     def __init__(self, scenario: Scenario) -> None:
-        from scenarios.assemble.continuous import continuous_chip
+        from scenarios.assemble.source.continuous import continuous_chip
         from sensor.continuous.from_section import intensity_camera
         from sensor.sections.continuous import ContinuousSection
 

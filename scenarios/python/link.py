@@ -12,9 +12,9 @@ from cosim.errors import quote
 from link.core import Crossed, LinkCore
 from link.mode import Mode
 from link.setting import link_setting, steering_of
-from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
 from scenarios.assemble.schema.settings import assignments_of
+from scenarios.assemble.source.link import link_camera
 from scenarios.python.calls import Called
 from scenarios.python.words import in_python
 

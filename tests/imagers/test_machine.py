@@ -15,9 +15,9 @@ from imagers.catalogue import IMAGERS
 from imagers.report.figures import read_vcd
 from imagers.run.check import paired_error
 from imagers.run.tape import Tape, Taped
-from scenarios.assemble.imager import assemble_imager_study, plan_imager
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.source.imager import assemble_imager_study, plan_imager
 from scenarios.run import run_scenario
 from sensor.frame_pixels import Exposed
 from tests.imagers.linear_imager import (

@@ -12,9 +12,9 @@ from cosim.light.source import Source
 from cosim.run.machine import Finding, Run
 from cosim.run.result import Result
 from display.chain.outcome import DisplayOutcome
+from scenarios.assemble.behind.display.filmer import Filmer
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.show.filmer import Filmer
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
 from sensor.latched.check.bank import BankChange

@@ -23,22 +23,22 @@ from cosim.spikes.viform import Viform
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from display.probes.camera import ProbeCamera
+from scenarios.assemble.behind.display.filmer import Filmer
+from scenarios.assemble.behind.display.filming import make_camera
+from scenarios.assemble.behind.display.tables import display_lines
 from scenarios.assemble.camera.bands import BandChain, BandedCamera, Bands
 from scenarios.assemble.camera.boards import NO_ERROR, Boards, open_boards
 from scenarios.assemble.camera.dim import dim_light, dim_metrics
+from scenarios.assemble.camera.feed import SpikeProbeCamera
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.memory import check_run_memory, memory_note
 from scenarios.assemble.camera.pages.display import display_page
 from scenarios.assemble.camera.pages.stream import stream_page
 from scenarios.assemble.camera.planned import PlannedCamera, planned_camera
 from scenarios.assemble.camera.planning import RunPlan
-from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.show.filmer import Filmer
-from scenarios.assemble.show.filming import make_camera
-from scenarios.assemble.show.tables import display_lines
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
 from sensor.latched.readout import readout_stages
 from sensor.reconstruct.fidelity import judge

@@ -29,8 +29,8 @@ from link.setup.modes import _delays
 from link.setup.setup import ChosenLink
 from link.setup.spent import Spent
 from link.setup.truth import true_timing
-from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
+from scenarios.assemble.source.link import link_camera
 from sensor.device.steering import BOARD
 
 SMALL = (

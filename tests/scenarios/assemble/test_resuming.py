@@ -126,7 +126,7 @@ def test_a_folder_of_a_name_too_long_is_one_line(refused):
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
 def test_runs_of_every_readout_are_known_again(viform, tmp_path, readout):
     """Such a run writes its section out with what it has by default."""
-    from scenarios.assemble import asynchronous, continuous
+    from scenarios.assemble.source import asynchronous, continuous
 
     name, asked = load("step", [f"sensor.pixel={readout}"])
     whole: Callable[..., Any] = {"asynchronous": asynchronous, "continuous": continuous}[

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from cosim.config.amounts import count, number
 from cosim.run.machine import Page
-from scenarios.assemble.camera.judged import LatchedRun
-from scenarios.assemble.camera.pages.chip import machine
-from scenarios.assemble.camera.pages.motion import motion_section
-from scenarios.assemble.camera.pages.plan import plan_section
-from scenarios.assemble.camera.pages.stream import simulated
-from scenarios.assemble.show.sections import (
+from scenarios.assemble.behind.display.sections import (
     display_cards,
     display_quality,
     display_sections,
     display_simulated,
 )
-from scenarios.assemble.show.shown import Shown
+from scenarios.assemble.behind.display.shown import Shown
+from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.camera.pages.chip import machine
+from scenarios.assemble.camera.pages.motion import motion_section
+from scenarios.assemble.camera.pages.plan import plan_section
+from scenarios.assemble.camera.pages.stream import simulated
 
 
 def _subtitle(run: LatchedRun, shown: Shown) -> str:

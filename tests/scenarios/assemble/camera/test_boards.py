@@ -27,8 +27,8 @@ from rtl_model.virtual import VirtualBoard
 from rtl_model.virtual.ethernet import EthernetBoard
 from scenarios.assemble.camera.boards import BoardCamera
 from scenarios.assemble.chip import camera_setting
-from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.link import open_loop
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting

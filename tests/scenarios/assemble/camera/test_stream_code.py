@@ -12,8 +12,8 @@ from cosim.files import ZarrStream
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
+from scenarios.assemble.behind.link.machine import CarriedMachine
 from scenarios.assemble.camera.machine import LatchedMachine
-from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.scenario import Scenario
