@@ -6,13 +6,17 @@ the Verilog tools take seconds to load.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
 from cosim import InputError
 from cosim.config.toml import to_toml
 from cosim.files import STORES
 from cosim.run.inputs import PIPE
 from cosim.run.machine import REPORTS, Machine, Options, Study
 from cosim.run.progress import Progress
-from cosim.run.workers import check_workers, workers_for
+from cosim.run.workers import check_workers
 from scenarios.assemble.memory import check_need
 from scenarios.assemble.readout import refuse_device, refuse_leftovers
 from scenarios.assemble.schema.loading import filmed
@@ -23,7 +27,11 @@ from scenarios.assemble.schema.scenario import (
     LinkScenario,
     RecordingScenario,
     Scenario,
+    StreamScenario,
 )
+
+if TYPE_CHECKING:
+    from scenarios.assemble.source.feeds import Feed
 
 
 def check_options(scenario: AnyScenario, options: Options) -> None:
@@ -85,38 +93,16 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
 def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario without its [readout]."""
     device = options.device
-    if isinstance(scenario, Scenario):
-        if scenario.sensor.pixel == "latched":
-            if scenario.link is not None:
-                from scenarios.assemble.behind.link.machine import assemble_carried
+    if isinstance(scenario, LinkScenario):
+        from scenarios.assemble.source.link import assemble_link
 
-                return assemble_carried(name, scenario, device, options.resume, progress)
-            from scenarios.assemble.camera.machine import assemble_latched
+        return assemble_link(name, scenario, device, progress)
+    if isinstance(scenario, BoardScenario):
+        from rtl_model.bringup.machine.machine import BoardMachine
 
-            bands = None
-            if options.workers is not None or options.scheduler is not None:
-                from scenarios.assemble.camera.bands import Bands
-
-                with workers_for(1, options.scheduler):
-                    pass  # a scheduler that does not answer is refused before anything is written
-                bands = Bands(options.workers or 1, options.scheduler, device)
-            return assemble_latched(name, scenario, device, options.resume, bands)
-        if scenario.link is None:
-            refuse_device(scenario.sensor.pixel, device)
-        if scenario.sensor.pixel == "asynchronous":
-            from scenarios.assemble.behind.assembling import play_events
-            from scenarios.assemble.source.asynchronous import assemble_asynchronous
-
-            events = assemble_asynchronous(name, scenario)
-            return play_events(scenario, events, device, progress)
-        from scenarios.assemble.behind.assembling import play_continuous
-        from scenarios.assemble.source.continuous import assemble_continuous
-
-        return play_continuous(scenario, assemble_continuous(name, scenario), device, progress)
+        return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
     if isinstance(scenario, RecordingScenario):
-        from scenarios.assemble.behind.assembling import play_recording
         from scenarios.assemble.source.recording.coming_opening import comes
-        from scenarios.assemble.source.recording.machine import assemble_recording
 
         if scenario.link is None:
             refuse_device("a recorded stream", device)
@@ -124,19 +110,44 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
             from scenarios.assemble.behind.live import assemble_coming
 
             return assemble_coming(name, scenario, device, progress)
-        return play_recording(scenario, assemble_recording(name, scenario), device, progress)
-    if isinstance(scenario, LinkScenario):
-        from scenarios.assemble.source.link import assemble_link
+    machine, feed = _source(name, scenario, options)
+    if scenario.display is None and scenario.link is None:
+        return machine
+    from scenarios.assemble.behind.machine import with_behind
 
-        return assemble_link(name, scenario, device, progress)
+    try:
+        return with_behind(scenario, machine, feed(machine), device, progress)
+    except BaseException:
+        machine.close()
+        raise
+
+
+def _source(
+    name: str, scenario: StreamScenario, options: Options
+) -> tuple[Machine, Callable[[Any], Feed]]:
+    """The machine of the source of a scenario, and what makes planes of it for those behind."""
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.behind.assembling import play_frames
-        from scenarios.assemble.source.imager import assemble_imager
+        from scenarios.assemble.source.imager import FrameFeed, assemble_imager
 
-        return play_frames(scenario, assemble_imager(name, scenario, options), device, progress)
-    from rtl_model.bringup.machine.machine import BoardMachine
+        return assemble_imager(name, scenario, options), partial(FrameFeed, scenario)
+    if isinstance(scenario, RecordingScenario):
+        from scenarios.assemble.source.recording.machine import RecordedFeed, assemble_recording
 
-    return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
+        return assemble_recording(name, scenario), RecordedFeed
+    if scenario.sensor.pixel == "latched":
+        from scenarios.assemble.camera.feed import LatchedFeed
+        from scenarios.assemble.camera.machine import assemble_latched
+
+        return assemble_latched(name, scenario, options), LatchedFeed
+    if scenario.link is None:
+        refuse_device(scenario.sensor.pixel, options.device)
+    if scenario.sensor.pixel == "asynchronous":
+        from scenarios.assemble.source.asynchronous import EventFeed, assemble_asynchronous
+
+        return assemble_asynchronous(name, scenario), partial(EventFeed, scenario)
+    from scenarios.assemble.source.continuous import ContinuousFeed, assemble_continuous
+
+    return assemble_continuous(name, scenario), partial(ContinuousFeed, scenario)
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:

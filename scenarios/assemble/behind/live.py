@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from cosim import PS, Block, seconds_to_ps
@@ -27,9 +26,7 @@ from cosim.run.chain import STREAM
 from cosim.run.machine import Chain, Finding, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, viform_version
-from scenarios.assemble.behind.assembling import play_recording
-from scenarios.assemble.behind.machine import PlayedMachine
-from scenarios.assemble.behind.playing import Played
+from scenarios.assemble.behind.machine import ChainMachine, of_source, with_behind
 from scenarios.assemble.instants import check_window, choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.source.recording.coming_chain import ComingChain
@@ -55,7 +52,7 @@ class ComingMachine:
     unit = "planes"
 
     def __init__(
-        self, name: str, scenario: RecordingScenario, coming: Coming, live: PlayedMachine | None,
+        self, name: str, scenario: RecordingScenario, coming: Coming, live: ChainMachine | None,
         waits: str, device: str | None,
     ) -> None:  # fmt: skip
         self.name, self.scenario, self.coming, self.live = name, scenario, coming, live
@@ -72,7 +69,7 @@ class ComingMachine:
         told += [self._waits] if self._waits else []
         if self.live is None:
             return told
-        return [*told, *self.live.inner.notes, *self.live.playing.notes]  # white comes with the end
+        return [*told, *self.live.notes]
 
     @property
     def device(self) -> str:
@@ -108,9 +105,9 @@ class ComingMachine:
         stages: dict[str, Any] = {"file": planes, "recorder": recorder}
         length, lead, plan = cycles, 0, ""
         if live is not None:
-            stages, length = live.playing.behind(stages, folder)
-            if live.playing.carrier is not None:
-                lead, plan = live.playing.carrier.setup.lead, live.playing.carrier.identity()
+            behind = live.behind
+            stages, length = behind.join(stages, folder), behind.length
+            lead, plan = behind.lead, behind.identity()
 
         def gate(block: Block, stopping: Any) -> bool:
             stop = min(block.stop - lead, cycles)
@@ -138,34 +135,17 @@ class ComingMachine:
             self.name, self.scenario, replace(whole, white_rate=white, notes=[told]),
             choose_windows(self.scenario, whole.cycles),
         )  # fmt: skip
-        source = self._source_of(recording)
         if self.live is not None and planes.came == planes.cycles:
-            outcome, notes = self._judge_live(self.live, inner, recording, source, progress), [told]
+            behind = replace(self.live.behind, feed=RecordedFeed(inner, live=True))
+            self._done = replace(self.live, inner=inner, behind=behind)
+            outcome, notes = self._done.judge(recording, progress), [told]
         else:
-            outcome, notes = self._play_after(inner, source, progress)
+            outcome, notes = self._play_after(inner, of_source(recording), progress)
         return replace(
             outcome,
             metrics=outcome.metrics | self._metrics(recording.resumed),
             notes=[*notes, *self._told(), *outcome.notes],
         )
-
-    def _source_of(self, recording: Recording) -> Recording:
-        """The recording of the stream alone, whose stages a link has put into its own clock."""
-        chain = recording.chain
-        stages = {"file": self.coming.planes, "recorder": chain.recorder}
-        return replace(recording, chain=SimpleNamespace(stages=stages))
-
-    def _judge_live(
-        self, live: PlayedMachine, inner: RecordingMachine, recording: Recording,
-        source: Recording, progress: Progress,
-    ) -> Outcome:  # fmt: skip
-        """The outcome of a stream that has been sent and shown as it came."""
-        done = replace(live, inner=inner, feed=RecordedFeed(inner))
-        self._done = done
-        own = inner.judge(source, progress)
-        given = recording.folder / STREAM
-        played = Played(recording.chain.stages, recording.seconds, given, done.playing.shown(given))
-        return done.judge_played(source, own, done.feed.planes(source, own), played, progress)
 
     def _play_after(
         self, inner: RecordingMachine, source: Recording, progress: Progress
@@ -173,7 +153,7 @@ class ComingMachine:
         """The outcome of a stream that is sent and shown after its end, and the notes of that."""
         if self.live is not None:  # laid out for more than came
             self.live.close()
-        machine = play_recording(self.scenario, inner, self._device, progress)
+        machine = _chained(self.scenario, inner, False, self._device, progress)
         self._done = machine
         notes = list(machine.notes)
         while found := machine.trial(progress):
@@ -213,7 +193,7 @@ class ComingMachine:
 
     def page(self, run: Run) -> Page:
         assert self._done is not None
-        page = self._done.page(replace(run, recording=self._source_of(run.recording)))
+        page = self._done.page(replace(run, recording=of_source(run.recording)))
         store = shlex.quote(str(run.folder / STREAM))
         metrics = {name: run.result.metrics[name] for name in self._metrics(False)}
 
@@ -261,9 +241,9 @@ def assemble_coming(
         if coming.planes.cycles is not None:
             choose_windows(scenario, coming.planes.cycles)  # raises an InputError before the stream
         if not missing:
-            laid_out = play_recording(scenario, _laid_out(name, scenario, coming), device, progress)
+            laid_out = _chained(scenario, _laid_out(name, scenario, coming), True, device, progress)
             stack.callback(laid_out.close)
-            live = laid_out if isinstance(laid_out, PlayedMachine) else None
+            live = laid_out if isinstance(laid_out, ChainMachine) else None
         told = f"the first plane of {coming.path} is waited for"
         coming.planes.first(lambda: progress.note(told))
         stack.pop_all()
@@ -272,6 +252,16 @@ def assemble_coming(
         "laid out before"
     )  # fmt: skip
     return ComingMachine(name, scenario, coming, live, waits, device)
+
+
+def _chained(
+    scenario: RecordingScenario, inner: RecordingMachine, live: bool, device: str | None,
+    progress: Progress,
+) -> Machine:  # fmt: skip
+    """The stream with what stands behind it; alone without anything."""
+    if scenario.link is None and scenario.display is None:
+        return inner
+    return with_behind(scenario, inner, RecordedFeed(inner, live), device, progress)
 
 
 def _behind(scenario: RecordingScenario) -> str:

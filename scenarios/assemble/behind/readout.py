@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,6 @@ from cosim.run.chain import BlockChain
 from cosim.run.machine import Finding, Machine, Outcome, Page, Recording, Run, Study
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput
-from cosim.stage import Stage
 from rtl_model.readout.buffer import ROW_BYTES, RowBuffer
 from rtl_model.readout.needs import Needs, needed_rate
 from rtl_model.readout.report import (
@@ -29,8 +28,8 @@ from rtl_model.readout.report import (
 from rtl_model.readout.stage import ScanStage
 from rtl_model.readout.timing import BIT_RATE, ScanTiming
 from rtl_model.readout.window import Window
-from scenarios.assemble.behind.link.machine import CarriedMachine
-from scenarios.assemble.behind.link.stages import Later
+from scenarios.assemble.behind.link.stages import Later, bare
+from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.schema.scenario import AnyScenario, LinkScenario, Scenario
 from sensor.sections.readout import ReadoutSection
 from sensor.sections.sensor import SensorSection
@@ -52,14 +51,14 @@ class ReadoutMachine:
         setup: the readout.
         cycles: length of the stream.
         scanner: OpenCL device of the scan; None for numpy.
-        place: puts the stage into the chain's clock.
+        lead: cycles of the chain before the first one of the stream.
     """
 
     inner: Machine
     setup: ReadoutSetup
     cycles: int
     scanner: Device | None
-    place: Callable[[Stage], Stage]
+    lead: int
 
     @property
     def toml(self) -> str:
@@ -102,7 +101,7 @@ class ReadoutMachine:
         stages: dict[str, Any] = {}
         for name, each in chain.stages.items():
             if name == _RECORDER:
-                stages[SCAN] = self.place(stage)
+                stages[SCAN] = Later(stage, self.lead, self.cycles) if self.lead else stage
             stages[name] = each
         chain.stages = stages
         return chain
@@ -139,8 +138,7 @@ class ReadoutMachine:
 
 def _stage_of(recording: Recording) -> ScanStage:
     """The stage of the readout, without what puts it into the clock of its chain."""
-    stage = recording.chain.stages[SCAN]
-    found = stage if isinstance(stage, ScanStage) else stage.stage
+    found = bare(recording.chain.stages[SCAN])
     assert isinstance(found, ScanStage)
     return found
 
@@ -155,19 +153,10 @@ def with_readout(setup: ReadoutSetup | None, machine: Machine, device: str | Non
     """
     if setup is None:
         return machine
-    place: Callable[[Stage], Stage] = _as_it_is
-    cycles = machine.length
-    if isinstance(machine, CarriedMachine):  # the chain counts the cycles of the link
-        cycles, lead = machine.setup.cycles, machine.carrier.setup.lead
-
-        def place(stage: Stage) -> Stage:
-            return Later(stage, lead, cycles)
-
-    return ReadoutMachine(machine, setup, cycles, choose_device(device), place)
-
-
-def _as_it_is(stage: Stage) -> Stage:
-    return stage
+    lead, cycles = 0, machine.length
+    if isinstance(machine, ChainMachine):  # the chain may count the cycles of a link
+        lead, cycles = machine.behind.lead, machine.feed.cycles
+    return ReadoutMachine(machine, setup, cycles, choose_device(device), lead)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""The spike camera that the probes of a display use."""
+"""The planes of a latched camera for what stands behind it, and its camera for probes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,14 @@ import numpy.typing as npt
 from cosim import Block, Clock, Light, Viform
 from cosim.compute.opencl import Device
 from cosim.compute.stopping import heed
+from cosim.config.amounts import number
+from cosim.light.source import Source
+from cosim.plan.planner import accepted_error
+from cosim.run.machine import Outcome
+from display import DisplaySetting
+from display.chain.pursuit import Pursuit
+from display.section import DisplaySection
+from scenarios.assemble.source.feeds import Feed
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.sampling import row_offsets
 
@@ -22,6 +30,63 @@ clock above 60 kHz."""
 PART: Final = 4096
 """Cycles that are simulated at once, whole words: a noisy camera looks through all pieces of its
 light in each cycle."""
+
+
+if TYPE_CHECKING:
+    from scenarios.assemble.camera.machine import LatchedMachine
+    from scenarios.assemble.source.feeds import Through
+
+
+class LatchedFeed(Feed):
+    """The planes of a latched camera, which its own chain makes. Its plan may simulate the display
+    as well."""
+
+    pst_lm = True
+
+    def __init__(self, machine: LatchedMachine) -> None:
+        setup, setting = machine.setup, machine.setup.setting
+        self._machine = machine
+        super().__init__(
+            setup.shape, setting.clock, setup.cycles, setup.white_rate, "", machine.scenario.scene,
+            setting.threshold, setting.threshold_noise, live=True, device=setup.device,
+            mosaic=setup.mosaic,
+        )  # fmt: skip
+
+    @property
+    def planned(self) -> DisplaySetting | None:
+        return self._machine.plan.display
+
+    @property
+    def source(self) -> Source:
+        return self._machine.source
+
+    def pursuit(self, section: DisplaySection) -> Pursuit:
+        return self._machine.setup.pursuit
+
+    def probe_camera(self) -> SpikeProbeCamera:
+        return SpikeProbeCamera(self._machine.setup.setting, self.device)
+
+    def renewed(self, machine: LatchedMachine) -> LatchedFeed:
+        return LatchedFeed(machine)
+
+    def behind_code(self, outcome: Outcome, through: Through) -> Outcome:
+        """See `Feed`. What arrives whole has the error of the camera's own stream."""
+        verifier, tolerance = self._machine.verifier, self._machine.scenario.tolerance
+        if verifier is None or verifier.displays is None:
+            return outcome
+        error = verifier.error_behind(through(verifier.plane), "behind a code that left layers out")
+        high = error.ci[1] if error.ci is not None else 0.0
+        if high <= accepted_error(tolerance):
+            return replace(outcome, error=error)
+        note = (
+            f"behind the code the error is {number(error.value, 2)} (up to {number(high, 2)}) "
+            f"where the tolerance is {number(tolerance)}: where layers were left out, each spike "
+            "stands for several, and a spike that the plan has moved for as many"
+        )
+        return replace(
+            outcome, error=error, notes=[*outcome.notes, note],
+            outcome="degraded" if outcome.outcome == "ok" else outcome.outcome,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

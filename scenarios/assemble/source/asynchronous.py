@@ -31,7 +31,7 @@ from scenarios.assemble.instants import choose_instants
 from scenarios.assemble.lens import choose_lens, make_relay
 from scenarios.assemble.readout import refuse_keys, with_section
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.source.feeds import PlainFeed, Planes
+from scenarios.assemble.source.feeds import THRESHOLD, Feed, Planes
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.asynchronous.machine import AsynchronousMachine
@@ -113,10 +113,10 @@ def event_setting(scenario: Scenario) -> CameraSetting:
     return camera_setting(scenario, section.height, section.width)
 
 
-class EventFeed(PlainFeed):
+class EventFeed(Feed):
     """The events of asynchronous pixels."""
 
-    def __init__(self, machine: AsynchronousMachine) -> None:
+    def __init__(self, scenario: Scenario, machine: AsynchronousMachine) -> None:
         spec = machine.spec
         clock = spec.setting.clock
         rate = (
@@ -140,8 +140,13 @@ class EventFeed(PlainFeed):
         told = "the width of an event, held until the next" if self._changes else "as it fires"
         super().__init__(
             spec.shape, clock, spec.cycles, rate,
-            f"the scene's white, {rate:.3g} spikes a cycle: {told}",
+            f"the scene's white, {rate:.3g} spikes a cycle: {told}", scenario.scene,
+            THRESHOLD if self._changes else spec.model.threshold,  # held planes have no such noise
         )  # fmt: skip
+        self._machine = machine
+
+    def probe_camera(self) -> EventProbeCamera:
+        return EventProbeCamera.of(self._machine)
 
     def planes(self, recording: Recording, outcome: Outcome) -> Planes:
         """See `Feed`."""

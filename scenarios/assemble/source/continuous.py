@@ -20,7 +20,7 @@ from scenarios.assemble.instants import choose_instants
 from scenarios.assemble.lens import choose_lens, make_relay
 from scenarios.assemble.readout import refuse_keys, with_section
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.source.feeds import PlainFeed, Planes
+from scenarios.assemble.source.feeds import Feed, Planes
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.continuous.camera import ContinuousCamera
@@ -98,18 +98,22 @@ def continuous_chip(scenario: Scenario) -> CameraSetting:
     return camera_setting(scenario, section.height, section.width)
 
 
-class ContinuousFeed(PlainFeed):
+class ContinuousFeed(Feed):
     """The reports of continuous pixels."""
 
-    def __init__(self, machine: ContinuousMachine) -> None:
+    def __init__(self, scenario: Scenario, machine: ContinuousMachine) -> None:
         spec = machine.spec
         rate, chip = spec.section.lens.white_rate, spec.setting.chip
         self._white = spec.white
         super().__init__(
             (chip.height, chip.width), spec.setting.clock, spec.cycles, rate,
             f"the scene's white, {spec.white:.3g} electrons/s, fires at sensor.lens.white_rate = "
-            f"{rate:g}",
+            f"{rate:g}", scenario.scene,
         )  # fmt: skip
+        self._spec = spec
+
+    def probe_camera(self) -> ContinuousProbeCamera:
+        return ContinuousProbeCamera(self._spec, self)
 
     def planes(self, recording: Recording, outcome: Outcome) -> Planes:
         """See `Feed`."""

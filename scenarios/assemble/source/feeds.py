@@ -14,22 +14,40 @@ over that of a spike in every cycle, and the number of spikes is within one of t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from cosim import Clock
+from cosim.compute.opencl import Device
+from cosim.light.mosaic import Mosaic
+from cosim.light.source import Source
 from cosim.run.machine import Outcome, Recording
 from cosim.run.result import Metric
-from cosim.spikes.clocked import (
-    ClockedEvents,
-    HeldPlanes,
-)
+from cosim.spikes.clocked import ClockedEvents, HeldPlanes
 from cosim.stage import Stage
+from display.chain.pursuit import Pursuit, pursuit_of, pursuit_without_scene
+from display.probes.camera import ProbeCamera
+from display.section import DisplaySection
+from display.setting import DisplaySetting
+from scenarios.scenes.catalogue import SceneSection
+from scenarios.scenes.kinds.grid import SceneGrid
+
+if TYPE_CHECKING:
+    from cosim.plan.paired import Words
+    from cosim.plan.patches import PatchPlane
+
+    Through = Callable[[PatchPlane], Callable[[Words, int], Words]]
+
+THRESHOLD: Final = 1000.0
+"""Threshold of pixels that have none, electrons: of an unknown chip, and of held values. The
+statistical code takes its noise for that of the spikes, and the link's chip has it by default."""
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """The stage that makes the planes of a display from a recording.
+    """The stage that makes the planes of what stands behind a source from its recording.
 
     Attributes:
         stage: emits the planes of each block; its input is not used.
@@ -75,38 +93,76 @@ class Planes:
         return notes
 
 
-class Feed(Protocol):
-    """How the output of a machine feeds a display.
+@dataclass(frozen=True, eq=False)
+class Feed:
+    """How the output of a machine feeds what stands behind it.
 
     Attributes:
         shape: (height, width) of the planes.
         clock, cycles: clock and number of the planes.
         white_rate: spikes a cycle of the scene's white.
-        white: what white means, in words, for the notes.
+        white: what white means, in words, for the notes; "" for nothing to say.
+        scene: section [scene]; None for a stream without one.
+        threshold, noise: threshold and noise of the pixels whose spikes the planes are, electrons;
+            of pixels that have none, those of an unknown chip.
+        live: whether the stages of the machine's own chain make the planes, so that all that stands
+            behind it runs in that chain.
+        pst_lm: whether PstLM is probed: a minute of light takes slow pixels minutes.
+        device: OpenCL device that the machine has opened; None for none.
+        mosaic: filter array on the pixels; None for none.
     """
 
-    @property
-    def shape(self) -> tuple[int, int]: ...
-    @property
-    def clock(self) -> Clock: ...
-    @property
-    def cycles(self) -> int: ...
-    @property
-    def white_rate(self) -> float: ...
-    @property
-    def white(self) -> str: ...
-
-    def planes(self, recording: Recording, outcome: Outcome) -> Planes:
-        """The planes of a recording and its evaluation by the machine."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class PlainFeed:
-    """The attributes of a `Feed`."""
-
+    pst_lm: ClassVar[bool] = False
     shape: tuple[int, int]
     clock: Clock
     cycles: int
     white_rate: float
     white: str
+    scene: SceneSection | None = None
+    threshold: float = THRESHOLD
+    noise: float = 0.0
+    live: bool = False
+    device: Device | None = None
+    mosaic: Mosaic | None = None
+
+    @property
+    def planned(self) -> DisplaySetting | None:
+        """The display as the plan of the machine simulates it; None where it keeps every effect."""
+        return None
+
+    @cached_property
+    def source(self) -> Source | None:
+        """The scene of the recording, for one pass; None without one."""
+        return self._draw()
+
+    def _draw(self) -> Source | None:
+        """The scene on the pixels of the planes."""
+        if self.scene is None:
+            return None
+        return self.scene.source(SceneGrid(self.shape, self.clock, self.cycles, aligned=False))
+
+    def pursuit(self, section: DisplaySection) -> Pursuit:
+        """Motion that the pursuing eye of a display follows."""
+        scene = self._draw()
+        if scene is None:
+            return pursuit_without_scene(section.pursuit)
+        return pursuit_of(scene, self.clock.edge(self.cycles), section.pursuit)
+
+    def probe_camera(self) -> ProbeCamera | None:
+        """The source in the small, for the probes of a display; None if it has none."""
+        return None
+
+    def planes(self, recording: Recording, outcome: Outcome) -> Planes:
+        """The planes of a recording and its evaluation by the machine, where they are not live."""
+        raise NotImplementedError
+
+    def behind_code(self, outcome: Outcome, through: Through) -> Outcome:
+        """The outcome with the error behind a code that has left layers out, where one is measured.
+
+        through: makes, for patches, the map from their words and cycles to those behind the code.
+        """
+        return outcome
+
+    def renewed(self, machine: Any) -> Feed:
+        """That of the same machine with another plan."""
+        return self

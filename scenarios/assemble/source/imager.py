@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,7 @@ from imagers.machine import ImagerMachine, ImagerStudy
 from imagers.run.plan import PlannedRun, RunSpec, plan_run
 from imagers.run.tape import FRAMES, read_frame
 from scenarios.assemble.schema.scenario import ImagerScenario
-from scenarios.assemble.source.feeds import PlainFeed, Planes
+from scenarios.assemble.source.feeds import Feed, Planes
 from scenarios.scenes.charts.target import target_course, target_plane
 from scenarios.scenes.kinds.grid import SceneGrid
 from scenarios.scenes.kinds.target import TargetScene
@@ -77,6 +77,9 @@ def _refuse_device(device: str | None) -> None:
 LIGHT_CLOCK = Clock(1000)
 """The default clock on whose edges a moving scene is drawn. An edge in the scene that moves faster
 than one pixel a millisecond is drawn more coarsely; a note of the run states this."""
+PLANES: Final = 40e3
+"""Planes a second for the frames of an imager, unless display.clock or link.sensor.clock says
+otherwise."""
 Values = npt.NDArray[np.float64]
 
 
@@ -165,6 +168,14 @@ class _Lensed:
         return np.asarray(self.scenery.lux_seconds(first, begin, end) * self.gain)
 
 
+def _planes(scenario: ImagerScenario) -> float:
+    """Planes a second for the frames of an imager, Hz."""
+    if scenario.display is not None and scenario.display.clock is not None:
+        return scenario.display.clock
+    chip = None if scenario.link is None else scenario.link.sensor
+    return PLANES if chip is None else chip.clock
+
+
 class _Frames:
     """The frames of an imager as `Changes`; those that no cycle shows are not read."""
 
@@ -192,18 +203,19 @@ class _Frames:
         return Change(int(self._cycles[n]), pixel, levels.ravel())
 
 
-class FrameFeed(PlainFeed):
+class FrameFeed(Feed):
     """The frames of an imager."""
 
-    def __init__(self, machine: ImagerMachine, clock: Clock, lux: float) -> None:
-        """lux: illuminance of the scene's white on the plane."""
+    def __init__(self, scenario: ImagerScenario, machine: ImagerMachine) -> None:
         planned = machine.planned
+        lux = scenario.scene.illuminance * planned.view.gain  # of white, on the plane
+        clock = Clock.from_hz(_planes(scenario))
         self._planned, self._lux = planned, lux
         levels = planned.model.levels(np.zeros((1, 1), np.uint16), planned.pixels.bits, lux)[1]
         super().__init__(
             planned.model.shape, clock, max(clock.cycles_in(planned.spec.stop), 1), 1.0,
             f"a value of {levels}, which fires in every cycle; a frame is shown from the end of "
-            "its readout to that of the next",
+            "its readout to that of the next", scenario.scene,
         )  # fmt: skip
 
     def planes(self, recording: Recording, outcome: Outcome) -> Planes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,9 +15,7 @@ from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.result import Metric
 from display.camera.law import pulse_banding
 from display.camera.stage import PanelCamera
-
-if TYPE_CHECKING:
-    from scenarios.assemble.behind.display.shown import Shown
+from scenarios.assemble.behind.display.shown import Shown
 
 _PICTURES: Final = 8
 """Maximum number of frames that are written and drawn, evenly spaced."""

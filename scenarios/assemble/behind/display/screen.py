@@ -1,40 +1,40 @@
-"""The display of a stream that is played: its stages, its outcome and its part of the page."""
+"""The display behind a source: made, judged and told of here, whatever the source is."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cosim import Clock, SpikeStream
+from cosim import SpikeStream
 from cosim.compute.opencl import Device
+from cosim.compute.stopping import threads
 from cosim.config.amounts import number
-from cosim.light.source import Source
 from cosim.run.machine import Outcome, Page, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput
+from display.camera.rolling import make_shutter
+from display.camera.stage import PanelCamera
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
-from display.chain.pursuit import pursuit_of, pursuit_without_scene
+from display.panels.fit import fit_words
 from display.probes.camera import ProbeCamera
-from display.section import DisplaySection
-from scenarios.assemble.behind.display.filmer import Filmer
-from scenarios.assemble.behind.display.filming import make_camera
+from scenarios.assemble.behind.display.filmed import FramesFilmer
 from scenarios.assemble.behind.display.sections import (
     display_cards,
     display_quality,
     display_sections,
     display_simulated,
 )
-from scenarios.assemble.behind.display.shown import Shown
+from scenarios.assemble.behind.display.shown import Filmer, Shown
+from scenarios.assemble.behind.display.spike_camera import make_spikes_filmer
 from scenarios.assemble.behind.display.tables import display_lines
-from scenarios.assemble.schema.filming import CameraSection
+from scenarios.assemble.schema.filming import SpikesSection
+from scenarios.assemble.schema.scenario import RecordingScenario, StreamScenario
 from scenarios.assemble.source.feeds import Feed
-
-OVERVIEW = "displays.png"
-"""Figure of all displays; the page of the source has one of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,29 +52,33 @@ class ScreenViews:
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """A display that a stream is played into. It keeps every effect.
+    """A display that a stream is played into.
 
     Attributes:
         chain: the stages of the display.
         camera: the camera that films it; None without one.
+        feed: what it shows.
         probe: a camera for its probes; None if the source has none.
-        clock, cycles, shape: clock, cycles and shape of the stream.
-        white_rate: spikes a cycle of white.
         instants: cycles of the images.
+        anew: makes the same display for a feed with another plan.
     """
 
     chain: DisplayChain
     camera: Filmer | None
+    feed: Feed
     probe: ProbeCamera | None
-    clock: Clock
-    cycles: int
-    shape: tuple[int, int]
-    white_rate: float
     instants: Sequence[int]
+    anew: Callable[[Feed], Screen]
 
     @property
     def notes(self) -> list[str]:
-        return ["the display keeps every effect", *self.chain.notes]
+        every = [] if self.feed.planned else ["the display keeps every effect"]
+        return [*every, *self.chain.notes]
+
+    def renewed(self, feed: Feed) -> Screen:
+        """The same display before its first block, for a feed with another plan."""
+        self.chain.close()
+        return self.anew(feed)
 
     def stages(self, stages: dict[str, Any], folder: Path) -> dict[str, Any]:
         """The stages of a stream with those of the display and its camera."""
@@ -95,111 +99,119 @@ class Screen:
             seconds: wall time of each stage, s; that of probes and images is added.
             progress: told of the probes.
         """
-        begin = time.perf_counter()
-        # A minute of light, for PstLM, takes these pixels minutes.
-        probes = None
-        if self.probe is not None:
-            probes = self.chain.probes(self.probe, progress, pst_lm=False)
+        chain, feed, begin = self.chain, self.feed, time.perf_counter()
+        with threads(1) as beside:  # neither of the two loads two cores
+            probing = beside.submit(self._probes, progress)
+            fidelity = chain_fidelity(chain)
+            seen = DisplayOutcome.of(chain, fidelity, probing.result())
         seconds["probes"] = time.perf_counter() - begin
         begin = time.perf_counter()
-        seen = DisplayOutcome.of(self.chain, chain_fidelity(self.chain), probes)
-        files, filmed = write_observer_images(folder, seen), {}
+        mosaic = None if chain.section.colour is None else feed.mosaic
+        files, filmed = write_observer_images(folder, seen, mosaic), {}
         if self.camera is not None:
-            files += self.camera.write(folder, [self.clock.middle(n) for n in self.instants])
+            files += self.camera.write(folder, [feed.clock.middle(n) for n in self.instants])
             filmed = self.camera.metrics()
         seconds["images of the display"] = time.perf_counter() - begin
-        stage, effects = self.chain.panel_stage, self.chain.setting.acting_effects
-        rate = stage.fired / (self.cycles * self.shape[0] * self.shape[1])
+        effects, own = [], {}
+        if not feed.planned:  # else the plan of the source says both
+            effects = [effect.name for effect in chain.setting.acting_effects]
+            rate = chain.panel_stage.fired / (feed.cycles * feed.shape[0] * feed.shape[1])
+            own = {
+                "shown_rate": Metric(rate, "spikes/cycle"),
+                "shown_white_rate": Metric(feed.white_rate, "spikes/cycle"),
+            }
+        speeds = []
+        if seconds.get("display"):  # a run that goes on may have left nothing to do
+            speeds = [Throughput("display", feed.cycles / seconds["display"], "planes/s")]
         return replace(
             outcome,
-            renderer=stage.renderer.name,
-            kept=[*outcome.kept, *(effect.name for effect in effects)],
-            metrics={
-                **outcome.metrics,
-                **seen.metrics(),
-                "shown_rate": Metric(rate, "spikes/cycle"),
-                "shown_white_rate": Metric(self.white_rate, "spikes/cycle"),
-                **filmed,
-            },
+            renderer=chain.panel_stage.renderer.name,
+            kept=[*outcome.kept, *effects],
+            metrics={**outcome.metrics, **seen.metrics(), **own, **filmed},
             latency=[*outcome.latency, *seen.latency()],
-            throughput=[
-                *outcome.throughput,
-                Throughput("display", self.cycles / seconds["display"], "planes/s"),
-            ],
+            throughput=[*outcome.throughput, *speeds],
             files=[*outcome.files, *files],
             table=display_lines(seen),
             views=ScreenViews(seen, stream),
         )
 
+    def _probes(self, progress: Progress) -> Any:
+        """Blur, flicker and delay; None without a camera to probe with."""
+        if self.probe is None:
+            return None
+        return self.chain.probes(self.probe, progress, self.feed.pst_lm)
+
     def page(self, run: Run, views: ScreenViews, page: Page) -> Page:
         """The page of a source with the sections of its display first."""
+        lit, panel = self.chain.references is not None, self.chain.panel
         shown = Shown(
-            run, views.display, self.clock, list(self.instants), views.stream, self.camera, OVERVIEW
-        )
-        body, files = display_sections(shown)
-        panel = self.chain.panel
+            run, views.display, self.feed.clock, list(self.instants), views.stream, self.camera,
+            # The page of a source whose images are not those of the display has an overview too.
+            "overview.png" if self.feed.planned else "displays.png",
+        )  # fmt: skip
+        body, (*files, clip) = display_sections(shown)
         told = (
             f"{page.subtitle}; {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, "
-            f"{panel.drive}, {number(panel.clock.hz / 1e3)} kHz, drawn by {run.result.renderer}"
+            f"{panel.drive}, {number(panel.clock.hz / 1e3)} kHz, {number(panel.luminance)} cd/m², "
+            f"drawn by {run.result.renderer}"
         )
         return replace(
             page,
             subtitle=told,
             simulated=f"{page.simulated} {display_simulated(shown)}",
             cards=[*display_cards(shown), *page.cards],
-            good="How good the display is",
+            good=f"How good {'camera and display are together' if lit else 'the display is'}",
             quality=display_quality(shown),
             sections=[*body, *page.sections],
-            files=list(dict.fromkeys([*page.files, *files])),
+            files=list(dict.fromkeys([*files, *page.files, clip])),
         )
 
 
 def make_screen(
-    section: DisplaySection,
-    camera: CameraSection | None,
-    feed: Feed,
-    instants: Sequence[int],
-    seed: int,
-    scene: Source | None,
-    pursued: Source | None,
-    white: float | None,
-    probe: ProbeCamera | None,
-    device: Device | None,
-    recorded: bool = False,
+    scenario: StreamScenario, instants: Sequence[int], device: Device | None, feed: Feed
 ) -> Screen:
-    """The display of a scenario, with every effect.
+    """The display of a scenario.
 
     Args:
-        section: the section [display].
-        camera: the section [camera]; None without one.
-        feed: what the display shows.
+        scenario: the scenario, with a [display].
         instants: cycles of the images.
-        seed: seed of the camera's noise.
-        scene: the scene; None without one.
-        pursued: the same scene once more, on which the motion of the pursuing eye is measured.
-        white: illuminance of the scene's white, lux; None without a scene.
-        probe: a camera for the probes of the display; None for none.
-        device: OpenCL device of the display, None for the default one.
-        recorded: whether the feed is a recording.
+        device: OpenCL device of the display and of a spike camera before it, None for the default.
+        feed: what the display shows.
 
     Raises:
         InputError: the panel cannot show the stream, the display cannot be rendered, or no frame
             of the camera fits.
     """
-    panel = section.panel(feed.shape, feed.clock, 0.0, feed.white_rate)
-    pursuit = pursuit_without_scene(section.pursuit)
-    if pursued is not None:
-        pursuit = pursuit_of(pursued, feed.clock.edge(feed.cycles), section.pursuit)
-    setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
+    section = scenario.display
+    assert section is not None
+    pursuit, setting = feed.pursuit(section), feed.planned
+    if setting is None:
+        panel = section.panel(feed.shape, feed.clock, 0.0, feed.white_rate)
+        setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
     chain = make_display_chain(
-        section, feed.shape, white, feed.cycles, instants, setting, pursuit,
-        [] if scene is None else scene.points(), device,
+        section, feed.shape, None if feed.scene is None else feed.scene.illuminance, feed.cycles,
+        instants, setting, pursuit, [] if feed.source is None else feed.source.points(), device,
     )  # fmt: skip
     try:
-        filming = make_camera(camera, chain, feed.shape, feed.cycles, seed, recorded=recorded)
+        camera = _camera(scenario, chain, feed, device)
+        anew = partial(make_screen, scenario, instants, device)
+        return Screen(chain, camera, feed, feed.probe_camera(), instants, anew)
     except BaseException:
         chain.close()
         raise
-    return Screen(
-        chain, filming, probe, feed.clock, feed.cycles, feed.shape, feed.white_rate, instants
-    )
+
+
+def _camera(
+    scenario: StreamScenario, display: DisplayChain, feed: Feed, device: Device | None
+) -> Filmer | None:
+    """The camera that films a display; None without a [camera]. Raises InputError if it does not
+    fit the panel or the run."""
+    section, panel, mapping = scenario.camera, display.panel, None
+    if section is None:
+        return None
+    if panel.shape != feed.shape:
+        mapping = fit_words(display.section.fit, feed.shape, panel.shape)
+    if isinstance(section, SpikesSection):
+        return make_spikes_filmer(section, panel, feed.cycles, scenario.seed, device, mapping)
+    shutter = make_shutter(section, panel, feed.cycles, isinstance(scenario, RecordingScenario))
+    return FramesFilmer(PanelCamera(section, shutter, scenario.seed, mapping))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from cosim.spikes.viform import WORD, Viform
 from cosim.stage import section
 from display.panels.panel import SpikePanel
 from display.trial.pixels import PanelPixels
+from scenarios.assemble.behind.display.shown import Shown
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import LUMINANCE, LensChoice, choose_lens
 from scenarios.assemble.schema.filming import SpikesSection
@@ -30,9 +31,6 @@ from sensor.reconstruct.fidelity import to_white
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import spike_rate
 from sensor.sections.sensor import SensorSection
-
-if TYPE_CHECKING:
-    from scenarios.assemble.behind.display.shown import Shown
 
 CAMERA: Final = "camera.zarr"
 """The stream of the camera in the folder of a run."""

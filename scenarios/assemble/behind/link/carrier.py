@@ -80,7 +80,7 @@ class Carrier:
     @property
     def code(self) -> StreamCode:
         """The code, for the pixels that fire."""
-        return self.section.code(self.stream.threshold, self.stream.noise)
+        return self.section.code(self.stream.feed.threshold, self.stream.feed.noise)
 
     def probe(self, camera: ProbeCamera) -> CodedProbeCamera:
         """A camera of probes behind the code."""

@@ -30,6 +30,7 @@ from scenarios.assemble.behind.link.far import FarEnd
 from scenarios.assemble.behind.link.near import NearEnd
 from scenarios.assemble.behind.link.rates import RatePoint, code_rates
 from scenarios.assemble.schema.scenario import ImageSection
+from scenarios.assemble.source.feeds import Feed
 from sensor.reconstruct.fidelity import judge, psnr, to_white
 from sensor.reconstruct.playback import tfp
 from sensor.reconstruct.shots import LATCHED, Shot, Truth, spike_rate, take_shots
@@ -72,20 +73,18 @@ class Watch:
     """How the pictures at both ends of a link are taken.
 
     Attributes:
-        scene: the true light; None for a stream without a scene.
+        feed: the source; the true light is that of its scene.
         instants: cycles of the images.
-        image: the section [image].
-        white_rate: spikes a cycle of white.
+        image: the window of the images.
         display: the display at the far end; None for none.
         probe: the source in the small, for the display's probes; None if it has none.
         before: latencies of the source, up to the stream.
         after: latencies of the display, if it has no probe.
     """
 
-    scene: Truth | None
+    feed: Feed
     instants: list[int]
     image: ImageSection
-    white_rate: float
     display: DisplayChain | None = None
     probe: ProbeCamera | None = None
     before: Sequence[Latency] = ()
@@ -104,7 +103,7 @@ class _Sent:
         mean = tfp(
             self.stream, self.stream.clock.cycle_at(ps), image.window, preceding=image.preceding
         )
-        return to_white(mean, self.watch.white_rate).astype(np.float32)
+        return to_white(mean, self.watch.feed.white_rate).astype(np.float32)
 
 
 def _differences(sent: SpikeStream, shown: SpikeStream) -> tuple[int, int]:
@@ -200,11 +199,11 @@ def judge_carrier(
     assert received is not None
     stream, clock = carrier.stream, carrier.stream.clock
     streams = [ZarrStream(sent), ZarrStream(sent.with_name(RECEIVED))]
-    lit = watch.scene is not None
-    truth = _Sent(streams[0], watch) if watch.scene is None else watch.scene
+    scene: Truth | None = watch.feed.source
+    lit, truth = scene is not None, scene or _Sent(streams[0], watch)
     direct, through = (
         take_shots(
-            each, truth, watch.instants, watch.image.window, watch.white_rate,
+            each, truth, watch.instants, watch.image.window, watch.feed.white_rate,
             preceding=watch.image.preceding,
         )
         for each in streams
@@ -265,8 +264,8 @@ def judge_carrier(
     begin = time.perf_counter()
     rated = _typical(direct)
     rates = code_rates(
-        streams[0], rated, stream.code, stream.threshold, stream.noise, watch.image.window,
-        watch.white_rate,
+        streams[0], rated, stream.code, stream.feed.threshold, stream.feed.noise,
+        watch.image.window, watch.feed.white_rate,
     )  # fmt: skip
     seconds["rates"] = time.perf_counter() - begin
     worse = _causes(carrier, received, far, count.dropped)

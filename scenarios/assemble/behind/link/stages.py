@@ -32,6 +32,11 @@ class _Wrapped:
         return self.stage.damage(state, checked) if isinstance(self.stage, WithFiles) else None
 
 
+def bare(stage: Any) -> Any:
+    """A stage without what has put it into the clock of a link."""
+    return stage.stage if isinstance(stage, _Wrapped) else stage
+
+
 class Later(_Wrapped):
     """A stage that begins `lead` cycles after the chain and runs for `cycles` cycles.
 

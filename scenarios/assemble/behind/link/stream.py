@@ -8,13 +8,11 @@ from typing import Final
 
 from cosim import Clock, InputError
 from link.section import LinkScenario, LinkSection
-from scenarios.assemble.schema.scenario import ImagerScenario, RecordingScenario, Scenario
+from scenarios.assemble.schema.scenario import Scenario, StreamScenario
+from scenarios.assemble.source.feeds import THRESHOLD, Feed
 from sensor.codec.packets.section import CodeSection
 from sensor.sections.sensor import SensorSection
 
-THRESHOLD: Final = 1000.0
-"""Threshold of pixels that have none, electrons: of an unknown chip, and of held values. The
-statistical code takes its noise for that of the spikes, and the link's chip has it by default."""
 _TOLERANCE: Final = Scenario.model_fields["tolerance"].default
 """Tolerance of the link for a scenario without one: a recording has no error of its own."""
 _NOISE_APART: Final = 0x9E3779B9
@@ -29,9 +27,7 @@ class CarriedStream:
         title, tolerance, seed: title, tolerance and seed of the scenario.
         code, link: its sections.
         chip: section of the chip that makes the stream; None for another source.
-        shape: (height, width) of the stream.
-        clock, cycles: clock and number of cycles of the stream.
-        threshold, noise: threshold and noise of the pixels that fire, electrons.
+        feed: planes that are sent.
     """
 
     title: str
@@ -40,30 +36,30 @@ class CarriedStream:
     code: CodeSection
     link: LinkSection
     chip: SensorSection | None
-    shape: tuple[int, int]
-    clock: Clock
-    cycles: int
-    threshold: float = THRESHOLD
-    noise: float = 0.0
+    feed: Feed
 
     @classmethod
-    def of(
-        cls,
-        scenario: Scenario | ImagerScenario | RecordingScenario,
-        shape: tuple[int, int],
-        clock: Clock,
-        cycles: int,
-        threshold: float = THRESHOLD,
-        noise: float = 0.0,
-    ) -> CarriedStream:
-        """The stream of a scenario with a [link]; the other arguments are the attributes."""
+    def of(cls, scenario: StreamScenario, feed: Feed) -> CarriedStream:
+        """The stream of a scenario with a [link]."""
         assert scenario.link is not None and scenario.code is not None
         chip = getattr(scenario, "sensor", None)
         return cls(
             scenario.title, getattr(scenario, "tolerance", _TOLERANCE), scenario.seed,
-            scenario.code, scenario.link, chip if isinstance(chip, SensorSection) else None,
-            shape, clock, cycles, threshold, noise,
+            scenario.code, scenario.link, chip if isinstance(chip, SensorSection) else None, feed,
         )  # fmt: skip
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the stream."""
+        return self.feed.shape
+
+    @property
+    def clock(self) -> Clock:
+        return self.feed.clock
+
+    @property
+    def cycles(self) -> int:
+        return self.feed.cycles
 
     @property
     def wait(self) -> int:

@@ -28,7 +28,7 @@ from cosim.spikes.clocked import (
 from cosim.spikes.excerpt import StreamStage
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
-from scenarios.assemble.source.feeds import PlainFeed, Planes
+from scenarios.assemble.source.feeds import Feed, Planes
 from scenarios.assemble.source.recording.opening import Recording, open_recording
 from scenarios.assemble.source.recording.page import recording_page
 from sensor.reconstruct.fidelity import Estimate, to_white
@@ -196,14 +196,15 @@ def assemble_recording(name: str, scenario: RecordingScenario) -> RecordingMachi
     return RecordingMachine(name, scenario, recording, choose_windows(scenario, recording.cycles))
 
 
-class RecordedFeed(PlainFeed):
+class RecordedFeed(Feed):
     """A recorded stream."""
 
-    def __init__(self, machine: RecordingMachine) -> None:
+    def __init__(self, machine: RecordingMachine, live: bool = False) -> None:
+        """live: whether the stream comes while the run goes on; its white is told at the end."""
         found = machine.recording
         super().__init__(
             found.shape, found.clock, found.cycles, found.white_rate,
-            f"{found.white_rate:.3g} spikes a cycle",
+            "" if live else f"{found.white_rate:.3g} spikes a cycle", live=live,
         )  # fmt: skip
 
     def planes(self, recording: Recorded, outcome: Outcome) -> Planes:

@@ -14,9 +14,9 @@ from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
 from display.probes import metrics
-from scenarios.assemble.behind import assembling
 from scenarios.assemble.behind.link import carrier
 from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.source import asynchronous, continuous
 from scenarios.run import run_scenario
 
 CLOCK = Clock(40_000)
@@ -147,8 +147,8 @@ def data_of(source, sink):
 def _quick(monkeypatch, tmp_path):
     """A recording in the working directory, and no probes of displays, which have a test of their
     own."""
-    monkeypatch.setattr(assembling.EventProbeCamera, "of", lambda machine: None)
-    monkeypatch.setattr(assembling, "ContinuousProbeCamera", lambda *_: None)
+    monkeypatch.setattr(asynchronous.EventProbeCamera, "of", lambda machine: None)
+    monkeypatch.setattr(continuous, "ContinuousProbeCamera", lambda *_: None)
     monkeypatch.setattr(metrics, "RATES", (metrics.GREY, metrics.BRIGHT))
     monkeypatch.setattr(metrics, "EDGES", ((0.0, metrics.GREY),))
     monkeypatch.chdir(tmp_path)

@@ -20,11 +20,10 @@ from display.probes.blur import spike_blur
 from display.probes.flicker import spike_flicker
 from display.probes.light import steady_light
 from imagers.catalogue import IMAGERS
-from scenarios.assemble.behind import assembling
 from scenarios.assemble.behind.display.figures import _named
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
-from scenarios.assemble.source import asynchronous as probes
+from scenarios.assemble.source import asynchronous, continuous
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from scenarios.scenes.drawing.points import spread_points
@@ -58,8 +57,8 @@ def value(done, name):
 
 @pytest.fixture
 def _unprobed(monkeypatch):
-    monkeypatch.setattr(assembling.EventProbeCamera, "of", lambda machine: None)
-    monkeypatch.setattr(assembling, "ContinuousProbeCamera", lambda *_: None)
+    monkeypatch.setattr(asynchronous.EventProbeCamera, "of", lambda machine: None)
+    monkeypatch.setattr(continuous, "ContinuousProbeCamera", lambda *_: None)
 
 
 def reports(shape, clock, ticks, **columns):
@@ -82,7 +81,7 @@ def test_a_probe_of_changes_is_filmed_a_part_at_a_time(monkeypatch):
     data = camera("asynchronous", pixels={"change": 0.05}, comparator_delay="9 us")
     del data["display"]
     made = assemble("x", validate(data), Options(), SilentProgress())
-    probe = probes.EventProbeCamera.of(made)
+    probe = asynchronous.EventProbeCamera.of(made)
     light = steady_light((4, 4), probe.lux(0.4), CLOCK.edge(402))
     spans, step = [], AsynchronousPixels.step
 
@@ -93,7 +92,7 @@ def test_a_probe_of_changes_is_filmed_a_part_at_a_time(monkeypatch):
     monkeypatch.setattr(AsynchronousPixels, "step", watched)
     whole = probe.film(light, 400, (4, 4), 3)
     assert spans == [(0, CLOCK.edge(400))]
-    monkeypatch.setattr(probes, "PART", 128)
+    monkeypatch.setattr(asynchronous, "PART", 128)
     parts = probe.film(light, 400, (4, 4), 3)
     assert spans[1:] == [(CLOCK.edge(n), CLOCK.edge(min(n + 128, 400))) for n in (0, 128, 256, 384)]
     np.testing.assert_array_equal(parts.words, whole.words)
@@ -106,7 +105,7 @@ def test_probes_of_pixels_with_millions_of_dark_spikes_are_left_out():
     data["sensor"]["pattern"] = {"dark_current": "2e9 e/s"}
     del data["display"]
     made = assemble("x", validate(data), Options(), SilentProgress())
-    probe = probes.EventProbeCamera.of(made)
+    probe = asynchronous.EventProbeCamera.of(made)
     assert probe.spikes(0.0) == pytest.approx(2e9 / made.spec.model.threshold)
     rows = spike_flicker(probe, SpikePanel((4, 4), CLOCK, 0.6), (0.18,), 60.0, 1)
     assert rows and all(math.isnan(row.figures.svm) for row in rows)
@@ -288,7 +287,7 @@ def test_a_spike_camera_goes_on_from_its_checkpoint(tmp_path):
     planes = np.random.default_rng(7).random((320, 6, 8)) < 0.3
     data = validate(filmed(tmp_path, planes))
     machine = assemble("a", data, Options(), SilentProgress())
-    filmer = machine.playing.screen.camera
+    filmer = machine.behind.screen.camera
     stream = Viform.from_planes(planes, CLOCK)
     for name, size in (("one", 320), ("two", 64)):
         (stage,) = filmer.stages(tmp_path / name).values()

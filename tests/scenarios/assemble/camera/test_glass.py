@@ -45,12 +45,12 @@ class Shot:
         runs: list[Any] = []
 
         def report(machine: Any, run: Any) -> list[str]:
-            runs.append(machine.judged(run))
+            runs.append(run.outcome.views.screen)
             return write_report(machine, run) if page else []
 
         self.result, self.folder = film("glass", out, *SETS, *sets, report=report, **how)
-        self.run = runs[0]
-        self.outcome = self.run.display
+        (seen,) = runs
+        self.outcome, self.stream = seen.display, seen.stream
 
     def images(self, observer: str = "eye") -> Any:
         return self.outcome.images["spike"][observer]
@@ -336,7 +336,7 @@ def test_the_light_of_a_pixel_is_kept_and_a_hold_shows_it(tmp_path):
 
 
 def test_the_light_of_spikes_plane_by_plane(drawn):
-    stream = drawn.run.stream
+    stream = drawn.stream
     panel = SpikePanel(stream.shape, CLOCK, 0.6, "impulse")
     starts, light = spike_waves(stream, panel, [(200, 100), (20, 380)], CLOCK.edge(160) - 1)
     planes = stream.read_words(0, 5)[:, [200, 20], [100, 380]]

@@ -16,8 +16,8 @@ from cosim.files import ZarrStream
 from cosim.run.chain import STREAM
 from cosim.run.machine import Options
 from scenarios.assemble.behind.link.carrier import LINK_STREAM, RECEIVED
-from scenarios.assemble.behind.link.machine import CarriedMachine
 from scenarios.assemble.behind.link.rates import RATES, code_rates
+from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
 from scenarios.run import run_scenario
@@ -45,11 +45,11 @@ TINY = (
 """A chip of 96 x 64 pixels, and a panel that carries its stream without loss."""
 
 
-def machine_of(*sets: str, drop: tuple[str, ...] = ("display",)) -> CarriedMachine:
+def machine_of(*sets: str, drop: tuple[str, ...] = ("display",)) -> ChainMachine:
     name, scenario = load("glass-over-light", [*TINY, *sets])
     scenario = scenario.model_copy(update=dict.fromkeys(drop))
     made = assemble(name, scenario, Options(), Quiet())
-    assert isinstance(made, CarriedMachine)
+    assert isinstance(made, ChainMachine)
     return made
 
 
@@ -221,7 +221,7 @@ STEERED = (
 @pytest.mark.slow
 def test_the_order_of_work_does_not_change_the_bits_behind_a_locked_clock(tmp_path: Path) -> None:
     made = machine_of(*STEERED)
-    setup = made.carrier.setup
+    setup = made.behind.carrier.setup
     made.close()
     assert setup.lock is not None and setup.lock.most < 0.1
     assert setup.setting.camera.clock_moves.ps.any()
@@ -243,7 +243,7 @@ def test_a_code_without_a_link_is_refused() -> None:
 
 def test_the_parts_of_the_format_take_all_cells_of_the_panel() -> None:
     made = machine_of()
-    setup = made.carrier.setup
+    setup = made.behind.carrier.setup
     made.close()
     spent, mode = setup.spent(), setup.mode
     cells = mode.width * mode.height / mode.cell**2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import pytest
 
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
-from display.chain.display import DisplayChain
+from scenarios.assemble.camera.feed import LatchedFeed
 from scenarios.assemble.schema.messages import validate
 from scenarios.run import run_scenario
 
@@ -19,7 +18,7 @@ from scenarios.run import run_scenario
 @pytest.fixture(autouse=True)
 def _no_minute_of_light(monkeypatch: pytest.MonkeyPatch) -> None:
     """PstLM takes this chip minutes, and has a test of its own."""
-    monkeypatch.setattr(DisplayChain, "probes", partialmethod(DisplayChain.probes, pst_lm=False))
+    monkeypatch.setattr(LatchedFeed, "pst_lm", False)
 
 
 def run(folder: Path, rate: str | None, tolerance: float) -> dict[str, Any]:

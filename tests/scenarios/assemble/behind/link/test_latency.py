@@ -18,7 +18,7 @@ from display.probes import metrics
 from display.probes.waveform import panel_light
 from display.quality.latency import half_way, risen
 from scenarios.assemble.behind.link.carrier import RECEIVED
-from scenarios.assemble.behind.link.machine import CarriedMachine
+from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.run import run_scenario
@@ -49,17 +49,17 @@ def scenario(rate: float) -> Any:
     })  # fmt: skip
 
 
-def made(rate: float) -> CarriedMachine:
+def made(rate: float) -> ChainMachine:
     machine = assemble("step", scenario(rate), Options(), SilentProgress())
-    assert isinstance(machine, CarriedMachine)
+    assert isinstance(machine, ChainMachine)
     return machine
 
 
-def watched(machine: CarriedMachine, folder: Path) -> tuple[float, float]:
+def watched(machine: ChainMachine, folder: Path) -> tuple[float, float]:
     """Typical time from the step until the light of a pixel has gone half way, us, and its standard
     error; of the brightest of the eight bars."""
-    assert machine.display is not None
-    panel, clock = machine.display.panel, machine.setup.setting.clock
+    assert machine.behind.screen is not None and machine.behind.carrier is not None
+    panel, clock = machine.behind.screen.chain.panel, machine.feed.clock
     stream = ZarrStream(folder / RECEIVED)
     words = stream.read_words(0, words_for(stream.cycles))
     viform = Viform(words, stream.cycles, stream.clock)
@@ -69,7 +69,7 @@ def watched(machine: CarriedMachine, folder: Path) -> tuple[float, float]:
     starts = np.array([panel.start(n) for n in range(len(light) + 1)], np.float64)
     row = np.repeat(np.arange(panel.shape[0]), panel.shape[1]) * (panel.row_delay / panel.shape[0])
     when = risen(starts, light, half, panel.rise * PS, panel.decay * PS) + row
-    shown = (when[bright] - AT * PS / 1e3) / PS * 1e6 + machine.carrier.hold / clock.hz * 1e6
+    shown = (when[bright] - AT * PS / 1e3) / PS * 1e6 + machine.behind.carrier.hold / clock.hz * 1e6
     # A median of times in whole planes is one of them; the mean of their middle half is not.
     order = np.sort(shown[np.isfinite(shown)])
     middle = order[len(order) // 4 : -len(order) // 4]
