@@ -102,7 +102,7 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
 
         return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
     if isinstance(scenario, RecordingScenario):
-        from scenarios.assemble.source.recording.coming_opening import comes
+        from scenarios.assemble.source.recording.opening import comes
 
         if scenario.link is None:
             refuse_device("a recorded stream", device)

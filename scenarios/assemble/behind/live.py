@@ -29,11 +29,10 @@ from cosim.run.result import Metric, viform_version
 from scenarios.assemble.behind.machine import ChainMachine, of_source, with_behind
 from scenarios.assemble.instants import check_window, choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
-from scenarios.assemble.source.recording.coming_chain import ComingChain
-from scenarios.assemble.source.recording.coming_opening import Coming, open_coming
+from scenarios.assemble.source.recording.coming import ComingChain
 from scenarios.assemble.source.recording.machine import RecordedFeed, RecordingMachine
+from scenarios.assemble.source.recording.opening import Coming, open_coming, white_of
 from scenarios.assemble.source.recording.opening import Recording as Stream
-from scenarios.assemble.source.recording.opening import white_of
 
 
 class ComingMachine:

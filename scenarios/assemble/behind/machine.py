@@ -25,12 +25,11 @@ from cosim.run.machine import Chain, Finding, Machine, Outcome, Page, Recording,
 from cosim.run.progress import Progress
 from scenarios.assemble.behind.board import BoardPanel, open_panel
 from scenarios.assemble.behind.display.screen import Screen, ScreenViews, make_screen
-from scenarios.assemble.behind.link.carrier import RECEIVED, Carrier, make_carrier
-from scenarios.assemble.behind.link.cut import CutCode
+from scenarios.assemble.behind.link.carrier import RECEIVED, CarriedStream, Carrier, make_carrier
+from scenarios.assemble.behind.link.coding import CutCode
+from scenarios.assemble.behind.link.ends import bare
 from scenarios.assemble.behind.link.judged import Watch, carrier_speeds, judge_carrier
 from scenarios.assemble.behind.link.page import carried_page
-from scenarios.assemble.behind.link.stages import bare
-from scenarios.assemble.behind.link.stream import CarriedStream
 from scenarios.assemble.instants import check_window, even_instants
 from scenarios.assemble.schema.scenario import ImageSection, StreamScenario
 from scenarios.assemble.source.feeds import Feed, Planes

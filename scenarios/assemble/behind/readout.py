@@ -28,7 +28,7 @@ from rtl_model.readout.report import (
 from rtl_model.readout.stage import ScanStage
 from rtl_model.readout.timing import BIT_RATE, ScanTiming
 from rtl_model.readout.window import Window
-from scenarios.assemble.behind.link.stages import Later, bare
+from scenarios.assemble.behind.link.ends import Later, bare
 from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.schema.scenario import AnyScenario, LinkScenario, Scenario
 from sensor.sections.readout import ReadoutSection

@@ -20,7 +20,7 @@ from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario
-from scenarios.assemble.source.recording.coming_opening import refuse_pipe
+from scenarios.assemble.source.recording.opening import refuse_pipe
 from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
 from scenarios.studies.batch.folder import begin_batch, read_document, write_document
 from scenarios.studies.batch.workers import run_jobs

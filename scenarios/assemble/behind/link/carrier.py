@@ -9,7 +9,7 @@ from itertools import dropwhile
 from pathlib import Path
 from typing import Any, Final
 
-from cosim import InputError
+from cosim import Clock, InputError
 from cosim.config.amounts import number
 from cosim.errors import section_at
 from cosim.files import Recorder
@@ -19,23 +19,22 @@ from cosim.stage import BLOCK
 from display.probes.camera import ProbeCamera
 from link.air import ber
 from link.receiving.packets import PacketReceiver
-from link.section import LinkScenario
+from link.section import LinkScenario, LinkSection
 from link.setting import check_receiver
 from link.setup.stream import StreamSetup, set_up_stream
 from link.trial.check import goodput_change
 from link.trial.plan import LinkPlan
 from link.trial.planned import PlannedLink, check_plan, plan_link
-from scenarios.assemble.behind.link.coding import Decoder, Sender
-from scenarios.assemble.behind.link.far import FarEnd, Schedule
-from scenarios.assemble.behind.link.near import NearEnd
-from scenarios.assemble.behind.link.probe import CodedProbeCamera
-from scenarios.assemble.behind.link.stages import EachBlock, Later
-from scenarios.assemble.behind.link.stream import CarriedStream
+from scenarios.assemble.behind.link.coding import CodedProbeCamera, Decoder, Sender
+from scenarios.assemble.behind.link.ends import EachBlock, FarEnd, Later, NearEnd, Schedule
 from scenarios.assemble.chip import camera_setting
+from scenarios.assemble.schema.scenario import Scenario, StreamScenario
+from scenarios.assemble.source.feeds import THRESHOLD, Feed
 from sensor import CameraSetting
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
 from sensor.latched.readout import readout_stages
+from sensor.sections.sensor import SensorSection
 
 LINK_STREAM: Final = "link.zarr"
 """Recording of the link's camera in the folder of a run."""
@@ -239,3 +238,96 @@ def _receiver(link: LinkScenario, stream: CarriedStream) -> CameraSetting:
             f"write --set link.sensor.clock='{hz:.10g} Hz'",
         )  # fmt: skip
     return replace(setting, clock=stream.clock)  # one of 1e6 / 3 Hz has no decimal text
+
+
+_TOLERANCE: Final = Scenario.model_fields["tolerance"].default
+"""Tolerance of the link for a scenario without one: a recording has no error of its own."""
+_NOISE_APART: Final = 0x9E3779B9
+"""Added to the seed: the chips at both ends have noise of their own."""
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedStream:
+    """A stream of 1-bit planes for a link.
+
+    Attributes:
+        title, tolerance, seed: title, tolerance and seed of the scenario.
+        code, link: its sections.
+        chip: section of the chip that makes the stream; None for another source.
+        feed: planes that are sent.
+    """
+
+    title: str
+    tolerance: float
+    seed: int
+    code: CodeSection
+    link: LinkSection
+    chip: SensorSection | None
+    feed: Feed
+
+    @classmethod
+    def of(cls, scenario: StreamScenario, feed: Feed) -> CarriedStream:
+        """The stream of a scenario with a [link]."""
+        assert scenario.link is not None and scenario.code is not None
+        chip = getattr(scenario, "sensor", None)
+        return cls(
+            scenario.title, getattr(scenario, "tolerance", _TOLERANCE), scenario.seed,
+            scenario.code, scenario.link, chip if isinstance(chip, SensorSection) else None, feed,
+        )  # fmt: skip
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the stream."""
+        return self.feed.shape
+
+    @property
+    def clock(self) -> Clock:
+        return self.feed.clock
+
+    @property
+    def cycles(self) -> int:
+        return self.feed.cycles
+
+    @property
+    def wait(self) -> int:
+        """Largest wait in the send buffer, cycles."""
+        return math.ceil(self.code.buffer * self.clock.hz)
+
+    @property
+    def pixel_cycles(self) -> int:
+        return self.cycles * self.shape[0] * self.shape[1]
+
+    @property
+    def seconds(self) -> float:
+        """Length of the stream, s."""
+        return self.cycles / self.clock.hz
+
+    def scenario(self) -> LinkScenario:
+        """The link as a scenario of its own, with random numbers of its own. Raises InputError for
+        keys of [link] that a link with a stream does not have."""
+        link = self.link
+        for name, value, plain in (
+            ("file", link.file, None),
+            ("loop", link.loop, None),
+            ("size", link.size, type(link).model_fields["size"].default),
+        ):
+            if value != plain:
+                raise InputError(
+                    f"link.{name}", "absent in a link that carries a stream", f"{value}",
+                    "leave it out: there is no file to send",
+                )  # fmt: skip
+        return LinkScenario(
+            title=self.title, tolerance=self.tolerance, seed=(self.seed + _NOISE_APART) % 2**32,
+            link=link.model_copy(update={"sensor": None, "join": 0.0}),
+            sensor=self._receiver() if link.sensor is None else link.sensor,
+        )  # fmt: skip
+
+    def _receiver(self) -> SensorSection:
+        """The chip at the far end where the scenario says none: that of the source, if it has one,
+        with a hard reset."""
+        own, rate = self.chip, f"{self.clock.hz} Hz"
+        if own is None:
+            return SensorSection(clock=rate, threshold=f"{THRESHOLD} e", reset="hard")
+        return SensorSection(
+            chip=own.chip, clock=rate, threshold=f"{own.threshold} e", reset="hard"
+        )

@@ -1,21 +1,28 @@
-"""The stream code at both ends of a link, as its near and far end use it."""
+"""The stream code at both ends of a link: of a run, of patches of it, and of probes."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.spikes.viform import WORD, Viform, Words, words_for
+from cosim import Clock, Light, Viform
+from cosim.plan.patches import PatchPlane
+from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import BLOCK, State, blocks
+from display.probes.camera import ProbeCamera
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.encoder import StreamEncoder
 from sensor.codec.packets.packet import Packet
 from sensor.codec.packets.rate import RateControl
+from sensor.codec.packets.section import CodeSection
+from sensor.codec.packets.tiles import Tiles
 
 Mask = npt.NDArray[np.bool_]
 
@@ -139,7 +146,7 @@ class Sender:
 
 
 class Decoder:
-    """Packets to a stream; see `PacketDecoder`.
+    """Packets to a stream.
 
     Args:
         code: code of the stream.
@@ -150,7 +157,8 @@ class Decoder:
         self._decoder = StreamDecoder(code, shape)
 
     def take(self, packet: bytes) -> int | None:
-        """Takes a packet. Returns the cycle after its last one; None if it is of no use."""
+        """Takes a packet that has arrived. Returns the cycle after its last one; None for a packet
+        that is damaged, or of cycles that were read already."""
         if not self._decoder.take(packet):
             return None
         try:
@@ -161,6 +169,120 @@ class Decoder:
 
     def read(self, stop: int) -> tuple[Words, Mask, Mask]:
         """The words of the cycles before `stop` that were not read yet, the tiles of which nothing
-        has ever arrived, and those that are shown with the rate that they had last."""
+        has ever arrived, (rows, columns) bool, and those that are shown with the rate that they had
+        last."""
         decoded = self._decoder.read(stop)
         return decoded.words, decoded.missing, decoded.held
+
+
+SIDE: Final = 8
+"""Side of the tiles in which patches are coded, pixels: it divides that of every code."""
+
+
+@dataclass(frozen=True, eq=False)
+class CutCode:
+    """A code, and the layers that a run has sent of each tile.
+
+    Which spikes a decoder draws depends on the number of layers and on the block of 8 x 8 pixels
+    alone. So patches can be coded without the rest of their tiles.
+
+    Attributes:
+        code: code of the run.
+        shape: (height, width) of the stream.
+        cut: number of layers sent, by first cycle and tile, where some were left out.
+        plane: the patches.
+    """
+
+    code: StreamCode
+    shape: tuple[int, int]
+    cut: Mapping[tuple[int, int], int]
+    plane: PatchPlane
+
+    def through(self, words: Words, cycles: int) -> Words:
+        """The words of the patches, (words, pixels), as they are decoded."""
+        rows, columns = self.plane.rows, self.plane.columns
+        split = self.plane.split(words).reshape(len(words), -1, rows, columns)
+        parts = [
+            self._patch(np.ascontiguousarray(split[:, n]), cycles, tile)
+            for n, tile in enumerate(self.plane.tiles)
+        ]
+        return np.stack(parts, axis=1).reshape(words.shape)
+
+    def _patch(self, words: Words, cycles: int, tile: int) -> Words:
+        """One patch, (words, rows, columns). tile: its number on the plane."""
+        code, columns = replace(self.code, tile=SIDE), words.shape[2]
+        # Dark pixels beside the patch are always sent: they say how long the last group is.
+        spare = -columns % SIDE + SIDE
+        words = np.pad(words, ((0, 0), (0, 0), (0, spare)))
+        shape = words.shape[1], words.shape[2]
+        encoder, decoder = StreamEncoder(code, shape), StreamDecoder(code, shape)
+        small, large = Tiles(shape, SIDE), Tiles(self.shape, self.code.tile)
+        top, _, left, _ = self.plane.grid.box(tile)
+        for packet in [*encoder.encode(words, 0, cycles), *encoder.flush()]:
+            y, x = (part.start for part in small.place(packet.tile))
+            place = (top + y) // large.side * large.grid[1] + (left + x) // large.side
+            sent = self.cut.get((packet.first, place), packet.layer + 1)
+            if x >= columns or packet.layer < sent:
+                decoder.take(packet.to_bytes())
+        return decoder.read(cycles).words[:, :, :columns]
+
+
+@dataclass(frozen=True)
+class CodedProbeCamera:
+    """A probe camera whose stream is coded and decoded; implements `ProbeCamera`.
+
+    The stream is in the time of the camera: the display shows it later by the hold of the link. An
+    array has the share of the link's bits that as many pixels of the run have.
+
+    Attributes:
+        camera: the camera.
+        section, code: the code of the run.
+        bits: bits that the link carries for a pixel in a cycle.
+    """
+
+    camera: ProbeCamera
+    section: CodeSection
+    code: StreamCode
+    bits: float
+
+    @property
+    def clock(self) -> Clock:
+        return self.camera.clock
+
+    @property
+    def height(self) -> int:
+        return self.camera.height
+
+    @property
+    def seed(self) -> int:
+        return self.camera.seed
+
+    @property
+    def identity(self) -> Any:
+        return object()  # its probes are computed in each run
+
+    def lux(self, rate: float) -> float:
+        return self.camera.lux(rate)
+
+    def spikes(self, rate: float) -> float:
+        return self.camera.spikes(rate)
+
+    def row_delays(self, rows: int) -> npt.NDArray[np.int64]:
+        return self.camera.row_delays(rows)
+
+    def film(
+        self,
+        light: Light,
+        cycles: int,
+        shape: tuple[int, int],
+        seed: int,
+        rows: tuple[int, int] | None = None,
+    ) -> Viform:
+        return self.through(self.camera.film(light, cycles, shape, seed, rows))
+
+    def through(self, stream: Viform) -> Viform:
+        """The stream as it is decoded."""
+        carried = self.bits * stream.shape[0] * stream.shape[1] * self.clock.hz
+        control = self.section.control(self.clock.hz, carried)
+        assert control is not None
+        return Sender(self.code, stream.shape, stream.cycles, control).through(stream)

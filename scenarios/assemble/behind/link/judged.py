@@ -26,8 +26,7 @@ from link.evaluation.delay import LIGHT
 from link.evaluation.metrics import lock_metrics
 from link.receiving import Received
 from scenarios.assemble.behind.link.carrier import LINK_STREAM, RECEIVED, Carrier
-from scenarios.assemble.behind.link.far import FarEnd
-from scenarios.assemble.behind.link.near import NearEnd
+from scenarios.assemble.behind.link.ends import FarEnd, NearEnd
 from scenarios.assemble.behind.link.rates import RatePoint, code_rates
 from scenarios.assemble.schema.scenario import ImageSection
 from scenarios.assemble.source.feeds import Feed

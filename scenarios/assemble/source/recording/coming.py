@@ -1,25 +1,38 @@
-"""The planes of a stream that comes while the run goes on: waited for, taken, and counted.
+"""A stream that comes while the run goes on: its planes, how late they are, and its chain.
 
-`wait` and `step` are called in two threads of a chain. `wait` holds the chain back until the planes
-of a block are there, so that no stage ever waits within a block: an interrupted run ends between
-two blocks. It takes no more bytes than the block has, so that a faster pipe is held back in turn.
+`wait` and `step` of the planes are called in two threads of a chain. `wait` holds the chain back
+until the planes of a block are there, so that no stage ever waits within a block: an interrupted
+run ends between two blocks. It takes no more bytes than the block has, so that a faster pipe is
+held back in turn. The recording is always sound.
+
+Plane n of a stream has the time t0 + edge(n) of its clock, where t0 is the instant at which the
+first plane was there. A plane is *late* if its processing begins after its own time plus a bound.
+So a chain that is slower than the camera is seen, and so is a camera that is slower than its clock;
+how far the delay had grown tells by how much.
 """
 
 from __future__ import annotations
 
+import shlex
 import threading
 import time
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
-from cosim import Block, Clock, InputError, Viform
+from cosim import Block, Clock, InputError, Interrupted, Viform
+from cosim.compute.stopping import finishing
+from cosim.config.amounts import count, number
+from cosim.files import Recorder
 from cosim.files.dat import pixels_of
 from cosim.files.plane_order import PlaneOrder
+from cosim.run.chain import STREAM, BlockChain
+from cosim.run.progress import Progress
 from cosim.spikes.viform import pack_planes
 from cosim.stage import State, section
-from scenarios.assemble.source.recording.lateness import Lateness
 from scenarios.assemble.source.recording.origin import Origin
 
 _LOOK_S: Final = 0.1
@@ -194,3 +207,154 @@ class ComingPlanes:
 
     def close(self) -> None:
         self._origin.close()
+
+
+_NS: Final = 1000
+"""Picoseconds in a nanosecond."""
+
+
+class Lateness:
+    """Counts the late planes of a stream.
+
+    Args:
+        clock: clock of the planes.
+        bound: delay up to which a plane is in time, ps.
+
+    Attributes:
+        late: number of late planes so far.
+        worst: largest delay of a plane so far, ps; negative if all were early. None before the
+            first plane.
+    """
+
+    def __init__(self, clock: Clock, bound: int) -> None:
+        self._clock, self._bound = clock, bound
+        self._begin: tuple[int, int] | None = None
+        self.late = 0
+        self.worst: int | None = None
+
+    def came(self, plane: int, at_ns: int) -> None:
+        """Sets the clock by the first plane of this process, which was there at `at_ns`. Later
+        calls change nothing."""
+        if self._begin is None:
+            self._begin = plane, at_ns
+
+    def begun(self, start: int, stop: int, at_ns: int) -> None:
+        """Counts planes `start` to `stop` (excluded), whose processing began at `at_ns`."""
+        assert self._begin is not None
+        first, begin = self._begin
+        elapsed = (at_ns - begin) * _NS
+        delay = elapsed - self._clock.edge(start - first)
+        self.worst = delay if self.worst is None else max(self.worst, delay)
+        # Plane n is late if edge(n - first) < elapsed - bound.
+        before = first + self._clock.cycle_at(elapsed - self._bound - 1) + 1
+        self.late += min(max(before - start, 0), stop - start)
+
+    def state(self) -> State:
+        """What a run that goes on needs; its clock begins with its own first plane."""
+        worst = [] if self.worst is None else [self.worst]
+        return {"late": np.array([self.late]), "worst": np.array(worst, np.int64)}
+
+    def restore(self, state: State) -> None:
+        self.late = int(state["late"][0])
+        self.worst = int(state["worst"][0]) if state["worst"].size else None
+
+
+_TOLD_S: Final = 0.5
+"""Least time between two texts of the progress, s."""
+_LEAST_S: Final = 1e-9
+"""Least time of a stage, s, by which speeds are divided."""
+
+
+class _Received:
+    """Progress of a stream: the planes that have come, and their rate. The share that is done, of a
+    stream with a length, is that of the whole chain, which goes on for longer with a link.
+
+    Args:
+        progress: receives it.
+        planes: the stream.
+        what: beginning of the text.
+    """
+
+    def __init__(self, progress: Progress, planes: ComingPlanes, what: str) -> None:
+        self._progress, self._planes, self._what = progress, planes, what
+        self._told: float | None = None
+
+    def start(self, what: str, total: int) -> None:
+        self._progress.start(self.text(), total if self._planes.cycles else 0)
+
+    def text(self) -> str:
+        planes, rate = self._planes, self._planes.rate
+        speed = "" if rate is None else f" at {number(rate)} planes/s"
+        late = f", {count(planes.lateness.late)} late" if planes.lateness.late else ""
+        came = "1 plane" if planes.came == 1 else f"{count(planes.came)} planes"
+        return f"{self._what}: {came} received{speed}{late}"
+
+    def advance(self, done: int) -> None:
+        now = time.monotonic()
+        if self._told is None or now - self._told >= _TOLD_S:
+            self._told = now
+            self._progress.tell(self.text())
+        self._progress.advance(done if self._planes.cycles else self._planes.came)
+
+    def tell(self, what: str) -> None:
+        self._progress.tell(what)
+
+    def note(self, text: str) -> None:
+        self._progress.note(text)
+
+
+@dataclass
+class ComingChain(BlockChain):
+    """Records a stream, and sends and shows it if its length is known, as it comes.
+
+    The chain ends early if the stream does. Then, and when it is interrupted, the recording holds
+    all whole planes that have come.
+
+    Attributes:
+        planes: the first stage, as it is without a link.
+        recorder: recorder of the stream.
+        again: whether the source can be read again, so that an interrupted run can go on.
+    """
+
+    planes: ComingPlanes = field(kw_only=True)
+    recorder: Recorder = field(kw_only=True)
+    again: bool = field(kw_only=True)
+
+    def run(self, progress: Progress) -> dict[str, float]:
+        """See `Chain`."""
+        self.planes.start()
+        begin = self.planes.came - self.planes.waiting
+        try:
+            # A pipe cannot be read again: only a second signal cuts off its recording.
+            with nullcontext() if self.again else finishing():
+                spent = super().run(_Received(progress, self.planes, self.title))
+        except Interrupted as exc:
+            kept = self._end()
+            done, total, unit = kept, self.planes.cycles or 0, "planes"
+            if kept == total and exc.done < exc.total:  # all came, but the link has not sent all
+                done, total, unit = exc.done, exc.total, "cycles"
+            raise Interrupted(done, total, self._how_to_go_on(exc.remedy), unit) from None
+        except InputError:  # of the source, or a full disk, on which not even this may be possible
+            with suppress(OSError), finishing():
+                if kept := max(begin, self.recorder.stop):
+                    self.recorder.end(kept)
+            raise
+        if self.planes.came != self.planes.cycles:
+            self._end()
+        # A run that goes on may have left nothing to do to a stage, whose speed is not told then.
+        return {name: max(seconds, _LEAST_S) for name, seconds in spent.items()}
+
+    def _how_to_go_on(self, resume: str) -> str:
+        if self.again:
+            return resume
+        store = shlex.quote(str(self.folder / STREAM))
+        return f"what came is {store}: viform run playback --set sensor.source=file:{store}"
+
+    @finishing()
+    def _end(self) -> int:
+        """Writes the planes that fill no block, and ends the recording; returns its cycles."""
+        planes = self.planes
+        if planes.waiting:
+            self.recorder.step(*planes.rest())
+        self.recorder.end(planes.came)
+        return planes.came

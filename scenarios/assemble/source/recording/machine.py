@@ -11,11 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from cosim.config.amounts import count, number
+from cosim import Clock
+from cosim.config.amounts import amount, count, number
 from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream, ending_of
 from cosim.report.explorer import explorer_part
-from cosim.report.png import pictures_wanted, write_linear_png
+from cosim.report.parts import figure, table
+from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.inputs import add_digests
 from cosim.run.machine import Finding, Outcome, Page, Run
@@ -30,7 +32,6 @@ from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.source.feeds import Feed, Planes
 from scenarios.assemble.source.recording.opening import Recording, open_recording
-from scenarios.assemble.source.recording.page import recording_page
 from sensor.reconstruct.fidelity import Estimate, to_white
 from sensor.reconstruct.intervals import tfi
 from sensor.reconstruct.playback import tfp
@@ -210,3 +211,45 @@ class RecordedFeed(Feed):
     def planes(self, recording: Recorded, outcome: Outcome) -> Planes:
         """See `Feed`."""
         return Planes(StreamStage(ZarrStream(recording.folder / STREAM)), stored=True)
+
+
+def recording_page(
+    title: str, clock: Clock, run: Run, facts: list[list[str]], explorer: str
+) -> Page:
+    """The page.
+
+    Args:
+        title: title of the scenario.
+        clock: clock of the stream.
+        run: the run; its views are the images (TFP, TFI) by cycle, white = 1.
+        facts: rows of the table of the recording: what, value, from.
+        explorer: explorer of the stream's spikes.
+    """
+    metrics, shots = run.result.metrics, run.outcome.views
+    rate = number(metrics["spike_rate"].value)
+    length = amount(run.result.simulated_s, "s", 4)
+    parts = [
+        "<h2>Images at chosen instants</h2><p>TFP and TFI of the recorded spikes, white of the "
+        "notes = white, through the sRGB curve. A recording has no true light to compare with.</p>"
+    ]
+    for cycle, (mean, interval) in shots.items():
+        pictures = figure(for_display(mean), "TFP") + figure(for_display(interval), "TFI")
+        parts.append(
+            f"<h3>{number(clock.middle(cycle) / 1e9, 4)} ms</h3>"
+            f'<div class="grid by2">{pictures}</div>'
+        )
+    return Page(
+        title,
+        "a recorded stream",
+        f"No camera was simulated: these spikes were recorded, {length} of them. The images below "
+        "are computed from them.",
+        [("first", rate, "spikes per pixel and cycle, mean")],
+        [
+            f"<h2>Explore the stream</h2>{explorer}",
+            "".join(parts),
+            "<h2>The recording</h2>" + table(["what", "value", "from"], facts),
+        ],
+        good="What the recording holds",
+        quality="No image can be rated: a recording has no true light to compare with.",
+        unmeasured="Nothing to be wrong: the spikes are those of the recording, bit by bit.",
+    )

@@ -20,10 +20,13 @@ from display.probes.blur import spike_blur
 from display.probes.flicker import spike_flicker
 from display.probes.light import steady_light
 from imagers.catalogue import IMAGERS
+from scenarios.assemble.behind import machine
+from scenarios.assemble.behind.display import screen
 from scenarios.assemble.behind.display.figures import _named
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.source import asynchronous, continuous
+from scenarios.assemble.source.recording.machine import RecordedFeed, assemble_recording
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from scenarios.scenes.drawing.points import spread_points
@@ -283,11 +286,28 @@ def test_a_spike_camera_sees_the_light_of_the_panel(tmp_path):
     assert {"camera.zarr", "images/filmed-00020.png"} <= set(done.result.files)
 
 
+def test_the_device_of_a_run_is_that_of_its_display_also_when_it_is_made_anew(
+    tmp_path, monkeypatch
+):
+    """Of the renderer, and of the spike camera that films the panel."""
+    made, make, wanted = [], screen.make_display_chain, object()
+    monkeypatch.setattr(screen, "make_display_chain", lambda *given: made.append(given[-1]) or make(
+        *given[:-1], None))  # fmt: skip
+    monkeypatch.setattr(machine, "choose_device", lambda name: {"a GPU": wanted}[name])
+    data = validate(filmed(tmp_path, np.ones((320, 6, 8), bool)))
+    source = assemble_recording("a", data)
+    shown = machine.with_behind(data, source, RecordedFeed(source), "a GPU", SilentProgress())
+    again = shown.behind.renewed(shown.feed)
+    assert made == [wanted, wanted]
+    assert shown.behind.screen.camera.device is again.screen.camera.device is wanted
+    again.close()
+
+
 def test_a_spike_camera_goes_on_from_its_checkpoint(tmp_path):
     planes = np.random.default_rng(7).random((320, 6, 8)) < 0.3
     data = validate(filmed(tmp_path, planes))
-    machine = assemble("a", data, Options(), SilentProgress())
-    filmer = machine.behind.screen.camera
+    made = assemble("a", data, Options(), SilentProgress())
+    filmer = made.behind.screen.camera
     stream = Viform.from_planes(planes, CLOCK)
     for name, size in (("one", 320), ("two", 64)):
         (stage,) = filmer.stages(tmp_path / name).values()
@@ -299,7 +319,7 @@ def test_a_spike_camera_goes_on_from_its_checkpoint(tmp_path):
             (after,) = filmer.stages(tmp_path / name).values()
             after.restore({key: each.copy() for key, each in stage.state().items()})
             stage = after
-    machine.close()
+    made.close()
     one, two = (open_stream(tmp_path / n / "camera.zarr") for n in ("one", "two"))
     assert one.cycles == two.cycles == 160
     np.testing.assert_array_equal(one.read_words(0, 5), two.read_words(0, 5))

@@ -8,7 +8,7 @@ import pytest
 from cosim import Clock, Viform
 from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TileGrid
-from scenarios.assemble.behind.link.cut import CutCode
+from scenarios.assemble.behind.link.coding import CutCode
 from sensor.codec.packets.catalogue import KINDS
 from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.encoder import StreamEncoder

@@ -9,8 +9,7 @@ from cosim import Block, Clock, InputError
 from cosim.files import open_stream, write_stream
 from cosim.files.dat import DatStream
 from cosim.files.plane_order import PlaneOrder
-from scenarios.assemble.source.recording.coming import ComingPlanes
-from scenarios.assemble.source.recording.lateness import Lateness
+from scenarios.assemble.source.recording.coming import ComingPlanes, Lateness
 
 KHZ = Clock(1000)
 MS = 10**9

@@ -21,6 +21,7 @@ from cosim.run.shown import SilentProgress
 from scenarios.assemble.behind.live import assemble_coming
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.source.recording import coming
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 
@@ -368,9 +369,7 @@ class Noting(SilentProgress):
 
 
 def test_the_progress_has_the_planes_received_and_their_rate(recorded, tmp_path, monkeypatch):
-    from scenarios.assemble.source.recording import coming_chain
-
-    monkeypatch.setattr(coming_chain, "_TOLD_S", 0.0)
+    monkeypatch.setattr(coming, "_TOLD_S", 0.0)
     progress = Noting()
     run(scenario(f"pipe:{piped(recorded[1], tmp_path)}"), tmp_path / "run", progress)
     assert progress.texts[-1].startswith("a: 150 planes received at ")
@@ -380,7 +379,7 @@ def test_the_progress_has_the_planes_received_and_their_rate(recorded, tmp_path,
 @pytest.mark.parametrize(("cycles", "total", "done"), [(400, 1534, 64), (None, 0, 390)])
 def test_the_share_that_is_done_is_that_of_the_chain(cycles, total, done):
     """With a link, all planes have come long before all are sent."""
-    from scenarios.assemble.source.recording.coming_chain import _Received
+    from scenarios.assemble.source.recording.coming import _Received
 
     class Counting(Noting):
         def start(self, what, total):
