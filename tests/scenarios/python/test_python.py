@@ -286,6 +286,32 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             stream, 5, "255"
         ),
         "the run must be a folder with a result.json": lambda: viform.Run("nothing"),
+        "window must be a whole number of cycles": lambda: viform.reconstruct(
+            stream, 5, window=3.5
+        ),
+        "the path must be a text or a Path, not None": lambda: viform.open(None),
+        "the path must be a text or a Path, not 3": lambda: viform.save(stream, 3),
+        "the output must be .* not x.intensities.npz": lambda: viform.save(
+            stream, "x.intensities.npz"
+        ),
+        "scene.path must be given once": lambda: viform.film(
+            frames(), frame_rate=25, out="run", **{"scene.path": "clip.mp4"}
+        ),
+        "scene.frame_rate must be given once": lambda: viform.film(
+            "clip.mp4", frame_rate=25, **{"scene.frame_rate": "30 Hz"}
+        ),
+        "sensor.source must be given once": lambda: viform.show(
+            stream, out="run", **{"sensor.source": "file:other.npz"}
+        ),
+        "link.file must be given once": lambda: viform.send(b"a", out="run", **{"link.file": "a"}),
+        "report must be given with out": lambda: viform.show(stream, report="none"),
+        "report must be given with out, not al": lambda: viform.send(b"a", report="none"),
+        "planes must be 0 or 1": lambda: viform.Viform.from_planes(
+            frames()[..., 0], viform.Clock(40_000)
+        ),
+        "planes must be .T, H, W. bool or uint8": lambda: viform.Viform.from_planes(
+            frames()[..., 0] / 255, viform.Clock(40_000)
+        ),
     }
     for says, call in calls.items():
         with pytest.raises(viform.InputError, match=says):
@@ -297,6 +323,8 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     ("option", "argument"),
     [
         ("write --set sensor.clock='20 kHz'", 'write **{"sensor.clock": "20 kHz"}'),
+        ("write --set sensor.writes='[{\"cycle\": 400}]'",
+         'write **{"sensor.writes": [{"cycle": 400}]}'),
         ("--set sensor.widht", "sensor.widht"),
         ("values of --set", "values of a keyword argument"),
         ("--dark-limit", "dark_limit"),
