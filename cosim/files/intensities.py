@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from operator import index
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.spikes.intensities import Intensities
+
+ENDING: Final = ".intensities.npz"
 
 
 def write_intensities(reports: Intensities, path: Path) -> None:

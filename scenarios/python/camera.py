@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, overload
 
@@ -24,14 +23,15 @@ from scenarios.assemble.readout import refuse_leftovers
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.calls import Called, in_order
-from scenarios.python.frames import array_of, check_instants, is_whole, rate_of
-from scenarios.python.kinds import PixelKind, kind_of
+from scenarios.python.calls import Called, in_order, keys_of
+from scenarios.python.frames import array_of, check_instants, check_white_rate, is_whole, rate_of
+from scenarios.python.kinds import Frames, PixelKind, kind_of
 from scenarios.python.live import LiveStream, S
 from scenarios.python.words import in_python
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.pictures import Pictures, array_clip
+from scenarios.scenes.kinds.grid import SceneGrid
 from sensor.latched.core import Filmed
 from sensor.latched.tiers import Tier
 
@@ -100,7 +100,7 @@ class Camera(Called, Generic[S]):
     ) -> None:  # fmt: skip
         own = {"sensor.chip": chip, "scene.illuminance": illuminance}
         own |= {} if pixel is None else {"sensor.pixel": pixel}
-        given = own | {f"sensor.{key}": value for key, value in keys.items()}
+        given = own | keys_of("sensor", keys)
         _, scenario = load("film", assignments_of(given), tolerance=tolerance, seed=seed)
         called = in_memory(scenario)
         if called is None:
@@ -176,13 +176,8 @@ class Camera(Called, Generic[S]):
                     "white_rate", "absent for a camera with lens.f_number", f"{white_rate}",
                     "leave one of the two out",
                 )  # fmt: skip
-            given: Any = white_rate
-            if not (isinstance(given, Real) and 0 < float(given) <= 1):
-                raise InputError(
-                    "white_rate", "above 0 and at most 1 spike a cycle", quote(white_rate),
-                    "change it",
-                )  # fmt: skip
-            lens = section.model_copy(update={"white_rate": float(white_rate)})
+            rate = check_white_rate(white_rate)
+            lens = section.model_copy(update={"white_rate": rate})
             sensor = scenario.sensor.model_copy(update={"lens": lens})
             scenario = scenario.model_copy(update={"sensor": sensor})
         choice = choose_lens(scenario, self._setting)
@@ -206,9 +201,7 @@ class Camera(Called, Generic[S]):
         check: bool = False, instants: Sequence[int] | None = None,
         spans: Sequence[Span] | None = None,
     ) -> tuple[S, npt.NDArray[np.float32] | None]:  # fmt: skip
-        """What a call gives, and the truth at cycles, if any are given. chosen: see `_lens`; length
-        and spans: see `PixelKind`."""
-        lens, white, notes = chosen
+        """What a call gives of frames, see `_seen`, and the truth at cycles, if any are given."""
         clip, cycles = (
             array_clip(frames, self.shape, self._mosaic, rate),
             self._kind.cycles(length),
@@ -217,12 +210,21 @@ class Camera(Called, Generic[S]):
         def source(gain: np.float32 | None = None) -> Source:
             return self._source(clip, rate, cycles, gain)
 
-        seen = self._kind.film(self._core, source, lens, length, number, check, spans)
-        vars(seen).update(self._kind.stated(lens, white), notes=(*notes, *seen.notes))
+        seen = self._seen(source, length, chosen, number, check=check, spans=spans)
         if instants is None:
             return seen, None
         scene = source()
         return seen, np.stack([scene.truth(self.clock.middle(n)) for n in instants])
+
+    def _seen(
+        self, frames: Frames, length: int, chosen: Chosen, number: int, *, check: bool = False,
+        spans: Sequence[Span] | None = None,
+    ) -> S:  # fmt: skip
+        """What a call gives of light. chosen: see `_lens`; length and spans: see `PixelKind`."""
+        lens, white, notes = chosen
+        seen: S = self._kind.film(self._core, frames, lens, length, number, check, spans)
+        vars(seen).update(self._kind.stated(lens, white), notes=(*notes, *seen.notes))
+        return seen
 
     def _length(self, count: int, rate: float) -> int:
         """Length for which frames last, see `PixelKind`. Raises InputError for none."""
@@ -234,7 +236,7 @@ class Camera(Called, Generic[S]):
             )  # fmt: skip
         return length
 
-    @in_python
+    @in_python(section="sensor")
     def film(
         self, frames: npt.ArrayLike | Iterable[npt.ArrayLike], frame_rate: float, *,
         white_rate: float | None = None, call: int | None = None, check: bool | int = False,
@@ -271,18 +273,29 @@ class Camera(Called, Generic[S]):
 
     def film_scenario(self, frames: npt.NDArray[Any], rate: float) -> S:
         """Films frames for as long as the scenario says, whose image window must fit."""
-        seconds, image, spans = self._scenario.duration, self._scenario.image, None
-        length = self._kind.length(seconds)
+        length, image, spans = self._own_length(), self._scenario.image, None
         if self.pixel == "latched":
             at = choose_windows(self._scenario, length)
             spans = windows(at, image.window, length, preceding=image.preceding)
-        elif length < 1:
+        return self._film(frames, rate, length, self._lens(None), 0, spans=spans)[0]
+
+    def film_scene(self) -> S:
+        """Films the scene of the scenario for as long as it says. The camera has no latches."""
+        length = self._own_length()
+        grid = SceneGrid(self.shape, self.clock, self._kind.cycles(length), aligned=False)
+        source = self._scenario.scene.source(grid)
+        return self._seen(lambda gain: source, length, self._lens(None), 0)
+
+    def _own_length(self) -> int:
+        """Length of the scenario, see `PixelKind`. Raises InputError for none."""
+        seconds = self._scenario.duration
+        length = self._kind.length(seconds)
+        if length < 1 and self.pixel != "latched":
             least = at_least(1 / self._kind.least.hz)
             raise InputError("duration", f"at least {least} s", f"{seconds:g} s", "lengthen it")
-        seen, _ = self._film(frames, rate, length, self._lens(None), 0, spans=spans)
-        return seen
+        return length
 
-    @in_python
+    @in_python(section="sensor")
     def film_many(
         self, clips: Iterable[npt.ArrayLike], frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None, first: int = 0,
@@ -306,7 +319,7 @@ class Camera(Called, Generic[S]):
             raise InputError("clips", "frames of several clips", quote(clips), "give a list")
         check_instants(instants)
 
-        @in_python
+        @in_python(section="sensor")
         def film(number: int, frames: npt.NDArray[Any]) -> Any:
             return self._with_truth(frames, rate, white_rate, instants, number, every)[:2]
 
@@ -317,7 +330,7 @@ class Camera(Called, Generic[S]):
 
         return in_order(film, map(own, clips), begin)
 
-    @in_python
+    @in_python(section="sensor")
     def film_with_truth(
         self, frames: npt.ArrayLike | Iterable[npt.ArrayLike], frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None,
@@ -348,7 +361,7 @@ class Camera(Called, Generic[S]):
         assert truth is not None
         return seen, truth, at
 
-    @in_python
+    @in_python(section="sensor")
     def open(
         self, frame_rate: float, *, white_rate: float | None = None, call: int | None = None
     ) -> LiveStream[S]:

@@ -53,7 +53,7 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
         InputError: an argument cannot be used.
     """
 
-    @in_python
+    @in_python(section="sensor")
     def __init__(
         self, clips: Any, camera: Camera[Filmed], frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None,

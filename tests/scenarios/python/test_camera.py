@@ -108,8 +108,14 @@ def test_a_call_of_pixels_without_a_latch_has_the_bits_of_a_run(kind: str, tmp_p
         measured = seen.error.measured
         assert measured is not None and measured.value == stated["value"]
         assert [measured.low, measured.high] == stated["ci"]
+    np.save(tmp_path / "clip.npy", frames())
+    clip = viform.film(
+        tmp_path / "clip.npy", frame_rate=2000, duration=f"{len(frames()) / 2000} s", **own
+    )
+    assert clip == seen and clip.error.kept == seen.error.kept and clip.white_rate == 0.6
     ending = "events" if isinstance(seen, Events) else "intensities"
     viform.save(seen, tmp_path / f"seen.{ending}.npz")
+    assert viform.open(tmp_path / f"seen.{ending}.npz") == seen == viform.open(tmp_path / "run")
     with pytest.raises(viform.InputError, match=f"ends in .{ending}.npz"):
         viform.save(seen, tmp_path / "seen.npz")
 
@@ -329,6 +335,18 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         ),
         "a share of white, not nan": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
         "frames must be at least a cycle": lambda: camera.film(frames(1), 1e9),
+        "a frame must be an array .H, W., not .* inhomogeneous": lambda: camera.film(
+            [[[0.1, 0.2], [0.3]]], 2000
+        ),
+        "a frame must be an array without masked pixels": lambda: camera.film(
+            np.ma.masked_greater(frames(), 100), 2000
+        ),
+        "white_rate must be above 0 .* not True": lambda: camera.film(
+            frames(), 2000, white_rate=True
+        ),
+        'or write [*][*]{"lens.f_number": "1000"}': lambda: camera.film(
+            frames(), 2000, white_rate=1e-12
+        ),
         "white_rate must be above 0": lambda: camera.film(frames(), 2000, white_rate=2),
         "call must be a whole number": lambda: camera.film(frames(), 2000, call=-1),
         "call must be a whole number from 0, not 1.0": lambda: camera.film(frames(), 9, call=1.0),
@@ -401,6 +419,8 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
         ({"pixel": "async"}, 'write pixel="latched"'),
         ({"threshold": "1000"}, 'write threshold="1000 e"'),
         ({"illuminance": "50"}, 'write illuminance="700 lux"'),
+        ({"writes": 3}, 'write writes=[{"cycle": 400, "threshold_level": 8}]'),
+        ({"sensor.threshold": "1000"}, 'write threshold="1000 e"'),
     ],
 )
 def test_what_an_error_says_to_write_is_an_argument(keys: dict[str, str], remedy: str) -> None:
