@@ -357,7 +357,7 @@ def idle_exports(root: Path) -> list[str]:
     """Names in an `__init__` that nothing outside its folder imports from it."""
     known = modules(root)
     used = set()
-    for path in (*known.values(), *root.glob("viform.py")):
+    for path in (*known.values(), *root.glob("viform.py"), *root.glob("viform-stubs/*.pyi")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             home = known.get(getattr(node, "module", None) or "", root / "no/__init__.py")
             if isinstance(node, ast.ImportFrom) and home.parent not in path.parents:
