@@ -42,10 +42,10 @@ def test_a_call_has_the_bits_of_a_run(
 ) -> None:
     drawn: dict[str, Any] = {}
 
-    def write(folder: Path, outcome: Any) -> list[str]:
+    def write(folder: Path, outcome: Any, *others: Any) -> list[str]:
         """The images of a run, before they are drawn with 8 bits."""
         drawn.update(outcome.images["spike"])
-        return written(folder, outcome)
+        return written(folder, outcome, *others)
 
     written = screen.write_observer_images
     monkeypatch.setattr(screen, "write_observer_images", write)
