@@ -70,7 +70,7 @@ def forecast_document(
         "kept": kept,
         "left_out": [
             {"effect": r.effect, "bound": r.bound, "kind": r.kind, "share": 1 - r.kept}
-            for r in plan.rows if r.effect in plan.left_out
+            for r in plan.absent
         ],
         "promised": float(np.max(plan.total + tier_error)),
         "promised_kind": "estimate" if np.any(tier_error) else plan.kind,

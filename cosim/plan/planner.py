@@ -10,57 +10,21 @@ out the most, and skips sets that cannot be cheaper than the best so far.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.plan.effects import Effect, Kind, Summary
-from cosim.plan.paired import Measured
 
 SHARE = 0.5
 """Share of the tolerance for the bounds of all effects that are left out."""
 ESTIMATE_WEIGHT = 2.0
 """Weight of an estimate."""
-FINEST = 1e-3
-"""Largest error that is accepted at tolerance 0, which is the default tolerance of a scenario."""
 Values = npt.NDArray[np.float64]
-
-
-def accepted_error(tolerance: float) -> float:
-    """The largest relative error with which a run is "ok".
-
-    Tolerance 0 keeps every effect, but the error of the tier itself remains. A run at tolerance 0
-    must not be called "ok" with an error that is refused at a looser tolerance, so it has the
-    limit of the default tolerance.
-    """
-    return tolerance if tolerance > 0 else FINEST
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bounds:
-    """What a plan promises of the error of a simulation against full physics, and what a check has
-    measured of it.
-
-    Attributes:
-        bound: Limit of the relative error of the rates of a tile, in the worst tile.
-        kind: "proof", or "estimate".
-        left_out: Limit for each effect that some tile leaves out, by name.
-        kept: Effects that some tile keeps.
-        tolerance: Tolerance of the plan.
-        measured: The error on patches, with its 99.9 % limits, of which the upper one holds for all
-            tiles; None without a check.
-    """
-
-    bound: float
-    kind: Kind
-    left_out: dict[str, float]
-    kept: tuple[str, ...]
-    tolerance: float
-    measured: Measured | None = None
 
 
 @dataclass(frozen=True)
@@ -69,18 +33,36 @@ class Row:
 
     Attributes:
         effect: name of the effect.
-        kept: share of tiles that keep it, 0 to 1.
         bound: largest bound over the tiles that leave it out, or over all tiles if none does;
             estimates are doubled.
         kind: kind of the bound.
+        kept: share of tiles that keep it, 0 to 1.
         cost_ns: cost of keeping it in every tile, ns per pixel-cycle.
     """
 
     effect: str
-    kept: float
     bound: float
     kind: Kind
-    cost_ns: float
+    kept: float = 0.0
+    cost_ns: float = 0.0
+
+
+def left_out_rows(
+    rows: Iterable[Row], measured: Mapping[str, float | None]
+) -> list[dict[str, Any]]:
+    """Rows of `result.json`, one for each effect that is left out.
+
+    Args:
+        rows: rows of these effects, such as `Plan.absent`.
+        measured: error without an effect, by name, where it was measured.
+    """
+    return [
+        {
+            "effect": row.effect, "bound": row.bound, "kind": row.kind,
+            "measured": measured.get(row.effect),
+        }
+        for row in rows
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +97,15 @@ class Plan:
         return tuple(name for name, tiles in self.kept.items() if not tiles.all())
 
     @property
+    def absent(self) -> list[Row]:
+        """Rows of the effects that at least one tile leaves out."""
+        absent = self.left_out
+        return [row for row in self.rows if row.effect in absent]
+
+    @property
     def kind(self) -> Kind:
         """Kind of `total`: a proof if all its bounds are proofs."""
-        absent = self.left_out
-        proven = all(row.kind == "proof" for row in self.rows if row.effect in absent)
-        return "proof" if proven else "estimate"
+        return "proof" if all(row.kind == "proof" for row in self.absent) else "estimate"
 
     @property
     def sets(self) -> dict[tuple[str, ...], int]:
@@ -283,7 +269,7 @@ def make_plan(
         at = gone if gone.any() else np.ones(tiles, bool)
         kind: Kind = "proof" if kinds[n] == "proof" and sure[at].all() else "estimate"
         largest = float(bounds[n][at].max())
-        rows.append(Row(effect.name, float(kept[n].mean()), largest, kind, float(costs[n].mean())))
+        rows.append(Row(effect.name, largest, kind, float(kept[n].mean()), float(costs[n].mean())))
     names = [e.name for e in effects]
     return Plan(
         tolerance,

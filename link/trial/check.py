@@ -18,13 +18,14 @@ on the patches, after it the rate over all of its bits.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
+from cosim.plan.error import CONFIDENCE, Measured
 from cosim.run.progress import Progress
 from cosim.run.result import Error
 from link.mode import Mode
@@ -33,7 +34,7 @@ from link.setting import LinkSetting
 from link.theory import clopper_pearson, word_loss
 from link.trial.near import Lead, Near, near
 from link.trial.patches import Decided, LinkPatches, Variant
-from link.trial.plan import LEVEL, LinkPlan, half_width
+from link.trial.plan import LinkPlan, half_width
 
 KIND = "bit error rate, half-widths of its interval"
 """Kind of a link's error."""
@@ -44,7 +45,7 @@ Wrong = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Paired:
+class BitErrors:
     """Decisions of full physics and of the run on the same bits.
 
     Attributes:
@@ -70,40 +71,25 @@ class Paired:
 
     @property
     def kind(self) -> str:
-        """Kind of `value`, `low` and `high`."""
+        """Kind of `error`."""
         return KIND if self.near is None else ESTIMATED
 
     @property
-    def counted(self) -> tuple[float, float, float]:
-        """|Difference of the rates| from errors alone, and its limits at 99.9 %, half-widths."""
+    def counted(self) -> Measured:
+        """|Difference of the rates| from errors alone, half-widths."""
         low, high = self.change
         off = abs(self.more - self.fewer) / self.bits
-        return off / self.unit, low / self.unit, high / self.unit
+        return Measured(off / self.unit, low / self.unit, high / self.unit)
 
     @property
-    def _estimate(self) -> tuple[float, float, float]:
+    def error(self) -> Measured:
+        """|Difference of the rates| of `kind`, half-widths."""
         if self.near is None:
             return self.counted
-        each = self.rate / self.unit
-        low, high = self.near.size
-        return abs(self.near.change) * each, low * each, high * each
+        each, (low, high) = self.rate / self.unit, self.near.size
+        return Measured(abs(self.near.change) * each, low * each, high * each)
 
-    @property
-    def value(self) -> float:
-        """|Difference of the rates| of `kind`, half-widths."""
-        return self._estimate[0]
-
-    @property
-    def low(self) -> float:
-        """Lower limit at 99.9 %, half-widths."""
-        return self._estimate[1]
-
-    @property
-    def high(self) -> float:
-        """Upper limit at 99.9 %, half-widths."""
-        return self._estimate[2]
-
-    def rescaled(self, rate: float, bits: int) -> Paired:
+    def rescaled(self, rate: float, bits: int) -> BitErrors:
         """The same in half-widths of a bit error rate measured over `bits` bits."""
         return replace(self, unit=half_width(rate, bits), rate=max(rate, 1 / bits))
 
@@ -115,12 +101,12 @@ class Paired:
 
 def _at_most(count: int, bits: int) -> float:
     """One-sided Clopper-Pearson limit at 99.9 %."""
-    return float(clopper_pearson(count, bits, 1 - 2 * (1 - LEVEL))[1])
+    return float(clopper_pearson(count, bits, 1 - 2 * (1 - CONFIDENCE))[1])
 
 
 def compare(
     full: Wrong, run: Wrong, bits_of_run: int, leads: tuple[Lead, Lead] | None = None
-) -> Paired:
+) -> BitErrors:
     """Compares the decisions of a run with those of full physics.
 
     The unit is half the 99.9 % interval of the bit error rate of full physics, over the run's bits.
@@ -133,14 +119,14 @@ def compare(
     """
     bits, rate = full.size, float(full.mean())
     more, fewer = int((run & ~full).sum()), int((full & ~run).sum())
-    level = 1 - (1 - LEVEL) / 2
+    level = 1 - (1 - CONFIDENCE) / 2
     up, down = (clopper_pearson(n, bits, level) for n in (more, fewer))
     low, high = float(up[0] - down[1]), float(up[1] - down[0])
     nearest = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
     farthest = max(abs(low), abs(high)) if more + fewer else _at_most(0, bits)
-    return Paired(
+    return BitErrors(
         bits, int(full.sum()), int(run.sum()), more, fewer, half_width(rate, bits_of_run),
-        (nearest, farthest), max(rate, 1 / bits), None if leads is None else near(*leads, LEVEL),
+        (nearest, farthest), max(rate, 1 / bits), None if leads is None else near(*leads),
     )  # fmt: skip
 
 
@@ -167,8 +153,8 @@ class LinkCheck:
         full_ns: run time of full physics for a pixel-cycle of the patches, light included, ns.
     """
 
-    paired: Paired | None
-    alone: Mapping[str, Paired | None]
+    paired: BitErrors | None
+    alone: Mapping[str, BitErrors | None]
     goodput: float | None
     patches: int
     full_ns: float | None
@@ -176,7 +162,7 @@ class LinkCheck:
     @property
     def measured(self) -> dict[str, float | None]:
         """`alone` in half-widths."""
-        return {name: None if p is None else p.value for name, p in self.alone.items()}
+        return {name: None if p is None else p.error.value for name, p in self.alone.items()}
 
     def rescaled(self, rate: float | None, bits: int) -> LinkCheck:
         """The same in half-widths of the bit error rate of the run's own bits."""
@@ -193,14 +179,15 @@ class LinkCheck:
         paired = self.paired
         if paired is None:
             return Error(None, "nothing is left out, or no bit of the patches was read", None)
-        high = max(paired.high, promised / paired.unit)
-        return Error(paired.value, paired.kind, (paired.low, high))
+        error = paired.error
+        high = max(error.high, promised / paired.unit)
+        return Error(error.value, paired.kind, (error.low, high))
 
     def beyond(self, tolerance: float) -> bool:
         """Whether the error of the run significantly exceeds the tolerance."""
         if self.paired is None or tolerance <= 0:
             return False
-        return max(self.paired.low, self.paired.counted[1]) > tolerance
+        return max(self.paired.error.low, self.paired.counted.low) > tolerance
 
     def document(self) -> dict[str, Any]:
         """What was compared, for reports."""
@@ -214,7 +201,7 @@ class LinkCheck:
             "otherwise_at_most": None if paired is None else paired.differing_limit,
             "nearly_wrong": None if close is None else close.count,
             "nearly_wrong_otherwise": None if close is None else close.more + close.fewer,
-            "counted": None if paired is None else list(paired.counted),
+            "counted": None if paired is None else list(astuple(paired.counted)[:3]),
             "goodput_change": self.goodput, "patches": self.patches,
         }  # fmt: skip
 
@@ -266,7 +253,7 @@ def check_link(
     decided = patches.film(check_variants(setting, plan), device, progress)
     full = decided[_FULL]
 
-    def against(other: Decided) -> Paired:
+    def against(other: Decided) -> BitErrors:
         return compare(
             full.wrong, other.wrong, plan.scene.bits, (full.lead, other.lead)
         )  # fmt: skip

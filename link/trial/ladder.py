@@ -132,7 +132,7 @@ def link_ladder(setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
         ns = air_ns[plan.air_effects] + camera_ns[plan.tier, plan.camera]
         for at, tolerance in enumerate(rung.tolerances):
             rows.append(Row(
-                rung.tier, tolerance, paired.value, (paired.low, paired.high),
+                rung.tier, tolerance, paired.error.value, (paired.error.low, paired.error.high),
                 ns * 1e-9 * setup.pixel_cycles, ns, plan.simulated, list(plan.left_out),
                 rung.tolerances[0] if at else None,
             ))  # fmt: skip

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.plan.error import CONFIDENCE
 from link.theory import clopper_pearson
 
 SHARE: Final = 1e-3
@@ -67,12 +68,11 @@ class Near:
         return nearest, max(abs(low), abs(high))
 
 
-def near(full: Lead, run: Lead, level: float) -> Near | None:
+def near(full: Lead, run: Lead) -> Near | None:
     """Compares nearly wrong bits; None if there are too few bits or too many errors.
 
     Args:
         full, run: soft values in favour of the sent bits.
-        level: confidence of the interval.
     """
     bits = full.size
     count = max(round(SHARE * bits), FEWEST)
@@ -88,7 +88,7 @@ def near(full: Lead, run: Lead, level: float) -> Near | None:
     if not count:
         return None
     more, fewer = int((second & ~first).sum()), int((first & ~second).sum())
-    each = 1 - (1 - level) / 2
+    each = 1 - (1 - CONFIDENCE) / 2
     up, down = (clopper_pearson(n, bits, each) for n in (more, fewer))
     share = count / bits
     relative = float(up[0] - down[1]) / share, float(up[1] - down[0]) / share

@@ -22,8 +22,7 @@ from cosim.errors import InputError
 from cosim.light.light import Light, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight, light_steps
-from cosim.plan.paired import Measured
-from cosim.plan.planner import Bounds
+from cosim.plan.error import Bounds, Measured
 from cosim.spikes.events import Events
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import AsynchronousPixels
@@ -173,7 +172,7 @@ class EventCamera:
             stop: length, ps, at least a tick.
             number: number of the call, below 2^64.
             check: whether the plan is checked on a few tiles, as a run does: an effect whose bound
-                is exceeded is put back.
+                is exceeded is reinstated.
 
         Raises:
             InputError: the events are too many, or memory is short.

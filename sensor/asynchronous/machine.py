@@ -14,9 +14,9 @@ from cosim import Light
 from cosim.config.amounts import percent
 from cosim.files import write_events
 from cosim.light.steps import light_steps
-from cosim.plan.planner import accepted_error
+from cosim.plan.error import Finding, accepted_error
 from cosim.run.inputs import add_digests
-from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
 from cosim.run.steps import StepChain

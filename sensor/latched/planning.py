@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect, Summary
+from cosim.plan.error import accepted_error
 from cosim.plan.paired import Span, TrialCamera
 from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import SHARE, Plan, accepted_error, make_plan
+from cosim.plan.planner import SHARE, Plan, make_plan
 from cosim.plan.tiles import TileGrid
 from sensor.latched.arithmetic import exact_error, fast_error
 from sensor.latched.camera import Gathering, SpikeCamera
@@ -31,9 +32,6 @@ from sensor.latched.patches import PatchCamera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier, TierPixels
-
-ARITHMETIC: Final = "32-bit arithmetic"
-"""Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
 
 FAST_PART: Final = 0.6
 """Part of what left-out effects may use that the fast tier's arithmetic may use."""

@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import BLOCK, Block
-from cosim.plan.paired import Measured, TrialCamera, Values, compare
+from cosim.plan.error import BrokenPromise, Measured
+from cosim.plan.paired import TrialCamera, Values, compare
 from cosim.plan.patches import PatchPlane
-from cosim.run.machine import BrokenPromise
 from cosim.run.progress import Progress
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
 from scenarios.assemble.camera.planning import RunPlan

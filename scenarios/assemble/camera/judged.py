@@ -9,7 +9,8 @@ from cosim.files import ZarrStream
 from cosim.light.lens import Lens
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
-from cosim.run.machine import Finding, Run
+from cosim.plan.error import Finding
+from cosim.run.machine import Run
 from cosim.run.result import Result
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.schema.scenario import Scenario

@@ -14,9 +14,10 @@ from cosim.compute.stopping import threads
 from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
+from cosim.plan.error import Finding
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.inputs import digest
-from cosim.run.machine import Finding, Options, Outcome, Page, Recording, Run
+from cosim.run.machine import Options, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from cosim.run.workers import workers_for

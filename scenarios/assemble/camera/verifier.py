@@ -13,10 +13,9 @@ import numpy as np
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
-from cosim.plan.paired import Measured, Values, Words
+from cosim.plan.error import BrokenPromise, Finding, Measured, accepted_error, reinstated
+from cosim.plan.paired import Values, Words
 from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import accepted_error
-from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
 from display.trial.paired import (
     TRUTH,
@@ -27,7 +26,7 @@ from display.trial.paired import (
 )
 from scenarios.assemble.camera.planning import RunPlan
 from sensor import CameraSetting
-from sensor.latched.check.plan_check import PlanCheck, absent_on, finding
+from sensor.latched.check.plan_check import PlanCheck, absent_on
 from sensor.latched.check.samples import TileSamples
 
 
@@ -78,7 +77,7 @@ class Verifier(PlanCheck, DisplayTrial):
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
                 findings.append(
-                    finding(name, float(promised[at]), float(high[at]), int(tiles[at[1]]))
+                    reinstated(name, float(promised[at]), float(high[at]), int(tiles[at[1]]))
                 )
         return findings
 

@@ -17,14 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
+from cosim.plan.error import DEVIATIONS
 from sensor.asynchronous.model import EventModel
 from sensor.device.pattern import DevicePattern
 
 SIDE: Final = 16
 """Pixels along a tile."""
-CONFIDENCE: Final = 3.2905
-"""Standard deviations of 99.9 %, two-sided."""
-
 _FAR: Final = 6.0
 _RARE: Final = 12.0
 """Readings that chance may move to another level in a tile where next to none should be."""
@@ -128,12 +126,12 @@ class EventEffect:
 
 def _margin(independent: Reals) -> Reals:
     """What a root mean square of n normal deviates is multiplied by, so that neither what they turn
-    out to be (one in 1e6) nor the upper limit measured of it (CONFIDENCE sqrt(2/n) of its square)
+    out to be (one in 1e6) nor the upper limit measured of it (DEVIATIONS sqrt(2/n) of its square)
     is above."""
     from scipy.special import chdtri
 
     n = np.maximum(independent, 1)
-    return np.asarray(np.sqrt(chdtri(n, 1e-6) / n * (1 + CONFIDENCE * np.sqrt(2 / n))))
+    return np.asarray(np.sqrt(chdtri(n, 1e-6) / n * (1 + DEVIATIONS * np.sqrt(2 / n))))
 
 
 def _spread(q: int) -> float:
@@ -190,7 +188,7 @@ def _dark(scene: EventScene) -> Reals:
     v = p.dsnu**2 + (_spread(m.threshold) ** 2 if m.shot else 0.0)
     spread = math.sqrt(4 * v + 2 * v * v) / (1 + v) if v < math.inf else math.inf
     size = p.dark / m.threshold * math.hypot(1, p.dsnu) * _inverse(scene)
-    bound = size / scene.scale * (1 + CONFIDENCE * spread / np.sqrt(scene.pixels))
+    bound = size / scene.scale * (1 + DEVIATIONS * spread / np.sqrt(scene.pixels))
     return np.asarray(bound + _levels(scene, np.full(scene.mean.shape, size)))
 
 

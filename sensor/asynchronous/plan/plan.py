@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from cosim.plan.error import EVERYTHING
 from sensor.asynchronous.plan.effects import EventEffect, EventScene, event_effects
 from sensor.device.pattern import DevicePattern
 
 Reals = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.uint32]
 LATER = "later reports"
-EVERYTHING: Final = "every effect"
-"""Stands for all effects where they are kept."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,18 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Light
-from cosim.plan.planner import accepted_error
-from cosim.run.machine import Finding
+from cosim.plan.error import (
+    DEVIATIONS,
+    EVERYTHING,
+    Finding,
+    Measured,
+    accepted_error,
+    beyond,
+    reinstated,
+)
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.reference import follow
-from sensor.asynchronous.plan.effects import CONFIDENCE
-from sensor.asynchronous.plan.plan import EVERYTHING, EventPlan
+from sensor.asynchronous.plan.plan import EventPlan
 from sensor.asynchronous.plan.planned import PlannedPixels
 from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import interval_table
@@ -61,16 +67,6 @@ class View:
 
 
 @dataclass(frozen=True)
-class Distance:
-    """Root mean square over a tile's pixels, relative, with its 99.9 % confidence."""
-
-    value: float
-    low: float
-    high: float
-    tile: int
-
-
-@dataclass(frozen=True)
 class Checked:
     """A plan that holds.
 
@@ -86,7 +82,7 @@ class Checked:
     """
 
     plan: EventPlan
-    error: Distance
+    error: Measured
     tiles: list[int]
     over: int
     left_out: list[dict[str, Any]]
@@ -201,20 +197,20 @@ def _followed(plan: EventPlan, view: View, tile: int) -> Reals:
     return rates
 
 
-def _distance(one: Reals, two: Reals, scale: float, tile: int) -> Distance:
+def _distance(one: Reals, two: Reals, scale: float, tile: int) -> Measured:
     square = (one - two) ** 2
     there = ~np.isnan(square)
     each = np.where(there, square, 0.0).sum(1) / np.maximum(there.sum(1), 1)
-    mean, spread = float(each.mean()), CONFIDENCE * float(each.std()) / math.sqrt(each.size)
+    mean, spread = float(each.mean()), DEVIATIONS * float(each.std()) / math.sqrt(each.size)
     low, high = (math.sqrt(max(mean + sign * spread, 0.0)) / scale for sign in (-1, 1))
-    return Distance(math.sqrt(mean) / scale, low, high, tile)
+    return Measured(math.sqrt(mean) / scale, low, high, tile)
 
 
 def _scale(plan: EventPlan, rates: Reals) -> float:
     return max(float(np.nanmean(rates[:, 0])), plan.scene.floor)
 
 
-def _measured(plan: EventPlan, view: View, tiles: list[int]) -> list[Distance]:
+def _measured(plan: EventPlan, view: View, tiles: list[int]) -> list[Measured]:
     """The plan against the reference, tile by tile."""
     found = []
     for tile in tiles:
@@ -223,14 +219,11 @@ def _measured(plan: EventPlan, view: View, tiles: list[int]) -> list[Distance]:
     return found
 
 
-def _worst(found: list[Distance]) -> Distance:
-    """The largest of some distances, with the largest of their upper limits."""
-    return replace(max(found, key=lambda d: d.value), high=max(d.high for d in found))
-
-
-def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
+def measure(plan: EventPlan, view: View, tiles: list[int]) -> Measured:
     """The plan against the reference; the worst of these tiles."""
-    return _worst(_measured(plan, view, tiles))
+    worst = Measured.worst(_measured(plan, view, tiles))
+    assert worst is not None  # of no tile
+    return worst
 
 
 def _left_out(
@@ -254,12 +247,7 @@ def _left_out(
             most = max(most, distance.value)
             limit = float(bounds[tile]) * (2 if effect.kind == "estimate" else 1)
             if distance.high > limit and effect.name not in findings:
-                findings[effect.name] = Finding(
-                    effect.name,
-                    f"{effect.name} was to change at most {limit:.2g} of a tile's rate and was "
-                    f"found to change up to {distance.high:.2g}: it is kept everywhere",
-                    limit, distance.high, tile,
-                )  # fmt: skip
+                findings[effect.name] = reinstated(effect.name, limit, distance.high, tile)
         rows.append(
             {"effect": effect.name, "bound": promised, "kind": effect.kind, "measured": most}
         )
@@ -278,19 +266,13 @@ def check_plan(
     if findings:
         return findings, None
     found = _measured(plan, view, tiles)
-    error = _worst(found)
+    error = Measured.worst(found)
+    assert error is not None
     if plan.left_out.any() and error.high > tolerance:
-        message = (
-            f"together, what was left out changes up to {error.high:.2g} of a tile's rate, "
-            f"more than the tolerance {tolerance:g}: everything is kept"
-        )
-        return [Finding(EVERYTHING, message, tolerance, error.high, error.tile)], None
+        return [reinstated(EVERYTHING, tolerance, error.high)], None
     notes = []
     if not plan.left_out.any() and error.high > accepted_error(tolerance):
-        notes.append(
-            f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
-            f"tile's rate, more than the tolerance {tolerance:g}"
-        )
+        notes.append(beyond(error, tolerance))
     others = np.delete(plan.total, tiles)
     whole = replace(error, high=max(error.high, float(others.max(initial=0.0))))
     over = sum(distance.value > accepted_error(tolerance) for distance in found)

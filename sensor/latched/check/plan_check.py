@@ -19,37 +19,31 @@ import numpy.typing as npt
 from cosim.compute.opencl import Device
 from cosim.config.amounts import number
 from cosim.light.light import Light
-from cosim.plan.paired import Measured, Paired, Span, TrialCamera, Values, compare, worst
+from cosim.plan.error import (
+    ARITHMETIC,
+    BrokenPromise,
+    Finding,
+    Measured,
+    accepted_error,
+    beyond,
+    reinstated,
+)
+from cosim.plan.paired import Paired, Span, TrialCamera, Values, compare, worst
 from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import ESTIMATE_WEIGHT, accepted_error
+from cosim.plan.planner import ESTIMATE_WEIGHT, left_out_rows
 from cosim.plan.tiles import TILE
-from cosim.run.machine import BrokenPromise, Finding
 from cosim.run.result import Error
 from cosim.stage import Block
 from sensor.latched.check.bank import BankChange, bank_change
 from sensor.latched.check.samples import TileSamples
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.patches import PatchCamera
-from sensor.latched.planning import ARITHMETIC, CameraPlan
+from sensor.latched.planning import CameraPlan
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
 _SAMPLES: Final = "samples/"
 """Prefix of the state of the samples."""
-
-
-def finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:
-    """The finding of an exceeded bound. If `tile` is None, the total error exceeds the tolerance
-    `promised`."""
-    remedy = "the exact tier" if effect == ARITHMETIC else f"{effect} kept"
-    message = (
-        f"the total error is up to {number(measured, 2)} where the tolerance is "
-        f"{number(promised, 2)}: the run is repeated with {remedy}"
-        if tile is None
-        else f"the run is repeated with {remedy}: its absence changes up to "
-        f"{number(measured, 2)} on tile {tile}, where the bound is {number(promised, 2)}"
-    )
-    return Finding(effect, message, promised, measured, tile)
 
 
 def absent_on(run: CameraPlan, plane: PatchPlane) -> list[str]:
@@ -123,7 +117,7 @@ class PlanCheck(Paired):
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
                 tile = int(at[1])
                 findings.append(
-                    finding(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
+                    reinstated(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
                 )
         return findings
 
@@ -151,7 +145,7 @@ class PlanCheck(Paired):
         most = float(promised.max())
         if change.least <= most:
             return []
-        return [finding(OWN_DRAWS, most, change.least, int(tiles[np.argmax(promised)]))]
+        return [reinstated(OWN_DRAWS, most, change.least, int(tiles[np.argmax(promised)]))]
 
     def patches_error(self) -> Measured:
         """The error of the patches against the reference, of rates."""
@@ -173,10 +167,7 @@ class PlanCheck(Paired):
             others[tiles] = np.where(
                 least > others[tiles], ESTIMATE_WEIGHT * whole * least, others[tiles]
             )
-        return Measured(
-            max(error.value, sampled), max(error.low, sampled),
-            max(error.high, sampled, float(others.max(initial=0.0))),
-        )  # fmt: skip
+        return error.at_least(sampled, max(sampled, float(others.max(initial=0.0))))
 
     def _sampled(self) -> Values:
         """Least error that each sampled tile can have, (tiles of the samples,)."""
@@ -229,7 +220,7 @@ class PlanCheck(Paired):
         )
         if not names and tier == "fast":
             names = [ARITHMETIC]
-        return [finding(name, tolerance, error.high, None) for name in names]
+        return [reinstated(name, tolerance, error.high, None) for name in names]
 
     def _broken_in_samples(self, tier: Tier) -> list[Finding]:
         """The finding of the sample that exceeds the bound of its tile most: the effect with the
@@ -253,7 +244,7 @@ class PlanCheck(Paired):
             name = ARITHMETIC
         else:
             return []
-        return [finding(name, float(self._promised[tile]), float(least[at]), tile)]
+        return [reinstated(name, float(self._promised[tile]), float(least[at]), tile)]
 
     def beyond(self) -> list[str]:
         """A note if the error exceeds the tolerance with every effect kept."""
@@ -268,12 +259,7 @@ class PlanCheck(Paired):
                 "the run, whose last plane the observer still sees; make the run longer, or the "
                 "images earlier"
             ]
-        limit = "" if tolerance > 0 else f" (at most {number(accepted)} is accepted)"
-        return [
-            f"the error is {number(error.value, 2)} (up to {number(error.high, 2)}) where the "
-            f"tolerance is {number(tolerance)}{limit}, with every effect kept: it is the limit of "
-            "the exact tier"
-        ]
+        return [beyond(error, tolerance)]
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         state = super().state()
@@ -296,11 +282,4 @@ class PlanCheck(Paired):
     def left_out(self) -> list[dict[str, Any]]:
         """Rows of `result.json`: effects that at least one tile leaves out, with bound and
         measurement."""
-        measured = self.measured()
-        return [
-            {
-                "effect": row.effect, "bound": row.bound, "kind": row.kind,
-                "measured": measured.get(row.effect),
-            }
-            for row in self._plan.rows if row.effect in self._plan.left_out
-        ]  # fmt: skip
+        return left_out_rows(self._plan.absent, self.measured())

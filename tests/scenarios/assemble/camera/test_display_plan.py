@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cosim import Block, Bound
-from cosim.run.machine import BrokenPromise
+from cosim.plan.error import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.effects.costs import BASE_COST, SPAN_COST
 from display.trial.paired import TRUTH

@@ -11,7 +11,8 @@ import pytest
 from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.survey import Sketched, survey
-from cosim.plan.planner import SHARE, accepted_error
+from cosim.plan.error import accepted_error
+from cosim.plan.planner import SHARE
 from cosim.plan.tiles import TILE, TileGrid
 from scenarios.assemble.camera.planning import RunPlan, plan_run
 from scenarios.assemble.camera.setup import set_up_camera

@@ -10,8 +10,8 @@ import pytest
 
 from cosim import Block, Bound, Interrupted
 from cosim.compute.opencl import Device
+from cosim.plan.error import BrokenPromise
 from cosim.plan.paired import compare, windows, worst
-from cosim.run.machine import BrokenPromise
 from cosim.run.progress import QuietProgress
 from scenarios.assemble.camera.planning import plan_run
 from scenarios.assemble.camera.setup import set_up_camera

@@ -105,6 +105,7 @@ def test_bounds_that_are_infinite_are_unknown():
     assert json.dumps(rows, allow_nan=False)
 
 
+REPEATED = "the run is repeated with "
 PLANTED = [("shot noise", "_shot_noise"), ("PRNU", "_prnu"), ("dark current and DSNU", "_dark")]
 
 
@@ -119,7 +120,7 @@ def test_a_false_bound_is_found_out_named_and_put_back(monkeypatch, name, functi
     checked = verify(plan, start.view, 1e-2)
     assert not checked.plan.where(name).any()
     assert name not in [row["effect"] for row in checked.left_out]
-    assert [text.split(" was to change at most")[0] for text in checked.notes] == [name]
+    assert [text.split(" kept: ")[0] for text in checked.notes] == [REPEATED + name]
     assert checked.error.high <= 1e-2
 
 
@@ -128,8 +129,8 @@ def test_a_run_with_a_false_bound_says_so_and_keeps_the_effect(tmp_path, monkeyp
     result, run = shoot(tmp_path / "run", "duration=100 ms")
     assert "shot noise" in result.kept
     assert "shot noise" not in [row["effect"] for row in result.left_out]
-    told = [note for note in run.run.notes if note.startswith("shot noise was to change at most")]
-    assert len(told) == 1 and told[0].endswith("it is kept everywhere")
+    told = [note for note in run.run.notes if note.startswith(REPEATED + "shot noise kept: ")]
+    assert len(told) == 1 and "its absence changes up to" in told[0]
     assert result.error is not None and result.error.ci is not None
     assert result.error.ci[1] <= 1e-3
     # The sun's widths vary as those of 300 electrons do.
@@ -146,7 +147,7 @@ def test_a_sum_that_exceeds_the_tolerance_is_found_out(monkeypatch):
     assert plan.where("shot noise").any()
     checked = verify(plan, start.view, 1e-3)
     assert not checked.plan.left_out.any()
-    assert checked.notes[0].startswith("together, what was left out changes up to")
+    assert checked.notes[0].endswith(REPEATED + "every effect kept")
     assert checked.error.high < 1e-3
 
 
