@@ -38,9 +38,9 @@ def test_errors_change_by_the_share_that_nearly_wrong_bits_do(moved: float) -> N
     assert low <= abs(truth) * RATE / paired.unit <= high
     assert high - low > 3 * (paired.error.high - paired.error.low)
     met = paired.rescaled(1e-4, 10**7)
-    assert met.value == pytest.approx(abs(found.change) * 1e-4 / met.unit)
+    assert met.error.value == pytest.approx(abs(found.change) * 1e-4 / met.unit)
     assert LinkCheck(met, {}, 0.0, 1, 1.0).error(0.0).kind == ESTIMATED
-    assert LinkCheck(met, {}, 0.0, 1, 1.0).beyond(met.low / 2)
+    assert LinkCheck(met, {}, 0.0, 1, 1.0).beyond(met.error.low / 2)
 
 
 def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
