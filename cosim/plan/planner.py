@@ -10,8 +10,8 @@ out the most, and skips sets that cannot be cheaper than the best so far.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Final
 
@@ -22,6 +22,8 @@ from cosim.plan.effects import Effect, Kind, Summary
 
 SHARE = 0.5
 """Share of the tolerance for the bounds of all effects that are left out."""
+RANDOM: Final = 4
+"""Number of tiles that are chosen at random to check a plan."""
 ESTIMATE_WEIGHT = 2.0
 """Weight of an estimate."""
 Values = npt.NDArray[np.float64]
@@ -107,6 +109,18 @@ class Plan:
         """Kind of `total`: a proof if all its bounds are proofs."""
         return "proof" if all(row.kind == "proof" for row in self.absent) else "estimate"
 
+    def keeping(self, names: Collection[str]) -> Plan:
+        """The plan with these effects kept everywhere, and no others anew. Its costs are those of
+        this plan."""
+        kept = {name: tiles | (name in names) for name, tiles in self.kept.items()}
+        gone = [np.where(kept[name], 0.0, bound) for name, bound in self.promise.items()]
+        rows = tuple(
+            replace(row, kept=1.0, bound=float(self.promise[row.effect].max()))
+            if row.effect in names else row
+            for row in self.rows
+        )  # fmt: skip
+        return replace(self, rows=rows, kept=kept, total=np.sum(gone, axis=0))
+
     @property
     def sets(self) -> dict[tuple[str, ...], int]:
         """All distinct sets of effects, with the number of tiles that keep each."""
@@ -118,6 +132,26 @@ class Plan:
             tuple(n for n, k in zip(names, column, strict=True) if k): int(count)
             for column, count in zip(rows.T, counts, strict=True)
         }
+
+
+def choose_tiles(
+    plan: Plan, figures: Sequence[Values], among: npt.NDArray[np.intp], seed: int, each: int = 1
+) -> list[int]:
+    """Numbers of tiles that tell most about a plan, the most informative first.
+
+    Args:
+        plan: the plan.
+        figures: (tiles,) values; the tile with the largest of each is chosen.
+        among: (n,) numbers of the tiles to choose from.
+        seed: seed of the RANDOM tiles that are chosen at random.
+        each: number of tiles for every effect left out, where its bound is largest.
+    """
+    order = [int(np.argmax(values[among])) for values in figures]
+    for name in plan.left_out:
+        promised = np.where(plan.kept[name], -1.0, plan.promise[name])[among]
+        order += np.argsort(-promised, kind="stable")[:each].tolist()
+    order += np.random.default_rng(seed).permutation(len(among))[:RANDOM].tolist()
+    return list(dict.fromkeys(int(among[n]) for n in order))
 
 
 def _subsets(names: Sequence[int]) -> list[tuple[int, ...]]:
@@ -197,12 +231,17 @@ class _Search:
             self._branch(at + 1, (*out, rest[0]), more)
         self._branch(at + 1, out, spent)
 
+    def _moot(self, effect: int, more: tuple[int, ...]) -> bool:
+        """Whether leaving out an effect changes nothing beside the others of a local set."""
+        return any(self._effects[n].name == self._effects[effect].moot for n in more)
+
     def _tiles(self, out: tuple[int, ...], spent: Values) -> tuple[float, npt.NDArray[np.intp]]:
         """Mean cost of the cheapest local set of each tile, and its index, (tiles,). Of equal
         costs, the first is selected, which keeps the most."""
         cost = np.full((len(self._local), spent.size), np.inf)
         for m, more in enumerate(self._local):
-            fits = spent + self._promise[np.array(more, int)].sum(axis=0) <= self._room
+            counted = [n for n in more if not self._moot(n, more)]
+            fits = spent + self._promise[np.array(counted, int)].sum(axis=0) <= self._room
             total = _total(self._effects, self._costs, frozenset(out + more))
             cost[m] = np.where(fits, total, np.inf) if more else total
         return float(cost.min(axis=0).mean()), cost.argmin(axis=0)
@@ -261,16 +300,20 @@ def make_plan(
     for m, more in enumerate(local):
         for n in more:
             kept[n, chosen == m] = False
-    rows = []
+    names = [e.name for e in effects]
     for n, effect in enumerate(effects):
         if effect.name in exempt:
             kept[n, exempt[effect.name]] = True
+        if effect.moot in names:
+            idle = ~kept[n] & ~kept[names.index(effect.moot)]
+            bounds[n, idle] = promise[n, idle] = 0.0
+    rows = []
+    for n, effect in enumerate(effects):
         gone = ~kept[n]
         at = gone if gone.any() else np.ones(tiles, bool)
         kind: Kind = "proof" if kinds[n] == "proof" and sure[at].all() else "estimate"
         largest = float(bounds[n][at].max())
         rows.append(Row(effect.name, largest, kind, float(kept[n].mean()), float(costs[n].mean())))
-    names = [e.name for e in effects]
     return Plan(
         tolerance,
         tuple(rows),

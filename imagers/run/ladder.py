@@ -12,14 +12,14 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final
 
-from cosim.plan.ladder import Row, distinct_plans, fit_order
+from cosim.plan.error import Measured
+from cosim.plan.study import REFERENCE, Step, climb, ladder_document
 from cosim.run.progress import Progress
 from imagers.run.check import Patches, watched_frames
 from imagers.run.plan import PlannedRun, plan_effects
 from imagers.run.tape import NoTape, Taped
 from sensor.frame_pixels import Exposed, PixelModel
 
-REFERENCE: Final = "reference"
 CALLS: Final = 4
 """Timed conversions of each plan, after one that is not timed."""
 
@@ -63,13 +63,14 @@ def measure_ladder(run: PlannedRun, progress: Progress) -> dict[str, Any]:
     effects = list(run.pixels.effects)
     full = frozenset(effects)
     settings = run.model.settings(run.pixels)
-    plans = distinct_plans(
-        lambda tolerance: frozenset(
+    rungs = climb(
+        ["exact"],
+        lambda _, tolerance: frozenset(
             plan_effects(settings, run.exposures, tolerance, run.view.certain)[0].everywhere
         ),
         lambda kept: kept,
     )
-    ways = {f"{tolerances[0]:g}": kept for tolerances, kept in plans}
+    ways = {rung.name: rung.plan for rung in rungs}
     patches = _TimedPatches(full, ways, run.spec.seed, watched_frames(run.exposures.frames))
     imager: Any = run.model.make()
     decides = run.model.judge(imager, full, full, run.spec.seed) is not None
@@ -81,33 +82,19 @@ def measure_ladder(run: PlannedRun, progress: Progress) -> dict[str, Any]:
         frames, pixels = frames + 1, pixels + frame.values.size
         progress.advance(min(frames, total))
     spent = patches.nanoseconds
-
-    def row(tier: str, tolerance: float | None, way: str, kept: frozenset[str], same: float | None,
-            error: float | None, ci: tuple[float, float] | None) -> Row:  # fmt: skip
-        ns = spent.get(way)
-        return Row(
-            tier, tolerance, error, ci, None if ns is None else ns * 1e-9 * pixels, ns,
-            [effect for effect in effects if effect in kept],
-            [effect for effect in effects if effect not in kept], same,
-        )  # fmt: skip
-
-    rows = [row("reference", None, REFERENCE, full, None, 0.0, (0.0, 0.0))]
-    points = []
-    for tolerances, kept in plans:
-        way = f"{tolerances[0]:g}"
-        error = patches.of(way)
-        value = None if error is None else error.value
-        ci = None if error is None else (error.low, error.high)
-        for n, tolerance in enumerate(tolerances):
-            rows.append(row("exact", tolerance, way, kept, tolerances[0] if n else None, value, ci))
-        points.append((tolerances[0], value or 0.0))
-    return {
-        "reference": {
-            "tier": "reference", "patches": patches.count, "frames": frames,
+    steps = [
+        Step.of(REFERENCE, None, Measured(0.0, 0.0, 0.0), spent.get(REFERENCE), pixels, effects)
+    ]
+    for rung in rungs:
+        kept = [effect for effect in effects if effect in rung.plan]
+        out = [effect for effect in effects if effect not in rung.plan]
+        steps += rung.steps(patches.of(rung.name), spent.get(rung.name), pixels, kept, out)
+    return ladder_document(
+        steps,
+        {
+            "tier": REFERENCE, "patches": patches.count, "frames": frames,
             "ns_per_pixel_cycle": spent.get(REFERENCE),
             "decisions": "not compared" if decides else "none",
         },
-        "order": fit_order(points),
-        "floor": {"reference": 0.0, "monte_carlo": None},
-        "rows": [each.document() for each in rows],
-    }  # fmt: skip
+        0.0, None,
+    )  # fmt: skip

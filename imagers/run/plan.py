@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import seconds_to_ps
-from cosim.plan.forecast import Speeds, forecast_document
 from cosim.plan.planner import Plan, make_plan
+from cosim.plan.study import Speeds, forecast_document
 from imagers.common.model import ExposureRange, ImagerModel, View
 from sensor.frame_pixels import ImagerSummary, PixelModel
 
@@ -109,8 +109,9 @@ def plan_effects(
         if len(settings) == 1:
             break
     plan, summary = max(plans, key=lambda each: float(each[0].total.max()))
-    rows = tuple(max(same, key=lambda row: row.bound)
-                 for same in zip(*(p.rows for p, _ in plans), strict=True))  # fmt: skip
+    largest = (max(same, key=lambda row: row.bound)
+               for same in zip(*(p.rows for p, _ in plans), strict=True))  # fmt: skip
+    rows = tuple(replace(row, kept=own.kept) for row, own in zip(largest, plan.rows, strict=True))
     return replace(plan, rows=rows), summary
 
 

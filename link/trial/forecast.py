@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from cosim import BLOCK, Block, Viform
 from cosim.light.light import PlaneMap
-from cosim.plan.forecast import Speeds, forecast_document
+from cosim.plan.study import Speeds, forecast_document
 from cosim.run.progress import Progress
 from link.setup.setup import FileLinkSetup
 from link.trial.amounts import Amounts, amounts, carried

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from cosim import BLOCK, Block, InputError
-from cosim.plan.ladder import Row, distinct_plans, fit_rows
+from cosim.plan.error import Measured
+from cosim.plan.study import REFERENCE, Rung, Step, climb, ladder_document
 from cosim.run.progress import Progress
 from link.air import ber_units
 from link.setup.setup import FileLinkSetup
@@ -28,38 +28,14 @@ from sensor.latched.tiers import Tier
 
 TIMED: Final = 2
 """Blocks of the whole chip that are timed, after one that is not."""
-_FULL: Final = "reference"
 
 
-@dataclass(frozen=True)
-class _Rung:
-    """A plan of the ladder.
-
-    Attributes:
-        tier: tier of the camera's pixels.
-        tolerances: tolerances that give this plan.
-        plan: the plan.
-    """
-
-    tier: Tier
-    tolerances: list[float]
-    plan: LinkPlan
-
-    @property
-    def name(self) -> str:
-        return f"{self.tier} {self.tolerances[0]:g}"
-
-
-def _rungs(setup: FileLinkSetup, survey: LinkSurvey) -> list[_Rung]:
-    tiers: list[Tier] = ["exact"] if setup.device is None else ["exact", "fast"]
-    return [
-        _Rung(tier, tolerances, plan)
-        for tier in tiers
-        for tolerances, plan in distinct_plans(
-            lambda tolerance, tier=tier: survey.plan(tolerance, setup.device, tier=tier),  # type: ignore[misc]
-            lambda plan: plan.left_out,
-        )
-    ]
+def _rungs(setup: FileLinkSetup, survey: LinkSurvey) -> list[Rung[LinkPlan]]:
+    return climb(
+        ["exact"] if setup.device is None else ["exact", "fast"],
+        lambda tier, tolerance: survey.plan(tolerance, setup.device, tier=tier),
+        lambda plan: plan.left_out,
+    )
 
 
 def _plane_ns(
@@ -117,32 +93,29 @@ def link_ladder(setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
         )  # fmt: skip
     survey = survey_of(setup, patches)  # as a run is planned
     rungs = _rungs(setup, survey)
-    variants = {_FULL: Variant("reference", camera)}
+    variants = {REFERENCE: Variant(REFERENCE, camera)}
     variants |= {
         rung.name: Variant(rung.tier, rung.plan.camera, rung.plan.air_effects) for rung in rungs
     }
     decided = patches.film(variants, setup.device, progress)
     air_ns, camera_ns = _plane_ns(setup, [rung.plan for rung in rungs], progress)
-    full = decided[_FULL]
-    rows, kind = [], KIND
+    full = decided[REFERENCE]
+    steps, kind = list[Step](), KIND
     for rung in rungs:
         other, plan = decided[rung.name], rung.plan
         paired = compare(full.wrong, other.wrong, survey.scene.bits, (full.lead, other.lead))
         kind = paired.kind
         ns = air_ns[plan.air_effects] + camera_ns[plan.tier, plan.camera]
-        for at, tolerance in enumerate(rung.tolerances):
-            rows.append(Row(
-                rung.tier, tolerance, paired.error.value, (paired.error.low, paired.error.high),
-                ns * 1e-9 * setup.pixel_cycles, ns, plan.simulated, list(plan.left_out),
-                rung.tolerances[0] if at else None,
-            ))  # fmt: skip
+        steps += rung.steps(
+            paired.error, ns, setup.pixel_cycles, plan.simulated, plan.left_out
+        )  # fmt: skip
     reference = _reference(setup, survey, patches, full, air_ns[None])
-    return _document(setup, survey, patches, full, [*rows, reference], kind)
+    return _document(setup, survey, patches, full, [*steps, reference], kind)
 
 
 def _reference(
     setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, air_ns: float
-) -> Row:
+) -> Step:
     """Row of full physics.
 
     Its error is that of its own tabulated thresholds, which shifts the charge of a tick against
@@ -153,31 +126,26 @@ def _reference(
     wrong = reference_error(setup.setting.camera, patches.plane.numbers[:DRAWS])
     error = ber_units(survey.scene, wrong * survey.scene.threshold / survey.scene.on)
     everything = [effect.name for effect in (*survey.air_effects, *survey.camera_effects)]
-    seconds = ns * 1e-9 * setup.pixel_cycles
-    return Row("reference", None, error, (0.0, error), seconds, ns, everything, [])
+    measured = Measured(error, 0.0, error)
+    return Step.of(REFERENCE, None, measured, ns, setup.pixel_cycles, everything)
 
 
 def _document(
-    setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, rows: list[Row],
-    kind: str,
+    setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided,
+    steps: list[Step], kind: str,
 ) -> dict[str, Any]:  # fmt: skip
     assert patches.plane is not None
-    unit, reference = half_width(full.rate, survey.scene.bits), rows[-1]
-    return {
-        "scenario": setup.scenario.title,
-        "error_of": kind,
-        "device": setup.device_name,
-        "reference": {
-            "tier": "reference", "error": reference.error,
+    unit, reference = half_width(full.rate, survey.scene.bits), steps[-1]
+    assert reference.error is not None
+    return ladder_document(
+        steps,
+        {
+            "tier": REFERENCE, "error": reference.error,
             "ns_per_pixel_cycle": reference.ns_per_pixel_cycle,
             "run_time_s": reference.run_time_s, "effects": reference.effects,
             "patches": len(patches.plane.tiles), "pixels": int(patches.plane.numbers.size),
             "bits": patches.bits, "bit_error_rate": full.rate, "half_width": unit,
         },
-        "order": fit_rows(rows[:-1]),
-        "floor": {
-            "reference": reference.error,
-            "monte_carlo": half_width(full.rate, patches.bits) / unit,
-        },
-        "rows": [row.document() for row in rows],
-    }  # fmt: skip
+        reference.error, half_width(full.rate, patches.bits) / unit,
+        scenario=setup.scenario.title, error_of=kind, device=setup.device_name,
+    )  # fmt: skip

@@ -27,18 +27,17 @@ from cosim.plan.error import (
     beyond,
     reinstated,
 )
+from cosim.plan.planner import choose_tiles, left_out_rows
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.reference import follow
-from sensor.asynchronous.plan.plan import EventPlan
-from sensor.asynchronous.plan.planned import PlannedPixels
+from sensor.asynchronous.plan.effects import LATER
+from sensor.asynchronous.plan.plan import EventPlan, PlannedPixels
 from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.thresholds import first_thresholds
 
 REPORTS = 8
 """Reports of a pixel that are compared where every spike is sent."""
-RANDOM = 4
-"""Tiles chosen at random."""
 KIND = "rate of first reports, worst tile"
 
 Reals = npt.NDArray[np.float64]
@@ -90,21 +89,15 @@ class Checked:
     full_physics: float | None = None
 
 
-def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
-    """The brightest, the darkest, the steepest, some at random, the one whose bounds sum to most,
-    and for each effect the one in which leaving it out may change most."""
+def tiles_of(plan: EventPlan, seed: int) -> list[int]:
+    """Numbers of the tiles to look at: the brightest, the darkest, the steepest, the one whose
+    bounds sum to most, for each effect the one in which leaving it out may change most, and some at
+    random."""
     scene = plan.scene
-    steep = scene.rms / np.maximum(scene.mean, 1e-300)
-    chosen = [int(np.argmax(scene.mean)), int(np.argmin(scene.mean)),
-              int(np.argmax(steep))]  # fmt: skip
-    drawn = np.random.default_rng(seed).permutation(scene.mean.size)[:RANDOM]
-    chosen += [int(n) for n in drawn]
-    if plan.left_out.any():
-        chosen.append(int(np.argmax(plan.total)))
-    for bound, out in zip(plan.bounds, plan.left_out, strict=True):
-        if out.any():
-            chosen.append(int(np.argmax(np.where(out, bound, -1.0))))
-    return sorted(set(chosen))
+    figures = [scene.mean, -scene.mean, scene.rms / np.maximum(scene.mean, 1e-300)]
+    if plan.plan.left_out:
+        figures.append(plan.plan.total)
+    return sorted(choose_tiles(plan.plan, figures, np.arange(scene.mean.size), seed))
 
 
 def _end(plan: EventPlan, view: View, tile: int) -> int:
@@ -230,28 +223,23 @@ def _left_out(
     plan: EventPlan, view: View, tiles: list[int]
 ) -> tuple[list[dict[str, Any]], list[Finding]]:
     """What leaving out each effect changes, as result.json has it, and the bounds that fail."""
-    rows: list[dict[str, Any]] = []
-    findings: dict[str, Finding] = {}
-    for effect, bounds, out in zip(plan.effects, plan.bounds, plan.left_out, strict=True):
-        if not out.any():
-            continue
-        other, last = plan.without({effect.name}), effect.name == "later reports"
-        most, promised = 0.0, float(bounds[out].max())
-        for tile in tiles:
-            if not out[tile]:
-                continue
+    measured: dict[str, float | None] = {}
+    findings: list[Finding] = []
+    for name in plan.plan.left_out:
+        other, last, found = plan.keeping({name}), name == LATER, []
+        for tile in np.array(tiles)[plan.where(name)[tiles]].tolist():
             full = _planned(other, view, tile, last=last)
-            distance = _distance(
-                _planned(plan, view, tile, last=last), full, _scale(plan, full), tile
+            found.append(
+                _distance(_planned(plan, view, tile, last=last), full, _scale(plan, full), tile)
             )
-            most = max(most, distance.value)
-            limit = float(bounds[tile]) * (2 if effect.kind == "estimate" else 1)
-            if distance.high > limit and effect.name not in findings:
-                findings[effect.name] = reinstated(effect.name, limit, distance.high, tile)
-        rows.append(
-            {"effect": effect.name, "bound": promised, "kind": effect.kind, "measured": most}
-        )
-    return rows, list(findings.values())
+        measured[name] = max((change.value for change in found), default=0.0)
+        promised = plan.plan.promise[name]
+        over = [change for change in found if change.high > promised[change.tile]]
+        if over:
+            tile = over[0].tile
+            assert tile is not None
+            findings.append(reinstated(name, float(promised[tile]), over[0].high, tile))
+    return left_out_rows(plan.absent, measured), findings
 
 
 def check_plan(
@@ -261,19 +249,19 @@ def check_plan(
 
     Returns the effects to reinstate, or else what was measured.
     """
-    tiles = choose_tiles(plan, view.seed)
+    tiles = tiles_of(plan, view.seed)
     rows, findings = _left_out(plan, view, tiles)
     if findings:
         return findings, None
     found = _measured(plan, view, tiles)
     error = Measured.worst(found)
     assert error is not None
-    if plan.left_out.any() and error.high > tolerance:
+    if plan.plan.left_out and error.high > tolerance:
         return [reinstated(EVERYTHING, tolerance, error.high)], None
     notes = []
-    if not plan.left_out.any() and error.high > accepted_error(tolerance):
+    if not plan.plan.left_out and error.high > accepted_error(tolerance):
         notes.append(beyond(error, tolerance))
-    others = np.delete(plan.total, tiles)
+    others = np.delete(plan.plan.total, tiles)
     whole = replace(error, high=max(error.high, float(others.max(initial=0.0))))
     over = sum(distance.value > accepted_error(tolerance) for distance in found)
     return [], Checked(plan, whole, tiles, over, rows, notes)
