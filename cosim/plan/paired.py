@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from cosim.light.light import Light, PlaneMap
 from cosim.plan.error import Measured, deviations
-from cosim.plan.patches import PatchPlane
+from cosim.plan.tiles import PatchPlane
 from cosim.stage import Block
 
 Words = npt.NDArray[np.uint32]

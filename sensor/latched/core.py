@@ -31,7 +31,7 @@ from cosim.light.steps import PushedLight
 from cosim.light.survey import Coded, Survey
 from cosim.plan.error import ARITHMETIC, Bounds, BrokenPromise, Finding, Measured
 from cosim.plan.paired import Span, windows
-from cosim.plan.patches import PatchPlane
+from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, blocks
 from sensor.latched.camera import Gathering, SpikeCamera

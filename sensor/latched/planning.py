@@ -18,9 +18,8 @@ from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect, Summary
 from cosim.plan.error import accepted_error
 from cosim.plan.paired import Span, TrialCamera
-from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import SHARE, Plan, choose_tiles, make_plan
-from cosim.plan.tiles import TileGrid
+from cosim.plan.tiles import PatchPlane, TileGrid
 from sensor.latched.arithmetic import exact_error, fast_error
 from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.effects.costs import EXACT, QUIET, reference_cost

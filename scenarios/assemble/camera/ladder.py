@@ -28,9 +28,9 @@ import numpy as np
 from cosim import BLOCK, Block
 from cosim.plan.error import BrokenPromise, Measured
 from cosim.plan.paired import Paired, TrialCamera, Values, compare, worst
-from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import Plan
 from cosim.plan.study import REFERENCE, Rung, Step, climb, ladder_document
+from cosim.plan.tiles import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
 from display.trial.cost import display_ns, golden_ns

@@ -11,8 +11,8 @@ import numpy as np
 
 from cosim import BLOCK, Block
 from cosim.light.light import PlaneMap
-from cosim.plan.patches import PatchPlane
 from cosim.plan.study import Speeds, forecast_document
+from cosim.plan.tiles import PatchPlane
 from cosim.run.progress import Progress
 from scenarios.assemble.camera.boards import refuse_boards
 from scenarios.assemble.camera.ladder import accuracy, every_tile

@@ -15,7 +15,7 @@ from cosim import Block, Light
 from cosim.compute.opencl import Device
 from cosim.plan.error import BrokenPromise, Finding, Measured, accepted_error, reinstated
 from cosim.plan.paired import Values, Words
-from cosim.plan.patches import PatchPlane
+from cosim.plan.tiles import PatchPlane
 from cosim.run.result import Error
 from display.trial.paired import (
     TRUTH,

@@ -29,9 +29,8 @@ from cosim.plan.error import (
     reinstated,
 )
 from cosim.plan.paired import Paired, Span, TrialCamera, Values, compare, worst
-from cosim.plan.patches import PatchPlane
 from cosim.plan.planner import ESTIMATE_WEIGHT, left_out_rows
-from cosim.plan.tiles import TILE
+from cosim.plan.tiles import TILE, PatchPlane
 from cosim.run.result import Error
 from cosim.stage import Block
 from sensor.latched.check.bank import BankChange, bank_change
