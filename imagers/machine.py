@@ -19,8 +19,7 @@ from imagers.common.kind import ImagerKind
 from imagers.common.model import FrameFigures
 from imagers.report.page import ImagerRun, imager_page
 from imagers.run.chain import FrameChain
-from imagers.run.ladder import measure_ladder
-from imagers.run.plan import DEVICE, PlannedRun, forecast
+from imagers.run.plan import DEVICE, PlannedRun, forecast, measure_ladder
 from imagers.run.tape import FRAMES, read_frame
 
 PICTURES: Final = 8

@@ -28,12 +28,13 @@ from link.layout import Layout
 from link.mode import Mode
 from link.setting import LinkSetting
 from link.theory.intervals import NORMAL, clopper_pearson
-from link.trial.near import SHARE as NEARLY
 from sensor import CameraSetting
 from sensor.latched.effects.costs import QUIET
 from sensor.latched.fast import charge_error
 from sensor.latched.tiers import Tier
 
+NEARLY: Final = 1e-3
+"""Share of the bits that are nearly wrong."""
 _DEVIATIONS: Final = 8.0
 """Standard deviations of a tick's charge beyond which no threshold decides a bit."""
 _NOISES: Final = frozenset({"shot noise", "threshold noise", "row timing noise", "common drift"})
@@ -242,7 +243,7 @@ def uncertainty(scene: LinkSummary, size: float, spikes: float, compared: Compar
     """Standard deviation of a check of an effect that changes nothing on average, in half-widths of
     the run's bit error rate.
 
-    The check counts bits that are nearly wrong, a share of all (`link.trial.near`). The charges of
+    The check counts bits that are nearly wrong, a share of all (`link.trial.check`). The charges of
     such a bit are near the threshold Q. A change of a charge by the share s moves its spike, where
     noise gives the charge a normal density of deviation n Q at the threshold, with the chance
     |s| / (n sqrt(2 pi)), and for a normal s of deviation `size` with size / (pi n). That share of

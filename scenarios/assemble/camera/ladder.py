@@ -35,9 +35,8 @@ from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
 from display.trial.cost import display_ns, golden_ns
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan, Verifier
 from scenarios.assemble.camera.setup import CameraSetup
-from scenarios.assemble.camera.verifier import Verifier
 from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.effects.own_draws import OWN_DRAWS

@@ -17,7 +17,7 @@ from cosim.run.progress import Progress
 from scenarios.assemble.camera.boards import refuse_boards
 from scenarios.assemble.camera.ladder import accuracy, every_tile
 from scenarios.assemble.camera.memory import check_run_memory, peak_memory
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.latched.effects.own_draws import OWN_DRAWS

@@ -5,12 +5,19 @@ reference with every effect, the planned camera, and, in the exact tier, one cam
 effect and one without each effect that is left out. In all other tiles it exposes a few pixels
 (`samples`). The stated error is the largest that was measured; its upper limit is that of the
 patches or, if larger, the bound of the plan in the tiles that were not measured as a whole.
+
+What noise from the bank changes against a draw for each spike is measured by itself. Two cameras
+that are equal otherwise film the patches, so their rates differ by two independent noises. What can
+be measured are the mean of the difference, which is a change of the rate, and the difference of
+their variances about a third camera, which has no noise: a change of the noise. Both are averages
+over all patches and windows, with the intervals that follow from their scatter.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -33,7 +40,6 @@ from cosim.plan.planner import ESTIMATE_WEIGHT, left_out_rows
 from cosim.plan.tiles import TILE, PatchPlane
 from cosim.run.result import Error
 from cosim.stage import Block
-from sensor.latched.check.bank import BankChange, bank_change
 from sensor.latched.check.samples import TileSamples
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.patches import PatchCamera
@@ -41,8 +47,66 @@ from sensor.latched.planning import CameraPlan
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
+_DOUBT: Final = 1e-6
+"""Chance that an interval does not include the true change. A run beyond it is repeated without the
+bank, which must not happen by chance."""
 _SAMPLES: Final = "samples/"
 """Prefix of the state of the samples."""
+
+
+@dataclass(frozen=True)
+class BankChange:
+    """Changes by the bank, relative to the mean rate, with half widths of their intervals.
+
+    Attributes:
+        rate, rate_width: mean change of the rate.
+        noise, noise_width: change of the standard deviation of a rate.
+    """
+
+    rate: float
+    rate_width: float
+    noise: float
+    noise_width: float
+
+    @property
+    def value(self) -> float:
+        """The larger change."""
+        return max(abs(self.rate), abs(self.noise))
+
+    @property
+    def least(self) -> float:
+        """The larger change, less its interval; 0 where the interval includes 0."""
+        rate, noise = abs(self.rate) - self.rate_width, abs(self.noise) - self.noise_width
+        return max(rate, noise, 0.0)
+
+
+def bank_change(bank: Values, own: Values, noiseless: Values, floor: float) -> BankChange | None:
+    """The change of rates by the bank, None with fewer than two patches.
+
+    Windows may overlap, so the windows of a patch are one sample. Patches are independent.
+
+    Args:
+        bank, own, noiseless: (windows, patches, pixels) spikes a cycle, with noise from the bank,
+            with a draw for each spike, and without noise.
+        floor: spikes a cycle, least mean rate.
+    """
+    from scipy.special import stdtrit
+
+    patches = bank.shape[1]
+    if patches < 2:
+        return None
+    base = np.maximum(own.mean(axis=2, keepdims=True), max(floor, 1e-300))
+    noise, reference = (bank - noiseless) / base, (own - noiseless) / base
+    rates = (noise - reference).mean(axis=(0, 2))
+    variance, other = (each.var(axis=2).mean(axis=0) for each in (noise, reference))
+    both = (variance + other) / 2
+    # Patches differ in their noise, so each contributes its relative change.
+    sizes = math.sqrt(float(both.mean())) * (variance - other) / np.maximum(2 * both, 1e-300)
+    score = -float(stdtrit(patches - 1, _DOUBT / 2)) / math.sqrt(patches)
+    return BankChange(
+        float(rates.mean()), score * float(rates.std(ddof=1)),
+        float(sizes.mean()), score * float(sizes.std(ddof=1)),
+    )  # fmt: skip
 
 
 def absent_on(run: CameraPlan, plane: PatchPlane) -> list[str]:
@@ -105,20 +169,24 @@ class PlanCheck(Paired):
         truth = self.rates("all", spans)
         return compare(self.rates(f"without {name}", spans), truth, self._floor)[2]
 
-    def _broken(self, spans: Sequence[Span]) -> list[Finding]:
-        findings = []
-        tiles = np.array(self.plane.tiles)
-        for name in self._left_out:
-            high = self._changed(name, spans)
+    def _exceeded(self, changes: Mapping[str, Values]) -> list[Finding]:
+        """The findings of the effects whose bounds are exceeded on a patch that leaves them out, in
+        the patch where it is exceeded most. changes: upper limits, relative, (windows or images,
+        patches), by name."""
+        findings, tiles = [], np.array(self.plane.tiles)
+        for name, high in changes.items():
             promised, absent = self._plan.promise[name][tiles], ~self._plan.kept[name][tiles]
             over = np.where(absent & (high > promised), high / np.maximum(promised, 1e-300), 0)
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
-                tile = int(at[1])
+                worst = int(at[1])
                 findings.append(
-                    reinstated(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
+                    reinstated(name, float(promised[worst]), float(high[at]), int(tiles[worst]))
                 )
         return findings
+
+    def _broken(self, spans: Sequence[Span]) -> list[Finding]:
+        return self._exceeded({name: self._changed(name, spans) for name in self._left_out})
 
     def broken(self) -> list[Finding]:
         """Exceeded bounds over the whole run."""

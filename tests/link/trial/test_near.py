@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from link.report.tables import error_text
-from link.trial.check import ESTIMATED, KIND, LinkCheck, compare
-from link.trial.near import FEWEST, near
+from link.trial.check import ESTIMATED, FEWEST, KIND, LinkCheck, compare, near
 
 SLOPE, RATE = 0.6, 1e-5
 
