@@ -253,7 +253,7 @@ class Camera(Called, Generic[S]):
             call: Number of the call, from 0; the next one if None. Equal seeds, numbers and frames
                 give equal bits.
             check: Whether the bounds are checked on patches, as a run does: an effect whose bound
-                is exceeded is put back, and `error.measured` is the error that was found. A whole
+                is exceeded is reinstated, and `error.measured` is the error that was found. A whole
                 number n checks the calls whose number is a multiple of it. A continuous camera
                 leaves nothing out, and has no check.
 

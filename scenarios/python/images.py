@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cosim import InputError
 from cosim.errors import quote
 from cosim.spikes.viform import SpikeStream
-from scenarios.assemble.dim_of_run import dim_of_run
+from scenarios.assemble.camera.dim import dim_of_run
 from scenarios.python.frames import is_whole
 from scenarios.python.streams import Stream, as_stream
 from scenarios.python.words import in_python

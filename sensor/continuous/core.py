@@ -18,7 +18,7 @@ from cosim.errors import InputError
 from cosim.light.light import Light, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight, light_steps
-from cosim.plan.planner import Bounds
+from cosim.plan.error import Bounds
 from cosim.spikes.intensities import Intensities, join_intensities
 from cosim.stage import BLOCK
 from sensor.continuous.camera import ContinuousCamera

@@ -196,7 +196,7 @@ def test_the_paired_measure_finds_shift_and_noise(size):
     noisy = planned + rng.normal(0, 10 * max(size, 1e-9), base.shape)
     want = 1 - 1 / np.sqrt(1 + size**2)
     seen = paired_error(planned, noisy, 1)
-    assert seen.noise == pytest.approx(want, abs=6 * size / np.sqrt(REPEATS * 4096) + 1e-9)
+    assert seen.value == pytest.approx(want, abs=6 * size / np.sqrt(REPEATS * 4096) + 1e-9)
 
 
 def test_accuracy_has_a_row_for_each_tolerance(tmp_path):

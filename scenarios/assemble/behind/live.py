@@ -21,9 +21,10 @@ from cosim.config.amounts import amount, count, number
 from cosim.config.quantity import DAY
 from cosim.config.toml import to_toml
 from cosim.files import Recorder
+from cosim.plan.error import Finding
 from cosim.report.parts import table
 from cosim.run.chain import STREAM
-from cosim.run.machine import Chain, Finding, Machine, Outcome, Page, Recording, Run
+from cosim.run.machine import Chain, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, viform_version
 from scenarios.assemble.behind.machine import ChainMachine, of_source, with_behind

@@ -19,9 +19,10 @@ from typing import Any, Final
 from cosim import run_blocks
 from cosim.compute.opencl import choose_device
 from cosim.files import Recorder, ZarrStream
+from cosim.plan.error import Finding
 from cosim.run.chain import STREAM
 from cosim.run.folder import how_to_resume, room_for
-from cosim.run.machine import Chain, Finding, Machine, Outcome, Page, Recording, Run
+from cosim.run.machine import Chain, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from scenarios.assemble.behind.board import BoardPanel, open_panel
 from scenarios.assemble.behind.display.screen import Screen, ScreenViews, make_screen

@@ -11,8 +11,9 @@ from cosim import Clock, InputError
 from cosim.clock import seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
 from cosim.files.raw_layout import RAW_SIZE
+from cosim.plan.error import Finding
 from cosim.run.chain import BlockChain
-from cosim.run.machine import Finding, Machine, Outcome, Page, Recording, Run, Study
+from cosim.run.machine import Machine, Outcome, Page, Recording, Run, Study
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput
 from rtl_model.readout.buffer import ROW_BYTES, RowBuffer

@@ -13,7 +13,7 @@ from cosim.compute.opencl import Device
 from cosim.compute.stopping import heed
 from cosim.config.amounts import number
 from cosim.light.source import Source
-from cosim.plan.planner import accepted_error
+from cosim.plan.error import accepted_error
 from cosim.run.machine import Outcome
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit

@@ -9,13 +9,14 @@ from cosim.files import ZarrStream
 from cosim.light.lens import Lens
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
-from cosim.run.machine import Finding, Run
+from cosim.plan.error import Finding
+from cosim.run.machine import Run
 from cosim.run.result import Result
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
-from sensor.latched.check.bank import BankChange
+from sensor.latched.check.plan_check import BankChange
 from sensor.reconstruct.shots import Shot
 
 

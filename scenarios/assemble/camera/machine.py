@@ -14,9 +14,10 @@ from cosim.compute.stopping import threads
 from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
+from cosim.plan.error import Finding
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.inputs import digest
-from cosim.run.machine import Finding, Options, Outcome, Page, Recording, Run
+from cosim.run.machine import Options, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from cosim.run.workers import workers_for
@@ -28,10 +29,9 @@ from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.memory import check_run_memory, memory_note
 from scenarios.assemble.camera.pages.chip import plan_page
 from scenarios.assemble.camera.pages.stream import stream_page
+from scenarios.assemble.camera.plan import RunPlan, Verifier
 from scenarios.assemble.camera.planned import PlannedCamera, planned_camera
-from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
-from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
 from sensor.latched.readout import readout_stages
@@ -245,14 +245,16 @@ class LatchedMachine:
         with threads(1) as beside:  # neither of the two loads two cores
             part = Viform(recorder.watched, stream.cycles, stream.clock)
             measured = beside.submit(measure_sizes, part, self.pixels, threshold, noise)
-            dim, names = dim_light(setup, self.camera, recording.folder)
+            dim, names = dim_light(
+                self.scenario.sensor, setup.setting, self.camera, recording.folder
+            )
             shots = take_shots(
                 stream, self.source, setup.instants, image.window, setup.white_rate, dim,
                 preceding=image.preceding, registers=setup.setting.registers,
             )  # fmt: skip
             files = names + write_images(recording.folder, shots, LATCHED)
             seen = [shot.read for shot in shots if shot.rows[0] < shot.rows[1]]
-            metrics = judge(seen, LATCHED) | dim_metrics(setup, shots)
+            metrics = judge(seen, LATCHED) | dim_metrics(self.scenario.sensor, setup.setting, shots)
             if setup.mosaic is not None:
                 files += write_colour(recording.folder, shots, setup.mosaic)
                 metrics |= colour_differences(shots, setup.mosaic)

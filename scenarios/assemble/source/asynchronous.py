@@ -40,7 +40,7 @@ from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.readout.recorder import gather_events
 from sensor.asynchronous.run import EventSpec
 from sensor.asynchronous.setting import event_camera
-from sensor.asynchronous.study.study import AsynchronousStudy
+from sensor.asynchronous.study import AsynchronousStudy
 from sensor.sections.asynchronous import AsynchronousSection
 
 

@@ -36,7 +36,7 @@ from scenarios.scenes.kinds.grid import SceneGrid
 
 if TYPE_CHECKING:
     from cosim.plan.paired import Words
-    from cosim.plan.patches import PatchPlane
+    from cosim.plan.tiles import PatchPlane
 
     Through = Callable[[PatchPlane], Callable[[Words, int], Words]]
 

@@ -230,12 +230,12 @@ def _kept(judged: EventRun) -> str:
     """The plan: what acts in how many of the pixels, and what leaving it out elsewhere changes."""
     plan, found = judged.checked.plan, {row["effect"]: row for row in judged.run.result.left_out}
     rows = []
-    for effect, share in zip(plan.effects, plan.shares(), strict=True):
-        row = found.get(effect.name)
+    for planned in plan.rows:
+        row = found.get(planned.effect)
         cells = ["", "", ""] if row is None else [
-            number(row['bound'], 2), effect.kind, number(row['measured'], 2)
+            number(row['bound'], 2), planned.kind, number(row['measured'], 2)
         ]  # fmt: skip
-        rows.append([effect.name, percent(share), *cells])
+        rows.append([planned.effect, percent(planned.kept), *cells])
     if "shared channel" in judged.run.result.kept:
         rows.append(["shared channel", percent(1), "", "", ""])
     return (

@@ -8,8 +8,7 @@ import pytest
 from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.light import PlaneMap
-from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TILE, TileGrid
+from cosim.plan.tiles import TILE, PatchPlane, TileGrid
 from sensor import SpikeCamera
 from sensor.latched.fine_tiles import FineTiles, MixedPatches
 from sensor.latched.patches import PatchCamera

@@ -10,8 +10,7 @@ import pytest
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import Device
 from cosim.light.light import PlaneMap
-from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TileGrid
+from cosim.plan.tiles import PatchPlane, TileGrid
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.device.pattern import DevicePattern
 from sensor.latched.patches import PatchCamera

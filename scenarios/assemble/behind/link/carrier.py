@@ -13,7 +13,7 @@ from cosim import Clock, InputError
 from cosim.config.amounts import number
 from cosim.errors import section_at
 from cosim.files import Recorder
-from cosim.run.machine import Finding
+from cosim.plan.error import Finding
 from cosim.run.progress import Progress
 from cosim.stage import BLOCK
 from display.probes.camera import ProbeCamera

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Light, Viform
-from cosim.plan.patches import PatchPlane
+from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import BLOCK, State, blocks
 from display.probes.camera import ProbeCamera

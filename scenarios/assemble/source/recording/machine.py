@@ -15,12 +15,13 @@ from cosim import Clock
 from cosim.config.amounts import amount, count, number
 from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream, ending_of
+from cosim.plan.error import Finding
 from cosim.report.explorer import explorer_part
 from cosim.report.parts import figure, table
 from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.inputs import add_digests
-from cosim.run.machine import Finding, Outcome, Page, Run
+from cosim.run.machine import Outcome, Page, Run
 from cosim.run.machine import Recording as Recorded
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, viform_version

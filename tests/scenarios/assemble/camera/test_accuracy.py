@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cosim.plan.ladder import LADDER, fit_order
+from cosim.plan.study import LADDER, fit_order
 from cosim.run.shown import SilentProgress
 from scenarios.assemble.camera.ladder import accuracy
 from scenarios.assemble.camera.setup import set_up_camera

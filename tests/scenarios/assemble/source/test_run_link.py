@@ -24,7 +24,7 @@ from link.mode import Mode
 from link.setting import link_setting
 from link.setup.modes import choose_mode, tag_warning
 from link.setup.setup import set_up_link
-from link.trial.amounts import carried
+from link.trial.stages import carried
 from link.verdict import Cause, Verdict
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load

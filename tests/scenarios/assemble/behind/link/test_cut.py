@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Viform
-from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TileGrid
+from cosim.plan.tiles import PatchPlane, TileGrid
 from scenarios.assemble.behind.link.coding import CutCode
 from sensor.codec.packets.catalogue import KINDS
 from sensor.codec.packets.decoder import StreamDecoder

@@ -18,21 +18,26 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS, Light
-from cosim.plan.planner import accepted_error
-from cosim.run.machine import Finding
+from cosim.plan.error import (
+    DEVIATIONS,
+    EVERYTHING,
+    Finding,
+    Measured,
+    accepted_error,
+    beyond,
+    reinstated,
+)
+from cosim.plan.planner import choose_tiles, left_out_rows
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.reference import follow
-from sensor.asynchronous.plan.effects import CONFIDENCE
-from sensor.asynchronous.plan.plan import EVERYTHING, EventPlan
-from sensor.asynchronous.plan.planned import PlannedPixels
+from sensor.asynchronous.plan.effects import LATER
+from sensor.asynchronous.plan.plan import EventPlan, PlannedPixels
 from sensor.device.pattern import DevicePattern
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.thresholds import first_thresholds
 
 REPORTS = 8
 """Reports of a pixel that are compared where every spike is sent."""
-RANDOM = 4
-"""Tiles chosen at random."""
 KIND = "rate of first reports, worst tile"
 
 Reals = npt.NDArray[np.float64]
@@ -61,16 +66,6 @@ class View:
 
 
 @dataclass(frozen=True)
-class Distance:
-    """Root mean square over a tile's pixels, relative, with its 99.9 % confidence."""
-
-    value: float
-    low: float
-    high: float
-    tile: int
-
-
-@dataclass(frozen=True)
 class Checked:
     """A plan that holds.
 
@@ -86,7 +81,7 @@ class Checked:
     """
 
     plan: EventPlan
-    error: Distance
+    error: Measured
     tiles: list[int]
     over: int
     left_out: list[dict[str, Any]]
@@ -94,21 +89,15 @@ class Checked:
     full_physics: float | None = None
 
 
-def choose_tiles(plan: EventPlan, seed: int) -> list[int]:
-    """The brightest, the darkest, the steepest, some at random, the one whose bounds sum to most,
-    and for each effect the one in which leaving it out may change most."""
+def tiles_of(plan: EventPlan, seed: int) -> list[int]:
+    """Numbers of the tiles to look at: the brightest, the darkest, the steepest, the one whose
+    bounds sum to most, for each effect the one in which leaving it out may change most, and some at
+    random."""
     scene = plan.scene
-    steep = scene.rms / np.maximum(scene.mean, 1e-300)
-    chosen = [int(np.argmax(scene.mean)), int(np.argmin(scene.mean)),
-              int(np.argmax(steep))]  # fmt: skip
-    drawn = np.random.default_rng(seed).permutation(scene.mean.size)[:RANDOM]
-    chosen += [int(n) for n in drawn]
-    if plan.left_out.any():
-        chosen.append(int(np.argmax(plan.total)))
-    for bound, out in zip(plan.bounds, plan.left_out, strict=True):
-        if out.any():
-            chosen.append(int(np.argmax(np.where(out, bound, -1.0))))
-    return sorted(set(chosen))
+    figures = [scene.mean, -scene.mean, scene.rms / np.maximum(scene.mean, 1e-300)]
+    if plan.plan.left_out:
+        figures.append(plan.plan.total)
+    return sorted(choose_tiles(plan.plan, figures, np.arange(scene.mean.size), seed))
 
 
 def _end(plan: EventPlan, view: View, tile: int) -> int:
@@ -201,20 +190,20 @@ def _followed(plan: EventPlan, view: View, tile: int) -> Reals:
     return rates
 
 
-def _distance(one: Reals, two: Reals, scale: float, tile: int) -> Distance:
+def _distance(one: Reals, two: Reals, scale: float, tile: int) -> Measured:
     square = (one - two) ** 2
     there = ~np.isnan(square)
     each = np.where(there, square, 0.0).sum(1) / np.maximum(there.sum(1), 1)
-    mean, spread = float(each.mean()), CONFIDENCE * float(each.std()) / math.sqrt(each.size)
+    mean, spread = float(each.mean()), DEVIATIONS * float(each.std()) / math.sqrt(each.size)
     low, high = (math.sqrt(max(mean + sign * spread, 0.0)) / scale for sign in (-1, 1))
-    return Distance(math.sqrt(mean) / scale, low, high, tile)
+    return Measured(math.sqrt(mean) / scale, low, high, tile)
 
 
 def _scale(plan: EventPlan, rates: Reals) -> float:
     return max(float(np.nanmean(rates[:, 0])), plan.scene.floor)
 
 
-def _measured(plan: EventPlan, view: View, tiles: list[int]) -> list[Distance]:
+def _measured(plan: EventPlan, view: View, tiles: list[int]) -> list[Measured]:
     """The plan against the reference, tile by tile."""
     found = []
     for tile in tiles:
@@ -223,47 +212,34 @@ def _measured(plan: EventPlan, view: View, tiles: list[int]) -> list[Distance]:
     return found
 
 
-def _worst(found: list[Distance]) -> Distance:
-    """The largest of some distances, with the largest of their upper limits."""
-    return replace(max(found, key=lambda d: d.value), high=max(d.high for d in found))
-
-
-def measure(plan: EventPlan, view: View, tiles: list[int]) -> Distance:
+def measure(plan: EventPlan, view: View, tiles: list[int]) -> Measured:
     """The plan against the reference; the worst of these tiles."""
-    return _worst(_measured(plan, view, tiles))
+    worst = Measured.worst(_measured(plan, view, tiles))
+    assert worst is not None  # of no tile
+    return worst
 
 
 def _left_out(
     plan: EventPlan, view: View, tiles: list[int]
 ) -> tuple[list[dict[str, Any]], list[Finding]]:
     """What leaving out each effect changes, as result.json has it, and the bounds that fail."""
-    rows: list[dict[str, Any]] = []
-    findings: dict[str, Finding] = {}
-    for effect, bounds, out in zip(plan.effects, plan.bounds, plan.left_out, strict=True):
-        if not out.any():
-            continue
-        other, last = plan.without({effect.name}), effect.name == "later reports"
-        most, promised = 0.0, float(bounds[out].max())
-        for tile in tiles:
-            if not out[tile]:
-                continue
+    measured: dict[str, float | None] = {}
+    findings: list[Finding] = []
+    for name in plan.plan.left_out:
+        other, last, found = plan.keeping({name}), name == LATER, []
+        for tile in np.array(tiles)[plan.where(name)[tiles]].tolist():
             full = _planned(other, view, tile, last=last)
-            distance = _distance(
-                _planned(plan, view, tile, last=last), full, _scale(plan, full), tile
+            found.append(
+                _distance(_planned(plan, view, tile, last=last), full, _scale(plan, full), tile)
             )
-            most = max(most, distance.value)
-            limit = float(bounds[tile]) * (2 if effect.kind == "estimate" else 1)
-            if distance.high > limit and effect.name not in findings:
-                findings[effect.name] = Finding(
-                    effect.name,
-                    f"{effect.name} was to change at most {limit:.2g} of a tile's rate and was "
-                    f"found to change up to {distance.high:.2g}: it is kept everywhere",
-                    limit, distance.high, tile,
-                )  # fmt: skip
-        rows.append(
-            {"effect": effect.name, "bound": promised, "kind": effect.kind, "measured": most}
-        )
-    return rows, list(findings.values())
+        measured[name] = max((change.value for change in found), default=0.0)
+        promised = plan.plan.promise[name]
+        over = [change for change in found if change.high > promised[change.tile]]
+        if over:
+            tile = over[0].tile
+            assert tile is not None
+            findings.append(reinstated(name, float(promised[tile]), over[0].high, tile))
+    return left_out_rows(plan.absent, measured), findings
 
 
 def check_plan(
@@ -273,25 +249,19 @@ def check_plan(
 
     Returns the effects to reinstate, or else what was measured.
     """
-    tiles = choose_tiles(plan, view.seed)
+    tiles = tiles_of(plan, view.seed)
     rows, findings = _left_out(plan, view, tiles)
     if findings:
         return findings, None
     found = _measured(plan, view, tiles)
-    error = _worst(found)
-    if plan.left_out.any() and error.high > tolerance:
-        message = (
-            f"together, what was left out changes up to {error.high:.2g} of a tile's rate, "
-            f"more than the tolerance {tolerance:g}: everything is kept"
-        )
-        return [Finding(EVERYTHING, message, tolerance, error.high, error.tile)], None
+    error = Measured.worst(found)
+    assert error is not None
+    if plan.plan.left_out and error.high > tolerance:
+        return [reinstated(EVERYTHING, tolerance, error.high)], None
     notes = []
-    if not plan.left_out.any() and error.high > accepted_error(tolerance):
-        notes.append(
-            f"with everything kept the arithmetic itself is off by up to {error.high:.2g} of a "
-            f"tile's rate, more than the tolerance {tolerance:g}"
-        )
-    others = np.delete(plan.total, tiles)
+    if not plan.plan.left_out and error.high > accepted_error(tolerance):
+        notes.append(beyond(error, tolerance))
+    others = np.delete(plan.plan.total, tiles)
     whole = replace(error, high=max(error.high, float(others.max(initial=0.0))))
     over = sum(distance.value > accepted_error(tolerance) for distance in found)
     return [], Checked(plan, whole, tiles, over, rows, notes)
