@@ -31,7 +31,7 @@ COLUMNS: dict[str, type[np.generic]] = {
 """Arrays of events and their types; `level` may be absent."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Events:
     """Spikes in the order of time; those of one tick in the order of transmission.
 
@@ -85,6 +85,13 @@ class Events:
             raise ValueError("widths must be 1 tick or more")
         if self.level is not None and self.level.max() > self.levels:
             raise ValueError(f"levels must be {self.levels} or less")
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        return (
+            f"{len(self)} events of {width} x {height} pixels in {self.ticks / self.clock.hz:g} s, "
+            f"in ticks of {1e9 / self.clock.hz:g} ns"
+        )
 
     def __len__(self) -> int:
         return len(self.time)

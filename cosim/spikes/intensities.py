@@ -22,7 +22,7 @@ Places = npt.NDArray[np.uint16]
 Values = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Intensities:
     """Reports in the order of time; those of one tick in row-major order. A pixel reports at most
     once a tick.
@@ -78,6 +78,13 @@ class Intensities:
             raise ValueError("reports of one tick must be of pixels in order, one a pixel")
         if not ((self.value >= 0) & (self.value < np.inf)).all():
             raise ValueError("values must be finite and 0 or more")
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        return (
+            f"{len(self)} intensities of {width} x {height} pixels in {self.ticks} ticks at "
+            f"{self.clock.hz / 1e3:g} kHz"
+        )
 
     def __len__(self) -> int:
         return len(self.time)

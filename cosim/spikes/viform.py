@@ -235,14 +235,14 @@ class Viform(Sliceable):
     def from_planes(cls, planes: npt.NDArray[Any], clock: Clock) -> Viform:
         """A viform from (T, H, W) planes of 0 and 1, starting at cycle 0. Raises InputError for
         other planes."""
-        planes = np.asarray(planes)
-        if planes.ndim != 3 or not planes.size or planes.dtype not in (np.bool_, np.uint8):
-            given = f"{planes.shape} {planes.dtype}"
-            raise InputError("planes", "(T, H, W) bool or uint8", given, "convert them")
-        if planes.max() > 1:
-            given = f"values up to {planes.max()}"
-            raise InputError("planes", "0 or 1, a spike", given, "film frames by a Camera")
-        return cls(pack_planes(planes), planes.shape[0], clock)
+        given: npt.NDArray[Any] = np.asarray(planes)
+        if given.ndim != 3 or not given.size or given.dtype not in (np.bool_, np.uint8):
+            text = f"{given.shape} {given.dtype}"
+            raise InputError("planes", "(T, H, W) bool or uint8", text, "convert them")
+        if given.max() > 1:
+            text = f"values up to {given.max()}"
+            raise InputError("planes", "0 or 1, a spike", text, "film frames by a Camera")
+        return cls(pack_planes(given), len(given), clock)
 
     @property
     def shape(self) -> tuple[int, int]:

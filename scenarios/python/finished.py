@@ -16,7 +16,7 @@ from cosim import Events, InputError, Intensities
 from cosim.files.event_file import ENDING, read_events
 from cosim.files.intensities import ENDING as INTENSITIES
 from cosim.files.intensities import read_intensities
-from scenarios.python.streams import Stream
+from scenarios.python.streams import Stream, path_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,7 +35,7 @@ class Run:
     notes: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "folder", Path(self.folder))
+        object.__setattr__(self, "folder", path_of(self.folder))
         if not (self.folder / "result.json").is_file():
             raise InputError(
                 "the run", "a folder with a result.json", f"{self.folder}",

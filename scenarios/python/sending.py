@@ -14,26 +14,27 @@ from scenarios.python.link import Link
 from scenarios.python.running import joined, refuse_of_run, run, source_file
 from scenarios.python.words import in_python
 
+Data = bytes | bytearray | memoryview | str | os.PathLike[str]
+"""Bytes, or the path of a file that has them."""
+
 
 @overload
 def send(
-    data: bytes | str | os.PathLike[str], *, out: None = None, tolerance: float | None = None,
+    data: Data, *, out: None = None, tolerance: float | None = None,
     seed: int | None = None, device: str | None = None, resume: bool = False,
     report: str = "page", progress: bool | None = None, **settings: Any,
 ) -> Crossed: ...  # fmt: skip
 @overload
 def send(
-    data: bytes | str | os.PathLike[str], *, out: str | os.PathLike[str],
+    data: Data, *, out: str | os.PathLike[str],
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,
-    resume: bool = False, report: str = "page",
-    progress: bool | None = None, **settings: Any,
+    resume: bool = False, report: str = "page", progress: bool | None = None, **settings: Any,
 ) -> Run: ...  # fmt: skip
 @in_python
 def send(
-    data: bytes | str | os.PathLike[str], *, out: str | os.PathLike[str] | None = None,
+    data: Data, *, out: str | os.PathLike[str] | None = None,
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,
-    resume: bool = False, report: str = "page",
-    progress: bool | None = None, **settings: Any,
+    resume: bool = False, report: str = "page", progress: bool | None = None, **settings: Any,
 ) -> Crossed | Run:  # fmt: skip
     """Sends bytes from a panel to a spike camera, as `viform run light-link` does. Without `out`
     they stay in memory, see `Link`.
@@ -59,6 +60,10 @@ def send(
     Raises:
         InputError: the input cannot be used.
     """
+    if isinstance(data, (bytearray, memoryview)):
+        data = bytes(data)
+    if not isinstance(data, (bytes, str, os.PathLike)):
+        raise InputError("data", "bytes, or the path of a file", type(data).__name__, "convert it")
     if out is None:
         refuse_of_run(resume, report)
         payload = data if isinstance(data, bytes) else read_payload(Path(data)).data

@@ -45,7 +45,7 @@ class Stream(Sliceable):
         return self._stream.read_words(first, stop)
 
 
-def _path_of(given: Any) -> Path:
+def path_of(given: Any) -> Path:
     """The path of a file or folder. Raises InputError for what is none."""
     if isinstance(given, (str, os.PathLike)):
         return Path(given)
@@ -69,7 +69,7 @@ def open_stream(
     Raises:
         InputError: there is no such stream, or it cannot be read.
     """
-    place = _path_of(path)
+    place = path_of(path)
     given: Any = size
     try:
         pair = None if given is None else tuple(map(index, given))
@@ -116,7 +116,7 @@ def save_stream(
     Raises:
         InputError: another ending, or the file cannot be written.
     """
-    place = _path_of(path)
+    place = path_of(path)
     if not isinstance(stream, Events | Intensities):
         return write_stream(as_stream(stream), place)
     ending = ENDING if isinstance(stream, Events) else INTENSITIES

@@ -59,13 +59,6 @@ class FilmedEvents(Events):
     degraded: tuple[str, ...] = ()
     white_rate: float | None = None
 
-    def __repr__(self) -> str:
-        height, width = self.shape
-        return (
-            f"{len(self)} events of {width} x {height} pixels in {self.ticks / self.clock.hz:g} s, "
-            f"in ticks of {1e9 / self.clock.hz:g} ns"
-        )
-
 
 @dataclass(frozen=True)
 class Sending:

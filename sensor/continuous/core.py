@@ -50,13 +50,6 @@ class FilmedIntensities(Intensities):
     white_rate: float | None = None
     white: float | None = None
 
-    def __repr__(self) -> str:
-        height, width = self.shape
-        return (
-            f"{len(self)} intensities of {width} x {height} pixels in {self.ticks} ticks at "
-            f"{self.clock.hz / 1e3:g} kHz"
-        )
-
 
 @dataclass
 class Collected:

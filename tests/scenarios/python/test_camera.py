@@ -115,7 +115,8 @@ def test_a_call_of_pixels_without_a_latch_has_the_bits_of_a_run(kind: str, tmp_p
     assert clip == seen and clip.error.kept == seen.error.kept and clip.white_rate == 0.6
     ending = "events" if isinstance(seen, Events) else "intensities"
     viform.save(seen, tmp_path / f"seen.{ending}.npz")
-    assert viform.open(tmp_path / f"seen.{ending}.npz") == seen == viform.open(tmp_path / "run")
+    opened = viform.open(tmp_path / f"seen.{ending}.npz")
+    assert opened == seen == viform.open(tmp_path / "run") and repr(opened) == repr(seen)
     with pytest.raises(viform.InputError, match=f"ends in .{ending}.npz"):
         viform.save(seen, tmp_path / "seen.npz")
 

@@ -306,6 +306,9 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "link.file must be given once": lambda: viform.send(b"a", out="run", **{"link.file": "a"}),
         "report must be given with out": lambda: viform.show(stream, report="none"),
         "report must be given with out, not al": lambda: viform.send(b"a", report="none"),
+        "data must be bytes, or the path of a file, not list": lambda: viform.send([1, 2]),
+        "data must be one byte or more, not none": lambda: viform.send(bytearray()),
+        "the path must be a text or a Path, not 7": lambda: viform.Run(7),
         "planes must be 0 or 1": lambda: viform.Viform.from_planes(
             frames()[..., 0], viform.Clock(40_000)
         ),
