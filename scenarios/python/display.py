@@ -84,7 +84,8 @@ class Display(Called):
         drive: Rule by which a pixel converts its spikes to light: "impulse", "hold" or "causal".
         device: Number or part of the name of an OpenCL device; the default if None.
         **keys: Keys of the section [display], such as luminance="500 cd/m²", fit="nearest" or
-            observer="camera".
+            observer="camera", and for files those of the section [sensor], such as
+            **{"sensor.clock": "40 kHz"}, which latches events.
 
     Raises:
         InputError: A key or value that the display does not have.
@@ -92,7 +93,7 @@ class Display(Called):
 
     @in_python(section="display")
     def __init__(self, drive: str = "causal", *, device: str | None = None, **keys: Any) -> None:
-        given = {"display.drive": drive} | keys_of("display", keys)
+        given = {"display.drive": drive} | keys_of("display", keys, "sensor")
         _, scenario = load("playback", assignments_of(given))
         shown = shown_in_memory(scenario)
         if shown is None:

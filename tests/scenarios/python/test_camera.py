@@ -76,9 +76,9 @@ def test_a_call_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
     assert seen.error is not None and 0 <= seen.error.bound < 0.6
     assert checked.error is not None and seen.error == replace(checked.error, measured=None)
     stated = viform.Run(tmp_path / "run").result["error"]
-    assert vars(checked.error.measured) == dict(
-        zip(("value", "low", "high"), (stated["value"], *stated["ci"]), strict=True)
-    )
+    measured = checked.error.measured
+    assert measured is not None and measured.value == stated["value"]
+    assert [measured.low, measured.high] == stated["ci"]
     assert (seen.error.better > 0) == (kind in ("silicon", "exact", "writes"))
     assert (seen.error.tier == "exact") == (kind in ("exact", "writes"))
     assert any("f/4" in note for note in seen.notes)

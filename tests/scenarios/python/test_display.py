@@ -142,6 +142,12 @@ def test_what_cannot_be_shown_is_one_line(spikes: viform.Viform, tmp_path: Path)
         "display.drive must be": lambda: viform.Display("hodl"),
         "display.lumniance must be a key that is known": lambda: viform.Display(lumniance=3),
         "display.luminance must be": lambda: viform.Display(luminance="3 m"),
+        "display.luminance must be .* not '4 m'": lambda: viform.Display(
+            **{"display.luminance": "4 m"}
+        ),
+        "sensor.clock must be .* not '3 m'": lambda: viform.Display(**{"sensor.clock": "3 m"}),
+        "white_rate must be .* not True": lambda: display.show(spikes, white_rate=True),
+        "at must be cycles .* not .True": lambda: display.show(spikes, at=[True]),
         "a Display must be a simulated one": lambda: viform.Display(sink="serial:virtual"),
         "the OpenCL device must be": lambda: viform.Display(device="no such device"),
         "the display must be open, not closed": lambda: closed.show(spikes),
