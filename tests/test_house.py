@@ -52,7 +52,7 @@ ROOMS = {
     ),
     "display": (
         "drives", "panels", "observe", "effects quality references render", "probes setting window",
-        "core section trial", "camera", "chain stability",
+        "core section trial", "camera", "chain stability", "report",
     ),
     "rtl_model": (
         "geometry prbs", "registers", "cycle readout", "verilated",

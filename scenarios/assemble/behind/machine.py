@@ -25,12 +25,12 @@ from cosim.run.folder import how_to_resume, room_for
 from cosim.run.machine import Chain, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from scenarios.assemble.behind.board import BoardPanel, open_panel
-from scenarios.assemble.behind.display.screen import Screen, ScreenViews, make_screen
 from scenarios.assemble.behind.link.carrier import RECEIVED, CarriedStream, Carrier, make_carrier
 from scenarios.assemble.behind.link.coding import CutCode
 from scenarios.assemble.behind.link.ends import bare
 from scenarios.assemble.behind.link.judged import Watch, carrier_speeds, judge_carrier
 from scenarios.assemble.behind.link.page import carried_page
+from scenarios.assemble.behind.screen import Screen, ScreenViews, make_screen
 from scenarios.assemble.instants import check_window, even_instants
 from scenarios.assemble.schema.scenario import ImageSection, StreamScenario
 from scenarios.assemble.source.feeds import Feed, Planes

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import scenarios.assemble.behind.display.screen as screen
+import scenarios.assemble.behind.screen as screen
 import viform
 from scenarios.python.display import EYES
 

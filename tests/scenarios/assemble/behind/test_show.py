@@ -19,10 +19,9 @@ from display.probes import metrics
 from display.probes.blur import spike_blur
 from display.probes.flicker import spike_flicker
 from display.probes.light import steady_light
+from display.report.figures import _named
 from imagers.catalogue import IMAGERS
-from scenarios.assemble.behind import machine
-from scenarios.assemble.behind.display import screen
-from scenarios.assemble.behind.display.figures import _named
+from scenarios.assemble.behind import machine, screen
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.source import asynchronous, continuous

@@ -309,7 +309,7 @@ def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
 
 
 def test_the_table_on_a_terminal(drawn):
-    from scenarios.assemble.behind.display.tables import display_lines
+    from display.report.tables import display_lines
 
     lines = display_lines(drawn.outcome)
     assert lines[0].split() == ["display", "EBET", "SVM", "PSNR", "still", "pursuing", "delay"]

@@ -23,9 +23,9 @@ from cosim.report.png import for_display
 from display.chain.clip import RATE, chosen_tiles, write_display_clip
 from display.chain.outcome import SPIKE, TRUTH, DisplayOutcome
 from display.panels.panel import metric_key
-from scenarios.assemble.behind.display.figures import latency_figure, wave_figure
-from scenarios.assemble.behind.display.shown import Shown
-from scenarios.assemble.behind.display.tables import band_tables, display_table, light_table
+from display.report.figures import latency_figure, wave_figure
+from display.report.shown import Shown
+from display.report.tables import band_tables, display_table, light_table
 
 Images = npt.NDArray[np.float32]
 _SEES = {

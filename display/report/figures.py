@@ -12,7 +12,7 @@ from cosim.report.figures import INK, LINE, MARK, subplots
 from display.chain.outcome import SPIKE, DisplayOutcome
 from display.chain.tap import panel_waves, spike_waves
 from display.probes.latency import PARTS
-from scenarios.assemble.behind.display.shown import Shown
+from display.report.shown import Shown
 
 _COLOURS = ("#2f6db5", "#74a7dd", "#c8ccd4", "#f2b36b")
 WINDOW = 25 * 10**9

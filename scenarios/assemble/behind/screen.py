@@ -1,4 +1,4 @@
-"""The display behind a source: made, judged and told of here, whatever the source is."""
+"""The display of a run, behind any source: made, judged and told of here."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from display.panels.fit import fit_words
 from display.probes.camera import ProbeCamera
-from scenarios.assemble.behind.display.filmed import FramesFilmer
-from scenarios.assemble.behind.display.sections import (
+from display.report.filmed import FramesFilmer
+from display.report.sections import (
     display_cards,
     display_quality,
     display_sections,
     display_simulated,
 )
-from scenarios.assemble.behind.display.shown import Filmer, Shown
-from scenarios.assemble.behind.display.spike_camera import make_spikes_filmer
-from scenarios.assemble.behind.display.tables import display_lines
+from display.report.shown import Filmer, Shown
+from display.report.tables import display_lines
+from scenarios.assemble.behind.spike_camera import make_spikes_filmer
 from scenarios.assemble.schema.filming import SpikesSection
 from scenarios.assemble.schema.scenario import RecordingScenario, StreamScenario
 from scenarios.assemble.source.feeds import Feed

@@ -15,7 +15,7 @@ from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.result import Metric
 from display.camera.law import pulse_banding
 from display.camera.stage import PanelCamera
-from scenarios.assemble.behind.display.shown import Shown
+from display.report.shown import Shown
 
 _PICTURES: Final = 8
 """Maximum number of frames that are written and drawn, evenly spaced."""
