@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from sensor.calibrate.interval_law import latched_third, sample_variance
+from sensor.calibrate.histograms import latched_third, sample_variance
 from sensor.calibrate.trains import Trains
 
 Values = npt.NDArray[np.float64]

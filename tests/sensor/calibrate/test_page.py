@@ -12,7 +12,7 @@ from cosim import InputError
 from cosim.config.toml import to_toml
 from scenarios.assemble.schema.loading import load
 from sensor.calibrate.calibration import Recording, calibrate
-from sensor.calibrate.preset import preset_text
+from sensor.calibrate.page import preset_text
 from sensor.device.pattern import DevicePattern
 from tests.sensor.calibrate.simulated import Truth
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sensor.calibrate.parameter import Parameter
+from sensor.calibrate.known import Parameter
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sensor.calibrate.interval_law import (
+from sensor.calibrate.histograms import (
     latched_probabilities,
     latched_third,
     latched_variance,
