@@ -38,8 +38,8 @@ from link.setup.setup import FileSetup, choose_link
 from link.trial.plan import LinkPlan, LinkSurvey
 from link.trial.planned import PlannedLink, plan_link
 from link.verdict import Verdict
-from sensor.device.steering import ClockSteering
-from sensor.latched.readout import DuplicatedRows
+from sensor.device.chips import ClockSteering
+from sensor.latched.stages import DuplicatedRows
 from sensor.latched.tiers import Tier
 
 _PLANS: Final = 8

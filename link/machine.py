@@ -29,7 +29,7 @@ from link.sending import Transmission
 from link.setup.distances import RateAt, rates_over_distance
 from link.setup.setup import FileLinkSetup
 from link.trial.planned import PlannedLink, check_plan, plan_link
-from sensor.latched.readout import readout_stages
+from sensor.latched.stages import readout_stages
 
 
 class PanelLoop(Protocol):

@@ -49,7 +49,7 @@ _STILL: Final = 1e6
 """Correlation time of air without wind, s."""
 
 # ns for each camera pixel of a new plane of light, on one loaded core at 2.5 GHz. The costs decide
-# the order in which the planner leaves effects out, as in `sensor/latched/effects/costs.py`.
+# the order in which the planner leaves effects out, as in `sensor/latched/effects/effect.py`.
 _COSTS: Final = {
     "lens blur": 6.0,  # 4 x 4 taps for 2 x 2
     "diffraction": 1e-3,

@@ -34,7 +34,7 @@ from link.setup.modes import fixed_mode, tag_warning
 from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 from sensor import CameraSetting
-from sensor.device.steering import ClockSteering
+from sensor.device.chips import ClockSteering
 
 _SHORTENED_PLANES = 600
 """Largest number of planes if no mode is expected to work: enough for the receiver to find the

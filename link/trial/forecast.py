@@ -27,7 +27,7 @@ from link.trial.stages import (
     timed,
 )
 from sensor import SpikeCamera
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 
 BLOCKS: Final = 4
 """Blocks at the start of the run that are timed. The first warms up; of the others that show data

@@ -23,7 +23,7 @@ from link.trial.patches import Decided, LinkPatches, Variant
 from link.trial.plan import LinkPlan, LinkSurvey, half_width
 from link.trial.planned import survey_of
 from sensor import CameraSetting, SpikeCamera
-from sensor.latched.reference.error import DRAWS, reference_error
+from sensor.latched.reference.law import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 
 TIMED: Final = 2

@@ -29,7 +29,7 @@ from link.setting import LinkSetting
 from link.theory import clopper_pearson
 from link.trial.near import SHARE as NEARLY
 from sensor import CameraSetting
-from sensor.latched.effects.costs import QUIET
+from sensor.latched.effects.effect import QUIET
 from sensor.latched.fast import charge_error
 from sensor.latched.tiers import Tier
 

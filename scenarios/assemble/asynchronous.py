@@ -15,7 +15,7 @@ from sensor.asynchronous.machine import AsynchronousMachine
 from sensor.asynchronous.run import EventSpec
 from sensor.asynchronous.setting import event_camera
 from sensor.asynchronous.study.study import AsynchronousStudy
-from sensor.sections.asynchronous import AsynchronousSection
+from sensor.sections.unlatched import AsynchronousSection
 
 
 def with_defaults(scenario: Scenario) -> Scenario:

@@ -13,7 +13,7 @@ from link.setup.locking.model import at_lock
 from link.setup.modes import check_reach, choose_mode
 from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
-from sensor.device.steering import ClockSteering
+from sensor.device.chips import ClockSteering
 
 
 def choose_and_lock(

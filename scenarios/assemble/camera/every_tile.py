@@ -23,7 +23,7 @@ from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.camera.verifier import Verifier
 from sensor.latched.check.samples import sample_tiles
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 
 TOLERANCES: Final = (0.0, 1e-3, 1e-2, 0.1)
 """Tolerances at which the errors are measured."""

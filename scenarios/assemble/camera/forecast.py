@@ -16,7 +16,7 @@ from scenarios.assemble.camera.memory import check_run_memory, peak_memory
 from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
 from sensor.latched.effects.own_draws import OWN_DRAWS
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 
 BLOCKS = 4
 """Number of blocks that are run, from the start of the scene. The first compiles; of the others the

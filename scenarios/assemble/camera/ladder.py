@@ -34,9 +34,9 @@ from scenarios.assemble.camera.planning import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
 from sensor import SpikeCamera
 from sensor.latched.effects.own_draws import OWN_DRAWS
+from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.levels import fast_can_follow
-from sensor.latched.patches import PatchCamera
-from sensor.latched.reference.error import DRAWS, reference_error
+from sensor.latched.reference.law import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 
 TIMED = 3

@@ -22,7 +22,7 @@ from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from cosim.spikes.viform import Viform
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from scenarios.assemble.camera.bands import BandChain, BandedCamera, Bands
 from scenarios.assemble.camera.boards import NO_ERROR, Boards, open_boards
 from scenarios.assemble.camera.dim import dim_light, dim_metrics
@@ -40,7 +40,7 @@ from scenarios.assemble.show.filmer import Filmer
 from scenarios.assemble.show.filming import make_camera
 from scenarios.assemble.show.tables import display_lines
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
-from sensor.latched.readout import readout_stages
+from sensor.latched.stages import readout_stages
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import (
     LATCHED,

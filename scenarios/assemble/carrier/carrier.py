@@ -16,7 +16,7 @@ from cosim.files import Recorder
 from cosim.run.machine import Finding
 from cosim.run.progress import Progress
 from cosim.stage import BLOCK
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from link.air import ber
 from link.receiving.packets import PacketReceiver
 from link.section import LinkScenario
@@ -35,7 +35,7 @@ from scenarios.assemble.chip import camera_setting
 from sensor import CameraSetting
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
-from sensor.latched.readout import readout_stages
+from sensor.latched.stages import readout_stages
 
 LINK_STREAM: Final = "link.zarr"
 """Recording of the link's camera in the folder of a run."""

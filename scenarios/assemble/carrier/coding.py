@@ -12,8 +12,7 @@ from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import BLOCK, State, blocks
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.decoder import StreamDecoder
-from sensor.codec.packets.encoder import StreamEncoder
+from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
 from sensor.codec.packets.packet import Packet
 from sensor.codec.packets.rate import RateControl
 

@@ -11,9 +11,8 @@ import numpy as np
 from cosim.plan.patches import PatchPlane
 from cosim.spikes.viform import Words
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.decoder import StreamDecoder
-from sensor.codec.packets.encoder import StreamEncoder
-from sensor.codec.packets.tiles import Tiles
+from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.packet import Tiles
 
 SIDE: Final = 8
 """Side of the tiles in which patches are coded, pixels: it divides that of every code."""

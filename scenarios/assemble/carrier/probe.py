@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock, Light, Viform
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from scenarios.assemble.carrier.coding import Sender
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection

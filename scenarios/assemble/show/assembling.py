@@ -9,7 +9,7 @@ from cosim import Clock
 from cosim.compute.opencl import choose_device
 from cosim.run.machine import Machine
 from cosim.run.progress import Progress
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from imagers.machine import ImagerMachine
 from scenarios.assemble.camera.boards import open_panel
 from scenarios.assemble.carrier.carrier import make_carrier

@@ -6,7 +6,7 @@ from cosim.compute.opencl import Device
 from display.camera.rolling import make_shutter
 from display.camera.stage import PanelCamera
 from display.chain.display import DisplayChain
-from display.panels.fit import fit_words
+from display.panels.panel import fit_words
 from scenarios.assemble.schema.filming import CameraSection, SpikesSection
 from scenarios.assemble.show.filmed import FramesFilmer
 from scenarios.assemble.show.filmer import Filmer

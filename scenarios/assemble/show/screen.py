@@ -18,7 +18,7 @@ from cosim.run.result import Metric, Throughput
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
 from display.chain.pursuit import pursuit_of, pursuit_without_scene
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from display.section import DisplaySection
 from scenarios.assemble.schema.filming import CameraSection
 from scenarios.assemble.show.feeds import Feed

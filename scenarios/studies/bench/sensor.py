@@ -38,9 +38,8 @@ from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.units import BANK, NOISE
-from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.charge import Span, to_fixed
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 
 CYCLES = 512
 PLAIN_CYCLES = 8

@@ -25,11 +25,10 @@ from scenarios.studies.codes.scenes import (
 from sensor import EFFECTS, make_pixels, tfi, tfp
 from sensor.codec import Code, entropy_bounds, event_rate, recode
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.through import from_packets, size_of, to_packets
+from sensor.codec.packets.coder import from_packets, size_of, to_packets
 from sensor.codec.size import REFINE, coded_size, zstd_size
-from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.charge import Span, to_fixed
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 from sensor.reconstruct.fidelity import psnr, to_white
 
 THRESHOLDS = (100.0, 1000.0, 30_000.0)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scenarios.scenes.moving import Texture
 from scenarios.studies.tracking.conditions import Conditions
 from scenarios.studies.tracking.pictures import Picture
-from sensor.reconstruct.flow import flow_grey, optical_flow
+from sensor.reconstruct.motion import flow_grey, optical_flow
 
 NEAR: Final = 8.0
 """Median motion between the windows that is enough, pixels."""

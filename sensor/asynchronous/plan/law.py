@@ -16,9 +16,9 @@ import numpy.typing as npt
 from numba import njit
 
 from sensor.asynchronous.model import EventModel
-from sensor.asynchronous.pixel.interval import width_law
+from sensor.asynchronous.pixel.closed import width_law
+from sensor.asynchronous.pixel.gamma import LEAST, RARE, stretch
 from sensor.asynchronous.pixel.reference import exact_thresholds
-from sensor.asynchronous.pixel.skipping import LEAST, RARE, stretch
 from sensor.asynchronous.plan.effects import CONFIDENCE
 
 _SPARE: Final = 64

@@ -27,8 +27,7 @@ from numba import njit
 from cosim.spikes.viform import Words, words_for
 from sensor.codec.columns import Damaged
 from sensor.codec.follow import FOLLOW_STATE, follow
-from sensor.codec.packets.packet import HEADER, Packet
-from sensor.codec.packets.part import Layer
+from sensor.codec.packets.packet import HEADER, Layer, Packet
 
 MOST_EVENT_CYCLES: Final = 128
 """Cycles of a packet at most, as a width has seven bits."""

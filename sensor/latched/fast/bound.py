@@ -31,7 +31,7 @@ from typing import Final
 from cosim.plan.effects import Bound
 from cosim.spikes.viform import WORD
 from sensor.latched.fast.units import units_of
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 from sensor.latched.pixel.model import ExactModel
 
 _ROUNDINGS: Final = 10 * 2.0**-24

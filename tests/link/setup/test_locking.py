@@ -31,7 +31,7 @@ from link.setup.spent import Spent
 from link.setup.truth import true_timing
 from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
-from sensor.device.steering import BOARD
+from sensor.device.chips import BOARD
 
 SMALL = (
     "link.panel.width=128", "link.panel.height=128", "sensor.width=150", "sensor.height=150",

@@ -18,7 +18,7 @@ from display.panels.panel import SpikePanel
 from display.probes import metrics
 from display.probes.blur import spike_blur
 from display.probes.flicker import spike_flicker
-from display.probes.light import steady_light
+from display.probes.setup import steady_light
 from imagers.catalogue import IMAGERS
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate

@@ -12,7 +12,7 @@ from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TILE, TileGrid
 from sensor import CHIPS, CameraSetting
 from sensor.device.pattern import DevicePattern
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.tiers import Tier
 
 CLOCK = Clock.from_hz(40e3)

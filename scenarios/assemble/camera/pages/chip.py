@@ -5,8 +5,8 @@ from __future__ import annotations
 from cosim.config.amounts import amount, number
 from cosim.report.parts import table
 from scenarios.assemble.camera.judged import LatchedRun
+from sensor.sections.own_chip import write_rows
 from sensor.sections.provenance import fault_rows, optics_rows
-from sensor.sections.writes import write_rows
 
 
 def machine(run: LatchedRun) -> str:

@@ -10,8 +10,7 @@ from cosim.plan.patches import PatchPlane
 from cosim.plan.tiles import TileGrid
 from scenarios.assemble.carrier.cut import CutCode
 from sensor.codec.packets.catalogue import KINDS
-from sensor.codec.packets.decoder import StreamDecoder
-from sensor.codec.packets.encoder import StreamEncoder
+from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
 from sensor.codec.packets.section import CodeSection
 
 SHAPE = (72, 56)
