@@ -19,8 +19,7 @@ import numpy.typing as npt
 from cosim import InputError
 from rtl_model.host import Board, BoardInfo, Cause, LineFault, capture, pattern
 from rtl_model.registers import mask, quantum
-from rtl_model.stand_in.opening import OpenBoard
-from rtl_model.stand_in.stepping import Stepper
+from rtl_model.stand_in.opening import OpenBoard, Stepper
 
 LEVELS: Final = 16
 STEP_MOST: Final = 255

@@ -8,10 +8,8 @@ from typing import Any
 from cosim import Clock, InputError
 from cosim.clock import seconds_to_ps
 from cosim.files.raw_layout import RAW_SIZE
-from rtl_model.readout.buffer import RowBuffer
-from rtl_model.readout.needs import Needs, needed_rate
-from rtl_model.readout.timing import BIT_RATE, ScanTiming
-from rtl_model.readout.window import Window
+from rtl_model.readout.buffer import Needs, RowBuffer, needed_rate
+from rtl_model.readout.scan import BIT_RATE, ScanTiming, Window
 from scenarios.assemble.schema.scenario import AnyScenario, LinkScenario, Scenario
 from sensor.sections.readout import ReadoutSection
 from sensor.sections.sensor import SensorSection

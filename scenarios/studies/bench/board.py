@@ -17,7 +17,7 @@ from typing import Final
 from cosim.compute.child import python_child
 from cosim.compute.opencl import Device
 from cosim.run.timing import Row
-from rtl_model.bringup.stages.ethernet.rate import measured_rates
+from rtl_model.bringup.stages.ethernet import measured_rates
 from rtl_model.geometry import Geometry
 from rtl_model.host import default_map
 from rtl_model.host.bone import patience_s

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtl_model.events.encoder import OUTPUT, EventEncoder, Output
-from rtl_model.events.light import steady_words, tiles_of
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import OUTPUT, EventEncoder, EventSize, Output
+from rtl_model.events.rates import steady_words, tiles_of
 from sensor.codec.packets.event import Event, encode_events, gaps_of, packet_of_line
 from sensor.codec.packets.packet import Packet
 from tests.rtl_model.events.decoder import EventDecoder

@@ -7,8 +7,7 @@ import pytest
 
 from rtl_model import lockstep
 from rtl_model.cycle import System
-from rtl_model.events.encoder import EventEncoder
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import EventEncoder, EventSize
 from rtl_model.lockstep.program import ADDRESS
 from rtl_model.verilated.build import missing
 from sensor.codec.packets.event import encode_events, gaps_of
