@@ -21,10 +21,10 @@ import numpy.typing as npt
 from cosim import Summary
 from link.air.air import lens_psf
 from link.air.geometry import affine_at, image_of
-from link.air.names import Scene
 from link.air.projection import projection_of
 from link.air.radiometry import levels
 from link.air.scintillation import Flicker
+from link.air.setting import Scene
 from sensor import CameraSetting
 
 Values = npt.NDArray[np.float64]

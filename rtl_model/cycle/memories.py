@@ -5,9 +5,11 @@ number, byte address, count and words. The board performs it only if its number 
 and then expects the following number. So a repeated or a late one has no effect, and the host
 repeats a write until its number has been passed.
 
-It is read as a FIFO whose pointer can be set back.
+The capture memory is read as a FIFO whose pointer can be set back: records of rows with sequence
+number and CRC-32.
 
-The words of a tile leave the FIFO one edge before the tile is displayed. A row is counted one edge
+At the sink, planes arrive word by word over the line and are displayed tile by tile. The words of a
+tile leave its FIFO one edge before the tile is displayed. A row is counted one edge
 after its last tile.
 """
 

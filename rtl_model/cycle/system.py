@@ -110,12 +110,6 @@ class System:
         """Edges passed since power-on."""
         return self._clock
 
-    @property
-    def attending(self) -> bool:
-        """Whether a burst or a plane of the sink is pending or in progress."""
-        sink, capture = self._sink, self._capture
-        return capture.armed or capture.busy or sink.left > 0 or sink.active
-
     def write(self, address: int, value: int) -> None:
         """Writes 32 bits at a byte address; takes one clock."""
         self._strobe_write(self._clock, address, value)

@@ -1,7 +1,7 @@
 """For waveforms: the verilated board at its pins, and a view of its signals.
 
-`gtkwave FILE.gtkw` opens both. The format is GTKWave's save file (GTKWave User's Guide, appendix
-"Save file format"): marker times are in steps of the trace, which are picoseconds here.
+`gtkwave FILE.gtkw` opens trace and view. The format is GTKWave's save file (GTKWave User's Guide,
+appendix "Save file format"): marker times are in steps of the trace, which are picoseconds here.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def reset_rule(trains: Trains, good: npt.NDArray[np.bool_], squared: float) -> P
 
     A pixel that carries the charge beyond its threshold fires at instants that the latch rounds,
     and neighbouring intervals share a rounding: their covariance is (q(2m) - 2 q(m)) / 2, with q of
-    interval_law.py, about -1/12. A pixel that is reset to zero at the latch begins each interval
+    histograms.py, about -1/12. A pixel that is reset to zero at the latch begins each interval
     anew: no covariance. The measured share of the expected sum is about 1 or 0. `subtract` differs
     from `residual` only above one threshold a cycle.
 

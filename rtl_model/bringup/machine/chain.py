@@ -23,6 +23,7 @@ from rtl_model.bringup.machine.waves import Trace, make_image, write_waves
 from rtl_model.bringup.run import BringUp, bring_up
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, LineFault, opened_bone, pattern
+from rtl_model.registers.design import NO_DEVICES
 
 
 class ImageCapture(NamedTuple):
@@ -51,7 +52,7 @@ def capture_image(endpoint: Endpoint, section: BoardSection, seed: int) -> Image
         time_scale=endpoint.time_scale,
         lines=endpoint.lines,
     ) as (bone, _):
-        board = Board(bone, csr_map(None if section.csr is None else Path(section.csr)))
+        board = Board(bone, csr_map(None if section.csr is None else Path(section.csr), NO_DEVICES))
         size = board.info().geometry
         _check_size(section, size)
         for register, value in _registers(size).items():
@@ -155,7 +156,7 @@ class BoardChain:
         begin = time.perf_counter()
         options = BringUp(
             baud=section.baud,
-            csr=csr_map(None if section.csr is None else Path(section.csr)),
+            csr=csr_map(None if section.csr is None else Path(section.csr), NO_DEVICES),
             simulated=endpoint.simulated,
             time_scale=endpoint.time_scale,
             log=self._folder / LOG,

@@ -1,6 +1,6 @@
 """The weak error of stretches of unsent spikes: distributions are compared, not samples.
 
-The engine draws the charge of a whole stretch at once (`pixel/skipping.py`), so that its random
+The engine draws the charge of a whole stretch at once (`pixel/gamma.py`), so that its random
 numbers are not those of the single spikes. The mean and the variance of the charge of a stretch are
 compared with the closed forms of one interval, and so are those of spikes drawn one by one.
 """

@@ -102,13 +102,6 @@ def encode_events(words: Words, cycles: int, gaps: Sequence[Gap] = ()) -> bytes:
     return out[:size].astype("<u2").tobytes()
 
 
-def gaps_of(data: bytes, cycles: int) -> list[Gap]:
-    """The gaps of a packet. Raises Damaged for data of another code."""
-    marks = [(int(h) >> 7 & 127, int(h) & 127) for h in _halves(data) if int(h) >> 14 == 1]
-    ends = [*marks[1::2], (cycles, 0)]
-    return [Gap(*mark, *end) for mark, end in zip(marks[::2], ends, strict=False)]
-
-
 def packet_of_line(data: bytes) -> Packet:
     """The packet of the bytes that a board sends: its checksum stands last there, as it is known
     last. Raises Damaged for bytes that are none."""

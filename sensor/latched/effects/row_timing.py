@@ -1,4 +1,4 @@
-"""Timing noise of the rows of a band (see ../row_timing.py)."""
+"""Timing noise of the rows of a band (see ../sampling.py)."""
 
 from __future__ import annotations
 

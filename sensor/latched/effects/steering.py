@@ -1,4 +1,4 @@
-"""Ticks whose lengths a control loop sets (see ../steering.py)."""
+"""Ticks whose lengths a control loop sets (see ../sampling.py)."""
 
 from __future__ import annotations
 

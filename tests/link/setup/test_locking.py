@@ -22,12 +22,11 @@ from link.receiving.synthesis import Levels
 from link.section import LinkScenario
 from link.sending import FileTransmission
 from link.setting import LEAD, LinkSetting, link_setting, steering_of
-from link.setup.locking.choice import choose_and_lock
+from link.setup.locking.choice import Spent, choose_and_lock
 from link.setup.locking.loop import INTERVAL, WINDOW, ClockLock, Locking
 from link.setup.locking.model import PhaseModel, at_lock
 from link.setup.modes import _delays
 from link.setup.setup import ChosenLink
-from link.setup.spent import Spent
 from link.setup.truth import true_timing
 from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load

@@ -26,7 +26,7 @@ from scenarios.assemble.show import assembling, probes
 from scenarios.assemble.show.figures import _named
 from scenarios.report import write_report
 from scenarios.run import run_scenario
-from scenarios.scenes.drawing.points import spread_points
+from scenarios.scenes.drawing.analytic import spread_points
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 
 CLOCK = Clock(40_000)

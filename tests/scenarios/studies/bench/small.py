@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import pytest
 
-import scenarios.studies.bench.loop as loop
+import scenarios.studies.bench.display as loop
 import scenarios.studies.bench.modem as modem
 from rtl_model.events.encoder import EventSize
 from sensor import CHIPS
