@@ -4,7 +4,8 @@
     spikes = viform.film("clip.mp4", tolerance=1e-3)
     image = viform.reconstruct(spikes, at=1280)
 
-The names are those of the parts; each is imported when it is first used.
+The names are those of the parts; each is imported when it is first used. Their types stand in
+`viform-stubs`: this module is a single file, which cannot be marked as typed.
 """
 
 from __future__ import annotations
@@ -15,27 +16,7 @@ import warnings
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from cosim import Clock, InputError, Viform
-    from scenarios.python import (
-        Camera,
-        Display,
-        Link,
-        Run,
-        Stream,
-        film,
-        reconstruct,
-        run,
-        send,
-        show,
-    )
-    from scenarios.python import open_stream as open
-    from scenarios.python import save_stream as save
-    from scenarios.python.training import SpikeStream
-    from scenarios.studies.dataset.making import dataset
-    from scenarios.studies.dataset.reading import SpikeDataset, torch_dataset
+from typing import Any
 
 _PLACES = {
     "Camera": "scenarios.python:Camera",
@@ -59,11 +40,7 @@ _PLACES = {
     "torch_dataset": "scenarios.studies.dataset.reading:torch_dataset",
 }
 
-__all__ = [
-    "Camera", "Clock", "Display", "InputError", "Link", "Run", "SpikeDataset", "SpikeStream",
-    "Stream", "Viform", "dataset", "film", "open", "reconstruct", "run", "save", "send", "show",
-    "torch_dataset",
-]  # fmt: skip
+__all__ = list(_PLACES)
 
 
 _HERE = Path(__file__).resolve().parent

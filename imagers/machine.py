@@ -9,17 +9,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim.config.amounts import number
+from cosim.plan.error import Finding, reinstated
+from cosim.plan.planner import left_out_rows
 from cosim.report.png import pictures_wanted, write_png
-from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput
 from imagers.common.kind import ImagerKind
 from imagers.common.model import FrameFigures
 from imagers.report.page import ImagerRun, imager_page
 from imagers.run.chain import FrameChain
-from imagers.run.ladder import measure_ladder
-from imagers.run.plan import DEVICE, PlannedRun, forecast
+from imagers.run.plan import DEVICE, PlannedRun, forecast, measure_ladder
 from imagers.run.tape import FRAMES, read_frame
 
 PICTURES: Final = 8
@@ -88,14 +88,7 @@ class ImagerMachine:
             return []
         measured = {name: chain.patches.measured(name) for name in left_out}
         worst = max(left_out, key=lambda name: getattr(measured[name], "high", 0.0))
-        return [
-            Finding(
-                worst,
-                f"the error may be {number(error.high, 2)} without {worst}: it is put back and the "
-                "run done again",
-                measured=error.high,
-            )
-        ]
+        return [reinstated(worst, self.planned.spec.tolerance, error.high)]
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         planned, chain = self.planned, recording.chain
@@ -121,13 +114,10 @@ class ImagerMachine:
             simulated_s=planned.spec.stop * 1e-12,
             error=_error(chain),
             kept=[effect for effect in planned.pixels.effects if effect in planned.kept],
-            left_out=[
-                {
-                    "effect": row.effect, "bound": row.bound, "kind": row.kind,
-                    "measured": getattr(chain.patches.measured(row.effect), "value", None),
-                }
-                for row in planned.plan.rows if row.effect in left_out
-            ],
+            left_out=left_out_rows(
+                planned.plan.absent,
+                {name: getattr(chain.patches.measured(name), "value", None) for name in left_out},
+            ),
             metrics=metrics,
             latency=planned.model.latency(frames, view, chain.imager) if frames else [],
             throughput=[] if recording.resumed else _throughput(frames, recording.seconds),

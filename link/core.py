@@ -76,8 +76,7 @@ class LinkBounds:
     @classmethod
     def of(cls, plan: LinkPlan) -> LinkBounds:
         """The bounds of a plan."""
-        gone = set(plan.left_out)
-        rows = {row.effect: row.bound for row in plan.plan.rows if row.effect in gone}
+        rows = {row.effect: row.bound for row in plan.plan.absent}
         return cls(plan.promised, "estimate", rows, plan.tier, plan.plan.tolerance)
 
 

@@ -15,9 +15,10 @@ from cosim import Clock
 from cosim.compute.stopping import threads
 from cosim.config.toml import to_toml
 from cosim.files import Recorder
+from cosim.plan.error import Finding
 from cosim.report.png import pictures_wanted
 from cosim.run.chain import STREAM, BlockChain
-from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput, viform_version
 from link.evaluation.judge import closed_form, evaluate_link

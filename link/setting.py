@@ -171,9 +171,9 @@ def check_receiver(sensor: SensorSection, name: str = "sensor") -> None:
         sensor: its section.
         name: name of the section.
     """
-    if sensor.readout != "synchronous":
+    if sensor.pixel != "latched":
         raise InputError(
-            f"{name}.readout", "synchronous in a link", sensor.readout, "leave it out"
+            f"{name}.pixel", "latched in a link", sensor.pixel, "leave it out"
         )  # fmt: skip
     for key in (
         "source",

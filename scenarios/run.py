@@ -20,6 +20,7 @@ from cosim.compute.stopping import undone
 from cosim.files import NOT_KEPT, storing
 from cosim.files.durable import sync_tree
 from cosim.files.whole import whole
+from cosim.plan.error import BrokenPromise, Finding
 from cosim.report.figures import load_ahead
 from cosim.report.png import pictures
 from cosim.run.folder import (
@@ -32,16 +33,7 @@ from cosim.run.folder import (
 )
 from cosim.run.foresight import Foresight
 from cosim.run.loop import discard_checkpoints, noted_interrupts
-from cosim.run.machine import (
-    NO_REPORT,
-    BrokenPromise,
-    Finding,
-    Machine,
-    Options,
-    Outcome,
-    Recording,
-    Run,
-)
+from cosim.run.machine import NO_REPORT, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Result, dumps, write_result
 from scenarios.assemble.machine import assemble

@@ -220,8 +220,8 @@ CHANGES: dict[str, Change] = {
     "viform run film --set sensor.width=8000 --set sensor.height=8000 "
     "--scheduler tcp://host:8786": Change(cannot="it needs a Dask scheduler of other machines"),
     # scenarios whose keys exclude those of SIZES
-    "viform run glass --set sensor.readout=asynchronous": Change(sized=EVENTS),
-    "viform run step --set sensor.readout=asynchronous --set link.distance='2 m'": Change(
+    "viform run glass --set sensor.pixel=asynchronous": Change(sized=EVENTS),
+    "viform run step --set sensor.pixel=asynchronous --set link.distance='2 m'": Change(
         sized=EVENTS
     ),
     # the set-up

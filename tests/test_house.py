@@ -311,9 +311,19 @@ def circles(edges: dict[str, set[str]]) -> list[list[str]]:
     return found
 
 
-def room_of(module: str) -> str:
-    """Room of a module: package.room, or the package itself for its __init__."""
-    return ".".join(module.split(".")[:2])
+def rooms_of(edges: dict[str, set[str]], depth: int) -> dict[str, set[str]]:
+    """What imports what among the folders and files that stand in the same folder, `depth` names
+    deep. The `__init__` of a folder is no part of its own rooms."""
+    found: dict[str, set[str]] = {}
+    for module, others in edges.items():
+        *folder, room = module.split(".")[:depth]
+        if len(folder) == depth - 1:
+            here = found.setdefault(".".join([*folder, room]), set())
+            for other in others:
+                there = other.split(".")[:depth]
+                if len(there) == depth and there[:-1] == folder and there[-1] != room:
+                    here.add(".".join(there))
+    return found
 
 
 def crooked_rooms(root: Path) -> list[str]:
@@ -335,16 +345,11 @@ def crooked_rooms(root: Path) -> list[str]:
                     found.append(f"{module}: {package}/{here} must not import {package}/{there}")
     plain = {m: {o for o, _ in others} - {m} for m, others in edges.items()}
     found += [f"{' '.join(circle)}: must not import in a circle" for circle in circles(plain)]
-    rooms: dict[str, set[str]] = {}
-    for module, others in plain.items():
-        if "." in module:
-            here = room_of(module)
-            rooms.setdefault(here, set())
-            rooms[here] |= {
-                room_of(o) for o in others
-                if "." in o and o.split(".")[0] == module.split(".")[0]
-            } - {here}  # fmt: skip
-    found += [f"{' '.join(circle)}: rooms must not import in a circle" for circle in circles(rooms)]
+    for depth in range(2, 1 + max(module.count(".") + 1 for module in plain)):
+        found += [
+            f"{' '.join(circle)}: rooms must not import in a circle"
+            for circle in circles(rooms_of(plain, depth))
+        ]
     return found
 
 
@@ -352,7 +357,7 @@ def idle_exports(root: Path) -> list[str]:
     """Names in an `__init__` that nothing outside its folder imports from it."""
     known = modules(root)
     used = set()
-    for path in (*known.values(), *root.glob("viform.py")):
+    for path in (*known.values(), *root.glob("viform.py"), *root.glob("viform-stubs/*.pyi")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             home = known.get(getattr(node, "module", None) or "", root / "no/__init__.py")
             if isinstance(node, ast.ImportFrom) and home.parent not in path.parents:
@@ -512,6 +517,24 @@ def test_a_planted_circle_export_or_question_is_found(tmp_path):
     ]
     assert idle_exports(tmp_path) == ["cosim: nothing outside imports C"]
     assert asked_kinds(tmp_path) == ["scenarios.run:2: asks of what kind a scenario is"]
+
+
+def test_a_circle_of_deep_rooms_is_found_also_through_an_import_inside_a_function(tmp_path):
+    write_house(tmp_path)
+    said = {
+        "assemble/__init__": "",
+        "assemble/show/a": "from scenarios.assemble.carrier.b import X\n",
+        "assemble/carrier/b": "X = 1\n",
+        "assemble/carrier/c": "def f():\n    from scenarios.assemble.show.d import X\n",
+        "assemble/show/d": "X = 1\n",
+    }
+    for name, text in said.items():
+        place = tmp_path / "scenarios" / f"{name}.py"
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(f'"""A module."""\n{text}')
+    assert crooked_rooms(tmp_path) == [
+        "scenarios.assemble.carrier scenarios.assemble.show: rooms must not import in a circle"
+    ]
 
 
 def test_every_package_of_the_table_is_here_and_ships():

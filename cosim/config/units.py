@@ -68,12 +68,14 @@ KINDS: dict[str, Kind] = {
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 # pint evaluates expressions in a unit, and "s*9**9**9" would not end. Therefore only names with a
 # small power, joined by one sign, are passed to it.
-_POWER = r"(?:\ ?(?:\*\*|\^)\ ?-?[1-9]|[²³]|⁻[¹²³])?"
+_POWER = r"(?:\ ?(?:\*\*|\^)\ ?-?[1-9]|[23²³]|⁻[¹²³])?"
 _NAME = rf"[A-Za-zµμ_]+{_POWER}"
 _UNIT = rf"(?:1\ ?/\ ?)?{_NAME}(?:(?:\ ?[*/·]\ ?|\ ){_NAME})*"
 _LONGEST = 200
 """Characters of a quantity. Time grows with the square of the digits, and in pint of a name."""
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
+_PLAIN_POWER = re.compile(r"(?<=[A-Za-zµμ_])(?=[23])")
+"""Place of the sign that pint wants in "m2"."""
 
 
 _COMMON = {
@@ -93,6 +95,7 @@ compares. It takes 0.2 s to import, and is asked for the other units alone."""
 
 def _factor(text: str, kind: Kind) -> float | None:
     """What pint multiplies values in a common unit by; None for another one."""
+    text = text.replace("m2", "m²")
     return 1.0 if text == kind.unit else _COMMON.get(kind.unit, {}).get(text)
 
 
@@ -141,7 +144,7 @@ def parse_quantity(text: str, kind: Kind) -> float:
         return value
     ureg = _registry()
     try:
-        unit = ureg.Unit(match[2])
+        unit = ureg.Unit(_PLAIN_POWER.sub("^", match[2]))
         allowed = _without_prefixes(unit) in _accepted(kind)
         magnitude = ureg.Quantity(float(match[1]), unit).to(kind.unit).magnitude if allowed else 0
     except Exception as exc:  # pint raises many types for text that is no unit

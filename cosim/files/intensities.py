@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from operator import index
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.whole import whole
 from cosim.spikes.intensities import Intensities
+
+ENDING: Final = ".intensities.npz"
 
 
 def write_intensities(reports: Intensities, path: Path) -> None:
@@ -43,7 +46,7 @@ def read_intensities(path: Path) -> Intensities:
             f"{path}",
             "an .npz of `row`, `column`, `time`, `value`, `shape`, `ticks`, `clock` and `start`",
             value,
-            "give the reports of a run with the continuous readout",
+            "give the reports of a run with continuous pixels",
         )
 
     try:

@@ -12,6 +12,7 @@ from cosim.files.dat import HEAD_SIZE, pixels_of, write_dat
 from cosim.files.dat_size import open_dat
 from cosim.files.event_file import ENDING, write_events
 from cosim.files.event_planes import EventStream
+from cosim.files.intensities import ENDING as INTENSITIES
 from cosim.files.losses import losses
 from cosim.files.npz import read_npz, write_npz
 from cosim.files.plane_order import DAT_ORDER, PlaneOrder
@@ -145,7 +146,7 @@ def write_stream(
         config: whether a config.yaml is written next to a `.dat`.
     """
     ending = ending_of(path)
-    if ending not in FORMATS:
+    if ending not in FORMATS or path.name.lower().endswith(INTENSITIES):
         raise InputError(
             "the output",
             f"a name ending in {', '.join(FORMATS)}",

@@ -102,6 +102,8 @@ class Effect:
         cost: cost of keeping it, ns per pixel-cycle, from its table of costs.
         scope: "tile" if it is kept or left out tile by tile, "plane" if on the whole plane.
         group: effects of one group share their cost, which counts once.
+        moot: name of an effect of scope "tile"; in a tile that leaves that one out, leaving this
+            one out as well changes nothing.
     """
 
     name: str
@@ -111,3 +113,4 @@ class Effect:
     cost: Callable[[Summary], Any] = field(default=free)
     scope: Literal["tile", "plane"] = "plane"
     group: str = ""
+    moot: str = ""

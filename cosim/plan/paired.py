@@ -10,18 +10,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.light.light import Light, PlaneMap
-from cosim.plan.patches import PatchPlane
+from cosim.plan.error import Measured, deviations
+from cosim.plan.tiles import PatchPlane
 from cosim.stage import Block
 
-CONFIDENCE = 0.999
-"""Confidence level of all intervals."""
 Words = npt.NDArray[np.uint32]
 Values = npt.NDArray[np.float64]
 Span = tuple[int, int]
@@ -59,21 +57,6 @@ class TrialCamera(Protocol):
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None: ...
 
 
-@dataclass(frozen=True)
-class Measured:
-    """Relative RMS difference of the rates of a tile, for the worst tile and window.
-
-    Attributes:
-        value: the difference.
-        low, high: 99.9 % limits. `high` is the largest of all tiles and windows, corrected for
-            their number.
-    """
-
-    value: float
-    low: float
-    high: float
-
-
 def compare(rates: Values, truth: Values, floor: float) -> tuple[Values, Values, Values]:
     """RMS over pixels of (rates - truth), relative to max(mean truth, floor).
 
@@ -85,13 +68,11 @@ def compare(rates: Values, truth: Values, floor: float) -> tuple[Values, Values,
         The RMS and its 99.9 % limits, low and high, (...) each. The limits hold for all entries
         together and assume a normal mean square.
     """
-    from scipy.special import ndtri
-
     square = (rates - truth) ** 2
     n = square.shape[-1]
     base = np.maximum(truth.mean(axis=-1), max(floor, 1e-300))
     many = max(int(np.prod(square.shape[:-1])), 1)
-    width = -float(ndtri((1 - CONFIDENCE) / 2 / many)) / np.sqrt(n)
+    width = deviations(many) / np.sqrt(n)
     mean, spread = square.mean(axis=-1), square.std(axis=-1) * width
     low, high = np.sqrt(np.maximum(mean - spread, 0)) / base, np.sqrt(mean + spread) / base
     return np.sqrt(mean) / base, low, high

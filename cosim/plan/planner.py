@@ -10,57 +10,23 @@ out the most, and skips sets that cannot be cheaper than the best so far.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.plan.effects import Effect, Kind, Summary
-from cosim.plan.paired import Measured
 
 SHARE = 0.5
 """Share of the tolerance for the bounds of all effects that are left out."""
+RANDOM: Final = 4
+"""Number of tiles that are chosen at random to check a plan."""
 ESTIMATE_WEIGHT = 2.0
 """Weight of an estimate."""
-FINEST = 1e-3
-"""Largest error that is accepted at tolerance 0, which is the default tolerance of a scenario."""
 Values = npt.NDArray[np.float64]
-
-
-def accepted_error(tolerance: float) -> float:
-    """The largest relative error with which a run is "ok".
-
-    Tolerance 0 keeps every effect, but the error of the tier itself remains. A run at tolerance 0
-    must not be called "ok" with an error that is refused at a looser tolerance, so it has the
-    limit of the default tolerance.
-    """
-    return tolerance if tolerance > 0 else FINEST
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bounds:
-    """What a plan promises of the error of a simulation against full physics, and what a check has
-    measured of it.
-
-    Attributes:
-        bound: Limit of the relative error of the rates of a tile, in the worst tile.
-        kind: "proof", or "estimate".
-        left_out: Limit for each effect that some tile leaves out, by name.
-        kept: Effects that some tile keeps.
-        tolerance: Tolerance of the plan.
-        measured: The error on patches, with its 99.9 % limits, of which the upper one holds for all
-            tiles; None without a check.
-    """
-
-    bound: float
-    kind: Kind
-    left_out: dict[str, float]
-    kept: tuple[str, ...]
-    tolerance: float
-    measured: Measured | None = None
 
 
 @dataclass(frozen=True)
@@ -69,18 +35,36 @@ class Row:
 
     Attributes:
         effect: name of the effect.
-        kept: share of tiles that keep it, 0 to 1.
         bound: largest bound over the tiles that leave it out, or over all tiles if none does;
             estimates are doubled.
         kind: kind of the bound.
+        kept: share of tiles that keep it, 0 to 1.
         cost_ns: cost of keeping it in every tile, ns per pixel-cycle.
     """
 
     effect: str
-    kept: float
     bound: float
     kind: Kind
-    cost_ns: float
+    kept: float = 0.0
+    cost_ns: float = 0.0
+
+
+def left_out_rows(
+    rows: Iterable[Row], measured: Mapping[str, float | None]
+) -> list[dict[str, Any]]:
+    """Rows of `result.json`, one for each effect that is left out.
+
+    Args:
+        rows: rows of these effects, such as `Plan.absent`.
+        measured: error without an effect, by name, where it was measured.
+    """
+    return [
+        {
+            "effect": row.effect, "bound": row.bound, "kind": row.kind,
+            "measured": measured.get(row.effect),
+        }
+        for row in rows
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +99,27 @@ class Plan:
         return tuple(name for name, tiles in self.kept.items() if not tiles.all())
 
     @property
+    def absent(self) -> list[Row]:
+        """Rows of the effects that at least one tile leaves out."""
+        absent = self.left_out
+        return [row for row in self.rows if row.effect in absent]
+
+    @property
     def kind(self) -> Kind:
         """Kind of `total`: a proof if all its bounds are proofs."""
-        absent = self.left_out
-        proven = all(row.kind == "proof" for row in self.rows if row.effect in absent)
-        return "proof" if proven else "estimate"
+        return "proof" if all(row.kind == "proof" for row in self.absent) else "estimate"
+
+    def keeping(self, names: Collection[str]) -> Plan:
+        """The plan with these effects kept everywhere, and no others anew. Its costs are those of
+        this plan."""
+        kept = {name: tiles | (name in names) for name, tiles in self.kept.items()}
+        gone = [np.where(kept[name], 0.0, bound) for name, bound in self.promise.items()]
+        rows = tuple(
+            replace(row, kept=1.0, bound=float(self.promise[row.effect].max()))
+            if row.effect in names else row
+            for row in self.rows
+        )  # fmt: skip
+        return replace(self, rows=rows, kept=kept, total=np.sum(gone, axis=0))
 
     @property
     def sets(self) -> dict[tuple[str, ...], int]:
@@ -132,6 +132,26 @@ class Plan:
             tuple(n for n, k in zip(names, column, strict=True) if k): int(count)
             for column, count in zip(rows.T, counts, strict=True)
         }
+
+
+def choose_tiles(
+    plan: Plan, figures: Sequence[Values], among: npt.NDArray[np.intp], seed: int, each: int = 1
+) -> list[int]:
+    """Numbers of tiles that tell most about a plan, the most informative first.
+
+    Args:
+        plan: the plan.
+        figures: (tiles,) values; the tile with the largest of each is chosen.
+        among: (n,) numbers of the tiles to choose from.
+        seed: seed of the RANDOM tiles that are chosen at random.
+        each: number of tiles for every effect left out, where its bound is largest.
+    """
+    order = [int(np.argmax(values[among])) for values in figures]
+    for name in plan.left_out:
+        promised = np.where(plan.kept[name], -1.0, plan.promise[name])[among]
+        order += np.argsort(-promised, kind="stable")[:each].tolist()
+    order += np.random.default_rng(seed).permutation(len(among))[:RANDOM].tolist()
+    return list(dict.fromkeys(int(among[n]) for n in order))
 
 
 def _subsets(names: Sequence[int]) -> list[tuple[int, ...]]:
@@ -211,12 +231,17 @@ class _Search:
             self._branch(at + 1, (*out, rest[0]), more)
         self._branch(at + 1, out, spent)
 
+    def _moot(self, effect: int, more: tuple[int, ...]) -> bool:
+        """Whether leaving out an effect changes nothing beside the others of a local set."""
+        return any(self._effects[n].name == self._effects[effect].moot for n in more)
+
     def _tiles(self, out: tuple[int, ...], spent: Values) -> tuple[float, npt.NDArray[np.intp]]:
         """Mean cost of the cheapest local set of each tile, and its index, (tiles,). Of equal
         costs, the first is selected, which keeps the most."""
         cost = np.full((len(self._local), spent.size), np.inf)
         for m, more in enumerate(self._local):
-            fits = spent + self._promise[np.array(more, int)].sum(axis=0) <= self._room
+            counted = [n for n in more if not self._moot(n, more)]
+            fits = spent + self._promise[np.array(counted, int)].sum(axis=0) <= self._room
             total = _total(self._effects, self._costs, frozenset(out + more))
             cost[m] = np.where(fits, total, np.inf) if more else total
         return float(cost.min(axis=0).mean()), cost.argmin(axis=0)
@@ -275,16 +300,20 @@ def make_plan(
     for m, more in enumerate(local):
         for n in more:
             kept[n, chosen == m] = False
-    rows = []
+    names = [e.name for e in effects]
     for n, effect in enumerate(effects):
         if effect.name in exempt:
             kept[n, exempt[effect.name]] = True
+        if effect.moot in names:
+            idle = ~kept[n] & ~kept[names.index(effect.moot)]
+            bounds[n, idle] = promise[n, idle] = 0.0
+    rows = []
+    for n, effect in enumerate(effects):
         gone = ~kept[n]
         at = gone if gone.any() else np.ones(tiles, bool)
         kind: Kind = "proof" if kinds[n] == "proof" and sure[at].all() else "estimate"
         largest = float(bounds[n][at].max())
-        rows.append(Row(effect.name, float(kept[n].mean()), largest, kind, float(costs[n].mean())))
-    names = [e.name for e in effects]
+        rows.append(Row(effect.name, largest, kind, float(kept[n].mean()), float(costs[n].mean())))
     return Plan(
         tolerance,
         tuple(rows),

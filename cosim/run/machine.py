@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from cosim.plan.error import Finding
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Result, Throughput
 
@@ -43,33 +44,6 @@ class Options:
     workers: int | None = None
     scheduler: str | None = None
     report: str = REPORTS[0]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A bound of the plan that a measurement exceeds. Its effect must be kept.
-
-    Attributes:
-        effect: name of the effect to reinstate.
-        message: text for the user, one line.
-        promised: the bound, None if unknown.
-        measured: upper limit of the measurement, None if unknown.
-        tile: number of the tile, None if the finding concerns the whole plane.
-    """
-
-    effect: str
-    message: str
-    promised: float | None = None
-    measured: float | None = None
-    tile: int | None = None
-
-
-class BrokenPromise(Exception):
-    """Raised by a running chain as soon as a bound of its plan is exceeded."""
-
-    def __init__(self, findings: Sequence[Finding]) -> None:
-        super().__init__(", ".join(finding.effect for finding in findings))
-        self.findings = list(findings)
 
 
 class Chain(Protocol):

@@ -232,10 +232,16 @@ class Viform(Sliceable):
             raise ValueError(f"spikes must lie within {self.cycles} cycles, not beyond")
 
     @classmethod
-    def from_planes(
-        cls, planes: npt.NDArray[np.bool_] | npt.NDArray[np.uint8], clock: Clock
-    ) -> Viform:
-        """A viform from (T, H, W) planes of 0 and 1, starting at cycle 0."""
+    def from_planes(cls, planes: npt.NDArray[Any], clock: Clock) -> Viform:
+        """A viform from (T, H, W) planes of 0 and 1, starting at cycle 0. Raises InputError for
+        other planes."""
+        planes = np.asarray(planes)
+        if planes.ndim != 3 or not planes.size or planes.dtype not in (np.bool_, np.uint8):
+            given = f"{planes.shape} {planes.dtype}"
+            raise InputError("planes", "(T, H, W) bool or uint8", given, "convert them")
+        if planes.max() > 1:
+            given = f"values up to {planes.max()}"
+            raise InputError("planes", "0 or 1, a spike", given, "film frames by a Camera")
         return cls(pack_planes(planes), planes.shape[0], clock)
 
     @property

@@ -16,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Light
-from cosim.plan.paired import Measured, Paired, Span, TrialCamera, Values, Words, compare, worst
-from cosim.plan.patches import PatchPlane
+from cosim.plan.error import Measured
+from cosim.plan.paired import Paired, Span, TrialCamera, Values, Words, compare, worst
+from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, pack_planes, unpack_planes, words_for
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.setting import DisplaySetting

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from cosim import InputError
 from cosim.frames import Frame
+from cosim.plan.error import deviations
 from cosim.run.result import Latency, Metric
 from imagers.adaptive.coupling import coupled_metrics
 from imagers.adaptive.device.decision import Search, decide, gather, lengthening
@@ -33,7 +34,6 @@ from imagers.common.model import (
     ImagerModel,
     JudgeBase,
     View,
-    deviations,
     saturation,
     write_all,
 )

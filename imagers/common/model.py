@@ -15,12 +15,10 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
 
 from cosim import InputError, seconds_to_ps
 from cosim.errors import quote
 from cosim.frames import Frame
-from cosim.plan.paired import CONFIDENCE
 from cosim.run.result import Latency, Metric, latency_rows
 from imagers.common.scenery import Scenery
 from sensor.frame_pixels import Exposed, PixelModel
@@ -116,11 +114,6 @@ class Judge(Protocol):
     def exposure(self, frame: Frame) -> float:
         """The exposure of the frame itself, in the same unit."""
         ...
-
-
-def deviations(among: int) -> float:
-    """Number of standard deviations that none of `among` normal variates exceeds, at 99.9 %."""
-    return -float(ndtri((1 - CONFIDENCE) / 2 / max(among, 1)))
 
 
 class JudgeBase:

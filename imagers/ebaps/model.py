@@ -18,6 +18,7 @@ import numpy.typing as npt
 from cosim.clock import PS
 from cosim.frames import Frame
 from cosim.light.charts import ASPECT, bar_width, regions
+from cosim.plan.error import deviations
 from cosim.run.result import Latency, Metric
 from imagers.common.model import (
     ExposureRange,
@@ -25,7 +26,6 @@ from imagers.common.model import (
     ImagerModel,
     JudgeBase,
     View,
-    deviations,
     read_latency,
     write_all,
 )

@@ -219,7 +219,7 @@ def _kept(run: ImagerRun) -> str:
     out = set(plan.left_out)
     rows = []
     for row in plan.rows:
-        state = "put back" if row.effect in run.reinstated else "kept"
+        state = "reinstated" if row.effect in run.reinstated else "kept"
         check = ""
         if row.effect in out:
             state, measured = "left out", patches.measured(row.effect)

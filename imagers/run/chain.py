@@ -14,12 +14,13 @@ from typing import Any
 
 from cosim import Interrupted
 from cosim.frames import Frame
+from cosim.plan.error import Measured
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.inputs import add_digests
 from cosim.run.progress import Progress
 from cosim.run.result import viform_version
 from imagers.common.model import FrameFigures, measure_frame
-from imagers.run.check import DecisionCheck, Decisions, PairedError, PlanPatches, watched_frames
+from imagers.run.check import DecisionCheck, Decisions, PlanPatches, watched_frames
 from imagers.run.plan import PlannedRun
 from imagers.run.tape import FRAMES, TAPE, FrameStore, Tape, Taped
 from sensor.frame_pixels import Exposed, PixelModel
@@ -84,14 +85,15 @@ class FrameChain:
         return self._folder / TAPE
 
     @property
-    def error(self) -> PairedError | None:
+    def error(self) -> Measured | None:
         """The error of the plan: the larger of the error of the patches and the effect of a
         decision that full physics makes otherwise."""
         error, check = self.patches.planned(), self.decisions
         if error is None or check is None or check.differs_at is None:
             return error
-        change = max(error.mean, check.change)
-        return replace(error, mean=change, high=max(error.high, check.change))
+        return replace(
+            error, value=max(error.value, check.change), high=max(error.high, check.change)
+        )
 
     def load(self, progress: Progress) -> bool:
         """Checks the tape. Raises InputError for that of another run."""

@@ -28,10 +28,9 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
 
 from cosim.frames import Frame
-from cosim.plan.paired import CONFIDENCE
+from cosim.plan.error import Measured, deviations
 from imagers.common.model import Judge
 from sensor.frame_pixels import Exposed, PixelModel
 
@@ -56,26 +55,7 @@ _PLAN: Final = "the plan"
 Values = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class PairedError:
-    """The error of a patch.
-
-    Attributes:
-        mean, noise: relative change of the mean and of the temporal noise.
-        low, high: confidence limits of the larger of the two.
-    """
-
-    mean: float
-    noise: float
-    low: float
-    high: float
-
-    @property
-    def value(self) -> float:
-        return max(self.mean, self.noise)
-
-
-def paired_error(planned: Values, full: Values, many: int) -> PairedError:
+def paired_error(planned: Values, full: Values, many: int) -> Measured:
     """The error of one patch.
 
     Args:
@@ -83,7 +63,7 @@ def paired_error(planned: Values, full: Values, many: int) -> PairedError:
         many: number of patches for which the limits hold together.
     """
     repeats, pixels = full.shape
-    wide = -float(ndtri((1 - CONFIDENCE) / 4 / max(many, 1)))
+    wide = deviations(2 * many)
     step = planned - full
     square = step.mean(axis=0) ** 2 - step.var(axis=0, ddof=1) / repeats
     base = max(float(full.mean()), 1.0)
@@ -97,7 +77,7 @@ def paired_error(planned: Values, full: Values, many: int) -> PairedError:
     change = abs(float(gain.mean())) / under
     doubt = wide * float(gain.std()) / np.sqrt(pixels) / under
     low, high = max(change - doubt, 0.0), change + doubt
-    return PairedError(mean, change, max(mean_low, low), max(mean_high, high))
+    return Measured(max(mean, change), max(mean_low, low), max(mean_high, high))
 
 
 def watched_frames(frames: int) -> list[int]:
@@ -172,15 +152,11 @@ class Patches:
         for name, kept in self._ways.items():
             self._pairs[name] += zip(repeats(kept), full, strict=True)
 
-    def of(self, name: str) -> PairedError | None:
+    def of(self, name: str) -> Measured | None:
         """The error of the worst patch for one set of effects, with the largest upper limit of all
         patches; None if no patch was compared."""
         pairs = self._pairs.get(name, [])
-        errors = [paired_error(planned, full, len(pairs)) for planned, full in pairs]
-        if not errors:
-            return None
-        worst = max(errors, key=lambda error: error.value)
-        return replace(worst, high=max(error.high for error in errors))
+        return Measured.worst(paired_error(planned, full, len(pairs)) for planned, full in pairs)
 
 
 class PlanPatches(Patches):
@@ -203,11 +179,11 @@ class PlanPatches(Patches):
         super().__init__(full, ways, seed, frames)
         self._out = list(out)
 
-    def planned(self) -> PairedError | None:
+    def planned(self) -> Measured | None:
         """The error of the plan; None if no frame was compared."""
-        return self.of(_PLAN) if self._out else PairedError(0.0, 0.0, 0.0, 0.0)
+        return self.of(_PLAN) if self._out else Measured(0.0, 0.0, 0.0)
 
-    def measured(self, effect: str) -> PairedError | None:
+    def measured(self, effect: str) -> Measured | None:
         """The error of omitting one effect alone; None if no frame was compared."""
         return self.of(effect if len(self._out) > 1 else _PLAN)
 

@@ -19,19 +19,18 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Summary
+from cosim.plan.error import CONFIDENCE
 from link.air.air import lens_psf
 from link.air.geometry import affine_at, image_of
 from link.air.projection import projection_of
 from link.air.radiometry import levels
 from link.air.scintillation import Flicker
 from link.air.setting import Scene
+from link.theory.intervals import NORMAL
 from sensor import CameraSetting
 
 Values = npt.NDArray[np.float64]
-_RISK: Final = 0.001
-"""Complement of the confidence level, 99.9 %."""
-_DEVIATIONS: Final = 3.29
-"""Standard deviations of a normal variate that enclose 99.9 %."""
+_RISK: Final = 1 - CONFIDENCE
 _NODES: Final = 15
 """Nodes of the Gauss-Hermite rule."""
 _FACTORS: Final = 49
@@ -230,7 +229,7 @@ def flicker_units(scene: LinkSummary, law: Flicker, times: float) -> float:
     middle = ber(scene)
     mean = float(weight @ rates)
     deviation = math.sqrt(float(weight @ (rates - mean) ** 2) / max(times, 1.0))
-    return (abs(mean - middle) + _DEVIATIONS * deviation) / _half_width(middle, scene.bits)
+    return (abs(mean - middle) + NORMAL * deviation) / _half_width(middle, scene.bits)
 
 
 def cell_shares(scene: Scene, shape: tuple[int, int], cell: int) -> tuple[tuple[float, ...], ...]:

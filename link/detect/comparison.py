@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.plan.error import CONFIDENCE
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
 from link.detect.pixel import PixelLaw, Rule
@@ -112,7 +113,7 @@ def comparison(
     size: int = 256,
     symbols: int = 96,
     seed: int = 1,
-    confidence: float = 0.999,
+    confidence: float = CONFIDENCE,
 ) -> list[Compared]:
     """Error rates of random on-off keying.
 

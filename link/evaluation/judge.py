@@ -11,6 +11,7 @@ import numpy.typing as npt
 from cosim import SpikeStream
 from cosim.compute.kept import kept_value
 from cosim.compute.stopping import threads
+from cosim.plan.error import CONFIDENCE
 from cosim.spikes.viform import count_spikes
 from link.air import image_of
 from link.air.geometry import panel_corners
@@ -37,8 +38,6 @@ from link.trial.planned import PlannedLink
 from link.verdict import Cause
 
 Predicted = Callable[[], CellErrors | None]
-LEVEL: Final = 0.999
-"""Confidence of the interval of the raw bit error rate."""
 _NOT_MODELLED: Final = frozenset(
     {Cause.OUT_OF_VIEW, Cause.MIRRORED, Cause.OCCLUDED, Cause.WRONG_CLOCK, Cause.INTERRUPTED}
 )
@@ -90,7 +89,7 @@ def _theory(
     interval = None
     mode, setting = setup.mode, setup.setting
     if errors.bits:
-        low, high = clopper_pearson(errors.wrong, errors.bits, LEVEL)
+        low, high = clopper_pearson(errors.wrong, errors.bits, CONFIDENCE)
         interval = float(low), float(high)
     soft = received.promise if received.mode == mode else None
     not_modelled = not errors.bits and cause in _NOT_MODELLED

@@ -233,7 +233,7 @@ def _check_metrics(check: LinkCheck) -> dict[str, Metric]:
         "check_bits": (None if paired is None else paired.bits, bits),
         "check_otherwise": (None if paired is None else paired.more + paired.fewer, bits),
         "check_otherwise_high": (None if paired is None else paired.differing_limit, "1"),
-        "check_counted_high": (None if paired is None else paired.counted[2], "half-widths"),
+        "check_counted_high": (None if paired is None else paired.counted.high, "half-widths"),
         "check_near": (None if near is None else near.count, bits),
         "check_near_otherwise": (None if near is None else near.more + near.fewer, bits),
     }

@@ -10,7 +10,7 @@ from cosim.config.amounts import count, number
 from cosim.report.parts import table
 from cosim.run.result import Result
 from link.evaluation.record import LinkEvaluation
-from link.trial.check import LinkCheck, Paired
+from link.trial.check import BitErrors, LinkCheck
 from sensor.sections.provenance import fault_rows, optics_rows
 
 NOT_KNOWN = "not known"
@@ -21,9 +21,10 @@ def _number(value: float | None) -> str:
     return NOT_KNOWN if value is None else number(value, 2)
 
 
-def _row(row: dict[str, Any], alone: Mapping[str, Paired | None]) -> list[str]:
+def _row(row: dict[str, Any], alone: Mapping[str, BitErrors | None]) -> list[str]:
     paired = alone.get(row["effect"])
-    span = "" if paired is None else f" ({number(paired.low, 2)} to {number(paired.high, 2)})"
+    error = None if paired is None else paired.error
+    span = "" if error is None else f" ({number(error.low, 2)} to {number(error.high, 2)})"
     return [
         str(row["effect"]), _number(row["bound"]), str(row["kind"]),
         _number(row["measured"]) + span,
@@ -36,7 +37,7 @@ def error_text(check: LinkCheck) -> str:
     if paired is None:
         return "The run's error was not measured."
     differ = paired.more + paired.fewer
-    value, low, high = paired.counted
+    counts, error = paired.counted, paired.error
     limit = paired.differing_limit * 1e6
     counted = (
         f"{check.patches} patches of the sensor were simulated twice with the same random numbers "
@@ -44,9 +45,9 @@ def error_text(check: LinkCheck) -> str:
         f"{count(paired.bits)} bits {'none was' if not differ else f'{count(differ)} were'} "
         f"decided differently ({count(paired.run)} wrong as run, {count(paired.full)} in full "
         f"physics): at 99.9 % fewer than {number(limit, 2)} in a million are. Counted in this way, "
-        f"the bit error rate is off by {number(value, 2)} half-widths of the run's own 99.9 % "
-        f"interval, {number(paired.unit, 2)}, at 99.9 % between {number(low, 2)} and "
-        f"{number(high, 2)}. The number of bits compared limits the upper end."
+        f"the bit error rate is off by {number(counts.value, 2)} half-widths of the run's own "
+        f"99.9 % interval, {number(paired.unit, 2)}, at 99.9 % between {number(counts.low, 2)} and "
+        f"{number(counts.high, 2)}. The number of bits compared limits the upper end."
     )
     close = paired.near
     if close is None:
@@ -57,13 +58,13 @@ def error_text(check: LinkCheck) -> str:
         f"As run, {count(close.more)} more and {count(close.fewer)} fewer are nearly wrong, a "
         f"change of {number(close.change * 100, 2)} %, at 99.9 % between "
         f"{number(close.relative[0] * 100, 2)} % and {number(close.relative[1] * 100, 2)} %. If "
-        f"the bit error rate changes by the same share, it is off by {number(paired.value, 2)} "
-        f"half-widths, between {number(paired.low, 2)} and {number(paired.high, 2)}."
+        f"the bit error rate changes by the same share, it is off by {number(error.value, 2)} "
+        f"half-widths, between {number(error.low, 2)} and {number(error.high, 2)}."
     )
 
 
 def left_out_table(
-    rows: Sequence[dict[str, Any]], alone: Mapping[str, Paired | None]
+    rows: Sequence[dict[str, Any]], alone: Mapping[str, BitErrors | None]
 ) -> str:  # fmt: skip
     """Table of the effects left out. alone: measured error without each of them."""
     if not rows:

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.plan.error import CONFIDENCE
 from link.coding import WORD_BYTES, blocks_of
 from link.coding.fountain import source_symbols
 from link.layout import TRAINING, Layout
@@ -36,8 +37,6 @@ _BEYOND: Final = 2
 _RARE: Final = 24
 """Length of a run of random bits that is taken as the longest: a longer one begins at one symbol in
 2^24."""
-_LEVEL: Final = 0.999
-"""Confidence of the upper limit of the share of wrong bytes."""
 _MARGIN: Final = 1.5
 """Factor on that limit, because a pilot does not cover the whole panel."""
 _MISSING: Final = 1.1
@@ -219,7 +218,7 @@ def _assume(mode: Mode, got: Trial) -> _Assumed:
         information = _counted_on(got.information)
         rate = min(EVERY_RATE) if mode.rate is None else mode.rate
         return _Assumed(None, information, ldpc_word_error(rate, information))
-    wrong = float(clopper_pearson(got.values_wrong, got.values, _LEVEL)[1])
+    wrong = float(clopper_pearson(got.values_wrong, got.values, CONFIDENCE)[1])
     per_byte = max(8 / mode.code.bits, 1.0)  # values of a byte
     byte = min(-_MARGIN * math.expm1(per_byte * math.log1p(-min(wrong, 1 - 1e-12))), 1.0)
     words = float(rs_word_error(WORD_BYTES, WORD_BYTES - mode.parity, byte))

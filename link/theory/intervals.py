@@ -7,9 +7,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.plan.error import DEVIATIONS
+
 JUDGED: Final = 100
 """Number of errors from which a point is compared with theory: its relative spread is then a
 tenth."""
+
+NORMAL: Final = round(DEVIATIONS, 2)
+"""Standard deviations of CONFIDENCE in closed forms, to the digits of docs/link-theory.md."""
 
 
 def clopper_pearson(

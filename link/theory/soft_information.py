@@ -18,7 +18,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.theory.intervals import clopper_pearson
+from cosim.plan.error import CONFIDENCE
+from link.theory.intervals import NORMAL, clopper_pearson
 
 _FACTORS: Final = (1 / 64, 64.0)
 """Smallest and largest factor of the soft values that is tried."""
@@ -26,8 +27,6 @@ _STEPS: Final = 20
 """Steps of the golden section: the factor is then exact to a thousandth."""
 _SEARCHED: Final = 100_000
 """Bits among which the factor is searched, about; the information is that of all."""
-_QUANTILE: Final = 3.29
-"""Standard deviations of a 99.9 % interval."""
 _FEW: Final = 10
 """Wrong values from which the normal approximation of the interval holds."""
 
@@ -54,7 +53,7 @@ def _half_width(lost: npt.NDArray[np.float64], batch: npt.NDArray[np.intp] | Non
     """Half of the 99.9 % interval of the mean loss: normal for independent bits, Student's t over
     the batches' means otherwise (their sizes weigh as in a ratio estimate)."""
     if batch is None:
-        return _QUANTILE * float(lost.std()) / float(np.sqrt(lost.size))
+        return NORMAL * float(lost.std()) / float(np.sqrt(lost.size))
     from scipy.special import stdtrit
 
     sizes = np.bincount(batch)
@@ -64,7 +63,7 @@ def _half_width(lost: npt.NDArray[np.float64], batch: npt.NDArray[np.intp] | Non
         raise ValueError(f"batch must hold at least 2 batches, not {sizes.size}")
     apart = sums - float(lost.mean()) * sizes
     spread = np.sqrt(sizes.size / (sizes.size - 1) * (apart**2).sum()) / lost.size
-    return float(stdtrit(sizes.size - 1, 0.9995) * spread)
+    return float(stdtrit(sizes.size - 1, (1 + CONFIDENCE) / 2) * spread)
 
 
 def soft_information(
@@ -111,6 +110,6 @@ def soft_information(
     low_bits, high_bits = (float(np.clip(bits + part, 0, 1)) for part in (-half, half))
     wrong = int((right < 0).sum())
     if wrong < _FEW:
-        most = float(clopper_pearson(wrong, right.size, 0.999)[1])
+        most = float(clopper_pearson(wrong, right.size, CONFIDENCE)[1])
         low_bits = min(low_bits, 1 + most * np.log2(most) + (1 - most) * np.log2(1 - most))
     return SoftInformation(max(bits, 0.0), low_bits, high_bits, float(np.exp(best)))

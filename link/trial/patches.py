@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.compute.opencl import Device
-from cosim.plan.patches import PatchPlane
+from cosim.plan.tiles import BoxGrid, PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.air import Air, image_of
@@ -86,18 +86,6 @@ class Decided:
     def rate(self) -> float:
         """Bit error rate."""
         return float(self.wrong.mean())
-
-
-@dataclass(frozen=True)
-class _Squares:
-    """Boxes of a plane: (y0, y1, x0, x1) each."""
-
-    height: int
-    width: int
-    boxes: tuple[tuple[int, int, int, int], ...]
-
-    def box(self, tile: int) -> tuple[int, int, int, int]:
-        return self.boxes[tile]
 
 
 class _PanelPixels:
@@ -178,7 +166,7 @@ class LinkPatches:
         self._part = _PartLayout(sent.mode, layout.data[self.cells])
         self.plane = None
         if boxes:
-            grid = _Squares(chip.height, chip.width, tuple(boxes))
+            grid = BoxGrid(chip.height, chip.width, np.array(boxes))
             self.plane = PatchPlane(grid, list(range(len(boxes))))
 
     @property

@@ -20,23 +20,21 @@ import numpy as np
 
 from cosim import Bound, Effect, Summary
 from cosim.compute.opencl import Device
-from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
+from cosim.plan.error import CONFIDENCE
+from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, left_out_rows, make_plan
 from link.air import Change, LinkSummary, Scene, air_effects, ber, ber_units, link_summary
 from link.air.effects import charge_changes
 from link.layout import Layout
 from link.mode import Mode
 from link.setting import LinkSetting
-from link.theory import clopper_pearson
-from link.trial.near import SHARE as NEARLY
+from link.theory.intervals import NORMAL, clopper_pearson
 from sensor import CameraSetting
 from sensor.latched.effects.effect import QUIET
 from sensor.latched.fast import charge_error
 from sensor.latched.tiers import Tier
 
-LEVEL: Final = 0.999
-"""Confidence of the interval of the bit error rate."""
-_NORMAL: Final = 3.29
-"""Standard deviations of half the interval, for many errors."""
+NEARLY: Final = 1e-3
+"""Share of the bits that are nearly wrong."""
 _DEVIATIONS: Final = 8.0
 """Standard deviations of a tick's charge beyond which no threshold decides a bit."""
 _NOISES: Final = frozenset({"shot noise", "threshold noise", "row timing noise", "common drift"})
@@ -86,18 +84,9 @@ class LinkPlan:
         return float(np.max(self.plan.total + self.tier_bound)) * unit
 
     def documents(self, measured: dict[str, float | None] | None = None) -> list[dict[str, Any]]:
-        """Effects that are left out, for `result.json`.
-
-        Args:
-            measured: error without each effect, where it was measured.
-        """
-        return [
-            {
-                "effect": row.effect, "bound": row.bound, "kind": row.kind,
-                "measured": (measured or {}).get(row.effect),
-            }
-            for row in self.plan.rows if row.effect in self.left_out
-        ]  # fmt: skip
+        """Effects that are left out, for `result.json`. measured: error without each effect, where
+        it was measured."""
+        return left_out_rows(self.plan.absent, measured or {})
 
 
 def half_width(rate: float, bits: int) -> float:
@@ -107,7 +96,7 @@ def half_width(rate: float, bits: int) -> float:
         rate: bit error rate.
         bits: number of bits that it was measured over.
     """
-    low, high = clopper_pearson(round(rate * bits), bits, LEVEL)
+    low, high = clopper_pearson(round(rate * bits), bits, CONFIDENCE)
     return float(high - low) / 2
 
 
@@ -254,7 +243,7 @@ def uncertainty(scene: LinkSummary, size: float, spikes: float, compared: Compar
     """Standard deviation of a check of an effect that changes nothing on average, in half-widths of
     the run's bit error rate.
 
-    The check counts bits that are nearly wrong, a share of all (`link.trial.near`). The charges of
+    The check counts bits that are nearly wrong, a share of all (`link.trial.check`). The charges of
     such a bit are near the threshold Q. A change of a charge by the share s moves its spike, where
     noise gives the charge a normal density of deviation n Q at the threshold, with the chance
     |s| / (n sqrt(2 pi)), and for a normal s of deviation `size` with size / (pi n). That share of
@@ -275,7 +264,7 @@ def uncertainty(scene: LinkSummary, size: float, spikes: float, compared: Compar
     noise = math.sqrt(scene.threshold + scene.noise**2) / scene.threshold  # as a share of Q
     moved = min(spikes * size / noise / math.pi, 1.0)
     near = max(NEARLY, rate) * compared.bits
-    return math.sqrt(moved / near) * math.sqrt(wrong) / _NORMAL
+    return math.sqrt(moved / near) * math.sqrt(wrong) / NORMAL
 
 
 def _by_pilots(

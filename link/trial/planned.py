@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.run.machine import Finding
+from cosim.plan.error import ARITHMETIC, Finding, beyond, reinstated
 from cosim.run.progress import Progress
 from link.air import Air
 from link.prediction.light import cell_scene
@@ -21,8 +21,6 @@ from link.trial.patches import LinkPatches
 from link.trial.plan import Compared, LinkPlan, LinkSurvey, survey_link
 from sensor import SpikeCamera
 
-ARITHMETIC: Final = "32-bit arithmetic"
-"""Name of the effect for which the exact tier is taken."""
 _BLURRED: Final = 2.0
 """Blur above which the check is skipped, in sides of a cell: no bit would be decided correctly."""
 
@@ -116,12 +114,10 @@ def check_plan(link: PlannedLink, progress: Progress) -> tuple[PlannedLink, list
     if not check.beyond(tolerance):
         return link, []
     assert check.paired is not None
-    off = f"off by {check.paired.value:.2g} where {tolerance:g} was asked for"
+    error = check.paired.error
     if plan.left_out:
         worst = max(plan.left_out, key=lambda name: check.measured.get(name) or 0.0)
-        message = f"{worst} was put back: patches without it were {off}"
-        return link, [Finding(worst, message, tolerance, check.paired.value)]
+        return link, [reinstated(worst, tolerance, error.high)]
     if plan.tier == "fast":
-        message = f"the exact tier was taken: patches in the fast one were {off}"
-        return link, [Finding(ARITHMETIC, message, tolerance, check.paired.value)]
-    return replace(link, beyond=(f"with every effect kept the run is {off}",)), []
+        return link, [reinstated(ARITHMETIC, tolerance, error.high)]
+    return replace(link, beyond=(beyond(error, tolerance),)), []

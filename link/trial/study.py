@@ -1,15 +1,315 @@
-"""Plan and accuracy of a link, measured without a run."""
+"""A link that is planned and measured without a run.
+
+The document of `viform plan` says what a run keeps, takes and carries, and its run time on this
+device. That of `viform accuracy` has the error against the run time: every tier at a ladder of
+tolerances. The error of a step is that of the bit error rate of its plan against full physics, on
+patches and on the same bits, in half-widths of the interval that the run's bits leave. With enough
+bits it is estimated from those that are nearly wrong (`error_of` says so). The time of a step is
+that of air and camera on the whole plane: the minimum over blocks, after one that is discarded.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
 
+from cosim import BLOCK, Block, InputError, Viform
+from cosim.light.light import PlaneMap
+from cosim.plan.error import Measured
+from cosim.plan.study import (
+    REFERENCE,
+    Rung,
+    Speeds,
+    Step,
+    climb,
+    forecast_document,
+    ladder_document,
+)
 from cosim.run.progress import Progress
+from link.air import ber_units
 from link.section import LinkScenario
 from link.setup.setup import FileLinkSetup, set_up_link
-from link.trial.forecast import link_forecast
-from link.trial.ladder import link_ladder
-from sensor import CameraSetting
+from link.trial.check import KIND, check_variants, compare
+from link.trial.patches import FEWEST, Decided, LinkPatches, Variant
+from link.trial.plan import LinkPlan, LinkSurvey, half_width
+from link.trial.planned import is_checked, survey_of
+from link.trial.stages import (
+    PROGRAM,
+    Amounts,
+    Spell,
+    StageTime,
+    amounts,
+    carried,
+    evaluation_times,
+    receiver_times,
+    recorder_time,
+    stage_document,
+    timed,
+)
+from sensor import CameraSetting, SpikeCamera
+from sensor.latched.fine_tiles import PatchCamera
+from sensor.latched.reference.law import DRAWS, reference_error
+from sensor.latched.tiers import Tier
+
+BLOCKS: Final = 4
+"""Blocks at the start of the run that are timed. The first warms up; of the others that show data
+throughout the fastest counts, since other load of the machine only adds time."""
+TIMED: Final = 2
+"""Blocks of the whole chip that are timed, after one that is not."""
+
+
+@dataclass(frozen=True)
+class _Filmed:
+    """The first blocks of a run.
+
+    Attributes:
+        speeds: speeds of light and cameras.
+        air, sensor: time of the fastest block, of BLOCK cycles.
+        recorded: spikes of the blocks.
+    """
+
+    speeds: Speeds
+    air: Spell
+    sensor: Spell
+    recorded: list[Viform]
+
+
+def _film(setup: FileLinkSetup, plan: LinkPlan, everything: LinkPlan) -> _Filmed:
+    """Films the first blocks.
+
+    A simulation with fewer effects is never slower than one with all of them, so the latter bounds
+    it.
+    """
+    setting, chip = setup.setting, setup.setting.camera.chip
+    air = setting.make_air(setup.sent, setup.sent.planes, plan.air_effects)
+    # If only effects of the air are left out, the camera is the same and is timed once.
+    plans = [plan] if plan.camera == everything.camera else [plan, everything]
+    cameras = [
+        SpikeCamera(each.camera, setup.device, tier=each.tier, row_delay=air.row_delay)
+        for each in plans
+    ]
+    plane = LinkPatches(setting, setup.sent, setup.seed).plane
+    reference, cut = None, None
+    if plane is not None:
+        reference = PatchCamera(setting.camera, plane, "reference", row_delay=air.row_delay)
+        cut = PlaneMap(plane.cut, None)
+    light_spent: list[Spell] = []
+    spent: list[list[Spell]] = [[] for _ in cameras]
+    full: list[Spell] = []
+    recorded: list[Viform] = []
+    dark = setting.first_light + setting.panel.clock.edge(setup.sent.planes)
+    # A block that the end of the data cuts would look cheap; the first ones have it if all are cut.
+    whole = min(max(setting.camera.clock.cycle_at(dark) // BLOCK, 2), BLOCKS)
+    for start in range(0, whole * BLOCK, BLOCK):
+        block = Block(start, BLOCK)
+        with timed(light_spent):
+            light = air.step(None, block)
+        # The order alternates: the first camera to read new light pays for loading it into cache.
+        for n, camera in list(enumerate(cameras))[:: -1 if start // BLOCK % 2 else 1]:
+            with timed(spent[n]):
+                spikes = camera.step(light, block)
+            if n == 0:
+                recorded.append(spikes)
+        if reference is not None and cut is not None:
+            patches = cut(light)
+            with timed(full):
+                reference.step(patches, start, BLOCK)
+    pixels = chip.height * chip.width
+    planned, every, light_ns = (
+        _fastest(each).wall * 1e9 / (BLOCK * pixels) for each in (spent[0], spent[-1], light_spent)
+    )
+    full_ns = None
+    if plane is not None:
+        full_ns = _fastest(full).wall * 1e9 / (BLOCK * plane.numbers.size)
+    return _Filmed(
+        Speeds(planned, max(planned, every), full_ns, light_ns),
+        _fastest(light_spent), _fastest(spent[0]), recorded,
+    )  # fmt: skip
+
+
+def _fastest(spent: list[Spell]) -> Spell:
+    """Least times of the blocks after the first one."""
+    return Spell(min(one.wall for one in spent[1:]), min(one.processor for one in spent[1:]))
+
+
+def _check_time(setup: FileLinkSetup, plan: LinkPlan, progress: Progress) -> list[StageTime]:
+    """Time of the check of the plan, from that of one of fewer symbols."""
+    if not is_checked(setup):
+        return []
+    detector, seed = setup.modem.detector, setup.seed
+    whole, part = (
+        LinkPatches(setup.setting, setup.sent, seed, detector, most)
+        for most in (None, FEWEST)
+    )  # fmt: skip
+    if not whole.bits:
+        return []
+    spent: list[Spell] = []
+    with timed(spent):
+        part.film(check_variants(setup.setting, plan), setup.device, progress)
+    each = spent[0].times(whole.cycles / part.cycles)
+    return [StageTime.of("check on patches", whole.bits, "bits", each)]
+
+
+def _stages(
+    setup: FileLinkSetup, plan: LinkPlan, filmed: _Filmed, todo: Amounts, progress: Progress
+) -> list[StageTime]:
+    blocks, spent = todo.cycles / BLOCK, setup.times
+    rows = [StageTime("program", 1, "programs", PROGRAM, PROGRAM)]
+    rows += [
+        StageTime(name, 1, "links", spent.wall[name], spent.processor[name]) for name in spent.wall
+    ]
+    rows += [
+        StageTime.of("air", todo.planes, "planes", filmed.air.times(blocks)),
+        StageTime.of("sensor", todo.pixel_cycles, "pixel-cycles", filmed.sensor.times(blocks)),
+        recorder_time(todo),
+        *_check_time(setup, plan, progress),
+    ]
+    progress.note("reading the blocks")
+    received = receiver_times(setup, filmed.recorded, todo)
+    arrives = len(received) > 1
+    return [*rows, *received, *evaluation_times(setup, todo, arrives)]
+
+
+def link_forecast(name: str, setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
+    """Document of `viform plan --json` for a link."""
+    survey = survey_of(setup)
+    planned = survey.plan(setup.tolerance, setup.device)
+    everything = survey.plan(0.0, setup.device, tier=planned.tier)
+    for warning in setup.warnings():
+        progress.note(warning)
+    progress.note("timing a few blocks")
+    filmed, todo = _film(setup, planned, everything), amounts(setup)
+    document = forecast_document(
+        name, planned.plan, tier=planned.tier, device=setup.device_name,
+        tier_error=planned.tier_bound, speeds=filmed.speeds, pixel_cycles=setup.pixel_cycles,
+        display=None, error_of=KIND, mode=setup.mode_document(), amounts=asdict(todo),
+        carried={f"{key}_bps": value for key, value in asdict(carried(setup)).items()},
+    )  # fmt: skip
+    document["predicted"] |= stage_document(_stages(setup, planned, filmed, todo, progress))
+    return document
+
+
+def _rungs(setup: FileLinkSetup, survey: LinkSurvey) -> list[Rung[LinkPlan]]:
+    return climb(
+        ["exact"] if setup.device is None else ["exact", "fast"],
+        lambda tier, tolerance: survey.plan(tolerance, setup.device, tier=tier),
+        lambda plan: plan.left_out,
+    )
+
+
+def _plane_ns(
+    setup: FileLinkSetup, plans: Sequence[LinkPlan], progress: Progress
+) -> tuple[dict[frozenset[str] | None, float], dict[tuple[Tier, CameraSetting], float]]:
+    """Measures the whole chip, nanoseconds for a pixel-cycle.
+
+    Returns:
+        The time of the light by the effects of the air (None for all), and of each distinct camera.
+    """
+    chip = setup.setting.camera.chip
+    airs = {
+        effects: setup.setting.make_air(setup.sent, setup.sent.planes, effects)
+        for effects in dict.fromkeys([None, *(plan.air_effects for plan in plans)])
+    }
+    cameras = {
+        key: SpikeCamera(key[1], setup.device, tier=key[0], row_delay=airs[None].row_delay)
+        for key in dict.fromkeys((plan.tier, plan.camera) for plan in plans)
+    }
+    blocks = min(TIMED + 1, max(setup.cycles // BLOCK, 1))
+    air_ns: dict[frozenset[str] | None, list[float]] = {effects: [] for effects in airs}
+    camera_ns: dict[tuple[Tier, CameraSetting], list[float]] = {key: [] for key in cameras}
+    each = chip.height * chip.width * BLOCK * 1e-9
+    progress.start(f"{len(cameras)} cameras on the whole chip", blocks)
+    for n in range(blocks):
+        block, lights = Block(n * BLOCK, BLOCK), {}
+        for effects, air in airs.items():
+            begin = time.perf_counter()
+            lights[effects] = air.step(None, block)
+            air_ns[effects].append((time.perf_counter() - begin) / each)
+        for key, camera in cameras.items():
+            begin = time.perf_counter()
+            camera.step(lights[None], block)
+            camera_ns[key].append((time.perf_counter() - begin) / each)
+        progress.advance(n + 1)
+    return (
+        {effects: min(ns[1:] or ns) for effects, ns in air_ns.items()},
+        {key: min(ns[1:] or ns) for key, ns in camera_ns.items()},
+    )
+
+
+def link_ladder(setup: FileLinkSetup, progress: Progress) -> dict[str, Any]:
+    """Document of `viform accuracy --json` for a link.
+
+    Raises:
+        InputError: if no bit can be compared.
+    """
+    setting, camera = setup.setting, setup.setting.camera
+    seed, detector = setup.seed, setup.modem.detector
+    patches = LinkPatches(setting, setup.sent, seed, detector)
+    if patches.plane is None or not patches.bits:
+        raise InputError(
+            "the link", "one whose panel is in view and sends more than its training",
+            "nothing to compare", "check link.aim and duration",
+        )  # fmt: skip
+    survey = survey_of(setup, patches)  # as a run is planned
+    rungs = _rungs(setup, survey)
+    variants = {REFERENCE: Variant(REFERENCE, camera)}
+    variants |= {
+        rung.name: Variant(rung.tier, rung.plan.camera, rung.plan.air_effects) for rung in rungs
+    }
+    decided = patches.film(variants, setup.device, progress)
+    air_ns, camera_ns = _plane_ns(setup, [rung.plan for rung in rungs], progress)
+    full = decided[REFERENCE]
+    steps, kind = list[Step](), KIND
+    for rung in rungs:
+        other, plan = decided[rung.name], rung.plan
+        paired = compare(full.wrong, other.wrong, survey.scene.bits, (full.lead, other.lead))
+        kind = paired.kind
+        ns = air_ns[plan.air_effects] + camera_ns[plan.tier, plan.camera]
+        steps += rung.steps(
+            paired.error, ns, setup.pixel_cycles, plan.simulated, plan.left_out
+        )  # fmt: skip
+    reference = _reference(setup, survey, patches, full, air_ns[None])
+    return _document(setup, survey, patches, full, [*steps, reference], kind)
+
+
+def _reference(
+    setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided, air_ns: float
+) -> Step:
+    """Row of full physics.
+
+    Its error is that of its own tabulated thresholds, which shifts the charge of a tick against
+    them.
+    """
+    assert patches.plane is not None
+    ns = air_ns + full.camera_ns
+    wrong = reference_error(setup.setting.camera, patches.plane.numbers[:DRAWS])
+    error = ber_units(survey.scene, wrong * survey.scene.threshold / survey.scene.on)
+    everything = [effect.name for effect in (*survey.air_effects, *survey.camera_effects)]
+    measured = Measured(error, 0.0, error)
+    return Step.of(REFERENCE, None, measured, ns, setup.pixel_cycles, everything)
+
+
+def _document(
+    setup: FileLinkSetup, survey: LinkSurvey, patches: LinkPatches, full: Decided,
+    steps: list[Step], kind: str,
+) -> dict[str, Any]:  # fmt: skip
+    assert patches.plane is not None
+    unit, reference = half_width(full.rate, survey.scene.bits), steps[-1]
+    assert reference.error is not None
+    return ladder_document(
+        steps,
+        {
+            "tier": REFERENCE, "error": reference.error,
+            "ns_per_pixel_cycle": reference.ns_per_pixel_cycle,
+            "run_time_s": reference.run_time_s, "effects": reference.effects,
+            "patches": len(patches.plane.tiles), "pixels": int(patches.plane.numbers.size),
+            "bits": patches.bits, "bit_error_rate": full.rate, "half_width": unit,
+        },
+        reference.error, half_width(full.rate, patches.bits) / unit,
+        scenario=setup.scenario.title, error_of=kind, device=setup.device_name,
+    )  # fmt: skip
 
 
 class LinkStudy:

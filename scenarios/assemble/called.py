@@ -24,7 +24,7 @@ def called_camera(
     )  # fmt: skip
 
 
-def _alone(scenario: AnyScenario) -> Scenario | None:
+def filmed_in_memory(scenario: AnyScenario) -> Scenario | None:
     """The scenario, if all it asks for is a simulated camera; else None."""
     if not isinstance(scenario, Scenario):
         return None
@@ -36,16 +36,10 @@ def _alone(scenario: AnyScenario) -> Scenario | None:
     return scenario if all(part is None for part in parts) else None
 
 
-def filmed_in_memory(scenario: AnyScenario) -> Scenario | None:
-    """The scenario, if all it asks for is a simulated latched camera; else None."""
-    found = _alone(scenario)
-    return found if found is not None and found.sensor.readout == "synchronous" else None
-
-
 def in_memory(scenario: AnyScenario) -> Scenario | None:
     """The scenario, if all it asks for is a simulated camera before frames that are given to it;
     else None."""
-    found = _alone(scenario)
+    found = filmed_in_memory(scenario)
     if found is None:
         return None
     plain = FilmScene.model_construct(illuminance=found.scene.illuminance)
@@ -56,7 +50,7 @@ def film_in_memory(scenario: Scenario, device: str | None) -> Filmed:
     """The stream of the scenario's run, without its check, folder and report.
 
     Args:
-        scenario: one of `filmed_in_memory`.
+        scenario: one of `filmed_in_memory`, of a latched camera.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
 
     Raises:

@@ -6,13 +6,17 @@ the Verilog tools take seconds to load.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
 from cosim import InputError
 from cosim.config.toml import to_toml
 from cosim.files import STORES
 from cosim.run.inputs import PIPE
 from cosim.run.machine import REPORTS, Machine, Options, Study
 from cosim.run.progress import Progress
-from cosim.run.workers import check_workers, workers_for
+from cosim.run.workers import check_workers
 from scenarios.assemble.memory import check_need
 from scenarios.assemble.readout import refuse_device, refuse_leftovers
 from scenarios.assemble.schema.loading import filmed
@@ -23,7 +27,11 @@ from scenarios.assemble.schema.scenario import (
     LinkScenario,
     RecordingScenario,
     Scenario,
+    StreamScenario,
 )
+
+if TYPE_CHECKING:
+    from scenarios.assemble.source.feeds import Feed
 
 
 def check_options(scenario: AnyScenario, options: Options) -> None:
@@ -53,7 +61,7 @@ def _check_workers(scenario: AnyScenario, options: Options) -> None:
     check_workers(options.workers)
     if options.workers is None and options.scheduler is None:
         return
-    if not isinstance(scenario, Scenario) or scenario.sensor.readout != "synchronous":
+    if not isinstance(scenario, Scenario) or scenario.sensor.pixel != "latched":
         raise InputError(
             "--workers and --scheduler", "given with a latched spike camera", "with another one",
             "leave them out",
@@ -69,7 +77,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
     need = check_need(scenario)
     readout = None
     if getattr(scenario, "readout", None) is not None:
-        from scenarios.assemble.output.setup import readout_of
+        from scenarios.assemble.behind.readout import readout_of
 
         readout = readout_of(scenario)  # refused before the machine is assembled: that takes longer
     machine = _assemble(name, scenario, options, progress)
@@ -77,7 +85,7 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
         progress.note(need)
     if readout is None:
         return machine
-    from scenarios.assemble.output.machine import with_readout
+    from scenarios.assemble.behind.readout import with_readout
 
     return with_readout(readout, machine, options.device)
 
@@ -85,58 +93,61 @@ def assemble(name: str, scenario: AnyScenario, options: Options, progress: Progr
 def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Progress) -> Machine:
     """The machine of a scenario without its [readout]."""
     device = options.device
-    if isinstance(scenario, Scenario):
-        if scenario.sensor.readout == "synchronous":
-            if scenario.link is not None:
-                from scenarios.assemble.carrier.machine import assemble_carried
+    if isinstance(scenario, LinkScenario):
+        from scenarios.assemble.source.link import assemble_link
 
-                return assemble_carried(name, scenario, device, options.resume, progress)
-            from scenarios.assemble.camera.machine import assemble_latched
+        return assemble_link(name, scenario, device, progress)
+    if isinstance(scenario, BoardScenario):
+        from rtl_model.bringup.machine.machine import BoardMachine
 
-            bands = None
-            if options.workers is not None or options.scheduler is not None:
-                from scenarios.assemble.camera.bands import Bands
-
-                with workers_for(1, options.scheduler):
-                    pass  # a scheduler that does not answer is refused before anything is written
-                bands = Bands(options.workers or 1, options.scheduler, device)
-            return assemble_latched(name, scenario, device, options.resume, bands)
-        if scenario.link is None:
-            refuse_device(scenario.sensor.readout, device)
-        if scenario.sensor.readout == "asynchronous":
-            from scenarios.assemble.asynchronous import assemble_asynchronous
-            from scenarios.assemble.show.assembling import play_events
-
-            events = assemble_asynchronous(name, scenario)
-            return play_events(scenario, events, device, progress)
-        from scenarios.assemble.continuous import assemble_continuous
-        from scenarios.assemble.show.assembling import play_continuous
-
-        return play_continuous(scenario, assemble_continuous(name, scenario), device, progress)
+        return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
     if isinstance(scenario, RecordingScenario):
-        from scenarios.assemble.recording.coming_opening import comes
-        from scenarios.assemble.recording.machine import assemble_recording
-        from scenarios.assemble.show.assembling import play_recording
+        from scenarios.assemble.source.recording.opening import comes
 
         if scenario.link is None:
             refuse_device("a recorded stream", device)
         if comes(scenario.sensor):
-            from scenarios.assemble.recording.coming_machine import assemble_coming
+            from scenarios.assemble.behind.live import assemble_coming
 
             return assemble_coming(name, scenario, device, progress)
-        return play_recording(scenario, assemble_recording(name, scenario), device, progress)
-    if isinstance(scenario, LinkScenario):
-        from scenarios.assemble.link import assemble_link
+    machine, feed = _source(name, scenario, options)
+    if scenario.display is None and scenario.link is None:
+        return machine
+    from scenarios.assemble.behind.machine import with_behind
 
-        return assemble_link(name, scenario, device, progress)
+    try:
+        return with_behind(scenario, machine, feed(machine), device, progress)
+    except BaseException:
+        machine.close()
+        raise
+
+
+def _source(
+    name: str, scenario: StreamScenario, options: Options
+) -> tuple[Machine, Callable[[Any], Feed]]:
+    """The machine of the source of a scenario, and what makes planes of it for those behind."""
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager import assemble_imager
-        from scenarios.assemble.show.assembling import play_frames
+        from scenarios.assemble.source.imager import FrameFeed, assemble_imager
 
-        return play_frames(scenario, assemble_imager(name, scenario, options), device, progress)
-    from rtl_model.bringup.machine.machine import BoardMachine
+        return assemble_imager(name, scenario, options), partial(FrameFeed, scenario)
+    if isinstance(scenario, RecordingScenario):
+        from scenarios.assemble.source.recording.machine import RecordedFeed, assemble_recording
 
-    return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
+        return assemble_recording(name, scenario), RecordedFeed
+    if scenario.sensor.pixel == "latched":
+        from scenarios.assemble.camera.feed import LatchedFeed
+        from scenarios.assemble.camera.machine import assemble_latched
+
+        return assemble_latched(name, scenario, options), LatchedFeed
+    if scenario.link is None:
+        refuse_device(scenario.sensor.pixel, options.device)
+    if scenario.sensor.pixel == "asynchronous":
+        from scenarios.assemble.source.asynchronous import EventFeed, assemble_asynchronous
+
+        return assemble_asynchronous(name, scenario), partial(EventFeed, scenario)
+    from scenarios.assemble.source.continuous import ContinuousFeed, assemble_continuous
+
+    return assemble_continuous(name, scenario), partial(ContinuousFeed, scenario)
 
 
 def assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
@@ -153,13 +164,13 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
     """
     if getattr(scenario, "readout", None) is None:
         return _assemble_study(command, name, scenario, device)
-    from scenarios.assemble.output.setup import readout_of, run_cycles
+    from scenarios.assemble.behind.readout import readout_of, run_cycles
 
     readout = readout_of(scenario)
     study = _assemble_study(command, name, scenario, device)
     if command != "plan" or readout is None:
         return study
-    from scenarios.assemble.output.machine import ReadoutStudy
+    from scenarios.assemble.behind.readout import ReadoutStudy
 
     return ReadoutStudy(study, readout, run_cycles(scenario))
 
@@ -168,26 +179,26 @@ def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str 
     """The study of a scenario without its [readout]."""
     if isinstance(scenario, LinkScenario):
         from link.trial.study import LinkStudy
-        from scenarios.assemble.link import link_camera
+        from scenarios.assemble.source.link import link_camera
 
         return LinkStudy(name, scenario, link_camera(scenario), device)
     if isinstance(scenario, ImagerScenario):
-        from scenarios.assemble.imager import assemble_imager_study
+        from scenarios.assemble.source.imager import assemble_imager_study
 
         return assemble_imager_study(name, scenario, device)
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
-    if camera.sensor.readout == "continuous":
+    if camera.sensor.pixel == "continuous":
         why = {
-            "plan": "the continuous readout keeps every effect",
-            "accuracy": "the continuous readout has one tier and leaves no effect out",
+            "plan": "continuous pixels keep every effect",
+            "accuracy": "continuous pixels have one tier and leave no effect out",
         }
         raise InputError(
-            "sensor.readout", "synchronous or asynchronous", "continuous",
+            "sensor.pixel", "latched or asynchronous", "continuous",
             f"set one of them: {why[command]}",
         )  # fmt: skip
-    if camera.sensor.readout == "asynchronous":
-        from scenarios.assemble.asynchronous import study_asynchronous
+    if camera.sensor.pixel == "asynchronous":
+        from scenarios.assemble.source.asynchronous import study_asynchronous
 
         refuse_device("asynchronous", device)
         return study_asynchronous(name, camera)

@@ -24,8 +24,8 @@ from scenarios.assemble.schema.scenario import (
 _MIB: Final = 1 << 20
 _SMALLER: Final = "lower sensor.width and sensor.height, or close other programs"
 _CLOCKLESS: Final = {"asynchronous": (300 * _MIB, 1100), "continuous": (340 * _MIB, 350)}
-"""Bytes of the program, and a pixel, by the readout: 1.58 GiB of a run of 2 ms of asynchronous
-1000 x 800 pixels, .60 GiB of continuous ones."""
+"""Bytes of the program, and a pixel, by the kind of pixel: 1.58 GiB of a run of 2 ms of
+asynchronous 1000 x 800 pixels, .60 GiB of continuous ones."""
 _LINK: Final = (610 * _MIB, 1430)
 """The same of a link, by the pixels of its camera: .74 GiB for 400 x 250, 2.0 GiB for 1000 x
 1000."""
@@ -52,7 +52,7 @@ def _source(scenario: AnyScenario) -> int:
     if isinstance(scenario, LinkScenario):
         program, each = _LINK
     else:
-        program, each = _CLOCKLESS.get(scenario.sensor.readout, (PROGRAM, 0))
+        program, each = _CLOCKLESS.get(scenario.sensor.pixel, (PROGRAM, 0))
     return program + each * _pixels(scenario.sensor)
 
 
@@ -79,7 +79,7 @@ def check_need(scenario: AnyScenario) -> str | None:
     """
     need = least_memory(scenario)
     check_program("the memory of this run", need, _SMALLER)
-    latched = getattr(getattr(scenario, "sensor", None), "readout", None) == "synchronous"
+    latched = getattr(getattr(scenario, "sensor", None), "pixel", None) == "latched"
     if latched and not isinstance(scenario, LinkScenario):
         return None
     return f"the run needs at least {need / 2**30:.2g} GiB of memory"

@@ -1,4 +1,4 @@
-"""Rejects keys of [sensor] and options that the selected readout does not have."""
+"""Rejects keys of [sensor] and options that pixels of the selected kind do not have."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ _SECTIONS = {
     "asynchronous": "asynchronous",
     "channel": "asynchronous",
     "continuous": "continuous",
-    "circuit": "synchronous",
-    "sub_threshold": "synchronous",
-    "dark_limit": "synchronous",
-    "colour": "synchronous",
+    "circuit": "latched",
+    "sub_threshold": "latched",
+    "dark_limit": "latched",
+    "colour": "latched",
 }
-"""Sections and keys of [sensor] that exist for one readout only, with that readout."""
+"""Sections and keys of [sensor] that exist for one kind of pixel only, with that kind."""
 _IMAGED = ("sub_threshold", "dark_limit")
 """Keys that only images from the stream use."""
 
 
 def refuse_leftovers(scenario: Scenario) -> None:
-    """Raises InputError for sections and keys that only another readout has."""
-    current = scenario.sensor.readout
+    """Raises InputError for sections and keys that only another kind of pixel has."""
+    current = scenario.sensor.pixel
     for name in ("display", "link"):
         if getattr(scenario, name) is not None and scenario.sensor.writes:
             raise InputError(
@@ -37,35 +37,33 @@ def refuse_leftovers(scenario: Scenario) -> None:
                 f"sensor.{name}", "absent with a display", "given",
                 "leave it out, or the display: it shows the spikes alone",
             )  # fmt: skip
-    for name, readout in _SECTIONS.items():
-        if getattr(scenario.sensor, name) is not None and current != readout:
+    for name, pixel in _SECTIONS.items():
+        if getattr(scenario.sensor, name) is not None and current != pixel:
             raise InputError(
-                f"sensor.{name}", f"given with sensor.readout = {readout}", f"with {current}",
-                f"set sensor.readout={readout} or leave it out",
+                f"sensor.{name}", f"given with sensor.pixel = {pixel}", f"with {current}",
+                f"set sensor.pixel={pixel} or leave it out",
             )  # fmt: skip
 
 
-def refuse_keys(readout: str, keys: Iterable[tuple[str, Any, Any]], remedy: str) -> None:
-    """Raises InputError for keys that have no meaning for the pixels of a readout.
+def refuse_keys(pixel: str, keys: Iterable[tuple[str, Any, Any]], remedy: str) -> None:
+    """Raises InputError for keys that have no meaning for pixels of a kind.
 
     Args:
-        readout: the readout, for the message.
+        pixel: the kind, for the message.
         keys: (name, value, default) of keys of [sensor]; each value must equal its default.
         remedy: last part of the message.
     """
     for name, value, default in keys:
         if value != default:
             must = "absent" if default is None else default
-            raise InputError(
-                f"sensor.{name}", f"{must} with readout = {readout}", str(value), remedy
-            )
+            raise InputError(f"sensor.{name}", f"{must} with pixel = {pixel}", str(value), remedy)
 
 
-def refuse_device(readout: str, device: str | None) -> None:
-    """Raises InputError for an OpenCL device, which only the synchronous camera supports."""
+def refuse_device(pixel: str, device: str | None) -> None:
+    """Raises InputError for an OpenCL device, which only latched pixels support."""
     if device is not None and device.lower() != "numba":
         raise InputError(
-            "--device", f"numba with readout = {readout}", device, "leave it out: these pixels "
+            "--device", f"numba with pixel = {pixel}", device, "leave it out: these pixels "
             "run on the processor",
         )  # fmt: skip
 

@@ -85,11 +85,11 @@ def verdict_before(folder: Path) -> list[str]:
 def _values(scenario: AnyScenario) -> dict[str, Any]:
     """Every key with its value, with the sections that a run writes out."""
     if isinstance(scenario, Scenario):
-        from scenarios.assemble import asynchronous, continuous
+        from scenarios.assemble.source import asynchronous, continuous
 
         written = {"asynchronous": asynchronous.with_defaults,
                    "continuous": continuous.with_defaults}  # fmt: skip
-        whole = written.get(scenario.sensor.readout)
+        whole = written.get(scenario.sensor.pixel)
         scenario = scenario if whole is None else whole(scenario)
     return _flat(scenario.model_dump(mode="json", exclude_none=True, exclude={"title"}), "")
 

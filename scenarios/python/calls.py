@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 from threading import Lock
 from typing import Any, Final, Self
@@ -61,6 +61,13 @@ class Called:
         with self._lock:
             self._calls += 1
             return self._calls - 1
+
+
+def keys_of(section: str, keys: Mapping[str, Any], *others: str) -> dict[str, Any]:
+    """The keys of a scenario, of those of a section and of others. A key may have the name of its
+    section, as errors and the list of keys write it."""
+    known = tuple(f"{name}." for name in (section, *others))
+    return {key if key.startswith(known) else f"{section}.{key}": keys[key] for key in keys}
 
 
 def in_order(call: Callable[[int, Any], Any], items: Iterable[Any], begin: int) -> Iterator[Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, overload
 
@@ -24,14 +23,15 @@ from scenarios.assemble.readout import refuse_leftovers
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.calls import Called, in_order
-from scenarios.python.frames import array_of, check_instants, is_whole, rate_of
+from scenarios.python.calls import Called, in_order, keys_of
+from scenarios.python.frames import array_of, check_instants, check_white_rate, is_whole, rate_of
+from scenarios.python.kinds import Frames, PixelKind, kind_of
 from scenarios.python.live import LiveStream, S
-from scenarios.python.readouts import Readout, readout_of
 from scenarios.python.words import in_python
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.pictures import Pictures, array_clip
+from scenarios.scenes.kinds.grid import SceneGrid
 from sensor.latched.core import Filmed
 from sensor.latched.tiers import Tier
 
@@ -49,16 +49,16 @@ class Camera(Called, Generic[S]):
     Its bits are those of `viform run film` with the same keys, frames and seed. It may be called
     from several threads at once, and is a context manager.
 
-    | readout | gives |
+    | pixel | gives |
     |---|---|
-    | "synchronous" | `Filmed`, a `Viform`: one bit a pixel and cycle of the clock |
+    | "latched" | `Filmed`, a `Viform`: one bit a pixel and cycle of the clock |
     | "asynchronous" | `FilmedEvents`: row, column, time and width of every spike |
     | "continuous" | `FilmedIntensities`: absolute intensities when they have changed |
 
     Args:
         chip: Name of the chip, such as "spiketwo".
-        readout: "synchronous", "asynchronous" or "continuous"; that of the preset, else
-            synchronous, if None.
+        pixel: "latched", "asynchronous" or "continuous"; that of the preset, else latched, if
+            None.
         tolerance: Allowed relative error of the simulation; 0 keeps every effect.
         seed: Seed of the temporal noise of call 0. Other calls have draws of their own, which
             depend on the seed and on their number alone.
@@ -76,31 +76,31 @@ class Camera(Called, Generic[S]):
 
     @overload
     def __init__(
-        self: Camera[Filmed], chip: str = ..., *, readout: Literal["synchronous"] | None = ...,
+        self: Camera[Filmed], chip: str = ..., *, pixel: Literal["latched"] | None = ...,
         tolerance: float = ..., seed: int = ..., device: str | None = ..., tier: Tier | None = ...,
         illuminance: str = ..., **keys: Any,
     ) -> None: ...  # fmt: skip
     @overload
     def __init__(
-        self: Camera[FilmedEvents], chip: str = ..., *, readout: Literal["asynchronous"],
+        self: Camera[FilmedEvents], chip: str = ..., *, pixel: Literal["asynchronous"],
         tolerance: float = ..., seed: int = ..., device: str | None = ..., illuminance: str = ...,
         **keys: Any,
     ) -> None: ...  # fmt: skip
     @overload
     def __init__(
-        self: Camera[FilmedIntensities], chip: str = ..., *, readout: Literal["continuous"],
+        self: Camera[FilmedIntensities], chip: str = ..., *, pixel: Literal["continuous"],
         tolerance: float = ..., seed: int = ..., device: str | None = ..., illuminance: str = ...,
         **keys: Any,
     ) -> None: ...  # fmt: skip
     @in_python(section="sensor")
     def __init__(
-        self, chip: str = "spiketwo", *, readout: str | None = None, tolerance: float = 1e-3,
+        self, chip: str = "spiketwo", *, pixel: str | None = None, tolerance: float = 1e-3,
         seed: int = 1, device: str | None = None, tier: Tier | None = None,
         illuminance: str = "700 lux", **keys: Any,
     ) -> None:  # fmt: skip
         own = {"sensor.chip": chip, "scene.illuminance": illuminance}
-        own |= {} if readout is None else {"sensor.readout": readout}
-        given = own | {f"sensor.{key}": value for key, value in keys.items()}
+        own |= {} if pixel is None else {"sensor.pixel": pixel}
+        given = own | keys_of("sensor", keys)
         _, scenario = load("film", assignments_of(given), tolerance=tolerance, seed=seed)
         called = in_memory(scenario)
         if called is None:
@@ -123,8 +123,8 @@ class Camera(Called, Generic[S]):
             raise InputError("tier", f"one of {', '.join(tiers)}", quote(tier), "choose one")
         refuse_leftovers(scenario)
         self._scenario, self._made = scenario, (scenario, device, tier)
-        self._readout: Readout = readout_of(scenario)
-        self._setting, self._mosaic = self._readout.setting, choose_mosaic(scenario)
+        self._kind: PixelKind = kind_of(scenario)
+        self._setting, self._mosaic = self._kind.setting, choose_mosaic(scenario)
         self._lens(None)  # a lens that cannot be is refused at once
         Called.__init__(self)
         if device is not None or tier is not None:  # what cannot be is refused at once
@@ -135,7 +135,7 @@ class Camera(Called, Generic[S]):
         """The camera in memory. It is made at the first call: before that, nothing has used OpenCL,
         and the process may be forked."""
         _, device, tier = self._made
-        return self._readout.make(device, tier)
+        return self._kind.make(device, tier)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """In another process the camera is made anew; its calls are counted from 0."""
@@ -148,9 +148,9 @@ class Camera(Called, Generic[S]):
         return self._setting.chip.height, self._setting.chip.width
 
     @property
-    def readout(self) -> str:
-        """synchronous, asynchronous or continuous."""
-        return str(self._scenario.sensor.readout)
+    def pixel(self) -> str:
+        """latched, asynchronous or continuous."""
+        return str(self._scenario.sensor.pixel)
 
     @property
     def clock(self) -> Clock:
@@ -162,7 +162,7 @@ class Camera(Called, Generic[S]):
         height, width = self.shape
         return (
             f"Camera: {self._scenario.sensor.chip}, {width} x {height} pixels at "
-            f"{self.clock.hz / 1e3:g} kHz, {self.readout}, "
+            f"{self.clock.hz / 1e3:g} kHz, {self.pixel}, "
             f"tolerance {self._scenario.tolerance:g}{self._state}"
         )
 
@@ -176,17 +176,12 @@ class Camera(Called, Generic[S]):
                     "white_rate", "absent for a camera with lens.f_number", f"{white_rate}",
                     "leave one of the two out",
                 )  # fmt: skip
-            given: Any = white_rate
-            if not (isinstance(given, Real) and 0 < float(given) <= 1):
-                raise InputError(
-                    "white_rate", "above 0 and at most 1 spike a cycle", quote(white_rate),
-                    "change it",
-                )  # fmt: skip
-            lens = section.model_copy(update={"white_rate": float(white_rate)})
+            rate = check_white_rate(white_rate)
+            lens = section.model_copy(update={"white_rate": rate})
             sensor = scenario.sensor.model_copy(update={"lens": lens})
             scenario = scenario.model_copy(update={"sensor": sensor})
         choice = choose_lens(scenario, self._setting)
-        return choice.lens, choice.white_rate, self._readout.notes(choice)
+        return choice.lens, choice.white_rate, self._kind.notes(choice)
 
     def check_white(self, white_rate: float | None) -> None:
         """Raises InputError for a rate of white that the camera cannot have."""
@@ -206,35 +201,42 @@ class Camera(Called, Generic[S]):
         check: bool = False, instants: Sequence[int] | None = None,
         spans: Sequence[Span] | None = None,
     ) -> tuple[S, npt.NDArray[np.float32] | None]:  # fmt: skip
-        """What a call gives, and the truth at cycles, if any are given. chosen: see `_lens`; length
-        and spans: see `Readout`."""
-        lens, white, notes = chosen
+        """What a call gives of frames, see `_seen`, and the truth at cycles, if any are given."""
         clip, cycles = (
             array_clip(frames, self.shape, self._mosaic, rate),
-            self._readout.cycles(length),
+            self._kind.cycles(length),
         )
 
         def source(gain: np.float32 | None = None) -> Source:
             return self._source(clip, rate, cycles, gain)
 
-        seen = self._readout.film(self._core, source, lens, length, number, check, spans)
-        vars(seen).update(self._readout.stated(lens, white), notes=(*notes, *seen.notes))
+        seen = self._seen(source, length, chosen, number, check=check, spans=spans)
         if instants is None:
             return seen, None
         scene = source()
         return seen, np.stack([scene.truth(self.clock.middle(n)) for n in instants])
 
+    def _seen(
+        self, frames: Frames, length: int, chosen: Chosen, number: int, *, check: bool = False,
+        spans: Sequence[Span] | None = None,
+    ) -> S:  # fmt: skip
+        """What a call gives of light. chosen: see `_lens`; length and spans: see `PixelKind`."""
+        lens, white, notes = chosen
+        seen: S = self._kind.film(self._core, frames, lens, length, number, check, spans)
+        vars(seen).update(self._kind.stated(lens, white), notes=(*notes, *seen.notes))
+        return seen
+
     def _length(self, count: int, rate: float) -> int:
-        """Length for which frames last, see `Readout`. Raises InputError for none."""
-        length = self._readout.length(count / rate)
+        """Length for which frames last, see `PixelKind`. Raises InputError for none."""
+        length = self._kind.length(count / rate)
         if length < 1:
             raise InputError(
-                "frames", f"at least a cycle of {1e6 / self._readout.least.hz:g} us long",
+                "frames", f"at least a cycle of {1e6 / self._kind.least.hz:g} us long",
                 f"{count} at {rate:g} frames/s", "give more frames or lower frame_rate",
             )  # fmt: skip
         return length
 
-    @in_python
+    @in_python(section="sensor")
     def film(
         self, frames: npt.ArrayLike | Iterable[npt.ArrayLike], frame_rate: float, *,
         white_rate: float | None = None, call: int | None = None, check: bool | int = False,
@@ -251,7 +253,7 @@ class Camera(Called, Generic[S]):
             call: Number of the call, from 0; the next one if None. Equal seeds, numbers and frames
                 give equal bits.
             check: Whether the bounds are checked on patches, as a run does: an effect whose bound
-                is exceeded is put back, and `error.measured` is the error that was found. A whole
+                is exceeded is reinstated, and `error.measured` is the error that was found. A whole
                 number n checks the calls whose number is a multiple of it. A continuous camera
                 leaves nothing out, and has no check.
 
@@ -271,18 +273,29 @@ class Camera(Called, Generic[S]):
 
     def film_scenario(self, frames: npt.NDArray[Any], rate: float) -> S:
         """Films frames for as long as the scenario says, whose image window must fit."""
-        seconds, image, spans = self._scenario.duration, self._scenario.image, None
-        length = self._readout.length(seconds)
-        if self.readout == "synchronous":
+        length, image, spans = self._own_length(), self._scenario.image, None
+        if self.pixel == "latched":
             at = choose_windows(self._scenario, length)
             spans = windows(at, image.window, length, preceding=image.preceding)
-        elif length < 1:
-            least = at_least(1 / self._readout.least.hz)
-            raise InputError("duration", f"at least {least} s", f"{seconds:g} s", "lengthen it")
-        seen, _ = self._film(frames, rate, length, self._lens(None), 0, spans=spans)
-        return seen
+        return self._film(frames, rate, length, self._lens(None), 0, spans=spans)[0]
 
-    @in_python
+    def film_scene(self) -> S:
+        """Films the scene of the scenario for as long as it says. The camera has no latches."""
+        length = self._own_length()
+        grid = SceneGrid(self.shape, self.clock, self._kind.cycles(length), aligned=False)
+        source = self._scenario.scene.source(grid)
+        return self._seen(lambda gain: source, length, self._lens(None), 0)
+
+    def _own_length(self) -> int:
+        """Length of the scenario, see `PixelKind`. Raises InputError for none."""
+        seconds = self._scenario.duration
+        length = self._kind.length(seconds)
+        if length < 1 and self.pixel != "latched":
+            least = at_least(1 / self._kind.least.hz)
+            raise InputError("duration", f"at least {least} s", f"{seconds:g} s", "lengthen it")
+        return length
+
+    @in_python(section="sensor")
     def film_many(
         self, clips: Iterable[npt.ArrayLike], frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None, first: int = 0,
@@ -306,7 +319,7 @@ class Camera(Called, Generic[S]):
             raise InputError("clips", "frames of several clips", quote(clips), "give a list")
         check_instants(instants)
 
-        @in_python
+        @in_python(section="sensor")
         def film(number: int, frames: npt.NDArray[Any]) -> Any:
             return self._with_truth(frames, rate, white_rate, instants, number, every)[:2]
 
@@ -317,7 +330,7 @@ class Camera(Called, Generic[S]):
 
         return in_order(film, map(own, clips), begin)
 
-    @in_python
+    @in_python(section="sensor")
     def film_with_truth(
         self, frames: npt.ArrayLike | Iterable[npt.ArrayLike], frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None,
@@ -334,7 +347,7 @@ class Camera(Called, Generic[S]):
         instants: Sequence[int] | None, call: int | None, every: Callable[[int], bool],
     ) -> tuple[S, npt.NDArray[np.float32], tuple[int, ...]]:  # fmt: skip
         length = self._length(len(frames), rate)
-        cycles = self._readout.cycles(length)
+        cycles = self._kind.cycles(length)
         at = (cycles // 2,) if instants is None else tuple(map(int, instants))
         if any(not 0 <= n < cycles for n in at):
             raise InputError(
@@ -348,7 +361,7 @@ class Camera(Called, Generic[S]):
         assert truth is not None
         return seen, truth, at
 
-    @in_python
+    @in_python(section="sensor")
     def open(
         self, frame_rate: float, *, white_rate: float | None = None, call: int | None = None
     ) -> LiveStream[S]:
@@ -365,9 +378,9 @@ class Camera(Called, Generic[S]):
         lens, white, notes = self._lens(white_rate)
         number = self._number(call)
         most = self._scenario.scene.illuminance * (self._mosaic.white if self._mosaic else 1.0)
-        live = self._readout.open(self._core, most, Clock.from_hz(rate), lens, number)
+        live = self._kind.open(self._core, most, Clock.from_hz(rate), lens, number)
         fit = Fit(Path("frames"), self.shape, self._mosaic, True, notes)
-        stated = self._readout.stated(lens, white)
+        stated = self._kind.stated(lens, white)
         return LiveStream(live, fit, np.float32(most), stated, notes, self._check_open)
 
 

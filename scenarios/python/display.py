@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -24,11 +23,12 @@ from display.render.kinds import RendererKind
 from display.section import OBSERVERS
 from scenarios.assemble.called import shown_in_memory
 from scenarios.assemble.instants import even_instants
-from scenarios.assemble.recording.opening import Recording, open_recording, recorded
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.calls import Called
+from scenarios.assemble.source.recording.opening import Recording, open_recording, recorded
+from scenarios.python.calls import Called, keys_of
+from scenarios.python.frames import check_white_rate, is_whole
 from scenarios.python.streams import as_stream
 from scenarios.python.words import in_python
 from sensor.latched.core import Filmed
@@ -92,7 +92,7 @@ class Display(Called):
 
     @in_python(section="display")
     def __init__(self, drive: str = "causal", *, device: str | None = None, **keys: Any) -> None:
-        given = {f"display.{key}": value for key, value in {"drive": drive, **keys}.items()}
+        given = {"display.drive": drive} | keys_of("display", keys)
         _, scenario = load("playback", assignments_of(given))
         shown = shown_in_memory(scenario)
         if shown is None:
@@ -134,7 +134,7 @@ class Display(Called):
     def __repr__(self) -> str:
         return f"Display: {self.drive}, white {self._section.luminance:g} cd/m2{self._state}"
 
-    @in_python
+    @in_python(section="display")
     def show(
         self, spikes: SpikeStream | str | os.PathLike[str],
         eye: Eye | Sequence[Eye] | None = None, *, at: Sequence[int] | None = None,
@@ -198,12 +198,7 @@ class Display(Called):
         if white_rate is None and isinstance(spikes, Filmed) and spikes.white_rate:
             white_rate = min(spikes.white_rate, 1.0)
         if white_rate is not None:
-            if not (isinstance(white_rate, Real) and 0 < float(white_rate) <= 1):
-                raise InputError(
-                    "white_rate", "above 0 and at most 1 spike a cycle", quote(white_rate),
-                    "change it",
-                )  # fmt: skip
-            changes["white_rate"] = float(white_rate)
+            changes["white_rate"] = check_white_rate(white_rate)
         named = isinstance(spikes, (str, os.PathLike))
         if named:
             changes["source"] = f"{FILE}{os.fspath(spikes)}"
@@ -257,7 +252,7 @@ def _instants(at: Any, cycles: int) -> list[int] | None:
     if at is None:
         return None
     given = [*at] if isinstance(at, Iterable) else []
-    whole = all(isinstance(n, (int, np.integer)) and 0 <= n < cycles for n in given)
+    whole = all(is_whole(n) and 0 <= n < cycles for n in given)
     if not given or not whole:
         raise InputError(
             "at", f"cycles from 0 to {cycles - 1}, one or more", quote(at), "change them"

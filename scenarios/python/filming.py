@@ -6,11 +6,11 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final, Literal, overload
 
 import numpy.typing as npt
 
-from cosim import Events, InputError, Intensities, Viform
+from cosim import InputError
 from cosim.run.machine import NO_REPORT
 from cosim.run.shown import progress_in_python
 from cosim.spikes.viform import part_of
@@ -20,27 +20,61 @@ from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.camera import Camera
 from scenarios.python.finished import Run
 from scenarios.python.frames import array_of, rate_of, write_frames
-from scenarios.python.running import run, source_file
+from scenarios.python.running import joined, refuse_of_run, run, source_file
 from scenarios.python.words import in_python
+from sensor.latched.core import Filmed
+
+if TYPE_CHECKING:
+    from sensor.asynchronous.core import FilmedEvents
+    from sensor.continuous.core import FilmedIntensities
+
+_OF_FRAMES: Final = ("scene.path", "scene.frame_rate")
+"""Keys of a scene that frames in memory take the place of."""
 
 
+@overload
+def film(
+    source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = ..., *,
+    frame_rate: float | None = ..., chip: str | None = ...,
+    pixel: Literal["latched"] | None = ...,
+    tolerance: float | None = ..., seed: int | None = ..., device: str | None = ...,
+    out: str | os.PathLike[str] | None = ..., resume: bool = ..., report: str = ...,
+    progress: bool | None = ..., **settings: Any,
+) -> Filmed: ...  # fmt: skip
+@overload
+def film(
+    source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = ..., *,
+    frame_rate: float | None = ..., chip: str | None = ..., pixel: Literal["asynchronous"],
+    tolerance: float | None = ..., seed: int | None = ..., device: str | None = ...,
+    out: str | os.PathLike[str] | None = ..., resume: bool = ..., report: str = ...,
+    progress: bool | None = ..., **settings: Any,
+) -> FilmedEvents: ...  # fmt: skip
+@overload
+def film(
+    source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = ..., *,
+    frame_rate: float | None = ..., chip: str | None = ..., pixel: Literal["continuous"],
+    tolerance: float | None = ..., seed: int | None = ..., device: str | None = ...,
+    out: str | os.PathLike[str] | None = ..., resume: bool = ..., report: str = ...,
+    progress: bool | None = ..., **settings: Any,
+) -> FilmedIntensities: ...  # fmt: skip
 @in_python
 def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = "film", *,
-    frame_rate: float | None = None, chip: str | None = None, tolerance: float | None = None,
-    seed: int | None = None, device: str | None = None,
+    frame_rate: float | None = None, chip: str | None = None, pixel: str | None = None,
+    tolerance: float | None = None, seed: int | None = None, device: str | None = None,
     out: str | os.PathLike[str] | None = None, resume: bool = False, report: str = "page",
     progress: bool | None = None, **settings: Any,
-) -> Viform | Any:  # fmt: skip
-    """Films a source with a spike camera: the bits of `viform run`. Without `out`, frames and what
-    a latched camera sees are filmed in memory, see `Camera`; the bounds of its plan are not checked
-    on patches.
+) -> Filmed | FilmedEvents | FilmedIntensities:  # fmt: skip
+    """Films a source with a spike camera: the bits of `viform run`. Without `out`, what a camera
+    alone sees is filmed in memory, see `Camera`; the bounds of its plan are not checked on patches.
 
     Args:
         source: a scenario of `viform list` or a TOML file; a clip or image; or frames, as an array
             (T, H, W), a list, or a generator, see `Camera.film`.
         frame_rate: frames/s of frames, which need it; for a clip, in place of its own.
         chip: its name, such as "spiketwo"; that of the scenario if None.
+        pixel: "latched", "asynchronous" or "continuous", see `Camera`; that of the scenario
+            if None.
         tolerance: allowed relative error of the simulation; that of the scenario if None.
         seed: seed of the temporal noise; that of the scenario if None.
         device: number or part of the name of an OpenCL device, or "numba".
@@ -55,64 +89,73 @@ def film(
             Frames are filmed for as long as they last.
 
     Returns:
-        The spikes, in memory; `Events` with sensor.readout = asynchronous, and `Intensities` with
-        continuous, as of a `Camera`. For a stream that does not fit: `run("film", ...).stream`.
+        The spikes, events or intensities in memory, as of a `Camera`; their `error` is None where a
+        run was made. For a stream that does not fit: `run("film", ...).stream`.
 
     Raises:
         InputError: the input cannot be used.
     """
-    if resume and out is None:
-        raise InputError("resume", "given with out", "alone", "add out and the folder")
-    if report != "page" and out is None:
-        raise InputError("report", "given with out", "alone", "add out and the folder")
-    own: dict[str, Any] = {} if chip is None else {"sensor.chip": chip}
-    rate = None if frame_rate is None else rate_of(frame_rate)
+    if out is None:
+        refuse_of_run(resume, report)
+    named = isinstance(source, (str, os.PathLike))
+    scenario: str | os.PathLike[str] = "film"
+    own: dict[str, Any] = {} if named else {"scene.path": None}
+    if isinstance(source, (str, os.PathLike)):
+        if str(source) in shipped() or Path(source).suffix.lower() == ".toml":
+            scenario = source
+        else:
+            own["scene.path"] = source
+    if frame_rate is not None:
+        own["scene.frame_rate"] = f"{rate_of(frame_rate)!r} Hz"
+    elif not named:
+        raise InputError("frame_rate", "given with frames", "None", "give frames/s")
+    camera = {"sensor.chip": chip, "sensor.pixel": pixel}
+    own |= {key: value for key, value in camera.items() if value is not None}
+    given = joined(own, settings)
     with TemporaryDirectory(prefix="viform-") as folder:
-        scenario: str | os.PathLike[str] = "film"
         if not isinstance(source, (str, os.PathLike)):
-            if rate is None:
-                raise InputError("frame_rate", "given with frames", "None", "give frames/s")
+            assert frame_rate is not None
+            rate = rate_of(frame_rate)
             if out is None:
-                frames = array_of(source)
-                given = {"duration": f"{len(frames) / rate!r} s"} | own | settings
-                _, loaded = load("film", assignments_of(given), tolerance=tolerance, seed=seed)
+                source = array_of(source)
+                kept = {key: given[key] for key in given if key not in _OF_FRAMES}
+                kept = {"duration": f"{len(source) / rate!r} s"} | kept
+                _, loaded = load("film", assignments_of(kept), tolerance=tolerance, seed=seed)
                 called = in_memory(loaded)
                 if called is not None:
-                    return Camera.of(called, device).film_scenario(frames, rate)
-                source = frames
+                    return Camera.of(called, device).film_scenario(source, rate)
             path = source_file(out, folder, ".npy", resume=resume)
             count = write_frames(source, path)
-            own["scene.path"], own["duration"] = path, f"{count / rate!r} s"
-            own["scene.frame_rate"] = f"{rate!r} Hz"
-        else:
-            if str(source) in shipped() or Path(source).suffix.lower() == ".toml":
-                scenario = source
-            else:
-                own["scene.path"] = source
-            if rate is not None:
-                own["scene.frame_rate"] = f"{rate!r} Hz"
+            given = {"duration": f"{count / rate!r} s"} | given | {"scene.path": path}
         if out is None:
-            assignments = assignments_of(own | settings)
-            _, loaded = load(str(scenario), assignments, tolerance=tolerance, seed=seed)
+            _, loaded = load(str(scenario), assignments_of(given), tolerance=tolerance, seed=seed)
             filmed = filmed_in_memory(loaded)
             if filmed is not None:
+                latched = filmed.sensor.pixel == "latched"
                 with progress_in_python(progress) as shown:
-                    seen = film_in_memory(filmed, device)
+                    seen: Filmed | FilmedEvents | FilmedIntensities = (
+                        film_in_memory(filmed, device) if latched
+                        else Camera.of(filmed, device).film_scene()
+                    )  # fmt: skip
                     for note in seen.notes:
                         shown.note(note)
                 return seen
         done = run(
             scenario, out=Path(folder) / "run" if out is None else out, tolerance=tolerance,
             seed=seed, device=device, store="raw" if out is None else "fast", resume=resume,
-            report=NO_REPORT if out is None else report, progress=progress, **(own | settings),
+            report=NO_REPORT if out is None else report, progress=progress, **given,
         )  # fmt: skip
         return _recorded(done)
 
 
-def _recorded(done: Run) -> Viform | Events | Intensities:
+def _recorded(done: Run) -> Filmed | FilmedEvents | FilmedIntensities:
     """What the camera of a run has recorded, in memory; with a display, its planes."""
+    from sensor.asynchronous.core import FilmedEvents  # compiled pixels take long to load
+    from sensor.continuous.core import FilmedIntensities
+
     if "stream" not in done.streams:
-        for kept in (done.events, done.intensities):
-            if kept is not None:
-                return kept
-    return part_of(done.stream)
+        if done.events is not None:
+            return FilmedEvents(**vars(done.events), notes=done.notes)
+        if done.intensities is not None:
+            return FilmedIntensities(**vars(done.intensities), notes=done.notes)
+    return Filmed(**vars(part_of(done.stream)), notes=done.notes)

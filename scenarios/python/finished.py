@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from cosim import Events, InputError, Intensities
 from cosim.files.event_file import ENDING, read_events
+from cosim.files.intensities import ENDING as INTENSITIES
 from cosim.files.intensities import read_intensities
-from scenarios.python.streams import Stream, open_stream
+from scenarios.python.streams import Stream
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,7 +68,7 @@ class Run:
     def streams(self) -> dict[str, Stream]:
         """The recorded streams by the names of their files: stream, camera, ..."""
         names = [name for name in self.result["files"] if name.endswith(".zarr")]
-        return {Path(name).stem: open_stream(self.folder / name) for name in names}
+        return {Path(name).stem: Stream(self.folder / name) for name in names}
 
     @property
     def stream(self) -> Stream:
@@ -89,7 +90,7 @@ class Run:
     @property
     def intensities(self) -> Intensities | None:
         """The reports of continuous pixels, in memory; None for other runs."""
-        path = self._file(".intensities.npz")
+        path = self._file(INTENSITIES)
         return None if path is None else read_intensities(path)
 
     def _file(self, ending: str) -> Path | None:

@@ -32,6 +32,16 @@ def is_whole(value: Any) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
+def check_white_rate(white_rate: Any) -> float:
+    """A rate of white as a float, spikes a cycle. Raises InputError."""
+    number = isinstance(white_rate, Real) and not isinstance(white_rate, bool)
+    if number and 0 < float(white_rate) <= 1:
+        return float(white_rate)
+    raise InputError(
+        "white_rate", "above 0 and at most 1 spike a cycle", quote(white_rate), "change it"
+    )
+
+
 def check_instants(instants: Sequence[int] | None) -> None:
     """Raises InputError for what are no numbers of cycles."""
     if instants is not None and not (
@@ -47,7 +57,12 @@ def check_instants(instants: Sequence[int] | None) -> None:
 def check_frame(frame: npt.ArrayLike) -> npt.NDArray[Any]:
     """A frame as an array: (H, W) or (H, W, 3) uint8, sRGB codes; or (H, W) float of linear light
     from 0 to 1, a share of white. Raises InputError for another one."""
-    values = np.asarray(frame)
+    try:
+        values = np.asarray(frame)
+    except (ValueError, TypeError) as exc:  # rows of several lengths, memory of another device
+        raise InputError("a frame", "an array (H, W)", f"{exc}", "convert it") from None
+    if np.ma.isMaskedArray(frame) and np.ma.getmask(frame).any():
+        raise InputError("a frame", "an array without masked pixels", "masked", "fill them")
     colour = values.ndim == 3 and values.shape[2] == 3
     if 0 not in values.shape:
         if values.dtype == np.uint8 and (values.ndim == 2 or colour):
@@ -63,7 +78,8 @@ def check_frame(frame: npt.ArrayLike) -> npt.NDArray[Any]:
 
 def _check_light(values: npt.NDArray[Any]) -> None:
     """Raises InputError for floats outside 0 to 1, and for those that are no numbers."""
-    low, high = (float(v) for v in (values.min(initial=0), values.max(initial=0)))
+    plain = np.asarray(values)  # minima of masked arrays take no `initial`
+    low, high = (float(v) for v in (plain.min(initial=0), plain.max(initial=0)))
     if not (low >= 0 and high <= 1):  # NaN as well
         raise InputError(
             "a frame of floats", "linear light from 0 to 1, a share of white",
@@ -104,6 +120,8 @@ def array_of(frames: Any) -> npt.NDArray[Any]:
     is not copied. Raises InputError."""
     if isinstance(frames, np.ndarray) and frames.ndim > 2 and len(frames):
         check_frame(frames[0])
+        if np.ma.isMaskedArray(frames):
+            return array_of([*frames])
         if frames.dtype != np.uint8:
             _check_light(frames)
         return frames

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from cosim import InputError
 from cosim.errors import quote
 from cosim.spikes.viform import SpikeStream
-from scenarios.assemble.dim_of_run import dim_of_run
+from scenarios.assemble.camera.dim import dim_of_run
+from scenarios.python.frames import is_whole
 from scenarios.python.streams import Stream, as_stream
 from scenarios.python.words import in_python
 from sensor.reconstruct import METHODS, isi, tau_levels
@@ -45,6 +46,8 @@ def reconstruct(
         cycle = index(at)
     except TypeError:
         raise InputError("at", "the number of a cycle", quote(at), "round it") from None
+    if window is not None and not is_whole(window):
+        raise InputError("window", "a whole number of cycles", quote(window), "round it")
     names = (*METHODS, "tau")
     if method not in names:
         raise InputError("method", f"one of {', '.join(names)}", quote(method), "choose one")

@@ -12,10 +12,10 @@ from cosim.errors import quote
 from link.core import Crossed, LinkCore
 from link.mode import Mode
 from link.setting import link_setting, steering_of
-from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.calls import Called
+from scenarios.assemble.source.link import link_camera
+from scenarios.python.calls import Called, keys_of
 from scenarios.python.words import in_python
 
 SIZE: Final = 100_000
@@ -51,7 +51,7 @@ class Link(Called):
         self, *, size: int = SIZE, tolerance: float | None = None, seed: int | None = None,
         device: str | None = None, **keys: Any,
     ) -> None:  # fmt: skip
-        own = {key if key.startswith("sensor.") else f"link.{key}": keys[key] for key in keys}
+        own = keys_of("link", keys, "sensor")
         self._set_up(own, size, tolerance, seed, device)
 
     @classmethod

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import InputError
-from cosim.plan.planner import Bounds
+from cosim.plan.error import Bounds
 from scenarios.python.frames import check_frame
 from scenarios.python.words import in_python
 from scenarios.scenes.clips.fitted import Fit

@@ -9,7 +9,7 @@ from typing import Any
 
 from cosim import InputError
 from cosim.run.folder import output_folder
-from cosim.run.machine import Options
+from cosim.run.machine import REPORTS, Options
 from cosim.run.shown import progress_in_python
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.resuming import done_before
@@ -33,6 +33,23 @@ def source_file(
     output_folder("run", Path(out), resume=resume)
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     return Path(f"{os.fspath(out).rstrip('/')}{ending}")
+
+
+def joined(own: dict[str, Any], settings: dict[str, Any]) -> dict[str, Any]:
+    """The keys of a scenario: those of arguments, and those that are given by name. Raises
+    InputError for one that is given twice."""
+    for key in own.keys() & settings.keys():
+        raise InputError(
+            key, "given once", "as a key and as an argument of its own", "leave the key out"
+        )
+    return own | settings
+
+
+def refuse_of_run(resume: bool, report: str) -> None:
+    """Raises InputError for what only a call with `out` can have."""
+    for name, given in (("resume", resume), ("report", report != REPORTS[0])):
+        if given:
+            raise InputError(name, "given with out", "alone", "add out and the folder")
 
 
 @in_python

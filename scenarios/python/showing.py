@@ -15,7 +15,7 @@ from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.display import Display, Seen
 from scenarios.python.finished import Run
-from scenarios.python.running import run, source_file
+from scenarios.python.running import joined, refuse_of_run, run, source_file
 from scenarios.python.streams import as_stream, save_stream
 from scenarios.python.words import in_python
 
@@ -36,14 +36,15 @@ def _display(assignments: tuple[str, ...], device: str | None) -> Display:
 @overload
 def show(
     stream: SpikeStream | str | os.PathLike[str], *, out: None = None, device: str | None = None,
-    resume: bool = False, progress: bool | None = None, **settings: Any,
+    resume: bool = False, report: str = "page", progress: bool | None = None, **settings: Any,
 ) -> Seen: ...  # fmt: skip
 
 
 @overload
 def show(
     stream: SpikeStream | str | os.PathLike[str], *, out: str | os.PathLike[str],
-    device: str | None = None, resume: bool = False, progress: bool | None = None, **settings: Any,
+    device: str | None = None, resume: bool = False, report: str = "page",
+    progress: bool | None = None, **settings: Any,
 ) -> Run: ...  # fmt: skip
 
 
@@ -51,7 +52,7 @@ def show(
 def show(
     stream: SpikeStream | str | os.PathLike[str], *,
     out: str | os.PathLike[str] | None = None, device: str | None = None, resume: bool = False,
-    progress: bool | None = None, **settings: Any,
+    report: str = "page", progress: bool | None = None, **settings: Any,
 ) -> Seen | Run:  # fmt: skip
     """Shows a stream on a spike-continuous display: the images of `viform run playback`. Without
     `out` they stay in memory, see `Display`.
@@ -63,6 +64,7 @@ def show(
         device: number or part of the name of an OpenCL device, or "numba".
         resume: whether the interrupted run in `out` goes on, with the same arguments; a complete
             one is returned.
+        report: what the run in `out` makes: page, or none for the result and the streams alone.
         progress: whether progress of a run is shown on standard error; None for on a terminal and
             in a notebook.
         **settings: keys of the scenario, such as **{"display.drive": "hold"}.
@@ -75,14 +77,15 @@ def show(
     """
     path = Path(stream) if isinstance(stream, (str, os.PathLike)) else None
     if out is None:
-        if resume:
-            raise InputError("resume", "given with out", "alone", "add out and the folder")
+        refuse_of_run(resume, report)
         display = _display(tuple(assignments_of(settings)), device)
         return display.shown(stream, display.eyes_of_a_run)
+    given = joined({"sensor.source": f"{FILE}{path}"}, settings)
     if path is None:
         path = source_file(out, "", ".zarr", resume=resume)
         save_stream(as_stream(stream), path)
-    own = {"sensor.source": f"{FILE}{path}"}
+        given["sensor.source"] = f"{FILE}{path}"
     return run(
-        "playback", out=out, device=device, resume=resume, progress=progress, **(own | settings)
-    )
+        "playback", out=out, device=device, resume=resume, report=report, progress=progress,
+        **given,
+    )  # fmt: skip

@@ -5,15 +5,21 @@ from __future__ import annotations
 import os
 from operator import index
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from cosim import Clock, Events, InputError, Intensities
 from cosim.errors import quote
 from cosim.files import write_events, write_stream
-from cosim.files.intensities import write_intensities
+from cosim.files.event_file import ENDING, EventFile, read_events
+from cosim.files.intensities import ENDING as INTENSITIES
+from cosim.files.intensities import read_intensities, write_intensities
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
+from scenarios.assemble.source.recording.opening import FASTEST
 from scenarios.python.words import in_python
 from sensor.codec.files import open_any
+
+_UNLATCHED: Final = (f"stream{ENDING}", f"stream{INTENSITIES}")
+"""Recordings of pixels without a latch in the folder of a run."""
 
 
 class Stream(Sliceable):
@@ -39,17 +45,31 @@ class Stream(Sliceable):
         return self._stream.read_words(first, stop)
 
 
+def _path_of(given: Any) -> Path:
+    """The path of a file or folder. Raises InputError for what is none."""
+    if isinstance(given, (str, os.PathLike)):
+        return Path(given)
+    raise InputError("the path", "a text or a Path", quote(given), "name the file")
+
+
 @in_python
-def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = None) -> Stream:
+def open_stream(
+    path: str | os.PathLike[str], size: tuple[int, int] | None = None
+) -> Stream | Any:  # fmt: skip
     """Opens a stream of any format that `viform convert` reads, or the one of a run's folder.
 
     Args:
         path: the file or folder.
         size: (width, height) for formats without a header.
 
+    Returns:
+        The stream, read where it is used. In memory: `Events` of pixels without a latch, whose
+        ticks are too short for planes, and `Intensities`.
+
     Raises:
         InputError: there is no such stream, or it cannot be read.
     """
+    place = _path_of(path)
     given: Any = size
     try:
         pair = None if given is None else tuple(map(index, given))
@@ -59,13 +79,20 @@ def open_stream(path: str | os.PathLike[str], size: tuple[int, int] | None = Non
         raise InputError(
             "size", "(width, height) in whole pixels", quote(given), "write size=(400, 250)"
         )
-    return Stream(Path(path), pair)
+    if pair is None:
+        kept = next((p for p in map(place.joinpath, _UNLATCHED) if p.exists()), place)
+        name = kept.name.lower() if kept.is_file() else ""
+        if name.endswith(INTENSITIES):
+            return read_intensities(kept)
+        if name.endswith(ENDING) and EventFile(kept).clock.hz > FASTEST:
+            return read_events(kept)
+    return Stream(place, pair)
 
 
 def as_stream(given: Any) -> SpikeStream:
     """A stream as it is, or the one of a path. Raises InputError for anything else."""
     if isinstance(given, (str, os.PathLike)):
-        return open_stream(given)
+        return Stream(Path(given))
     if not (hasattr(given, "read_words") and hasattr(given, "cycles")):
         raise InputError(
             "the stream", "a Viform, a Stream or a path", type(given).__name__,
@@ -89,15 +116,16 @@ def save_stream(
     Raises:
         InputError: another ending, or the file cannot be written.
     """
+    place = _path_of(path)
     if not isinstance(stream, Events | Intensities):
-        return write_stream(as_stream(stream), Path(path))
-    ending = ".events.npz" if isinstance(stream, Events) else ".intensities.npz"
-    if not Path(path).name.lower().endswith(ending):
+        return write_stream(as_stream(stream), place)
+    ending = ENDING if isinstance(stream, Events) else INTENSITIES
+    if not place.name.lower().endswith(ending):
         raise InputError(
             "the path", f"a name that ends in {ending}", quote(str(path)), "change the ending"
         )
     if isinstance(stream, Events):
-        write_events(stream, Path(path))
+        write_events(stream, place)
     else:
-        write_intensities(stream, Path(path))
+        write_intensities(stream, place)
     return []

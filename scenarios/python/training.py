@@ -53,7 +53,7 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
         InputError: an argument cannot be used.
     """
 
-    @in_python
+    @in_python(section="sensor")
     def __init__(
         self, clips: Any, camera: Camera[Filmed], frame_rate: float, *,
         white_rate: float | None = None, instants: Sequence[int] | None = None,
@@ -63,10 +63,10 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
             raise InputError("clips", "frames of several clips", quote(clips), "give a list")
         if not isinstance(camera, Camera):
             raise InputError("camera", "a viform.Camera", quote(camera), "make one")
-        if camera.readout != "synchronous":
+        if camera.pixel != "latched":
             raise InputError(
-                "camera", "one with readout = synchronous, whose planes are tensors",
-                camera.readout, "use Camera.film_many",
+                "camera", "one with pixel = latched, whose planes are tensors",
+                camera.pixel, "use Camera.film_many",
             )  # fmt: skip
         camera.check_white(white_rate)
         check_instants(instants)

@@ -19,7 +19,7 @@ _VALUE = r"('[^']*'|\"[^\"]*\"|[^\s,;`]+)"
 _RULES: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
     (
         re.compile(rf"--set ([\w.]+)={_VALUE}"),
-        lambda found: f'**{{"{found[1]}": "{_bare(found[2])}"}}',
+        lambda found: f'**{{"{found[1]}": {_value(found[2])}}}',
     ),
     (re.compile(r"--set (?=[\w.]+)"), lambda found: ""),
     (re.compile(r"--set\b"), lambda found: "a keyword argument"),
@@ -30,8 +30,14 @@ _RULES: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
         lambda found: found[1].replace("-", "_"),
     ),
 )
-_KEY = re.compile(r'\*\*\{"([\w.]+)": ("[^"]*")\}')
+_KEY = re.compile(r'\*\*\{"([\w.]+)": ("[^"]*"|\[[^\]]*\])\}')
 _COMMAND = re.compile(r"(viform [a-z][^,;`]*)")
+
+
+def _value(given: str) -> str:
+    """The value of an option as Python has it: a list, or a text."""
+    bare = _bare(given)
+    return bare if bare.startswith("[") else f'"{bare}"'
 
 
 def _bare(value: str) -> str:

@@ -15,7 +15,7 @@ from cosim import InputError, Plane, SpikeStream
 from cosim.config.toml import read_toml
 from cosim.run.chain import STREAM
 from cosim.run.progress import Progress
-from scenarios.assemble.recording.opening import known_white
+from scenarios.assemble.source.recording.opening import known_white
 from scenarios.studies.compare.measure import still_blur
 from sensor.reconstruct import METHODS, reconstruct
 from sensor.reconstruct.fidelity import psnr, ssim, to_white

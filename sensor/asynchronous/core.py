@@ -22,16 +22,14 @@ from cosim.errors import InputError
 from cosim.light.light import Light, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight, light_steps
-from cosim.plan.paired import Measured
-from cosim.plan.planner import Bounds
+from cosim.plan.error import Bounds, Measured
 from cosim.spikes.events import Events
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.pixel.closed import is_steady
+from sensor.asynchronous.plan.check import View, verify
 from sensor.asynchronous.plan.effects import summarise
-from sensor.asynchronous.plan.plan import EventPlan, make_plan
-from sensor.asynchronous.plan.planned import PlannedPixels
-from sensor.asynchronous.plan.verify import View, verify
+from sensor.asynchronous.plan.plan import EventPlan, PlannedPixels, plan_events
 from sensor.asynchronous.readout.channel import Channel, ChannelModel
 from sensor.asynchronous.readout.recorder import Output, gather_events
 from sensor.latched.setting import CameraSetting
@@ -138,7 +136,7 @@ class EventCamera:
         rate = view.light.pieces[0].first.ravel().astype(np.float64) * view.gain
         steady = is_steady(view.light, stop)
         scene = summarise(self.model, view.pattern, rate, self.shape, stop, steady)
-        return make_plan(scene, view.pattern, self.tolerance if tolerance is None else tolerance)
+        return plan_events(scene, view.pattern, self.tolerance if tolerance is None else tolerance)
 
     def pixels(self, plan: EventPlan) -> PlannedPixels:
         """The pixels run by a plan."""
@@ -173,7 +171,7 @@ class EventCamera:
             stop: length, ps, at least a tick.
             number: number of the call, below 2^64.
             check: whether the plan is checked on a few tiles, as a run does: an effect whose bound
-                is exceeded is put back.
+                is exceeded is reinstated.
 
         Raises:
             InputError: the events are too many, or memory is short.
@@ -199,12 +197,10 @@ class EventCamera:
 
     def _bounds(self, plan: EventPlan, measured: Measured | None = None) -> Bounds:
         """The bounds of a plan, and what its check has measured."""
-        rows = zip(plan.effects, plan.bounds, plan.left_out, strict=True)
-        gone = [(effect, float(bounds[out].max())) for effect, bounds, out in rows if out.any()]
         return Bounds(
-            bound=float(plan.total.max()),
-            kind="proof" if all(effect.kind == "proof" for effect, _ in gone) else "estimate",
-            left_out={effect.name: bound for effect, bound in gone},
+            bound=float(plan.plan.total.max()),
+            kind=plan.plan.kind,
+            left_out={row.effect: row.bound for row in plan.absent},
             kept=tuple(plan.acting(channel=self.sending.channel is not None)),
             tolerance=self.tolerance,
             measured=measured,
@@ -227,7 +223,7 @@ class EventCamera:
         camera = self.numbered(number)
         dark = np.zeros(self.shape)
         scene = summarise(self.model, self.setting.pattern, dark.ravel(), self.shape, PS, False)
-        bounds = self._bounds(make_plan(scene, self.setting.pattern, 0.0))
+        bounds = self._bounds(plan_events(scene, self.setting.pattern, 0.0))
         return LiveEvents(camera, bounds, PushedLight(most, frames, relay))
 
 

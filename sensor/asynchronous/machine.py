@@ -14,20 +14,20 @@ from cosim import Light
 from cosim.config.amounts import percent
 from cosim.files import write_events
 from cosim.light.steps import light_steps
-from cosim.plan.planner import accepted_error
+from cosim.plan.error import Finding, accepted_error
 from cosim.run.inputs import add_digests
-from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
 from cosim.run.steps import StepChain
-from sensor.asynchronous.plan.cost import reference_cost
+from sensor.asynchronous.plan.check import KIND, Checked, check_plan
 from sensor.asynchronous.plan.plan import EventPlan
-from sensor.asynchronous.plan.verify import KIND, Checked, check_plan
 from sensor.asynchronous.readout.recorder import STREAM, Output
 from sensor.asynchronous.readout.recover import dynamic_range, recover, unheard
 from sensor.asynchronous.readout.shots import first_instants, take_event_shots
 from sensor.asynchronous.report.page import events_page
 from sensor.asynchronous.run import EventRun, EventSpec, EventStart, EventViews
+from sensor.asynchronous.study import reference_cost
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import write_images
 
@@ -198,11 +198,6 @@ class AsynchronousMachine:
 
 def _plan_notes(checked: Checked) -> list[str]:
     """How much of the array does without which effect, and what the check found."""
-    plan, pixels = checked.plan, checked.plan.scene.pixels
-    shares = [
-        f"{effect.name} in {percent(float(pixels[out].sum() / pixels.sum()))}"
-        for effect, out in zip(plan.effects, plan.left_out, strict=True)
-        if out.any()
-    ]
+    shares = [f"{row.effect} in {percent(1 - row.kept)}" for row in checked.plan.absent]
     parts = [f"left out, of all pixels: {', '.join(shares)}"] if shares else []
     return [*parts, *checked.notes]

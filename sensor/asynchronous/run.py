@@ -13,8 +13,8 @@ from cosim.light.source import Source, Target
 from cosim.run.machine import Run
 from sensor.asynchronous.core import EventCamera
 from sensor.asynchronous.model import EventModel, Firings
+from sensor.asynchronous.plan.check import Checked, View
 from sensor.asynchronous.plan.plan import EventPlan
-from sensor.asynchronous.plan.verify import Checked, View
 from sensor.asynchronous.readout.recover import Recovered
 from sensor.asynchronous.readout.shots import EventShot
 from sensor.latched.setting import CameraSetting

@@ -85,7 +85,7 @@ def _threshold(sensor: SensorSection, setting: CameraSetting) -> int:
     if sensor.threshold_level != levels:
         what += f" at level {sensor.threshold_level} of {levels}"
         remedy = f"choose a sensor.threshold_level that parts {sensor.threshold:g} e evenly"
-    raise InputError(what, "whole electrons with readout = asynchronous", f"{chosen:g} e", remedy)
+    raise InputError(what, "whole electrons with pixel = asynchronous", f"{chosen:g} e", remedy)
 
 
 def channel_model(sensor: SensorSection) -> ChannelModel | None:

@@ -18,7 +18,7 @@ from cosim.errors import InputError
 from cosim.light.light import Light, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight, light_steps
-from cosim.plan.planner import Bounds
+from cosim.plan.error import Bounds
 from cosim.spikes.intensities import Intensities, join_intensities
 from cosim.stage import BLOCK
 from sensor.continuous.camera import ContinuousCamera
@@ -136,7 +136,7 @@ class IntensityCamera:
         """
         if check:
             raise InputError(
-                "check", "False with readout = continuous, which leaves nothing out", "True",
+                "check", "False with pixel = continuous, which leaves nothing out", "True",
                 "leave it out",
             )  # fmt: skip
         pixels, collected = self.pixels(number), Collected(self.most)

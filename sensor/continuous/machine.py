@@ -13,8 +13,9 @@ import numpy as np
 
 from cosim import Clock, Intensities, Light, join_intensities
 from cosim.files.intensities import write_intensities
+from cosim.plan.error import Finding
 from cosim.run.inputs import add_digests
-from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
 from cosim.run.steps import StepChain
@@ -153,7 +154,7 @@ class ContinuousMachine:
         return Outcome(
             outcome="degraded" if spec.source.degraded else "ok",
             simulated_s=spec.cycles / clock.hz,
-            error=Error(None, "a continuous readout leaves nothing out", None),
+            error=Error(None, "continuous pixels leave nothing out", None),
             kept=list(spec.pixels.error.kept),
             metrics={
                 **metrics,

@@ -2,7 +2,7 @@
 
 The explorer of a continuous camera: the values that its pixels have reported, over time.
 
-Figures of a run with the continuous readout: reports over time, and what single pixels said
+Figures of a run with continuous pixels: reports over time, and what single pixels said
 beside their true light.
 """
 
@@ -339,7 +339,7 @@ def continuous_page(judged: ContinuousRun) -> Page:
     figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
     return Page(
         spec.title,
-        f"{spec.setting.chip.title}, continuous readout, {number(spec.setting.clock.hz / 1e3)} "
+        f"{spec.setting.chip.title}, continuous pixels, {number(spec.setting.clock.hz / 1e3)} "
         f"kHz, {count(reports.ticks)} cycles",
         _simulated(judged),
         _cards(judged),

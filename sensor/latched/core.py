@@ -29,16 +29,15 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight
 from cosim.light.survey import Coded, Survey
-from cosim.plan.paired import Measured, Span, windows
-from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import Bounds
-from cosim.run.machine import BrokenPromise, Finding
+from cosim.plan.error import ARITHMETIC, Bounds, BrokenPromise, Finding, Measured
+from cosim.plan.paired import Span, windows
+from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, blocks
 from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.check.plan_check import PlanCheck
 from sensor.latched.check.samples import sample_tiles
-from sensor.latched.planning import ARITHMETIC, CameraPlan, plan_camera
+from sensor.latched.planning import CameraPlan, plan_camera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.stages import DuplicatedRows, SceneBlocks
 from sensor.latched.survey import SceneSurvey, summarise, survey_scene
@@ -73,12 +72,11 @@ class LatchedBounds(Bounds):
     @classmethod
     def of(cls, plan: CameraPlan, measured: Measured | None = None) -> LatchedBounds:
         """The bounds of a plan, and what its check has measured."""
-        gone = set(plan.plan.left_out)
         return cls(
             bound=float(np.max(plan.promised)),
             # The bounds of the arithmetic are estimates; those of the effects may be proofs.
             kind=plan.plan.kind if not plan.tier_error.any() else "estimate",
-            left_out={row.effect: row.bound for row in plan.plan.rows if row.effect in gone},
+            left_out={row.effect: row.bound for row in plan.plan.absent},
             kept=plan.plan.everywhere,
             tolerance=plan.plan.tolerance,
             measured=measured,
@@ -167,7 +165,7 @@ class LatchedCamera:
         Args:
             survey: survey of the scene.
             spans: windows of images, which bounds of a run with register writes depend on.
-            reinstated: what a check has put back: effects that are kept, and ARITHMETIC for the
+            reinstated: what a check has reinstated: effects that are kept, and ARITHMETIC for the
                 exact tier.
         """
         scene, mixed = survey.scene, self._tier is None
@@ -237,7 +235,7 @@ class LatchedCamera:
             behind: gives the source as it is behind the lens, for the light; None for one whose
                 light the lens maps.
             check: whether the plan is checked on patches, as a run does: an effect whose bound is
-                exceeded is put back, and the light is filmed again.
+                exceeded is reinstated, and the light is filmed again.
 
         Returns:
             The spikes of all cycles.

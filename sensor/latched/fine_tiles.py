@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.light.light import Light, Plane, PlaneMap
-from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TileGrid
+from cosim.plan.tiles import PatchPlane, TileGrid
 from cosim.spikes.viform import words_for
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier, tier_pixels

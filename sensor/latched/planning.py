@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect, Summary
+from cosim.plan.error import accepted_error
 from cosim.plan.paired import Span, TrialCamera
-from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import SHARE, Plan, accepted_error, make_plan
-from cosim.plan.tiles import TileGrid
+from cosim.plan.planner import SHARE, Plan, choose_tiles, make_plan
+from cosim.plan.tiles import PatchPlane, TileGrid
 from sensor.latched.arithmetic import exact_error, fast_error
 from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.effects.effect import EXACT, QUIET, reference_cost
@@ -31,13 +31,8 @@ from sensor.latched.setting import CameraSetting
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier, TierPixels
 
-ARITHMETIC: Final = "32-bit arithmetic"
-"""Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
-
 FAST_PART: Final = 0.6
 """Part of what left-out effects may use that the fast tier's arithmetic may use."""
-RANDOM = 4
-"""Number of patches that are chosen at random, from the seed of the run."""
 FAULT = 2
 """Number of patches, for each effect left out, where its bound is largest."""
 
@@ -114,16 +109,10 @@ class CameraPlan:
         whole = np.flatnonzero(grid.whole & ~self.fine)
         if not whole.size:
             whole = np.flatnonzero(grid.whole)
-        low, high = (np.asarray(x)[whole] for x in (scene.darkest, scene.brightest))
+        low, high = np.asarray(scene.darkest), np.asarray(scene.brightest)
         steep = (high - low) / np.maximum(low, max(scene.floor, 1e-300) * scene.threshold)
-        order = [int(np.argmax(high)), int(np.argmin(low)), int(np.argmax(steep))]
-        for name in self.plan.left_out:
-            promised = np.where(self.plan.kept[name], -1.0, self.plan.promise[name])[whole]
-            order += np.argsort(-promised, kind="stable")[:FAULT].tolist()
-        chance = np.random.default_rng(seed).permutation(len(whole))[:RANDOM]
-        chosen = dict.fromkeys(int(whole[n]) for n in [*order, *chance.tolist()])
-        chosen |= dict.fromkeys(self._uncovered(np.array(list(chosen)), whole, seed))
-        return list(chosen)
+        chosen = choose_tiles(self.plan, (high, -low, steep), whole, seed, FAULT)
+        return [*chosen, *self._uncovered(np.array(chosen), whole, seed)]
 
     def _uncovered(
         self, chosen: npt.NDArray[np.intp], whole: npt.NDArray[np.intp], seed: int

@@ -65,10 +65,10 @@ def check_chip(section: Any) -> None:
 
 
 def _check_rows(section: Any, chip: Chip) -> None:
-    if section.readout != "synchronous":
+    if section.pixel != "latched":
         raise InputError(
-            "sensor.row_time", "given with sensor.readout = synchronous",
-            f"with {section.readout}", "leave it out: no rows are sampled",
+            "sensor.row_time", "given with sensor.pixel = latched",
+            f"with {section.pixel}", "leave it out: no rows are sampled",
         )  # fmt: skip
     frame = section.row_time * chip.height
     skew = frame * section.clock
@@ -155,9 +155,9 @@ def check_writes(section: Any) -> None:
                 f"sensor.{name}", "absent with sensor.writes: it knows one threshold", "given",
                 "leave one of the two out",
             )  # fmt: skip
-    if section.readout != "synchronous":
+    if section.pixel != "latched":
         raise InputError(
-            "sensor.writes", "empty unless sensor.readout = synchronous", section.readout,
+            "sensor.writes", "empty unless sensor.pixel = latched", section.pixel,
             "leave them out: these pixels have no latch to write between",
         )  # fmt: skip
     cycles = [_cycle(write, Clock.from_hz(section.clock)) for write in section.writes]

@@ -86,9 +86,9 @@ def with_preset(data: dict[str, Any], levels: int) -> dict[str, Any]:
             "sensor.preset", "ideal, silicon, or a .toml of `viform calibrate`",
             quote(data["preset"]), "choose one",
         )  # fmt: skip
-    if data.get("readout", "synchronous") != "synchronous" or data.get("source"):
+    if data.get("pixel", "latched") != "latched" or data.get("source"):
         raise InputError(
-            "sensor.preset", "ideal or silicon, except with a simulated synchronous readout",
+            "sensor.preset", "ideal or silicon, except with simulated latched pixels",
             str(path), "leave it out",
         )  # fmt: skip
     preset = _read(path)

@@ -23,9 +23,9 @@ def effect_parameters(section: SensorSection, operation: Operation) -> dict[str,
     for effect in CATALOGUE:
         for name, key in effect.keys.items():
             value, default = getattr(section, name), key.field.get_default()
-            if section.readout not in key.readouts and value != default:
+            if section.pixel not in key.pixels and value != default:
                 raise InputError(
-                    f"sensor.{name}", f"absent with readout = {section.readout}", f"{value:g}",
+                    f"sensor.{name}", f"absent with pixel = {section.pixel}", f"{value:g}",
                     "leave it out: these pixels have no such effect",
                 )  # fmt: skip
         parameters |= effect.configure(section, operation)
@@ -51,7 +51,7 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
         values = of.model_dump(mode="json")
         return values | (values["pattern"] or {})
 
-    same = ("chip", "readout", "threshold", "threshold_level")
+    same = ("chip", "pixel", "threshold", "threshold_level")
     asked = sizes(section)
     silicon = {name: asked[name] for name in same} | {"preset": "silicon"}
     preset = sizes(SensorSection.model_validate(silicon))

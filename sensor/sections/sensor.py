@@ -71,7 +71,7 @@ class SubThresholdSection(Section):
 
 
 SPIKING = tuple(
-    name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.readouts
+    name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.pixels
 )
 """Faults that only a pixel which spikes has."""
 DUPLICATED = ((0, 2), (1, 3))
@@ -146,10 +146,10 @@ class _ChipSection(Section):
         "PORT of a serial line a device, a URL of pyserial or virtual; dtr=off and rts=off may "
         "follow a serial line; simulated when absent",
     )
-    readout: Literal["synchronous", "asynchronous", "continuous"] = Field(
-        default="synchronous",
-        description="spikes latched by the clock, spikes as pixels are full, or absolute "
-        "intensities as they change",
+    pixel: Literal["latched", "asynchronous", "continuous"] = Field(
+        default="latched",
+        description="kind of the pixel: spikes latched by the clock, spikes as pixels are full, or "
+        "absolute intensities as they change",
     )
     clock: Frequency = 40e3
     clock_steering: bool | None = Field(
@@ -253,7 +253,7 @@ class SensorSection(_Sections):
                     sizes.pop(name, None)
             pattern = {n: v for n, v in sizes.items() if n in PatternSection.model_fields} | pattern
         own = {n: v for n, v in sizes.items() if n in cls.model_fields}
-        latched = data.get("readout", "synchronous") == "synchronous" and not data.get("source")
+        latched = data.get("pixel", "latched") == "latched" and not data.get("source")
         own_height = data.get("height")
         tall = not isinstance(own_height, int) or own_height > max(map(max, DUPLICATED))
         if latched and data.get("chip") == "spikeone" and tall:
@@ -279,9 +279,9 @@ class SensorSection(_Sections):
     @model_validator(mode="after")
     def _has_these_rows(self) -> SensorSection:
         pairs, height = self.duplicated_rows, self.own_chip.height
-        if pairs and (self.readout != "synchronous" or self.source is not None):
+        if pairs and (self.pixel != "latched" or self.source is not None):
             raise InputError(
-                "sensor.duplicated_rows", "empty, except with a simulated synchronous readout",
+                "sensor.duplicated_rows", "empty, except with simulated latched pixels",
                 str([list(pair) for pair in pairs]), "leave it out",
             )  # fmt: skip
         sources, targets = {pair[0] for pair in pairs}, [pair[1] for pair in pairs]
@@ -297,10 +297,10 @@ class SensorSection(_Sections):
 
 
 def _silicon_sizes(data: dict[str, Any]) -> dict[str, Any]:
-    """Size that the preset assumes of every key that the section's readout has, as text."""
+    """Size that the preset assumes of every key that the section's pixel has, as text."""
     sizes: dict[str, Any] = {}
     for name, key in all_keys():
-        if key.silicon is None or data.get("readout", "synchronous") not in key.readouts:
+        if key.silicon is None or data.get("pixel", "latched") not in key.pixels:
             continue
         size = key.silicon.value
         if key.share_of_threshold:

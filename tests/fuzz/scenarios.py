@@ -43,10 +43,10 @@ _FEW: Final = {"rows": 8, "columns": 16}
 _SOURCES: Final[dict[str, tuple[float, str, Data]]] = {
     "latched": (8, "Scenario", _chip()),
     "readout": (0.5, "Scenario", {"duration": "0.4 ms", "readout": {},
-                                "sensor": {"threshold": "1000 e", "readout": "synchronous"}}),
-    "asynchronous": (3, "Scenario", _chip(readout="asynchronous",
+                                "sensor": {"threshold": "1000 e", "pixel": "latched"}}),
+    "asynchronous": (3, "Scenario", _chip(pixel="asynchronous",
                                           asynchronous=_SMALL | {"most_events": 100_000})),
-    "continuous": (3, "Scenario", _chip(readout="continuous",
+    "continuous": (3, "Scenario", _chip(pixel="continuous",
                                         continuous=_SMALL | {"most_reports": 100_000})),
     "adaptive-exposure": (1, "ImagerScenario", _imager("adaptive-exposure", "3 ms",
                                                        frame_rate="2 kHz", **_FEW)),

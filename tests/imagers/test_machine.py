@@ -15,9 +15,9 @@ from imagers.catalogue import IMAGERS
 from imagers.report.figures import read_vcd
 from imagers.run.check import paired_error
 from imagers.run.tape import Tape, Taped
-from scenarios.assemble.imager import assemble_imager_study, plan_imager
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.source.imager import assemble_imager_study, plan_imager
 from scenarios.run import run_scenario
 from sensor.frame_pixels import Exposed
 from tests.imagers.linear_imager import (
@@ -196,7 +196,7 @@ def test_the_paired_measure_finds_shift_and_noise(size):
     noisy = planned + rng.normal(0, 10 * max(size, 1e-9), base.shape)
     want = 1 - 1 / np.sqrt(1 + size**2)
     seen = paired_error(planned, noisy, 1)
-    assert seen.noise == pytest.approx(want, abs=6 * size / np.sqrt(REPEATS * 4096) + 1e-9)
+    assert seen.value == pytest.approx(want, abs=6 * size / np.sqrt(REPEATS * 4096) + 1e-9)
 
 
 def test_accuracy_has_a_row_for_each_tolerance(tmp_path):

@@ -16,8 +16,8 @@ from link.machine import LinkMachine
 from link.section import LinkScenario
 from link.setting import link_setting, steering_of
 from link.setup.setup import set_up_link
-from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
+from scenarios.assemble.source.link import link_camera
 
 SMALL = (
     "sensor.chip=spikeone", "sensor.width=200", "sensor.height=200", "link.panel.width=160",

@@ -14,8 +14,8 @@ RUNS: dict[str, tuple[str, ...]] = {
     "display": ("glass", *SMALL, *_sets(
         "duration=3 ms", "image.at=[60]", "display.beside=[]",
     )),
-    "asynchronous": ("film", *SMALL, *_sets("sensor.readout=asynchronous", "duration=2 ms")),
-    "continuous": ("film", *SMALL, *_sets("sensor.readout=continuous", "duration=2 ms")),
+    "asynchronous": ("film", *SMALL, *_sets("sensor.pixel=asynchronous", "duration=2 ms")),
+    "continuous": ("film", *SMALL, *_sets("sensor.pixel=continuous", "duration=2 ms")),
     "link": ("light-link", *LINK),
     "carried": ("glass-over-light", *_sets(
         "sensor.width=96", "sensor.height=64", "duration=8 ms", "image.at=[160]",

@@ -22,8 +22,8 @@ SMALL = ("sensor.width=64", "sensor.height=64", "duration=5 ms")
 PANEL = ("link.panel.width=192", "link.panel.height=192", "sensor.chip=spikeone")
 RUNS = {
     "film": ("film", *SMALL),
-    "asynchronous": ("film", *SMALL, "sensor.readout=asynchronous"),
-    "continuous": ("film", *SMALL, "sensor.readout=continuous"),
+    "asynchronous": ("film", *SMALL, "sensor.pixel=asynchronous"),
+    "continuous": ("film", *SMALL, "sensor.pixel=continuous"),
     "display of a noisy chip": ("glass", *SMALL, "sensor.preset=silicon"),
     "link": ("light-link", *PANEL, "link.size=2000"),
     "link with belief propagation": (

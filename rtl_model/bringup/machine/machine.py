@@ -9,8 +9,9 @@ from pathlib import Path
 
 from cosim import InputError
 from cosim.config.amounts import count
+from cosim.plan.error import Finding
 from cosim.run.chain import STREAM
-from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput
 from rtl_model.bringup.bench.endpoint import VIRTUAL, csr_map, open_endpoint

@@ -1,6 +1,6 @@
-"""Boards that replace the sensor or the display of a scenario.
+"""A board in the place of the sensor of a scenario.
 
-Each is a stage of the run's chain with the inputs and outputs of the part that it replaces. The
+It is a stage of the run's chain with the inputs and outputs of the sensor that it replaces. The
 scene is drawn for the board's number of pixels. `rtl_model.stand_in` is imported only for scenarios
 with a board.
 """
@@ -8,7 +8,7 @@ with a board.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
@@ -18,9 +18,6 @@ import numpy.typing as npt
 
 from cosim import Block, InputError, Light, Summary, Viform
 from cosim.run.result import Metric
-from cosim.spikes.viform import unpack_planes
-from display import fit_words
-from display.section import DisplaySection
 from rtl_model.registers import quantum
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
@@ -28,7 +25,7 @@ from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.charge import ONE
 
 if TYPE_CHECKING:
-    from rtl_model.stand_in import BoardDisplay, OpenBoard
+    from rtl_model.stand_in import OpenBoard
 
 NO_ERROR: Final = "a board's spikes are not held against full physics"
 _SIMULATED: Final = (
@@ -128,87 +125,40 @@ class BoardCamera:
                 self.worst = max(self.worst, most)
         return steps
 
-
-class BoardPanel:
-    """A board as the display stage of the chain. The stage passes the stream on unchanged.
-
-    Attributes:
-        name: name of the board, for messages.
-        planes: number of planes displayed so far.
-        wrong: number of bursts with a wrong CRC-32.
-    """
-
-    def __init__(self, board: BoardDisplay, name: str, fit: str, shape: tuple[int, int]) -> None:
-        self._board, self.name = board, name
-        try:
-            self._fit = fit_words(fit, shape, board.shape)  # type: ignore[arg-type]  # the schema's
-        except ValueError as exc:
-            raise InputError(
-                "the stream for display.sink", f"of {board.shape[1]} x {board.shape[0]} pixels, "
-                f"the size of {name}", f"of {shape[1]} x {shape[0]}",
-                "set display.fit=nearest or centre, or sensor.source to a board of that size",
-            ) from exc  # fmt: skip
-        self.planes = self.wrong = 0
-
-    def step(self, data: Viform, block: Block) -> Viform:
-        """Displays the planes of one block."""
-        words = self._fit(data.words)
-        burst = self._board.show(unpack_planes(words, 0, block.cycles).astype(bool))
-        self.planes += burst.planes
-        self.wrong += burst.wrong_crc
-        return data
-
     @property
     def note(self) -> str:
         """A note for the user before the run."""
-        return f"{self.name} displays the planes; no light is rendered"
+        (height, width), q = self.shape, quantum(self.level)
+        return (
+            f"{self.name} generates the spikes: {width} x {height} pixels, threshold {q} of its "
+            f"electrons; the error of a rate is at most {0.5 / q:.2g} spikes a cycle; the board "
+            "has no shot noise, and it is stepped: its ticks are not those of the clock"
+        )
 
     def metrics(self) -> dict[str, Metric]:
         return {
-            "sink_planes": Metric(self.planes, "planes"),
-            "sink_crc_wrong": Metric(self.wrong, "bursts"),
+            "board_bits_wrong": Metric(self.sensor.wrong_bits, "bits"),
+            "board_quantisation": Metric(self.worst, "spikes/cycle"),
+            "board_bytes": Metric(self.sensor.bytes, "bytes"),
         }
 
     def faults(self) -> list[str]:
         """Faults that make the outcome "failed"."""
-        if not self.wrong:
-            return []
-        return [f"the planes that {self.name} displayed differ from those sent: CRC-32"]
+        wrong = self.sensor.wrong_bits
+        return [f"{wrong} bits of {self.name} differ from the cycle model"] if wrong else []
 
 
-@contextmanager
-def open_panel(section: DisplaySection, shape: tuple[int, int]) -> Iterator[BoardPanel | None]:
-    """Opens the board of `display.sink` as a stage, None without one, and closes it at the end of
-    the context. Raises InputError if it does not answer or does not hold the stream.
-
-    shape: (height, width) of the stream.
-    """
-    if section.sink is None:
-        yield None
-        return
-    from rtl_model.stand_in import BoardDisplay, open_board
-
-    with open_board(section.sink, "display.sink") as board:
-        yield BoardPanel(BoardDisplay(board), board.name, section.fit, shape)
-
-
-@dataclass
+@dataclass(frozen=True)
 class Boards:
-    """The open boards of a run.
+    """The board of a run in the place of its sensor.
 
     Attributes:
         simulated: the scenario without the parts that boards replace.
         source: board that replaces the sensor, None for none.
-        sink: board that replaces the display, None for none.
-        fit: `display.fit` of the scenario.
-        panel: stage of the sink, None until the size of the stream is known.
     """
 
     simulated: Scenario
     source: OpenBoard | None = None
-    sink: OpenBoard | None = None
-    fit: str = "exact"
-    panel: BoardPanel | None = None
 
     @property
     def size(self) -> tuple[int, int] | None:
@@ -216,67 +166,25 @@ class Boards:
         return None if self.source is None else (self.source.info.rows, self.source.info.columns)
 
     def camera(self, setting: CameraSetting, scene: Summary, cycles: int) -> BoardCamera | None:
-        """The camera stage of the source, None without one; also creates the stage of the sink.
+        """The camera stage of the source, None without one.
 
         Args:
             setting: the camera of the scenario, in the size of the board.
             scene: survey of the scene, for the brightest light.
             cycles: length of the run.
         """
-        if self.sink is not None and self.panel is None:
-            from rtl_model.stand_in import BoardDisplay
-
-            shape = (setting.chip.height, setting.chip.width)
-            self.panel = BoardPanel(BoardDisplay(self.sink), self.sink.name, self.fit, shape)
         if self.source is None:
             return None
         rate = float(np.max(scene.brightest)) / setting.threshold
         return BoardCamera(self.source, setting, rate, cycles)
 
-    def notes(self, camera: Any) -> list[str]:
-        """Notes for the user before the run."""
-        notes = []
-        if isinstance(camera, BoardCamera):
-            height, width = camera.shape
-            q = quantum(camera.level)
-            notes.append(
-                f"{camera.name} generates the spikes: {width} x {height} pixels, threshold {q} of "
-                f"its electrons; the error of a rate is at most {0.5 / q:.2g} spikes a cycle; the "
-                "board has no shot noise, and it is stepped: its ticks are not those of the clock"
-            )
-        if self.panel is not None:
-            notes.append(self.panel.note)
-        return notes
-
-    def metrics(self, camera: Any) -> dict[str, Metric]:
-        """Metrics of the boards."""
-        metrics: dict[str, Metric] = {}
-        if isinstance(camera, BoardCamera):
-            metrics["board_bits_wrong"] = Metric(camera.sensor.wrong_bits, "bits")
-            metrics["board_quantisation"] = Metric(camera.worst, "spikes/cycle")
-            metrics["board_bytes"] = Metric(camera.sensor.bytes, "bytes")
-        if self.panel is not None:
-            metrics |= self.panel.metrics()
-        return metrics
-
-    def faults(self, camera: Any) -> list[str]:
-        """Faults of the boards that make the outcome "failed"."""
-        faults = []
-        if isinstance(camera, BoardCamera) and camera.sensor.wrong_bits:
-            faults.append(
-                f"{camera.sensor.wrong_bits} bits of {camera.name} differ from the cycle model"
-            )
-        if self.panel is not None:
-            faults += self.panel.faults()
-        return faults
-
 
 @contextmanager
 def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
-    """Opens the boards of a scenario, and closes them at the end of the context.
+    """Opens the board of `sensor.source`, and closes it at the end of the context.
 
-    Raises InputError if a board does not answer or cannot replace the sensor, and if `resume` is
-    set: the charge of a board's pixels cannot be restored.
+    Raises InputError if it does not answer or cannot replace the sensor, and if `resume` is set
+    with a board at either end: the charge of a board's pixels cannot be restored.
     """
     section, panel = scenario.sensor, scenario.display
     sink = None if panel is None else panel.sink
@@ -288,21 +196,18 @@ def open_boards(scenario: Scenario, resume: bool) -> Iterator[Boards]:
             "--resume", "given for a run without a board, whose charge cannot be restored",
             "given for one with a board", "start it again with another --out",
         )  # fmt: skip
+    update: dict[str, Any] = {"sensor": section.model_copy(update={"source": None})}
+    simulated = scenario.model_copy(update=update | ({} if sink is None else {"display": None}))
+    if section.source is None:
+        yield Boards(simulated)
+        return
+    for name, default in _SIMULATED:
+        if getattr(section, name) != default:
+            raise InputError(
+                f"sensor.{name}", "absent with sensor.source", "given",
+                "leave it out: the board's array is of its own kind and size",
+            )  # fmt: skip
     from rtl_model.stand_in import open_board
 
-    sensor = section.model_copy(update={"source": None})
-    update = {"sensor": sensor} | ({} if sink is None else {"display": None})
-    boards = Boards(scenario.model_copy(update=update), fit="exact" if panel is None else panel.fit)
-    with ExitStack() as stack:
-        if section.source is not None:
-            for name, default in _SIMULATED:
-                value = getattr(section, name)
-                if value != default:
-                    raise InputError(
-                        f"sensor.{name}", "absent with sensor.source", "given",
-                        "leave it out: the board's array is of its own kind and size",
-                    )  # fmt: skip
-            boards.source = stack.enter_context(open_board(section.source, "sensor.source"))
-        if sink is not None:
-            boards.sink = stack.enter_context(open_board(sink, "display.sink"))
-        yield boards
+    with open_board(section.source, "sensor.source") as board:
+        yield Boards(simulated, board)

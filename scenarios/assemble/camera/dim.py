@@ -1,64 +1,144 @@
-"""Dim pixels of a latched camera: readings below threshold, and rejection of the dark."""
+"""Dim pixels of a latched camera: readings below threshold and rejection of the dark, their limits
+in a scenario, and how the images of a run have them."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
+from cosim import InputError
+from cosim.config.amounts import amount
+from cosim.config.toml import read_toml
 from cosim.run.result import Metric
-from scenarios.assemble.camera.dim_limits import cycles_between, dark_cycles
-from scenarios.assemble.camera.setup import CameraSetup
-from sensor import SpikeCamera
-from sensor.dynamic_range import spike_dynamic_range
+from sensor import CameraSetting, SpikeCamera
+from sensor.dynamic_range import longest_width, spike_dynamic_range
 from sensor.latched.reading import ReadingCamera
-from sensor.reconstruct.readings import READINGS, DimLight, write_readings
+from sensor.reconstruct.readings import READINGS, DimLight, read_readings, write_readings
 from sensor.reconstruct.shots import Shot
+from sensor.sections.sensor import SensorSection
+
+_MOST: Final = 2**31
+"""Readings of single pixels that a run may take; they are kept in memory, two bytes each."""
+_KEY: Final = "sensor.sub_threshold.limit"
+_SCENARIO: Final = "scenario.toml"
 
 
-def reading_camera(camera: SpikeCamera, setup: CameraSetup) -> SpikeCamera | ReadingCamera:
+def check_dim(section: SensorSection, setting: CameraSetting, cycles: int) -> None:
+    """Raises InputError for readings or a dark limit that a run of so many cycles cannot have."""
+    dark_cycles(section, setting)
+    if section.sub_threshold is None:
+        return
+    every, hertz = cycles_between(section, setting), setting.clock.hz
+    if not 1 <= every <= cycles:
+        least, most = amount(1 / hertz, "s"), amount(cycles / hertz, "s")
+        raise InputError(
+            _KEY, f"{least} to {most}, one cycle to the run",
+            repr(amount(section.sub_threshold.limit, "s")),
+            "shorten it, or lengthen duration" if every else "lengthen it, or raise sensor.clock",
+        )  # fmt: skip
+    readings, pixels = cycles // every + 1, setting.chip.height * setting.chip.width
+    if readings * pixels > _MOST:
+        raise InputError(
+            _KEY, f"so long that {_MOST // pixels} readings are enough", f"{readings} readings",
+            "lengthen it, or shorten duration",
+        )  # fmt: skip
+
+
+def cycles_between(section: SensorSection, setting: CameraSetting) -> int:
+    """Cycles between two readings."""
+    assert section.sub_threshold is not None
+    return round(section.sub_threshold.limit * setting.clock.hz)
+
+
+def dark_cycles(section: SensorSection, setting: CameraSetting) -> float:
+    """Width in cycles from which on an interval is rejected; infinite for none. Raises InputError
+    if the device whose dark current decides has none."""
+    if section.dark_limit is None:
+        return math.inf
+    seconds = section.dark_limit
+    if not seconds:
+        dark = 0.0 if setting.pattern is None else setting.pattern.dark
+        if not dark:
+            raise InputError(
+                "sensor.pattern.dark_current", "above 0 with sensor.dark_limit = 'dark current'",
+                "0 e/s", "give it, or a duration as sensor.dark_limit",
+            )  # fmt: skip
+        seconds = longest_width(setting.threshold, dark)
+    return seconds * setting.clock.hz
+
+
+def reading_camera(
+    camera: SpikeCamera, sensor: SensorSection, setting: CameraSetting
+) -> SpikeCamera | ReadingCamera:
     """The camera of a run, which also reads the charge if the scenario has it do so."""
-    section = setup.scenario.sensor.sub_threshold
+    section = sensor.sub_threshold
     if section is None:
         return camera
-    every = cycles_between(setup.scenario.sensor, setup.setting)
-    return ReadingCamera(camera, setup.setting, every, section.levels)
+    every = cycles_between(sensor, setting)
+    return ReadingCamera(camera, setting, every, section.levels)
 
 
-def dim_light(setup: CameraSetup, camera: Any, folder: Path) -> tuple[DimLight | None, list[str]]:
+def dim_light(
+    sensor: SensorSection, setting: CameraSetting, camera: Any, folder: Path
+) -> tuple[DimLight | None, list[str]]:
     """How the images of a run have dim pixels, None for from spikes alone; and the names of the
     files that this writes into the folder."""
     readings = camera.readings() if isinstance(camera, ReadingCamera) else None
-    dark = dark_cycles(setup.scenario.sensor, setup.setting)
+    dark = dark_cycles(sensor, setting)
     if readings is None:
         return (DimLight(dark=dark) if math.isfinite(dark) else None), []
     write_readings(readings, folder / READINGS)
     return DimLight(readings, dark), [READINGS]
 
 
-def dim_range(setup: CameraSetup) -> float | None:
+def dim_range(sensor: SensorSection, setting: CameraSetting) -> float | None:
     """Dynamic range with readings, dB: 20 lg(limit / cycle N); None without them."""
-    sensor = setup.scenario.sensor
     if sensor.sub_threshold is None:
         return None
-    return spike_dynamic_range(
-        cycles_between(sensor, setup.setting), 1, sensor.sub_threshold.levels
-    )
+    return spike_dynamic_range(cycles_between(sensor, setting), 1, sensor.sub_threshold.levels)
 
 
-def dim_metrics(setup: CameraSetup, shots: list[Shot]) -> dict[str, Metric]:
+def dim_metrics(
+    sensor: SensorSection, setting: CameraSetting, shots: list[Shot]
+) -> dict[str, Metric]:
     """Pixels that are read and rejected, mean over the images."""
     masks = [shot.dim for shot in shots if shot.dim is not None]
     metrics: dict[str, Metric] = {}
-    if masks and setup.scenario.sensor.sub_threshold is not None:
+    if masks and sensor.sub_threshold is not None:
         read = float(np.mean([dim.read.sum() for dim in masks]))
         metrics["sub_threshold_pixels"] = Metric(read, "pixels")
-        metrics["dynamic_range_formula"] = Metric(dim_range(setup), "dB")
-    if masks and setup.scenario.sensor.dark_limit is not None:
+        metrics["dynamic_range_formula"] = Metric(dim_range(sensor, setting), "dB")
+    if masks and sensor.dark_limit is not None:
         dark = float(np.mean([dim.dark.sum() for dim in masks]))
         metrics["dark_pixels"] = Metric(dark, "pixels")
-        limit = dark_cycles(setup.scenario.sensor, setup.setting) / setup.setting.clock.hz
+        limit = dark_cycles(sensor, setting) / setting.clock.hz
         metrics["dark_limit"] = Metric(limit, "s")
     return metrics
+
+
+def dim_of_run(folder: Path) -> DimLight | None:
+    """The readings and the dark limit of the run in a folder; None without either, and for what is
+    no folder of a run. Raises InputError for files that the run did not write so."""
+    readings = read_readings(folder / READINGS) if (folder / READINGS).exists() else None
+    dark = _dark_cycles(folder / _SCENARIO)
+    if readings is None and math.isinf(dark):
+        return None
+    return DimLight(readings, dark)
+
+
+def _dark_cycles(path: Path) -> float:
+    """Width in cycles from which on the run rejects an interval; infinite for none."""
+    try:
+        data = read_toml(path)
+    except (OSError, ValueError):  # a stream may lie in any folder
+        return math.inf
+    if "dark_limit" not in data.get("sensor", {}):
+        return math.inf
+    from scenarios.assemble.chip import camera_setting
+    from scenarios.assemble.schema.loading import filmed, load
+
+    scenario = filmed(load(str(path))[1], "image")
+    return dark_cycles(scenario.sensor, camera_setting(scenario))

@@ -9,15 +9,14 @@ from cosim.files import ZarrStream
 from cosim.light.lens import Lens
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
-from cosim.run.machine import Finding, Run
+from cosim.plan.error import Finding
+from cosim.run.machine import Run
 from cosim.run.result import Result
-from display.chain.outcome import DisplayOutcome
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.show.filmer import Filmer
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
-from sensor.latched.check.bank import BankChange
+from sensor.latched.check.plan_check import BankChange
 from sensor.reconstruct.shots import Shot
 
 
@@ -31,11 +30,9 @@ class LatchedRun:
         setting, lens, white_rate, instants, source: camera and scene; see `CameraSetup`.
         plan: effects of the simulated camera, tile by tile.
         stream: recorded stream.
-        shots: images at the instants; empty with a display.
-        sizes: sizes of the stream in several codes, None with a display.
-        display: outcome of the display, None without one.
+        shots: images at the instants; empty before a display.
+        sizes: sizes of the stream in several codes, None before a display.
         mosaic: filter array on the pixels; None for none.
-        filmer: camera that has filmed the display; None for none.
         bank: what thresholds from the bank change; None where that was not measured.
     """
 
@@ -50,9 +47,7 @@ class LatchedRun:
     stream: ZarrStream
     shots: list[Shot]
     sizes: Sizes | None
-    display: DisplayOutcome | None
     mosaic: Mosaic | None = None
-    filmer: Filmer | None = None
     bank: BankChange | None = None
 
     @property

@@ -9,6 +9,10 @@ timed.
 If the scenario has a display, the error is that of the radiance that its observer integrates,
 against the reference camera on the golden display; the run time of a row is that of the camera and
 of the renderer on the same blocks. The display of the reference is the golden model.
+
+With `--every-tile`, the reference and the planned cameras expose every tile of full size instead,
+for a few tolerances, and the errors of all tiles are compared with the limit that a run states from
+its few patches, and with the tolerance. This takes as long as full physics on the whole chip.
 """
 
 from __future__ import annotations
@@ -17,51 +21,38 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from cosim import BLOCK, Block
-from cosim.plan.ladder import Row, distinct_plans, fit_rows
-from cosim.plan.paired import Paired, TrialCamera, worst
-from cosim.plan.patches import PatchPlane
+from cosim.plan.error import BrokenPromise, Measured
+from cosim.plan.paired import Paired, TrialCamera, Values, compare, worst
 from cosim.plan.planner import Plan
+from cosim.plan.study import REFERENCE, Rung, Step, climb, ladder_document
+from cosim.plan.tiles import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
 from display.trial.cost import display_ns, golden_ns
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan, Verifier
 from scenarios.assemble.camera.setup import CameraSetup
 from sensor import SpikeCamera
+from sensor.latched.check.samples import sample_tiles
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.levels import fast_can_follow
 from sensor.latched.reference.law import DRAWS, reference_error
-from sensor.latched.tiers import Tier
 
 TIMED = 3
 """Number of blocks of the whole chip that are timed, after one block for warm-up."""
 TILES = 24
 """Maximum number of patches."""
+STATED: Final = (0.0, 1e-3, 1e-2, 0.1)
+"""Tolerances at which the errors of every tile are measured."""
 
 
-@dataclass(frozen=True)
-class _Rung:
-    """A plan of the ladder.
-
-    Attributes:
-        tier: tier of the camera.
-        tolerances: tolerances that lead to this plan.
-        plan: the plan.
-    """
-
-    tier: Tier
-    tolerances: list[float]
-    plan: RunPlan
-
-    @property
-    def name(self) -> str:
-        return f"{self.tier} {self.tolerances[0]:g}"
+_Rung = Rung[RunPlan]
 
 
 def _signature(plan: RunPlan) -> tuple[bytes, ...]:
@@ -70,15 +61,10 @@ def _signature(plan: RunPlan) -> tuple[bytes, ...]:
 
 def _ladder(setup: CameraSetup) -> list[_Rung]:
     follows = fast_can_follow(setup.setting, setup.survey.scene)
-    tiers: list[Tier] = ["exact", "fast"] if setup.device is not None and follows else ["exact"]
-    return [
-        _Rung(tier, tolerances, plan)
-        for tier in tiers
-        for tolerances, plan in distinct_plans(
-            lambda tolerance, tier=tier: setup.plan(tolerance, tier=tier, mixed=False),  # type: ignore[misc]
-            _signature,
-        )
-    ]
+    return climb(
+        ["exact", "fast"] if setup.device is not None and follows else ["exact"],
+        lambda tier, tolerance: setup.plan(tolerance, tier=tier, mixed=False), _signature,
+    )  # fmt: skip
 
 
 def _least_of_equals(rungs: Sequence[_Rung], spent: list[float], others: set[str]) -> list[float]:
@@ -109,12 +95,12 @@ def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayTrial:
     """The trial of the reference and of every rung on the same patches."""
     survey, setting, display = setup.survey, setup.setting, setup.display
     plane = PatchPlane(survey.grid, _tiles([r.plan for r in rungs], setup.scenario.seed))
-    cameras: dict[str, TrialCamera] = {"reference": PatchCamera(setting, plane, "reference")}
+    cameras: dict[str, TrialCamera] = {REFERENCE: PatchCamera(setting, plane, REFERENCE)}
     for rung in rungs:
         cameras[rung.name] = rung.plan.on_patches(plane, setup.device)
     patches = None
     if display is not None:
-        displays = {TRUTH: ("reference", display)}
+        displays = {TRUTH: (REFERENCE, display)}
         displays |= {
             rung.name: (rung.name, rung.plan.display)
             for rung in rungs if rung.plan.display is not None
@@ -143,44 +129,43 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
             ns + costs[rung.plan.display] if rung.plan.display is not None else ns
             for ns, rung in zip(spent, rungs, strict=True)
         ]
-    truth = paired.rates("reference")
-    rows = []
+    truth = paired.rates(REFERENCE)
+    steps: list[Step] = []
     for rung, ns in zip(rungs, spent, strict=True):
         error = (
             worst(paired.rates(rung.name), truth, floor) if paired.displays is None
             else paired.displays.error(rung.name)
         )  # fmt: skip
-        for at, tolerance in enumerate(rung.tolerances):
-            rows.append(Row(
-                rung.tier, tolerance, error.value, (error.low, error.high),
-                ns * 1e-9 * pixels * cycles, ns, _effects(rung.plan.plan, own),
-                list(rung.plan.plan.left_out), rung.tolerances[0] if at else None,
-            ))  # fmt: skip
-    ns = paired.ns("reference") + golden
-    plane = paired.plane
-    floor_error = reference_error(setting, plane.numbers[:DRAWS])
+        plan = rung.plan.plan
+        steps += rung.steps(error, ns, pixels * cycles, _effects(plan, own), plan.left_out)
+    ns, plane = paired.ns(REFERENCE) + golden, paired.plane
+    own_error = reference_error(setting, plane.numbers[:DRAWS])
     everything = [effect.name for effect in setting.acting_effects] + own
     if display is not None:
         everything += [effect.name for effect in display.acting_effects]
-    seconds = ns * 1e-9 * pixels * cycles
-    best = Row("reference", None, floor_error, (0.0, floor_error), seconds, ns, everything, [])
+    best = Step.of(
+        REFERENCE, None, Measured(own_error, 0.0, own_error), ns, pixels * cycles, everything
+    )
     n = float(np.mean(truth)) * scenario.image.window * plane.numbers.size / len(plane.tiles)
-    return {
-        "scenario": scenario.title,
-        "error_of": "rate" if display is None else "radiance",
-        "device": setup.device_name,
-        "reference": {
-            "tier": "reference", "error": floor_error, "ns_per_pixel_cycle": ns,
+    return ladder_document(
+        [*steps, best],
+        {
+            "tier": REFERENCE, "error": own_error, "ns_per_pixel_cycle": ns,
             "run_time_s": best.run_time_s, "effects": everything,
             "patches": len(plane.tiles), "pixels": int(plane.numbers.size),
         },
-        "order": fit_rows(rows),
-        "floor": {
-            "reference": floor_error,
-            "monte_carlo": setting.spread / math.sqrt(n) if n > 0 else None,
-        },
-        "rows": [row.document() for row in [*rows, best]],
-    }  # fmt: skip
+        own_error, setting.spread / math.sqrt(n) if n > 0 else None,
+        **_about(setup),
+    )  # fmt: skip
+
+
+def _about(setup: CameraSetup) -> dict[str, Any]:
+    """Keys that both documents begin with."""
+    return {
+        "scenario": setup.scenario.title,
+        "error_of": "rate" if setup.display is None else "radiance",
+        "device": setup.device_name,
+    }
 
 
 def _film(
@@ -219,3 +204,106 @@ def _film(
             cameras = []
         progress.advance(block.stop)
     return [min(took[1:] or took) for took in each], words
+
+
+@dataclass(frozen=True, eq=False)
+class _Stated:
+    """The plan of a run after its check, and the error that the run states.
+
+    Attributes:
+        plan: the plan that the check accepts.
+        error: measured on the patches of the run.
+        outcome: "ok" or "degraded", as the run has it because of its error.
+        reinstated: effects that the check has reinstated.
+    """
+
+    plan: RunPlan
+    error: Measured
+    outcome: str
+    reinstated: list[str]
+
+
+def _expose(setup: CameraSetup, trial: DisplayTrial, what: str, progress: Progress) -> None:
+    """Exposes the patches of a trial to the scene."""
+    scene, lens = setup.stages(setup.source()).values()
+    progress.start(what, setup.cycles)
+    for start in range(0, setup.cycles, BLOCK):
+        block = Block(start, min(BLOCK, setup.cycles - start))
+        trial.step(lens.step(scene.step(None, block), block), block)
+        progress.advance(block.stop)
+
+
+def _stated(setup: CameraSetup, tolerance: float, progress: Progress) -> _Stated:
+    """Plans and checks a run as `viform run` does, on its patches only."""
+    reinstated: list[str] = []
+    while True:
+        plan = setup.plan_keeping(tolerance, reinstated)
+        tiles = plan.patches(setup.scenario.seed)
+        samples = (
+            None if setup.display else sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
+        )
+        verifier = Verifier(plan, setup.setting, tiles, setup.device, samples)
+        try:
+            _expose(setup, verifier, f"check at tolerance {tolerance:g}", progress)
+            findings = verifier.shortfall(plan.tier)
+        except BrokenPromise as exc:
+            findings = exc.findings
+        if not findings:
+            outcome = "degraded" if verifier.beyond() else "ok"
+            return _Stated(plan, verifier.error(), outcome, reinstated)
+        reinstated += [finding.effect for finding in findings]
+
+
+def _every_trial(setup: CameraSetup, stated: dict[str, _Stated]) -> DisplayTrial:
+    """The reference and the cameras of all plans on every tile of full size."""
+    survey, display = setup.survey, setup.display
+    plane = PatchPlane(survey.grid, np.flatnonzero(survey.grid.whole).tolist())
+    cameras: dict[str, TrialCamera] = {REFERENCE: PatchCamera(setup.setting, plane, REFERENCE)}
+    cameras |= {name: each.plan.on_patches(plane, setup.device) for name, each in stated.items()}
+    patches = None
+    if display is not None:
+        shown = {TRUTH: (REFERENCE, display)}
+        for name, each in stated.items():
+            assert each.plan.display is not None
+            shown[name] = name, each.plan.display
+        patches = DisplayPatches(plane, shown, survey.scene.floor)
+    spans = setup.spans
+    return DisplayTrial(plane, cameras, spans, patches)
+
+
+def _errors(trial: DisplayTrial, name: str, floor: float) -> Values:
+    """Relative RMS error of each tile in its worst window or image, (tiles,)."""
+    if trial.displays is not None:
+        error = trial.displays.errors(name)
+    else:
+        error = compare(trial.rates(name), trial.rates(REFERENCE), floor)[0]
+    return np.asarray(error.max(axis=0))
+
+
+def every_tile(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
+    """The document of `viform accuracy --every-tile --json`.
+
+    A row `holds` if the error of no tile is above the stated limit, and if the outcome is not "ok"
+    with a tile above the tolerance (at tolerance 0: above the limit only).
+    """
+    progress.note("surveying the scene")
+    stated = {f"{tolerance:g}": _stated(setup, tolerance, progress) for tolerance in STATED}
+    trial = _every_trial(setup, stated)
+    tiles = len(trial.plane.tiles)
+    _expose(setup, trial, f"{len(stated)} plans on {tiles} tiles", progress)
+    rows = []
+    for tolerance, (name, each) in zip(STATED, stated.items(), strict=True):
+        errors = _errors(trial, name, setup.survey.scene.floor)
+        worst = int(np.argmax(errors))
+        over_limit = int((errors > each.error.high).sum())
+        over_tolerance = int((errors > tolerance).sum()) if tolerance > 0 else None
+        rows.append({
+            "tier": each.plan.tier, "tolerance": tolerance, "error": each.error.value,
+            "ci": (each.error.low, each.error.high), "outcome": each.outcome,
+            "reinstated": each.reinstated, "tiles": tiles,
+            "full_physics_tiles": each.plan.full_physics, "over_limit": over_limit,
+            "over_tolerance": over_tolerance, "worst_tile": trial.plane.tiles[worst],
+            "worst_error": float(errors[worst]),
+            "holds": not over_limit and (each.outcome != "ok" or not over_tolerance),
+        })  # fmt: skip
+    return {**_about(setup), "rows": rows}

@@ -1,4 +1,4 @@
-"""The machine of a latched spike camera, and of the display that its stream drives."""
+"""The machine of a latched spike camera."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,31 +14,25 @@ from cosim.compute.stopping import threads
 from cosim.config.toml import to_toml
 from cosim.files import Recorder, ZarrStream
 from cosim.light.source import Source
+from cosim.plan.error import Finding
 from cosim.run.chain import STREAM, BlockChain
 from cosim.run.inputs import digest
-from cosim.run.machine import Finding, Outcome, Page, Recording, Run
+from cosim.run.machine import Options, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
+from cosim.run.workers import workers_for
 from cosim.spikes.viform import Viform
-from display.chain.display import DisplayChain, make_display_chain
-from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
-from display.probes.setup import ProbeCamera
 from scenarios.assemble.camera.bands import BandChain, BandedCamera, Bands
-from scenarios.assemble.camera.boards import NO_ERROR, Boards, open_boards
+from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
 from scenarios.assemble.camera.dim import dim_light, dim_metrics
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.memory import check_run_memory, memory_note
-from scenarios.assemble.camera.pages.display import display_page
+from scenarios.assemble.camera.pages.chip import plan_page
 from scenarios.assemble.camera.pages.stream import stream_page
+from scenarios.assemble.camera.plan import RunPlan, Verifier
 from scenarios.assemble.camera.planned import PlannedCamera, planned_camera
-from scenarios.assemble.camera.planning import RunPlan
-from scenarios.assemble.camera.probe_camera import SpikeProbeCamera
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
-from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.show.filmer import Filmer
-from scenarios.assemble.show.filming import make_camera
-from scenarios.assemble.show.tables import display_lines
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
 from sensor.latched.stages import readout_stages
 from sensor.reconstruct.fidelity import judge
@@ -59,9 +53,8 @@ class _Images:
 
     Attributes:
         stream: the recorded stream.
-        shots: images at the instants; empty with a display.
-        sizes: sizes of the stream in several codes, None with a display.
-        display: outcome of the display, None without one.
+        shots: images at the instants; empty before a display, whose observers have the images.
+        sizes: sizes of the stream in several codes, None before a display.
         metrics: measured figures by name.
         latency: latencies in the simulated machine.
         files: names of the written files.
@@ -70,7 +63,6 @@ class _Images:
     stream: ZarrStream
     shots: list[Shot]
     sizes: Sizes | None
-    display: DisplayOutcome | None
     metrics: dict[str, Metric]
     latency: list[Latency]
     files: list[str]
@@ -89,11 +81,9 @@ class LatchedMachine:
         camera: the simulated camera, or a board or bands that workers simulate in its place.
         verifier: stage that checks the plan during the recording; None if a board generates the
             spikes.
-        display: the display, None without one.
-        filmer: the camera that films the display, None without one.
         advice: notes for the user before the run, without those of the scene.
-        boards: open boards of the run.
-        opened: stack that closes the boards and the display.
+        boards: open board of the run.
+        opened: stack that closes the board.
         bands: who simulates the chip in bands of rows; None for nobody.
     """
 
@@ -104,12 +94,10 @@ class LatchedMachine:
     plan: RunPlan
     camera: PlannedCamera
     verifier: Verifier | None
-    display: DisplayChain | None
-    filmer: Filmer | None
     advice: list[str]
     boards: Boards
     opened: ExitStack
-    bands: Bands | None = field(default=None, kw_only=True)
+    bands: Bands | None = None
 
     @property
     def toml(self) -> str:
@@ -122,6 +110,11 @@ class LatchedMachine:
     @property
     def device(self) -> str:
         return self.setup.device_name
+
+    @property
+    def shown(self) -> bool:
+        """Whether a display that the plan simulates shows the stream."""
+        return self.plan.display is not None
 
     @property
     def length(self) -> int:
@@ -145,35 +138,17 @@ class LatchedMachine:
         return []
 
     def keep(self, effects: Sequence[str]) -> LatchedMachine:
-        setup = self.setup
-        plan = setup.plan_keeping(self.scenario.tolerance, effects)
-        camera, verifier = planned_camera(plan, setup, self.boards, self.bands)
-        display, filmer = self.display, None
-        if display is not None and plan.display is not None:
-            display.close()
-            display = make_display_chain(
-                display.section, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
-                setup.instants, plan.display, display.pursuit, display.points,
-            )  # fmt: skip
-            filmer = make_camera(self.scenario.camera, display, setup.shape, setup.cycles,
-                                 self.scenario.seed, setup.device)  # fmt: skip
+        plan = self.setup.plan_keeping(self.scenario.tolerance, effects)
+        camera, verifier = planned_camera(plan, self.setup, self.boards, self.bands)
         return replace(
-            self,
-            plan=plan,
-            camera=camera,
-            verifier=verifier,
-            source=setup.source(),
-            display=display,
-            filmer=filmer,
+            self, plan=plan, camera=camera, verifier=verifier, source=self.setup.source()
         )
 
-    def stages(self, folder: Path) -> dict[str, Any]:
-        """The stages by name; the display and what films it are the last ones."""
-        setup = self.setup
+    def chain(self, folder: Path) -> BlockChain:
+        setup, (height, width), cycles = self.setup, self.camera.shape, self.setup.cycles
         recorder = Recorder(
-            folder / STREAM, self.camera.shape, setup.cycles, setup.setting.clock,
-            keep=self.display is None,
-            watch=None if self.display else sample_places(self.camera.shape, setup.cycles),
+            folder / STREAM, self.camera.shape, cycles, setup.setting.clock, keep=not self.shown,
+            watch=None if self.shown else sample_places(self.camera.shape, cycles),
         )  # fmt: skip
         stages: dict[str, Any] = {
             **setup.stages(self.source),
@@ -181,32 +156,19 @@ class LatchedMachine:
             "sensor": self.camera,
             **readout_stages(self.scenario.sensor.duplicated_rows),
             "recorder": recorder,
-            **({} if self.boards.panel is None else {"sink": self.boards.panel}),
         }
-        if self.display is not None:
-            stages = self.display.stages(stages)
-        if self.filmer is not None:
-            stages |= self.filmer.stages(folder)
-        return stages
-
-    def chain(self, folder: Path) -> BlockChain:
-        (height, width), cycles = self.camera.shape, self.setup.cycles
-        linked = "" if self.length == cycles else f", {self.length} with those of the link"
         kind, identity = BlockChain, self.identity()
         if isinstance(self.camera, BandedCamera):
             self.camera.place(folder, identity)
             kind, identity = BandChain, f"{identity} in bands"
-        return kind(
-            f"{self.name}: {cycles} cycles of {width} x {height}{linked}", self.stages(folder),
-            self.length, identity, folder,
-            every_s=30.0 if self.display is None else 60.0,  # a display's state is half a gigabyte
-        )  # fmt: skip
+        title = f"{self.name}: {cycles} cycles of {width} x {height}"
+        return kind(title, stages, cycles, identity, folder)
 
     def identity(self) -> str:
-        """A digest of the scenario, its plan, the version of the program, the renderer, and the
-        content of the clip."""
+        """A digest of the scenario, its plan, the version of the program, and the content of the
+        clip."""
         text = to_toml(self.scenario.model_copy(update={"title": ""})) + viform_version()
-        text += self.plan.tier + ("" if self.display is None else self.display.identity())
+        text += self.plan.tier
         for better in (self.plan.fine, self.plan.exact):
             text += hashlib.sha256(better.tobytes()).hexdigest()
         for name, tiles in self.plan.plan.kept.items():
@@ -220,17 +182,16 @@ class LatchedMachine:
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         setup, seconds, verifier = self.setup, recording.seconds, self.verifier
-        shown = self.display is not None
-        images = self._views(recording, progress) if shown else self._images(recording)
+        images = self._images(recording)
         throughput = self.throughput(recording)
         beyond = [] if verifier is None else verifier.beyond()
-        faults = self.boards.faults(self.camera)
+        board = self.camera if isinstance(self.camera, BoardCamera) else None
+        faults = [] if board is None else board.faults()
         outcome = "degraded" if self.source.degraded or beyond else "ok"
         full = None if verifier is None else verifier.full_physics_s(self.pixels, setup.cycles)
         return Outcome(
             outcome="failed" if faults else outcome,
             simulated_s=setup.cycles / setup.setting.clock.hz,
-            renderer=None if self.display is None else self.display.panel_stage.renderer.name,
             error=Error(None, NO_ERROR, None) if verifier is None else verifier.result_error(),
             kept=[] if verifier is None else list(self.plan.plan.everywhere),
             left_out=[] if verifier is None else verifier.left_out(),
@@ -249,14 +210,13 @@ class LatchedMachine:
                     "full physics was not timed: a board makes the spikes, or every tile has it",
                 ),
                 **({} if images.sizes is None else size_metrics(images.sizes)),
-                **self.boards.metrics(self.camera),
+                **({} if board is None else board.metrics()),
                 **getattr(self.source, "metrics", {}),
             },
             latency=images.latency,
             throughput=throughput,
             files=[STREAM, *images.files],
             notes=[*self.source.degraded, *beyond, *faults],
-            table=[] if images.display is None else display_lines(images.display),
             views=images,
         )
 
@@ -269,121 +229,78 @@ class LatchedMachine:
         return [
             Throughput("sensor", cycles * self.pixels / seconds["sensor"], "pixel-cycles/s"),
             Throughput("recorder", bits, "bit/s"),
-            *(
-                [] if self.display is None
-                else [Throughput("display", cycles / seconds["display"], "planes/s")]
-            ),
-        ]  # fmt: skip
-
-    def recorder(self, recording: Recording) -> Any:
-        """The stage that has recorded the chip's stream."""
-        return recording.chain.stages["recorder"]
+        ]
 
     def _images(self, recording: Recording) -> _Images:
-        """Images and size of the stream, for a run without a display."""
+        """Images and size of the stream, unless a display shows it."""
         begin, setup, seconds = time.perf_counter(), self.setup, recording.seconds
-        recorder = self.recorder(recording)
-        stream, spikes = recorder.recorded(), recorder.spikes
+        recorder = recording.chain.stages["recorder"]
+        rate = Metric(recorder.spikes / (setup.cycles * self.pixels), "spikes/cycle")
+        if self.shown:
+            stream = ZarrStream(recording.folder / STREAM)
+            return _Images(stream, [], None, {"spike_rate": rate}, [], [])
+        stream = recorder.recorded()
         image = self.scenario.image
         threshold, noise = setup.setting.threshold, setup.setting.threshold_noise
         with threads(1) as beside:  # neither of the two loads two cores
             part = Viform(recorder.watched, stream.cycles, stream.clock)
             measured = beside.submit(measure_sizes, part, self.pixels, threshold, noise)
-            dim, names = dim_light(setup, self.camera, recording.folder)
+            dim, names = dim_light(
+                self.scenario.sensor, setup.setting, self.camera, recording.folder
+            )
             shots = take_shots(
                 stream, self.source, setup.instants, image.window, setup.white_rate, dim,
                 preceding=image.preceding, registers=setup.setting.registers,
             )  # fmt: skip
             files = names + write_images(recording.folder, shots, LATCHED)
             seen = [shot.read for shot in shots if shot.rows[0] < shot.rows[1]]
-            metrics = judge(seen, LATCHED) | dim_metrics(setup, shots)
+            metrics = judge(seen, LATCHED) | dim_metrics(self.scenario.sensor, setup.setting, shots)
             if setup.mosaic is not None:
                 files += write_colour(recording.folder, shots, setup.mosaic)
                 metrics |= colour_differences(shots, setup.mosaic)
             sizes = measured.result()
-        metrics["spike_rate"] = Metric(spikes / (setup.cycles * self.pixels), "spikes/cycle")
+        metrics["spike_rate"] = rate
         seconds["images"] = time.perf_counter() - begin
         latency = interval_latency(stream.clock, shots)
-        return _Images(stream, shots, sizes, None, metrics, latency, files)
-
-    def _views(self, recording: Recording, progress: Progress) -> _Images:
-        """Images of the display's observers and measurements of its probes."""
-        display, seconds = self.display, recording.seconds
-        assert display is not None
-        begin = time.perf_counter()
-        with threads(1) as pool:  # neither of the two loads two cores
-            probing = pool.submit(display.probes, self.probe_camera(), progress)
-            fidelity = chain_fidelity(display)
-            seconds["images"] = time.perf_counter() - begin
-            outcome = DisplayOutcome.of(display, fidelity, probing.result())
-        seconds["probes"] = time.perf_counter() - begin - seconds["images"]
-        begin = time.perf_counter()
-        section = self.scenario.display
-        assert section is not None
-        panel = None if section.colour is None else self.setup.mosaic
-        files = write_observer_images(recording.folder, outcome, panel)
-        filmed = {}
-        if self.filmer is not None:
-            at = [self.setup.setting.clock.middle(n) for n in self.setup.instants]
-            files += self.filmer.write(recording.folder, at)
-            filmed = self.filmer.metrics()
-        rate = display.panel_stage.fired / (self.setup.cycles * self.pixels)
-        metrics = outcome.metrics() | {"spike_rate": Metric(rate, "spikes/cycle")} | filmed
-        seconds["images"] += time.perf_counter() - begin
-        stream = ZarrStream(recording.folder / STREAM)
-        return _Images(stream, [], None, outcome, metrics, outcome.latency(), files)
-
-    def probe_camera(self) -> ProbeCamera:
-        """The camera whose stream the display shows in its probes."""
-        return SpikeProbeCamera(self.setup.setting, self.setup.device)
+        return _Images(stream, shots, sizes, metrics, latency, files)
 
     def judged(self, run: Run) -> LatchedRun:
         """The data of the run for its pages."""
         images, setup = run.outcome.views, self.setup
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
-            self.source, self.plan, images.stream, images.shots, images.sizes, images.display,
-            setup.mosaic, self.filmer,
+            self.source, self.plan, images.stream, images.shots, images.sizes, setup.mosaic,
             None if self.verifier is None else self.verifier.bank(),
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:
         judged = self.judged(run)
-        return stream_page(judged) if judged.display is None else display_page(judged)
+        return plan_page(judged) if self.shown else stream_page(judged)
 
     def close(self) -> None:
-        if self.display is not None:
-            self.display.close()
         self.opened.close()
 
 
-def assemble_latched(
-    name: str, scenario: Scenario, device: str | None, resume: bool, bands: Bands | None = None
-) -> LatchedMachine:
+def assemble_latched(name: str, scenario: Scenario, options: Options) -> LatchedMachine:
     """The machine of a scenario with a latched camera. Raises InputError."""
+    bands = None
+    if options.workers is not None or options.scheduler is not None:
+        with workers_for(1, options.scheduler):
+            pass  # a scheduler that does not answer is refused before anything is written
+        bands = Bands(options.workers or 1, options.scheduler, options.device)
     with ExitStack() as stack:
-        boards = stack.enter_context(open_boards(scenario, resume))
-        setup = set_up_camera(boards.simulated, device, boards.size)
+        boards = stack.enter_context(open_boards(scenario, options.resume))
+        setup = set_up_camera(boards.simulated, options.device, boards.size)
         check_run_memory(setup)  # before the survey, which needs a part of it
         source = setup.source()
         plan = setup.plan(scenario.tolerance)
         planes = plan.survey.light.planes
         check_run_memory(setup, planes)
         notes = [*setup.choice.notes, *plan.notes, memory_note(setup, planes)]
-        display = filmer = None
-        if plan.display is not None and setup.scenario.display is not None:
-            display = make_display_chain(
-                setup.scenario.display, setup.shape, setup.scenario.scene.illuminance, setup.cycles,
-                setup.instants, plan.display, setup.pursuit, source.points(), setup.device,
-            )  # fmt: skip
-            stack.callback(display.close)
-            notes += display.notes
-            filmer = make_camera(
-                scenario.camera, display, setup.shape, setup.cycles, scenario.seed, setup.device
-            )
         camera, verifier = planned_camera(plan, setup, boards, bands)
-        notes += boards.notes(camera)
+        if isinstance(camera, BoardCamera):
+            notes.append(camera.note)
         return LatchedMachine(
-            name, scenario, setup, source, plan, camera, verifier, display, filmer, notes, boards,
-            stack.pop_all(), bands=bands,
+            name, scenario, setup, source, plan, camera, verifier, notes, boards, stack.pop_all(),
+            bands,
         )  # fmt: skip

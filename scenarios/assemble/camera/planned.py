@@ -5,9 +5,8 @@ from __future__ import annotations
 from scenarios.assemble.camera.bands import BandedCamera, Bands
 from scenarios.assemble.camera.boards import BoardCamera, Boards
 from scenarios.assemble.camera.dim import reading_camera
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan, Verifier
 from scenarios.assemble.camera.setup import CameraSetup
-from scenarios.assemble.camera.verifier import Verifier
 from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.reading import ReadingCamera
@@ -25,7 +24,7 @@ def planned_camera(
         return board, None
     camera: SpikeCamera | ReadingCamera | BandedCamera
     if bands is None or plan.fine.all():  # where all tiles are fine, nothing is left to workers
-        camera = reading_camera(plan.camera(setup.device), setup)
+        camera = reading_camera(plan.camera(setup.device), setup.scenario.sensor, setup.setting)
     else:
         camera = BandedCamera(setup, plan, bands)
     tiles = plan.patches(setup.scenario.seed)

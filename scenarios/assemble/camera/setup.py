@@ -12,11 +12,12 @@ from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
+from cosim.plan.error import ARITHMETIC
 from cosim.plan.paired import Span, windows
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
-from scenarios.assemble.camera.dim_limits import check_dim
-from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.dim import check_dim
+from scenarios.assemble.camera.plan import RunPlan, plan_run
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import LensChoice, choose_lens, choose_mosaic
@@ -24,7 +25,6 @@ from scenarios.assemble.schema.scenario import Scenario
 from scenarios.scenes.drawing.analytic import NeutralSource
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
-from sensor.latched.planning import ARITHMETIC
 from sensor.latched.stages import LensStage, SceneStage
 from sensor.latched.survey import SceneSurvey, survey_scene
 from sensor.latched.tiers import Tier

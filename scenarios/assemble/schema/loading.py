@@ -92,6 +92,22 @@ def _value(text: str) -> Any:
     return text
 
 
+_PIXELS = {"synchronous": "latched"}
+"""Kinds of pixel by their former names."""
+
+
+def _in_current_names(data: dict[str, Any]) -> dict[str, Any]:
+    """The data of a scenario with `pixel` in place of `readout`, its former name, in each [sensor]:
+    files and commands of before are read as before."""
+    sections = (data, data.get("link"), data.get("camera"))
+    for section in sections:
+        sensor = section.get("sensor") if isinstance(section, dict) else None
+        if isinstance(sensor, dict) and "readout" in sensor and "pixel" not in sensor:
+            kind = sensor.pop("readout")
+            sensor["pixel"] = _PIXELS.get(kind, kind) if isinstance(kind, str) else kind
+    return data
+
+
 def assign(data: dict[str, Any], assignment: str) -> None:
     """Applies one assignment a.b=c to `data`; creates absent sections. Raises InputError for text
     of another form."""
@@ -113,6 +129,8 @@ def assign(data: dict[str, Any], assignment: str) -> None:
                 f"set {where} itself",
             )
         node = inner
+    if names[-2:] == ["sensor", "readout"]:
+        names[-1], text = "pixel", _PIXELS.get(text, text)
     node[names[-1]] = _value(text)
 
 
@@ -186,6 +204,7 @@ def load(
         InputError: the scenario does not exist, cannot be read, or has an invalid key.
     """
     short, data, folder = _read(name)
+    data = _in_current_names(data)
     for section, key in PATHS if folder is not None else ():
         inner = data.get(section)
         value = inner.get(key) if isinstance(inner, dict) else None
@@ -194,7 +213,7 @@ def load(
         path = named_path(section, key, value)
         if path:
             inner[key] = with_path(section, key, value, str(folder / path))
-    data |= copy.deepcopy(sections or {})
+    data |= _in_current_names(copy.deepcopy(sections or {}))
     _remove_conflicts(data, assignments or [])
     for assignment in assignments or []:
         assign(data, assignment)

@@ -54,7 +54,7 @@ def _sourceless(data: Data) -> bool:
 
 
 def _unlatched(data: Data) -> bool:
-    return _value(data, "sensor", "readout") in ("asynchronous", "continuous")
+    return _value(data, "sensor", "pixel") in ("asynchronous", "continuous")
 
 
 _IMAGER = (
@@ -102,7 +102,7 @@ RULES: tuple[_Rule, ...] = (
     _Rule(
         lambda data: _value(data, "sensor", "source") is not None and _unlatched(data)
         and not is_recording(data),
-        "sensor.source", "absent unless sensor.readout = synchronous", "given with another",
+        "sensor.source", "absent unless sensor.pixel = latched", "given with another",
         "leave it out: the board latches its spikes by a clock",
     ),
     _Rule(

@@ -171,7 +171,9 @@ class BoardScenario(Section):
     board: BoardSection = BoardSection()
 
 
-AnyScenario = Scenario | LinkScenario | BoardScenario | ImagerScenario | RecordingScenario
+StreamScenario = Scenario | ImagerScenario | RecordingScenario
+"""Scenarios whose stream may have a link, a display or a board behind it."""
+AnyScenario = StreamScenario | LinkScenario | BoardScenario
 
 
 def imager_scenario() -> type[ImagerScenario]:

@@ -48,9 +48,9 @@ def link_capacity(
     from cosim import InputError
     from link.evaluation.capacity_curves import CURVES, CapacityStudy
     from link.prediction.capacity import capacity_document, scenario_input
-    from scenarios.assemble.link import link_camera
-    from scenarios.assemble.output.setup import refuse_readout
+    from scenarios.assemble.behind.readout import refuse_readout
     from scenarios.assemble.schema.loading import linked, load
+    from scenarios.assemble.source.link import link_camera
 
     if out is not None and (out.exists() or not out.absolute().parent.is_dir()):
         raise InputError(

@@ -15,7 +15,7 @@ def live(
 ) -> None:
     """Show the display of a scenario in a window during the simulation (needs the extra view)."""
     from display import open_window
-    from scenarios.assemble.output.setup import refuse_readout
+    from scenarios.assemble.behind.readout import refuse_readout
     from scenarios.assemble.readout import refuse_leftovers
     from scenarios.assemble.schema.loading import filmed
     from scenarios.cli.scenario.window import show_live

@@ -29,7 +29,7 @@ def show_live(
     """Shows the whole run. Every effect of the scenario is simulated, for any tolerance.
 
     Args:
-        scenario: a scenario with a synchronous readout.
+        scenario: a scenario with latched pixels.
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: receives progress.
         open_window: creates the window from a title and (height, width).
@@ -38,11 +38,11 @@ def show_live(
         The number of pictures shown until the end of the run, or until the user closes the window.
 
     Raises:
-        InputError: another readout, a board, or an invalid camera or device.
+        InputError: other pixels, a board, or an invalid camera or device.
     """
-    if scenario.sensor.readout != "synchronous":
+    if scenario.sensor.pixel != "latched":
         raise InputError(
-            "sensor.readout", "synchronous for viform live", scenario.sensor.readout,
+            "sensor.pixel", "latched for viform live", scenario.sensor.pixel,
             "leave it out: the display is driven by the latch clock",
         )  # fmt: skip
     section = scenario.display or DisplaySection()

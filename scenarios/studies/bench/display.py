@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from cosim.run.progress import QuietProgress
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least_of
 from cosim.spikes.viform import WORD
 from display import FixedEye, PlaneByPlane, PursuingEye, SpikePanel, make_renderer, panel_views
-from scenarios.assemble.camera.machine import LatchedMachine
+from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
 from sensor import CHIPS
@@ -155,13 +155,13 @@ def _run(
     machine = assemble(name, loaded, options, QuietProgress())
     try:
         with TemporaryDirectory() as folder:
-            assert isinstance(machine, LatchedMachine)
-            chain = machine.chain(Path(folder))
+            assert isinstance(machine, ChainMachine)
+            chain: Any = machine.chain(Path(folder))
             chain.parallel = parallel
             begin = time.perf_counter()
             spent = chain.run(QuietProgress())
             seconds = time.perf_counter() - begin
-        return spent, seconds, (machine.setup.cycles, machine.setup.setting.clock.hz)
+        return spent, seconds, (machine.feed.cycles, machine.feed.clock.hz)
     except Interrupted as exc:  # its advice is to go on in a folder that is gone
         raise KeyboardInterrupt from exc
     finally:

@@ -14,7 +14,7 @@ from cosim.files.whole import whole
 from cosim.run.folder import check_room, claim_folder, output_folder
 from cosim.run.progress import Progress
 from cosim.run.result import dumps, viform_version
-from scenarios.assemble.view import make_view
+from scenarios.assemble.source.imager import make_view
 from scenarios.studies.compare.frames import film_frames
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.report import (

@@ -121,7 +121,7 @@ def load_comparison(
     notes: list[str] = []
     common = {"title": f"{short}: all imagers", **{k: data[k] for k in ("duration", "seed")}}
     sensor = {"chip": CHIP, "preset": "silicon", "threshold": "1000 e"} | data["spike"]
-    if sensor["chip"] != CHIP or sensor.get("readout", "synchronous") != "synchronous":
+    if sensor["chip"] != CHIP or sensor.get("pixel", "latched") != "latched":
         raise InputError(
             "spike", f"a synchronous {CHIP} in a comparison", f"{data['spike']}", "leave it out"
         )

@@ -32,6 +32,7 @@ from cosim import PS
 from cosim.compute.opencl import shared_device
 from cosim.files import open_stream, write_stream
 from cosim.files.durable import put
+from cosim.plan.planner import Row, left_out_rows
 from cosim.report.png import to_linear_bytes
 from cosim.run.inputs import digest
 from cosim.run.machine import NO_REPORT, Options
@@ -271,10 +272,9 @@ def _filmed(setup: CameraSetup) -> tuple[SpikeStream, dict[str, Any]]:
         },
         "plan": {
             "kept": list(bounds.kept),
-            "left_out": [
-                {"effect": effect, "bound": bound, "kind": bounds.kind, "measured": None}
-                for effect, bound in bounds.left_out.items()
-            ],
+            "left_out": left_out_rows(
+                (Row(*each, bounds.kind) for each in bounds.left_out.items()), {}
+            ),
         },
         "metrics": {name: metric.document() for name, metric in metrics.items()},
     }  # fmt: skip

@@ -212,10 +212,10 @@ def _latched(scenario: Scenario, source: str) -> Scenario:
     """The scenario up to its stream. Raises InputError for one without spike planes of a simulated
     chip."""
     sensor = scenario.sensor
-    if sensor.readout != "synchronous" or sensor.source is not None:
-        given = sensor.readout if sensor.source is None else "a board"
+    if sensor.pixel != "latched" or sensor.source is not None:
+        given = sensor.pixel if sensor.source is None else "a board"
         raise InputError(
-            "sensor.readout", "synchronous, of a simulated chip, for `viform dataset`",
+            "sensor.pixel", "latched, of a simulated chip, for `viform dataset`",
             f"{given} in {source}", "name another scenario",
         )  # fmt: skip
     if scenario.link is not None:

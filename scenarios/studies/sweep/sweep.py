@@ -26,9 +26,9 @@ from cosim.run.inputs import add_digests
 from cosim.run.machine import NO_REPORT, Options
 from cosim.run.progress import Progress, QuietProgress
 from cosim.run.result import dumps
-from scenarios.assemble.recording.coming_opening import refuse_pipe
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario
+from scenarios.assemble.source.recording.opening import refuse_pipe
 from scenarios.run import run_scenario
 from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
 from scenarios.studies.batch.jobs import begin_batch, read_document, run_jobs, write_document

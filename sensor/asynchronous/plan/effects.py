@@ -11,20 +11,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
+from cosim.compute.streams import Stream
+from cosim.plan.effects import Bound, Effect, Kind, Summary
+from cosim.plan.error import DEVIATIONS
 from sensor.asynchronous.model import EventModel
 from sensor.device.pattern import DevicePattern
 
+LATER: Final = "later reports"
 SIDE: Final = 16
 """Pixels along a tile."""
-CONFIDENCE: Final = 3.2905
-"""Standard deviations of 99.9 %, two-sided."""
-
 _FAR: Final = 6.0
 _RARE: Final = 12.0
 """Readings that chance may move to another level in a tile where next to none should be."""
@@ -32,9 +33,13 @@ _RARE: Final = 12.0
 Reals = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class EventScene:
-    """What bounds need of a scene. Rates are in spikes/s; arrays have a value per tile.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EventScene(Summary):
+    """What bounds need of a scene.
+
+    A `Summary`'s cycle is a second here, and its charge is in thresholds: `darkest` and `brightest`
+    are the rates that light and dark current cause, and `floor` is a rate, in spikes/s, as all
+    rates are. Arrays have a value per tile.
 
     Attributes:
         model, pattern: rules of a pixel, and the device.
@@ -43,9 +48,7 @@ class EventScene:
         mean: mean rate that the pixels report.
         rms: root mean square of the rates that light alone would cause.
         few: effective number of pixels of that mean square.
-        brightest: highest rate, with dark current.
         read: whether some pixel may be read before it is full.
-        floor: rate below which an error counts as if of this.
         stop: end of the run, s.
         steady: whether the light does not change.
     """
@@ -57,9 +60,7 @@ class EventScene:
     mean: Reals
     rms: Reals
     few: Reals
-    brightest: Reals
     read: npt.NDArray[np.bool_]
-    floor: float
     stop: float
     steady: bool
 
@@ -101,39 +102,42 @@ def summarise(
     read = darkest * (model.longest / PS) < sure if model.longest else np.zeros(tiles, np.bool_)
     longest = min(model.longest or stop, stop)
     return EventScene(
-        model, device, tile_of, pixels, summed(reported) / pixels, np.sqrt(square / pixels),
-        few, brightest, read, PS / longest, stop / PS, steady,
+        darkest, brightest, 1.0, 1, max(round(stop / PS), 1), PS / longest, model=model,
+        pattern=device, tile_of=tile_of, pixels=pixels, mean=summed(reported) / pixels,
+        rms=np.sqrt(square / pixels), few=few, read=read, stop=stop / PS, steady=steady,
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class EventEffect:
-    """An effect of an asynchronous pixel that a plan may leave out.
+def _effect(
+    name: str, source: str, kind: Kind, work: float, bound: Callable[[EventScene], Reals],
+    moot: str = "",
+) -> Effect:  # fmt: skip
+    """An effect that a tile may leave out.
 
-    Attributes:
-        name: name as reports print it.
-        source: source of the effect's bound.
-        kind: "proof", or "estimate", which counts twice.
+    Args:
+        name, source, kind, moot: see `Effect` and `Bound`.
         work: what leaving it out saves, in draws of a threshold; nothing for what is kept whatever
             it changes.
-        bound: bound of what leaving it out changes, by tile.
+        bound: bound of what leaving it out changes, by tile; NaN for none.
     """
 
-    name: str
-    source: str
-    kind: Literal["proof", "estimate"]
-    work: float
-    bound: Callable[[EventScene], Reals]
+    def of(scene: Summary) -> Bound:
+        if not isinstance(scene, EventScene):
+            raise TypeError("the bounds of an asynchronous pixel need an EventScene")
+        value = bound(scene)
+        return Bound(np.where(np.isnan(value), np.inf, value), kind)
+
+    return Effect(name, source, Stream.NONE, of, lambda scene: work, "tile", moot=moot)
 
 
 def _margin(independent: Reals) -> Reals:
     """What a root mean square of n normal deviates is multiplied by, so that neither what they turn
-    out to be (one in 1e6) nor the upper limit measured of it (CONFIDENCE sqrt(2/n) of its square)
+    out to be (one in 1e6) nor the upper limit measured of it (DEVIATIONS sqrt(2/n) of its square)
     is above."""
     from scipy.special import chdtri
 
     n = np.maximum(independent, 1)
-    return np.asarray(np.sqrt(chdtri(n, 1e-6) / n * (1 + CONFIDENCE * np.sqrt(2 / n))))
+    return np.asarray(np.sqrt(chdtri(n, 1e-6) / n * (1 + DEVIATIONS * np.sqrt(2 / n))))
 
 
 def _spread(q: int) -> float:
@@ -190,7 +194,7 @@ def _dark(scene: EventScene) -> Reals:
     v = p.dsnu**2 + (_spread(m.threshold) ** 2 if m.shot else 0.0)
     spread = math.sqrt(4 * v + 2 * v * v) / (1 + v) if v < math.inf else math.inf
     size = p.dark / m.threshold * math.hypot(1, p.dsnu) * _inverse(scene)
-    bound = size / scene.scale * (1 + CONFIDENCE * spread / np.sqrt(scene.pixels))
+    bound = size / scene.scale * (1 + DEVIATIONS * spread / np.sqrt(scene.pixels))
     return np.asarray(bound + _levels(scene, np.full(scene.mean.shape, size)))
 
 
@@ -236,7 +240,7 @@ def _later(scene: EventScene) -> Reals:
     return np.asarray(np.sqrt(share) * size * scene.rms / scene.scale)
 
 
-def _nothing_gained(model: EventModel) -> list[EventEffect]:
+def _nothing_gained(model: EventModel) -> list[Effect]:
     """Kept in any case: they are part of an interval's one formula, or of the stream's format."""
     tick, shortest, delay, reset = (x / PS for x in (
         model.tick, model.shortest, model.delay, model.reset
@@ -253,68 +257,70 @@ def _nothing_gained(model: EventModel) -> list[EventEffect]:
         return np.asarray((_spread(model.threshold) * top * (3 * p) ** 0.25 + held) / scene.scale)
 
     made = [
-        EventEffect("shortest width", "Huang 2022 section 4.4", "estimate", 0.0, held),
+        _effect("shortest width", "Huang 2022 section 4.4", "estimate", 0.0, held),
         # A width that begins with the run is up to a tick too long, evenly.
-        EventEffect(
+        _effect(
             "timing clock", "an even error within a tick", "proof", 0.0,
             lambda s: np.minimum(s.brightest, 1 / shortest) ** 2 * tick / s.scale,
         ),
     ]  # fmt: skip
     if delay:
-        made.append(EventEffect(
+        made.append(_effect(
             "comparator delay", "1/w - 1/(w + delay)", "proof", 0.0,
             lambda s: s.brightest**2 * delay / s.scale,
         ))  # fmt: skip
     if reset:
-        made.append(EventEffect(
+        made.append(_effect(
             "reset dead time", "of the spikes' number: 1/w - 1/(w + reset)", "proof", 0.0,
             lambda s: s.brightest**2 * reset / s.scale,
         ))  # fmt: skip
     if model.longest:
-        made.append(EventEffect(
+        made.append(_effect(
             "longest width", "what is read is below a threshold", "proof", 0.0,
             lambda s: np.minimum(s.brightest, PS / model.longest) / s.scale,
         ))  # fmt: skip
     if model.change:
-        made.append(EventEffect(
+        made.append(_effect(
             "first-spike rule", "what is not sent is this near to what was", "proof", 0.0,
             lambda s: model.change / math.sqrt(model.threshold) * s.mean / s.scale,
         ))  # fmt: skip
     return made
 
 
-def event_effects(model: EventModel, pattern: DevicePattern | None) -> tuple[EventEffect, ...]:
+def event_effects(model: EventModel, pattern: DevicePattern | None) -> tuple[Effect, ...]:
     """Every effect that acts, first those that can be left out."""
     p = pattern or DevicePattern()
     made = [
         (
             model.shot,
-            EventEffect(
+            _effect(
                 "shot noise", "deviation of Q/Gamma(Q): Huang 2022 section 5.1", "proof", 1.0,
                 _shot_noise,
             ),
         ),
-        (p.prnu > 0, EventEffect("PRNU", "EMVA 1288 release 4.0", "proof", 3.0, _prnu)),
+        (p.prnu > 0, _effect("PRNU", "EMVA 1288 release 4.0", "proof", 3.0, _prnu)),
         (
             p.dark > 0,
-            EventEffect("dark current and DSNU", "Huang 2022 section 4.4", "proof", 3.0, _dark),
+            _effect("dark current and DSNU", "Huang 2022 section 4.4", "proof", 3.0, _dark),
         ),
         (
             p.threshold_fpn > 0,
-            EventEffect("threshold FPN", "capacitance mismatch", "estimate", 3.0, _threshold_fpn),
+            _effect("threshold FPN", "capacitance mismatch", "estimate", 3.0, _threshold_fpn),
         ),
         (
             p.hot * p.hot_current + p.dead > 0,
-            EventEffect("hot and dead pixels", "EMVA 1288", "estimate", 2.0, _broken),
+            _effect("hot and dead pixels", "EMVA 1288", "estimate", 2.0, _broken),
         ),
         (
             p.warm * p.warm_current > 0,
-            EventEffect("warm pixels", "exponential dark currents", "estimate", 2.0, _warm),
+            _effect("warm pixels", "exponential dark currents", "estimate", 2.0, _warm),
         ),
         (
             model.change > 0,
-            EventEffect(
-                "later reports", "ratio of two widths: Beta(Q, Q)", "estimate", 20.0, _later
+            _effect(
+                LATER, "ratio of two widths: Beta(Q, Q)", "estimate", 20.0, _later,
+                # Without shot noise all widths of a pixel are the same, and it sends once.
+                "" if model.longest else "shot noise",
             ),
         ),
     ]  # fmt: skip

@@ -1,6 +1,6 @@
 """The weak error of stretches of unsent spikes: distributions are compared, not samples.
 
-The engine draws the charge of a whole stretch at once (`pixel/gamma.py`), so that its random
+The engine draws the charge of a whole stretch at once (`pixel/skipping.py`), so that its random
 numbers are not those of the single spikes. The mean and the variance of the charge of a stretch are
 compared with the closed forms of one interval, and so are those of spikes drawn one by one.
 """
@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from cosim.plan.error import DEVIATIONS
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.pixel.closed import width_law
 from sensor.asynchronous.pixel.gamma import LEAST, RARE, stretch
 from sensor.asynchronous.pixel.reference import exact_thresholds
-from sensor.asynchronous.plan.effects import CONFIDENCE
 
 _SPARE: Final = 64
 """Thresholds drawn beyond those needed, for those that would have been sent."""
@@ -103,6 +103,6 @@ def weak_error(
     return WeakError(
         LEAST,
         n,
-        (engine[0], reference[0], CONFIDENCE * math.sqrt(float(spread.sum())) / float(whole.sum())),
-        (engine[1], reference[1], CONFIDENCE * math.sqrt(2 / n)),
+        (engine[0], reference[0], DEVIATIONS * math.sqrt(float(spread.sum())) / float(whole.sum())),
+        (engine[1], reference[1], DEVIATIONS * math.sqrt(2 / n)),
     )

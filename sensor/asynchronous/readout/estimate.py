@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
+from cosim.plan.error import DEVIATIONS
 from sensor.asynchronous.model import EventModel
 
 Reals = npt.NDArray[np.float64]
@@ -119,8 +120,6 @@ _NARROW = 1e-3
 """Tick over standard deviation of a width below which a tick's probability is density x tick; that
 is off by its square over 24."""
 _GRID = 161
-CONFIDENCE = 3.2905
-"""Standard deviations of 99.9 %, two-sided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,15 +224,15 @@ def estimate_rate(model: EventModel, observed: Observed) -> RateEstimate:
     for _ in range(3):  # a step of one standard deviation measures the curvature best
         drop = 2 * peak + loss(float(found.x) - step) + loss(float(found.x) + step)
         step = min(step / math.sqrt(drop), 1.0) if drop > 0 else 1.0
-    spread = math.exp(CONFIDENCE * step)
+    spread = math.exp(DEVIATIONS * step)
     return RateEstimate(rate, rate / spread, rate * spread)
 
 
 def _fallen(loss: Callable[[float], float], top: float, away: float) -> float:
-    """Where, from `top` towards `away`, the log-likelihood has fallen by half of CONFIDENCE^2."""
+    """Where, from `top` towards `away`, the log-likelihood has fallen by half of DEVIATIONS^2."""
     from scipy.optimize import brentq
 
-    level = loss(top) + CONFIDENCE**2 / 2
+    level = loss(top) + DEVIATIONS**2 / 2
     return float(brentq(lambda x: loss(x) - level, top, away, xtol=1e-6))
 
 

@@ -290,12 +290,12 @@ def _kept(judged: EventRun) -> str:
     """The plan: what acts in how many of the pixels, and what leaving it out elsewhere changes."""
     plan, found = judged.checked.plan, {row["effect"]: row for row in judged.run.result.left_out}
     rows = []
-    for effect, share in zip(plan.effects, plan.shares(), strict=True):
-        row = found.get(effect.name)
+    for planned in plan.rows:
+        row = found.get(planned.effect)
         cells = ["", "", ""] if row is None else [
-            number(row['bound'], 2), effect.kind, number(row['measured'], 2)
+            number(row['bound'], 2), planned.kind, number(row['measured'], 2)
         ]  # fmt: skip
-        rows.append([effect.name, percent(share), *cells])
+        rows.append([planned.effect, percent(planned.kept), *cells])
     if "shared channel" in judged.run.result.kept:
         rows.append(["shared channel", percent(1), "", "", ""])
     return (
@@ -317,7 +317,7 @@ def events_page(judged: EventRun) -> Page:
     figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
     return Page(
         spec.title,
-        f"{spec.setting.chip.title}, asynchronous readout",
+        f"{spec.setting.chip.title}, asynchronous pixels",
         _simulated(judged),
         _cards(judged),
         sections,

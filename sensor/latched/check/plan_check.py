@@ -5,12 +5,19 @@ reference with every effect, the planned camera, and, in the exact tier, one cam
 effect and one without each effect that is left out. In all other tiles it exposes a few pixels
 (`samples`). The stated error is the largest that was measured; its upper limit is that of the
 patches or, if larger, the bound of the plan in the tiles that were not measured as a whole.
+
+What noise from the bank changes against a draw for each spike is measured by itself. Two cameras
+that are equal otherwise film the patches, so their rates differ by two independent noises. What can
+be measured are the mean of the difference, which is a change of the rate, and the difference of
+their variances about a third camera, which has no noise: a change of the noise. Both are averages
+over all patches and windows, with the intervals that follow from their scatter.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -19,37 +26,87 @@ import numpy.typing as npt
 from cosim.compute.opencl import Device
 from cosim.config.amounts import number
 from cosim.light.light import Light
-from cosim.plan.paired import Measured, Paired, Span, TrialCamera, Values, compare, worst
-from cosim.plan.patches import PatchPlane
-from cosim.plan.planner import ESTIMATE_WEIGHT, accepted_error
-from cosim.plan.tiles import TILE
-from cosim.run.machine import BrokenPromise, Finding
+from cosim.plan.error import (
+    ARITHMETIC,
+    BrokenPromise,
+    Finding,
+    Measured,
+    accepted_error,
+    beyond,
+    reinstated,
+)
+from cosim.plan.paired import Paired, Span, TrialCamera, Values, compare, worst
+from cosim.plan.planner import ESTIMATE_WEIGHT, left_out_rows
+from cosim.plan.tiles import TILE, PatchPlane
 from cosim.run.result import Error
 from cosim.stage import Block
-from sensor.latched.check.bank import BankChange, bank_change
 from sensor.latched.check.samples import TileSamples
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fine_tiles import PatchCamera
-from sensor.latched.planning import ARITHMETIC, CameraPlan
+from sensor.latched.planning import CameraPlan
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
+_DOUBT: Final = 1e-6
+"""Chance that an interval does not include the true change. A run beyond it is repeated without the
+bank, which must not happen by chance."""
 _SAMPLES: Final = "samples/"
 """Prefix of the state of the samples."""
 
 
-def finding(effect: str, promised: float, measured: float, tile: int | None) -> Finding:
-    """The finding of an exceeded bound. If `tile` is None, the total error exceeds the tolerance
-    `promised`."""
-    remedy = "the exact tier" if effect == ARITHMETIC else f"{effect} kept"
-    message = (
-        f"the total error is up to {number(measured, 2)} where the tolerance is "
-        f"{number(promised, 2)}: the run is repeated with {remedy}"
-        if tile is None
-        else f"the run is repeated with {remedy}: its absence changes up to "
-        f"{number(measured, 2)} on tile {tile}, where the bound is {number(promised, 2)}"
-    )
-    return Finding(effect, message, promised, measured, tile)
+@dataclass(frozen=True)
+class BankChange:
+    """Changes by the bank, relative to the mean rate, with half widths of their intervals.
+
+    Attributes:
+        rate, rate_width: mean change of the rate.
+        noise, noise_width: change of the standard deviation of a rate.
+    """
+
+    rate: float
+    rate_width: float
+    noise: float
+    noise_width: float
+
+    @property
+    def value(self) -> float:
+        """The larger change."""
+        return max(abs(self.rate), abs(self.noise))
+
+    @property
+    def least(self) -> float:
+        """The larger change, less its interval; 0 where the interval includes 0."""
+        rate, noise = abs(self.rate) - self.rate_width, abs(self.noise) - self.noise_width
+        return max(rate, noise, 0.0)
+
+
+def bank_change(bank: Values, own: Values, noiseless: Values, floor: float) -> BankChange | None:
+    """The change of rates by the bank, None with fewer than two patches.
+
+    Windows may overlap, so the windows of a patch are one sample. Patches are independent.
+
+    Args:
+        bank, own, noiseless: (windows, patches, pixels) spikes a cycle, with noise from the bank,
+            with a draw for each spike, and without noise.
+        floor: spikes a cycle, least mean rate.
+    """
+    from scipy.special import stdtrit
+
+    patches = bank.shape[1]
+    if patches < 2:
+        return None
+    base = np.maximum(own.mean(axis=2, keepdims=True), max(floor, 1e-300))
+    noise, reference = (bank - noiseless) / base, (own - noiseless) / base
+    rates = (noise - reference).mean(axis=(0, 2))
+    variance, other = (each.var(axis=2).mean(axis=0) for each in (noise, reference))
+    both = (variance + other) / 2
+    # Patches differ in their noise, so each contributes its relative change.
+    sizes = math.sqrt(float(both.mean())) * (variance - other) / np.maximum(2 * both, 1e-300)
+    score = -float(stdtrit(patches - 1, _DOUBT / 2)) / math.sqrt(patches)
+    return BankChange(
+        float(rates.mean()), score * float(rates.std(ddof=1)),
+        float(sizes.mean()), score * float(sizes.std(ddof=1)),
+    )  # fmt: skip
 
 
 def absent_on(run: CameraPlan, plane: PatchPlane) -> list[str]:
@@ -112,20 +169,24 @@ class PlanCheck(Paired):
         truth = self.rates("all", spans)
         return compare(self.rates(f"without {name}", spans), truth, self._floor)[2]
 
-    def _broken(self, spans: Sequence[Span]) -> list[Finding]:
-        findings = []
-        tiles = np.array(self.plane.tiles)
-        for name in self._left_out:
-            high = self._changed(name, spans)
+    def _exceeded(self, changes: Mapping[str, Values]) -> list[Finding]:
+        """The findings of the effects whose bounds are exceeded on a patch that leaves them out, in
+        the patch where it is exceeded most. changes: upper limits, relative, (windows or images,
+        patches), by name."""
+        findings, tiles = [], np.array(self.plane.tiles)
+        for name, high in changes.items():
             promised, absent = self._plan.promise[name][tiles], ~self._plan.kept[name][tiles]
             over = np.where(absent & (high > promised), high / np.maximum(promised, 1e-300), 0)
             if over.any():
                 at = np.unravel_index(int(np.argmax(over)), over.shape)
-                tile = int(at[1])
+                worst = int(at[1])
                 findings.append(
-                    finding(name, float(promised[tile]), float(high[at]), int(tiles[tile]))
+                    reinstated(name, float(promised[worst]), float(high[at]), int(tiles[worst]))
                 )
         return findings
+
+    def _broken(self, spans: Sequence[Span]) -> list[Finding]:
+        return self._exceeded({name: self._changed(name, spans) for name in self._left_out})
 
     def broken(self) -> list[Finding]:
         """Exceeded bounds over the whole run."""
@@ -151,7 +212,7 @@ class PlanCheck(Paired):
         most = float(promised.max())
         if change.least <= most:
             return []
-        return [finding(OWN_DRAWS, most, change.least, int(tiles[np.argmax(promised)]))]
+        return [reinstated(OWN_DRAWS, most, change.least, int(tiles[np.argmax(promised)]))]
 
     def patches_error(self) -> Measured:
         """The error of the patches against the reference, of rates."""
@@ -173,10 +234,7 @@ class PlanCheck(Paired):
             others[tiles] = np.where(
                 least > others[tiles], ESTIMATE_WEIGHT * whole * least, others[tiles]
             )
-        return Measured(
-            max(error.value, sampled), max(error.low, sampled),
-            max(error.high, sampled, float(others.max(initial=0.0))),
-        )  # fmt: skip
+        return error.at_least(sampled, max(sampled, float(others.max(initial=0.0))))
 
     def _sampled(self) -> Values:
         """Least error that each sampled tile can have, (tiles of the samples,)."""
@@ -229,7 +287,7 @@ class PlanCheck(Paired):
         )
         if not names and tier == "fast":
             names = [ARITHMETIC]
-        return [finding(name, tolerance, error.high, None) for name in names]
+        return [reinstated(name, tolerance, error.high, None) for name in names]
 
     def _broken_in_samples(self, tier: Tier) -> list[Finding]:
         """The finding of the sample that exceeds the bound of its tile most: the effect with the
@@ -253,7 +311,7 @@ class PlanCheck(Paired):
             name = ARITHMETIC
         else:
             return []
-        return [finding(name, float(self._promised[tile]), float(least[at]), tile)]
+        return [reinstated(name, float(self._promised[tile]), float(least[at]), tile)]
 
     def beyond(self) -> list[str]:
         """A note if the error exceeds the tolerance with every effect kept."""
@@ -268,12 +326,7 @@ class PlanCheck(Paired):
                 "the run, whose last plane the observer still sees; make the run longer, or the "
                 "images earlier"
             ]
-        limit = "" if tolerance > 0 else f" (at most {number(accepted)} is accepted)"
-        return [
-            f"the error is {number(error.value, 2)} (up to {number(error.high, 2)}) where the "
-            f"tolerance is {number(tolerance)}{limit}, with every effect kept: it is the limit of "
-            "the exact tier"
-        ]
+        return [beyond(error, tolerance)]
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         state = super().state()
@@ -296,11 +349,4 @@ class PlanCheck(Paired):
     def left_out(self) -> list[dict[str, Any]]:
         """Rows of `result.json`: effects that at least one tile leaves out, with bound and
         measurement."""
-        measured = self.measured()
-        return [
-            {
-                "effect": row.effect, "bound": row.bound, "kind": row.kind,
-                "measured": measured.get(row.effect),
-            }
-            for row in self._plan.rows if row.effect in self._plan.left_out
-        ]  # fmt: skip
+        return left_out_rows(self._plan.absent, self.measured())

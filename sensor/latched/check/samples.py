@@ -8,16 +8,13 @@ that a bound is exceeded, without an assumption on how errors are distributed wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.paired import Paired, Values
-from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TILE, TileGrid
+from cosim.plan.tiles import TILE, BoxGrid, PatchPlane, TileGrid
 from sensor.latched.effects.effect import REFERENCE_CIRCUIT, reference_cost
 from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.planning import CameraPlan
@@ -31,25 +28,7 @@ _SHARE: Final = 0.1
 _REFERENCE, _RUN = "reference", "run"
 
 
-@dataclass(frozen=True)
-class _SampleGrid:
-    """One box in every tile of a grid, at a random place.
-
-    Attributes:
-        height, width: height and width of the chip.
-        boxes: (tiles, 4) first row, stop row, first column, stop column of each.
-    """
-
-    height: int
-    width: int
-    boxes: npt.NDArray[np.int64]
-
-    def box(self, tile: int) -> tuple[int, int, int, int]:
-        y0, y1, x0, x1 = self.boxes[tile].tolist()
-        return y0, y1, x0, x1
-
-
-def _sample_grid(grid: TileGrid, rows: int, columns: int, seed: int) -> _SampleGrid:
+def _sample_grid(grid: TileGrid, rows: int, columns: int, seed: int) -> BoxGrid:
     """Boxes of rows x columns within the tiles; a tile that is smaller has a box of its size."""
     rng = np.random.default_rng([seed, 2])
     boxes = []
@@ -58,7 +37,7 @@ def _sample_grid(grid: TileGrid, rows: int, columns: int, seed: int) -> _SampleG
         y = y0 + int(rng.integers(max(y1 - y0 - rows, 0) + 1))
         x = x0 + int(rng.integers(max(x1 - x0 - columns, 0) + 1))
         boxes.append((y, min(y + rows, y1), x, min(x + columns, x1)))
-    return _SampleGrid(grid.height, grid.width, np.array(boxes, np.int64).reshape(-1, 4))
+    return BoxGrid(grid.height, grid.width, np.array(boxes, np.int64).reshape(-1, 4))
 
 
 def _affordable(run: CameraPlan, tiles: int) -> tuple[tuple[int, int], int]:

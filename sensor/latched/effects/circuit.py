@@ -16,7 +16,7 @@ from cosim.plan.effects import Bound, Summary
 from sensor.circuit.circuit import CircuitSection
 from sensor.circuit.lumped import lump
 from sensor.latched.effects.effect import (
-    ALL_READOUTS,
+    ALL_PIXELS,
     Key,
     Operation,
     PixelEffect,
@@ -43,7 +43,7 @@ class _Overshoot(PixelEffect):
                 default=None,
                 description="capacitance, leak, comparator and reset of a synchronous pixel",
             ),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             reported=False,
             section=True,
         )

@@ -11,7 +11,7 @@ from cosim.light.light import Light
 from cosim.plan.effects import Bound, Summary
 from sensor.device.chips import USUAL, Sized
 from sensor.device.crosstalk import crosstalk_map
-from sensor.latched.effects.effect import ALL_READOUTS, Key, PixelEffect, Setting, crosstalk_cost
+from sensor.latched.effects.effect import ALL_PIXELS, Key, PixelEffect, Setting, crosstalk_cost
 from sensor.latched.effects.windows import bound_of, shift_error
 
 
@@ -25,7 +25,7 @@ class _Crosstalk(PixelEffect):
             Field(
                 default=0.0, description="share of its light that a pixel loses to its neighbours"
             ),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             silicon=Sized(0.01, "assumed", USUAL),
         )
     }

@@ -31,7 +31,7 @@ class _DeadTime(PixelEffect):
                 examples=["1 us"],
                 description="dead time after each spike; at most a cycle",
             ),
-            readouts=("synchronous", "asynchronous"),
+            pixels=("latched", "asynchronous"),
             silicon=Sized(50e-9, "assumed", "SCSim's reset delay, 0.2 % of a 25 us cycle"),
             first=True,
         )

@@ -104,7 +104,7 @@ def circuit_cost(scene: Summary) -> Any:
     return 1e-6
 
 
-ALL_READOUTS: Final = ("synchronous", "asynchronous", "continuous")
+ALL_PIXELS: Final = ("latched", "asynchronous", "continuous")
 
 
 class Dependence(NamedTuple):
@@ -128,8 +128,8 @@ class Key:
     Attributes:
         annotation: type of the field, for pydantic.
         field: `pydantic.Field(...)` with default and description.
-        readouts: readouts whose pixels have the effect. With any other readout the key must keep
-            its default.
+        pixels: kinds of pixel that have the effect. With any other kind the key must keep its
+            default.
         silicon: value under `sensor.preset = "silicon"`, None if the preset does not set it.
         share_of_threshold: whether that value is a share of the threshold.
         needs: the key that this one depends on, None for none.
@@ -140,7 +140,7 @@ class Key:
 
     annotation: Any
     field: Any
-    readouts: tuple[str, ...] = ("synchronous",)
+    pixels: tuple[str, ...] = ("latched",)
     silicon: Sized | None = None
     share_of_threshold: bool = False
     needs: Dependence | None = None

@@ -20,7 +20,7 @@ from cosim.plan.effects import Bound, Summary
 from sensor.device.chips import USUAL, Sized
 from sensor.device.pattern import DevicePattern, FixedPattern, dark_current
 from sensor.latched.effects.effect import (
-    ALL_READOUTS,
+    ALL_PIXELS,
     Dependence,
     Key,
     Operation,
@@ -123,7 +123,7 @@ class _Prnu(_PatternEffect):
         "prnu": Key(
             Spread,
             Field(default=0.0, description="spread of the light's gain, relative"),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             silicon=Sized(0.025, "assumed", _PATTERN),
             first=True,
         )
@@ -144,20 +144,20 @@ class _Dark(_PatternEffect):
         "dark_current": Key(
             Current,
             Field(default=0.0, examples=["100 e/s"], description="mean, at 25 degC"),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             silicon=Sized(100.0, "assumed", "Huang 2022 section 4.4: under 100 e/s in modern CMOS"),
         ),
         "dsnu": Key(
             Spread,
             Field(default=0.0, description="spread of the dark current, relative to it"),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             silicon=Sized(0.3, "assumed", USUAL),
             needs=Dependence("dark_current", "is a share of it", "100 e/s"),
         ),
         "temperature": Key(
             Temperature,
             Field(default=25.0, description="dark current doubles every 6.5 K"),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             reported=False,
         ),
     }
@@ -182,7 +182,7 @@ class _ThresholdFpn(_PatternEffect):
         "threshold_fpn": Key(
             Spread,
             Field(default=0.0, description="spread of the threshold, relative"),
-            readouts=("synchronous", "asynchronous"),
+            pixels=("latched", "asynchronous"),
             silicon=Sized(0.015, "assumed", _PATTERN),
             first=True,
         )
@@ -203,7 +203,7 @@ class _Defects(_PatternEffect):
         "hot_pixels": Key(
             Share,
             Field(default=0.0, description="share of pixels"),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             needs=Dependence("hot_current", "are those that have it", "100000 e/s"),
         ),
         "hot_current": Key(
@@ -213,12 +213,12 @@ class _Defects(_PatternEffect):
                 examples=["100000 e/s"],
                 description="dark current that a hot pixel has on top",
             ),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
         ),
         "dead_pixels": Key(
             Share,
             Field(default=0.0, description="share of pixels that see no light"),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             silicon=Sized(1e-5, "assumed", USUAL),
         ),
     }
@@ -254,14 +254,14 @@ class _Warm(_PatternEffect):
                 description="share of pixels with an exponentially distributed excess of dark "
                 "current",
             ),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             silicon=Sized(1.15e-3, "assumed", _RECORDING),
             needs=Dependence("warm_current", "are those that have it", "100000 e/s"),
         ),
         "warm_current": Key(
             Current,
             Field(default=0.0, examples=["100000 e/s"], description="mean of that excess"),
-            readouts=ALL_READOUTS,
+            pixels=ALL_PIXELS,
             silicon=Sized(2280.0, "assumed", _RECORDING + ", at 40 kHz"),
             share_of_threshold=True,
         ),

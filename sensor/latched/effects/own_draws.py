@@ -13,14 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
 from cosim.spikes.viform import WORD
 from sensor.latched.effects.effect import bank_cost, noise_cost
 from sensor.latched.effects.windows import noise_error
-from sensor.latched.setting import CameraSetting
+
+if TYPE_CHECKING:
+    from sensor.latched.setting import CameraSetting
 
 OWN_DRAWS: Final = "a draw for each spike"
 """Name in plans and reports."""

@@ -84,7 +84,7 @@ class _ComparatorDelay(PixelEffect):
                 examples=["1 us"],
                 description="delay from full to fired; at most a cycle",
             ),
-            readouts=("synchronous", "asynchronous"),
+            pixels=("latched", "asynchronous"),
             silicon=Sized(20e-9, "assumed", USUAL),
             first=True,
         )

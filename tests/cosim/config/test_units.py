@@ -54,6 +54,8 @@ def test_what_is_formatted_is_read_back_the_same(kind) -> None:
         ("illuminance", "700 lumen / meter ** 2", 700.0),
         ("illuminance", "0.7 mlm/mm^2", 700.0),
         ("luminance", "300 cd/m²", 300.0),
+        ("luminance", "300 cd/m2", 300.0),
+        ("illuminance", "0.7 mlm/mm2", 700.0),
         ("luminance", "0.3 kcd/m^2", 300.0),
         ("speed", "4000 px/s", 4000.0),
         ("speed", "4 px/ms", 4000.0),

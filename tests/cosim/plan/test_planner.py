@@ -10,14 +10,14 @@ import pytest
 
 from cosim import Bound, Effect, Summary
 from cosim.compute.streams import Stream
-from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, make_plan
+from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, choose_tiles, make_plan
 
 
-def effect(name, bound, cost=1.0, kind="proof", scope="plane", group=""):
+def effect(name, bound, cost=1.0, kind="proof", scope="plane", group="", moot=""):
     """An effect whose bound and cost are these numbers, or one a tile."""
     return Effect(
         name, "a test", Stream.NONE, lambda scene: Bound(bound, kind),
-        lambda scene: cost, scope, group,
+        lambda scene: cost, scope, group, moot,
     )  # fmt: skip
 
 
@@ -112,3 +112,27 @@ def test_an_infinite_bound_is_never_left_out_and_darkness_changes_nothing():
     assert dark.relative(0.0).tolist() == [0.0] and dark.relative(1.0).tolist() == [np.inf]
     floored = replace(dark, floor=0.01)
     assert floored.relative(1.0).tolist() == [1.0]  # a spike in 100 cycles of 100 electrons
+
+
+def test_what_is_moot_without_another_effect_is_left_out_with_it_and_comes_back_with_it():
+    noise = effect("noise", np.array([0.01, 0.3]), scope="tile")
+    pair = [noise, effect("repeats", 0.2, 20.0, scope="tile", moot="noise")]
+    found = plan(pair, 0.1, 2)
+    # Alone, repeats would change too much; beside the noise they change nothing.
+    assert found.kept["repeats"].tolist() == found.kept["noise"].tolist() == [False, True]
+    assert found.total.tolist() == [0.01, 0.0] and found.promise["repeats"].tolist() == [0.0, 0.2]
+    back = found.keeping({"noise", "repeats"})
+    assert back.left_out == () and back.total.tolist() == [0.0, 0.0] and back.absent == []
+    assert [(row.kept, row.bound) for row in back.rows] == [(1.0, 0.3), (1.0, 0.2)]
+
+
+def test_tiles_to_check_tell_most():
+    bounds = np.array([1e-3, 5e-3, 2e-3, 4e-3, 0.9, 0, 0, 0])
+    found = plan([effect("a", bounds, scope="tile")], 0.1, 8)
+    figure = np.arange(8.0)
+    among = np.array([0, 1, 2, 3, 4, 5])
+    tiles = choose_tiles(found, (figure, -figure), among, 1, each=2)
+    assert tiles[:4] == [5, 0, 1, 3] and set(tiles) <= set(among.tolist())
+    assert len(tiles) == len(set(tiles)) and tiles == choose_tiles(
+        found, (figure, -figure), among, 1, each=2
+    )

@@ -17,7 +17,7 @@ from imagers.ebaps.pixels import EbapsPixels
 from imagers.run.check import DecisionCheck, Decisions
 from imagers.run.tape import NoTape, Taped
 from scenarios.assemble.schema.loading import load
-from scenarios.assemble.view import make_view
+from scenarios.assemble.source.imager import make_view
 from scenarios.run import run_scenario
 
 SHAPE = (16, 32)

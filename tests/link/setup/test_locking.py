@@ -28,8 +28,8 @@ from link.setup.locking.model import PhaseModel, at_lock
 from link.setup.modes import _delays
 from link.setup.setup import ChosenLink
 from link.setup.truth import true_timing
-from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
+from scenarios.assemble.source.link import link_camera
 from sensor.device.chips import BOARD
 
 SMALL = (

@@ -15,8 +15,7 @@ import viform
 from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
 from link.setup.setup import FileLinkSetup, set_up_link
-from link.trial.amounts import amounts, carried
-from link.trial.stages import Spell, StageTime, stage_document
+from link.trial.stages import Spell, StageTime, amounts, carried, stage_document
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 

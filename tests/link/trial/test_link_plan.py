@@ -75,15 +75,15 @@ def test_two_ways_are_compared_by_the_bits_that_only_one_has_wrong() -> None:
     found = compare(full, run, 10**6)
     unit = half_width(100 / 20_000, 10**6)
     assert (found.bits, found.full, found.run) == (20_000, 100, 260)
-    assert found.value == pytest.approx(160 / 20_000 / unit)
+    assert found.error.value == pytest.approx(160 / 20_000 / unit)
     up, down = clopper_pearson(250, 20_000, 0.9995), clopper_pearson(90, 20_000, 0.9995)
-    assert found.low == pytest.approx((up[0] - down[1]) / unit) and found.low > 0
-    assert found.high == pytest.approx((up[1] - down[0]) / unit)
-    assert compare(run, full, 10**6).low > 0  # whichever way it goes
+    assert found.error.low == pytest.approx((up[0] - down[1]) / unit) and found.error.low > 0
+    assert found.error.high == pytest.approx((up[1] - down[0]) / unit)
+    assert compare(run, full, 10**6).error.low > 0  # whichever way it goes
     same = compare(full, full, 10**6)
-    assert same.value == same.low == 0 and same.high > 0
+    assert same.error.value == same.error.low == 0 and same.error.high > 0
     few, many = (compare(np.zeros(n, bool), np.zeros(n, bool), 10**6) for n in (10**3, 10**5))
-    assert few.high > 90 * many.high
+    assert few.error.high > 90 * many.error.high
 
 
 def test_what_is_decided_otherwise_is_counted_and_the_unit_is_the_runs() -> None:
@@ -113,7 +113,7 @@ def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
         truth = 0.992 * 0.003
         found = compare(full, run, 10**6)
         mine = half_width(full.mean(), 10**6)
-        missed += not found.low * mine <= truth <= found.high * mine
+        missed += not found.error.low * mine <= truth <= found.error.high * mine
     assert unit > 0 and missed <= 10  # mean at most 2; P(more than 10) < 1e-5
 
 
@@ -236,7 +236,7 @@ def test_what_scintillation_changes_is_within_its_bound(distance: str, cell: int
         )  # fmt: skip
         pair = compare(found["with"].wrong, found["out"].wrong, patches.bits)
         chance = math.sqrt(pair.more + pair.fewer) / pair.bits / pair.unit
-        assert pair.counted[0] <= 2 * bound + 4.9 * chance
+        assert pair.counted.value <= 2 * bound + 4.9 * chance
         seen.append((pair.fewer - pair.more) / pair.bits / pair.unit / chance)
     assert max(seen) > 2
 
@@ -265,10 +265,10 @@ def test_all_ways_agree_but_the_one_that_leaves_out_what_matters(
     assert full.air_ns > 0 and full.camera_ns > 0
     assert full.wrong.sum() == (full.lead < 0).sum() + ((full.lead == 0) & full.wrong).sum()
     for name in ("exact", "fast"):
-        assert compare(full.wrong, found[name].wrong, bits).low == 0
+        assert compare(full.wrong, found[name].wrong, bits).error.low == 0
         assert (full.wrong != found[name].wrong).mean() < 1e-3
     wrong = compare(full.wrong, found["wrong"].wrong, bits)
-    assert wrong.low > 1
+    assert wrong.error.low > 1
     assert LinkCheck(wrong, {}, 0.0, 1, 1.0).beyond(1.0)
 
 
@@ -284,7 +284,7 @@ def test_the_check_measures_what_is_left_out(
     assert error.ci[0] <= error.value <= error.ci[1]
     # The limit holds beyond the patches: it is at least the bound of what the plan leaves out.
     assert found.paired is not None and plan.promised > 0
-    assert error.ci[1] >= max(found.paired.high, plan.promised / found.paired.unit)
+    assert error.ci[1] >= max(found.paired.error.high, plan.promised / found.paired.unit)
     assert not found.beyond(plan.plan.tolerance)
     assert found.document()["patches"] == found.patches > 5
 

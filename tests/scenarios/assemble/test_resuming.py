@@ -93,8 +93,8 @@ def _result(name: str) -> str:
         (("run", "bring-up"), ("step", "bring-up")),
         (("run", "light-link"), ("step", "light-link")),
         (("run", "emccd-window"), ("step", "emccd-window")),
-        ((*SAME, "--set", "sensor.readout=asynchronous"), ("step: ", "step: ")),
-        ((*SAME, "--set", "sensor.readout=continuous"), ("step: ", "step: ")),
+        ((*SAME, "--set", "sensor.pixel=asynchronous"), ("step: ", "step: ")),
+        ((*SAME, "--set", "sensor.pixel=continuous"), ("step: ", "step: ")),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("finished", [True, False])
@@ -126,16 +126,16 @@ def test_a_folder_of_a_name_too_long_is_one_line(refused):
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
 def test_runs_of_every_readout_are_known_again(viform, tmp_path, readout):
     """Such a run writes its section out with what it has by default."""
-    from scenarios.assemble import asynchronous, continuous
+    from scenarios.assemble.source import asynchronous, continuous
 
-    name, asked = load("step", [f"sensor.readout={readout}"])
+    name, asked = load("step", [f"sensor.pixel={readout}"])
     whole: Callable[..., Any] = {"asynchronous": asynchronous, "continuous": continuous}[
         readout
     ].with_defaults
     tmp_path.joinpath("scenario.toml").write_text(to_toml(whole(asked)))
     tmp_path.joinpath("result.json").write_text(_result(name))
     code, out, _ = viform(
-        "run", "step", "--set", f"sensor.readout={readout}", "--out", tmp_path, "--resume", "--json"
+        "run", "step", "--set", f"sensor.pixel={readout}", "--out", tmp_path, "--resume", "--json"
     )
     assert (code, out) == (0, _result(name))
 

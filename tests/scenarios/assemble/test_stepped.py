@@ -15,13 +15,13 @@ from sensor.asynchronous.readout.recorder import Output
 from sensor.continuous import machine as continuous
 
 CASES = {
-    "asynchronous": ("sensor.readout=asynchronous", "sensor.asynchronous.change=2"),
-    "channel": ("sensor.readout=asynchronous", "sensor.channel.rate=2 MHz"),
+    "asynchronous": ("sensor.pixel=asynchronous", "sensor.asynchronous.change=2"),
+    "channel": ("sensor.pixel=asynchronous", "sensor.channel.rate=2 MHz"),
     "stamped late": (
-        "sensor.readout=asynchronous", "sensor.channel.rate=2 MHz",
+        "sensor.pixel=asynchronous", "sensor.channel.rate=2 MHz",
         "sensor.channel.timestamp=channel", "sensor.channel.arbitration=round-robin",
     ),
-    "continuous": ("sensor.readout=continuous",),
+    "continuous": ("sensor.pixel=continuous",),
 }  # fmt: skip
 SMALL = ("sensor.chip=spikeone", "duration=8 ms")
 SINKS = {"asynchronous": Output, "continuous": continuous._Sink}

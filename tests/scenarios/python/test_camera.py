@@ -52,15 +52,15 @@ KINDS = {
     ),
     "rows": ({"duplicated_rows": "[[0, 2]]"}, ["sensor.duplicated_rows=[[0, 2]]"]),
 }
-ASYNCHRONOUS = {"readout": "asynchronous", "preset": "silicon"}
+ASYNCHRONOUS = {"pixel": "asynchronous", "preset": "silicon"}
 UNLATCHED = {
     "asynchronous": ASYNCHRONOUS,
     "shared channel": {
-        "readout": "asynchronous", "channel.rate": "20 MHz", "channel.timestamp": "channel",
+        "pixel": "asynchronous", "channel.rate": "20 MHz", "channel.timestamp": "channel",
         "asynchronous.change": 3,
     },
-    "continuous": {"readout": "continuous", "preset": "silicon"},
-    "continuous, no noise": {"readout": "continuous", "continuous.shot_noise": False},
+    "continuous": {"pixel": "continuous", "preset": "silicon"},
+    "continuous, no noise": {"pixel": "continuous", "continuous.shot_noise": False},
 }  # fmt: skip
 
 
@@ -108,8 +108,14 @@ def test_a_call_of_pixels_without_a_latch_has_the_bits_of_a_run(kind: str, tmp_p
         measured = seen.error.measured
         assert measured is not None and measured.value == stated["value"]
         assert [measured.low, measured.high] == stated["ci"]
+    np.save(tmp_path / "clip.npy", frames())
+    clip = viform.film(
+        tmp_path / "clip.npy", frame_rate=2000, duration=f"{len(frames()) / 2000} s", **own
+    )
+    assert clip == seen and clip.error.kept == seen.error.kept and clip.white_rate == 0.6
     ending = "events" if isinstance(seen, Events) else "intensities"
     viform.save(seen, tmp_path / f"seen.{ending}.npz")
+    assert viform.open(tmp_path / f"seen.{ending}.npz") == seen == viform.open(tmp_path / "run")
     with pytest.raises(viform.InputError, match=f"ends in .{ending}.npz"):
         viform.save(seen, tmp_path / "seen.npz")
 
@@ -133,7 +139,7 @@ def test_pixels_that_send_once_leave_out_what_their_light_does_not_need() -> Non
     """Light that does not change; a tile that is checked is one that leaves something out."""
     still = np.repeat(frames(1), 4, axis=0)
     keys = {
-        "readout": "asynchronous",
+        "pixel": "asynchronous",
         "asynchronous.change": 8,
         "threshold": "10 ke",
         "illuminance": "50 klx",
@@ -212,7 +218,7 @@ def test_frames_pushed_to_pixels_without_a_latch_become_the_stream_of_the_whole(
 
 @pytest.mark.parametrize("kind", ["asynchronous", "continuous"])
 def test_calls_without_a_latch_have_draws_of_their_own_whatever_the_threads(kind: str) -> None:
-    keys = {**SMALL, "readout": kind, "seed": 7}
+    keys = {**SMALL, "pixel": kind, "seed": 7}
     given, camera = frames(), viform.Camera(**keys)
     many = list(camera.film_many((given for _ in range(5)), 2000))
     again = pickle.loads(pickle.dumps(camera))
@@ -318,7 +324,7 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         "a Camera must be a simulated one": lambda: viform.Camera(
             **{"sub_threshold.limit": "5 ms"}
         ),
-        "sensor.readout must be": lambda: viform.Camera(readout="slow"),
+        "sensor.pixel must be": lambda: viform.Camera(pixel="slow"),
         "check must be True, False or a whole": lambda: camera.film(frames(), 2000, check=-1),
         "the camera must be open, not closed": lambda: closed.film(frames(), 2000),
         "frame_rate must be frames/s above 0": lambda: camera.film(frames(), 0),
@@ -329,6 +335,18 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         ),
         "a share of white, not nan": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
         "frames must be at least a cycle": lambda: camera.film(frames(1), 1e9),
+        "a frame must be an array .H, W., not .* inhomogeneous": lambda: camera.film(
+            [[[0.1, 0.2], [0.3]]], 2000
+        ),
+        "a frame must be an array without masked pixels": lambda: camera.film(
+            np.ma.masked_greater(frames(), 100), 2000
+        ),
+        "white_rate must be above 0 .* not True": lambda: camera.film(
+            frames(), 2000, white_rate=True
+        ),
+        'or write [*][*]{"lens.f_number": "1000"}': lambda: camera.film(
+            frames(), 2000, white_rate=1e-12
+        ),
         "white_rate must be above 0": lambda: camera.film(frames(), 2000, white_rate=2),
         "call must be a whole number": lambda: camera.film(frames(), 2000, call=-1),
         "call must be a whole number from 0, not 1.0": lambda: camera.film(frames(), 9, call=1.0),
@@ -353,7 +371,7 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
 
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
 def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None:
-    keys = {**SMALL, "readout": readout}
+    keys = {**SMALL, "pixel": readout}
     camera, closed = viform.Camera(**keys), viform.Camera(**keys)
     closed.close()
     stream = camera.open(2000)
@@ -364,8 +382,8 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
         "sensor.colour must be given with": lambda: viform.Camera(
             **keys, **{"colour.filter": "rggb"}
         ),
-        "tier must be absent with readout": lambda: viform.Camera(**keys, tier="exact"),
-        "device must be numba with readout": lambda: viform.Camera(**keys, device="0"),
+        "tier must be absent with pixel": lambda: viform.Camera(**keys, tier="exact"),
+        "device must be numba with pixel": lambda: viform.Camera(**keys, device="0"),
         "the camera must be open, not closed": lambda: closed.film(frames(), 2000),
         "frame_rate must be frames/s as": lambda: camera.film(frames(), None),
         "a frame must be .* not .6, 48. int64": lambda: camera.film(np.zeros((2, 6, 48), int), 9),
@@ -379,7 +397,7 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
         ),
         "a frame must be as the first": lambda: stream.push(frames()[0, 1:]),
         "a share of white, not nan .*": lambda: camera.open(9).push(np.full((4, 4), np.nan)),
-        "camera must be one with readout = sync": lambda: viform.SpikeStream(
+        "camera must be one with pixel = latched": lambda: viform.SpikeStream(
             [frames()], camera, 2000
         ),
     }
@@ -398,9 +416,11 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
 @pytest.mark.parametrize(
     ("keys", "remedy"),
     [
-        ({"readout": "async"}, 'write readout="synchronous"'),
+        ({"pixel": "async"}, 'write pixel="latched"'),
         ({"threshold": "1000"}, 'write threshold="1000 e"'),
         ({"illuminance": "50"}, 'write illuminance="700 lux"'),
+        ({"writes": 3}, 'write writes=[{"cycle": 400, "threshold_level": 8}]'),
+        ({"sensor.threshold": "1000"}, 'write threshold="1000 e"'),
     ],
 )
 def test_what_an_error_says_to_write_is_an_argument(keys: dict[str, str], remedy: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import scenarios.assemble.show.screen as screen
+import scenarios.assemble.behind.display.screen as screen
 import viform
 from scenarios.python.display import EYES
 
@@ -42,10 +42,10 @@ def test_a_call_has_the_bits_of_a_run(
 ) -> None:
     drawn: dict[str, Any] = {}
 
-    def write(folder: Path, outcome: Any) -> list[str]:
+    def write(folder: Path, outcome: Any, *others: Any) -> list[str]:
         """The images of a run, before they are drawn with 8 bits."""
         drawn.update(outcome.images["spike"])
-        return written(folder, outcome)
+        return written(folder, outcome, *others)
 
     written = screen.write_observer_images
     monkeypatch.setattr(screen, "write_observer_images", write)

@@ -59,8 +59,8 @@ def test_what_cannot_be_sent_is_one_line(link: viform.Link) -> None:
     calls = {
         "link.distanse": lambda: viform.Link(distanse="2 m"),
         "link.distance must be": lambda: viform.Link(distance="2 s"),
-        "sensor.readout must be synchronous": lambda: viform.Link(
-            **SMALL, **{"sensor.readout": "continuous"}
+        "sensor.pixel must be latched": lambda: viform.Link(
+            **SMALL, **{"sensor.pixel": "continuous"}
         ),
         "link.file must be absent for a link in memory": lambda: viform.Link(file="a"),
         "link.loop must be absent": lambda: viform.Link(loop="serial:/dev/ttyS0"),

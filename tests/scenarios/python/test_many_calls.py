@@ -28,10 +28,10 @@ READOUTS: dict[str, dict[str, Any]] = {
     "fast": {"tier": "fast"},
     "exact": {"tier": "exact"},
     "reference": {"tier": "reference"},
-    "asynchronous": {"readout": "asynchronous", "preset": "silicon"},
-    "channel": {"readout": "asynchronous", "channel.rate": "20 MHz"},
-    "continuous": {"readout": "continuous"},
-    "continuous, no noise": {"readout": "continuous", "continuous.shot_noise": False},
+    "asynchronous": {"pixel": "asynchronous", "preset": "silicon"},
+    "channel": {"pixel": "asynchronous", "channel.rate": "20 MHz"},
+    "continuous": {"pixel": "continuous"},
+    "continuous, no noise": {"pixel": "continuous", "continuous.shot_noise": False},
 }
 CHIEF = ("silicon", "asynchronous", "continuous")
 Call = Callable[[], object]

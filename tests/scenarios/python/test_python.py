@@ -34,6 +34,21 @@ def frames(count: int = 5) -> np.ndarray:
     return np.random.default_rng(3).integers(0, 256, (count, 48, 64, 3), dtype=np.uint8)
 
 
+USER = """
+from typing import Any, assert_type
+import numpy as np
+import viform
+
+frames = np.zeros((8, 48, 64), np.uint8)
+camera = viform.Camera("spikeone", width=64, height=48)
+spikes = camera.film(frames, frame_rate=2000)
+assert_type(camera.shape, tuple[int, int])
+assert_type(viform.Display().show(spikes).images["still"].dtype.itemsize, int)
+assert_type(viform.send(b"a").received, bytes)
+assert_type(viform.send(b"a", out="run").outcome, str)
+"""
+
+
 @pytest.mark.parametrize(
     "example",
     [
@@ -53,6 +68,35 @@ def test_the_documentation_names_every_name() -> None:
     text = (ROOT / "docs/python.md").read_text()
     assert all(f"`{name}" in text or f"{name}(" in text for name in viform.__all__)
     assert len(EXAMPLES) == 8
+
+
+def test_checkers_of_types_and_editors_see_every_name() -> None:
+    stub: dict[str, object] = {}
+    exec((ROOT / "viform-stubs/__init__.pyi").read_text(), stub)
+    assert stub["__all__"] == viform.__all__
+    assert all(stub[name] is getattr(viform, name) for name in viform.__all__)
+    for package in viform._PACKAGES:
+        assert (ROOT / package / "py.typed").is_file(), "without it, all names are Any"
+
+
+@pytest.mark.slow  # mypy reads numpy and the project: most of a minute
+def test_the_types_of_calls_are_those_of_what_they_give(tmp_path: Path) -> None:
+    script = tmp_path / "user.py"
+    script.write_text(USER)
+    options = "--strict", "--cache-dir", str(tmp_path), "--no-error-summary"
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, str(script)], capture_output=True, text=True,
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.stdout == "", done.stdout
+    script.write_text(USER + "camera.film(frames, frame_rate='2000')\nspikes.rates()\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, str(script)], capture_output=True, text=True,
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert [line.rpartition("  [")[2] for line in done.stdout.splitlines()] == [
+        "arg-type]", "attr-defined]",
+    ]  # fmt: skip
 
 
 def test_importing_loads_nothing_else() -> None:
@@ -242,6 +286,32 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             stream, 5, "255"
         ),
         "the run must be a folder with a result.json": lambda: viform.Run("nothing"),
+        "window must be a whole number of cycles": lambda: viform.reconstruct(
+            stream, 5, window=3.5
+        ),
+        "the path must be a text or a Path, not None": lambda: viform.open(None),
+        "the path must be a text or a Path, not 3": lambda: viform.save(stream, 3),
+        "the output must be .* not x.intensities.npz": lambda: viform.save(
+            stream, "x.intensities.npz"
+        ),
+        "scene.path must be given once": lambda: viform.film(
+            frames(), frame_rate=25, out="run", **{"scene.path": "clip.mp4"}
+        ),
+        "scene.frame_rate must be given once": lambda: viform.film(
+            "clip.mp4", frame_rate=25, **{"scene.frame_rate": "30 Hz"}
+        ),
+        "sensor.source must be given once": lambda: viform.show(
+            stream, out="run", **{"sensor.source": "file:other.npz"}
+        ),
+        "link.file must be given once": lambda: viform.send(b"a", out="run", **{"link.file": "a"}),
+        "report must be given with out": lambda: viform.show(stream, report="none"),
+        "report must be given with out, not al": lambda: viform.send(b"a", report="none"),
+        "planes must be 0 or 1": lambda: viform.Viform.from_planes(
+            frames()[..., 0], viform.Clock(40_000)
+        ),
+        "planes must be .T, H, W. bool or uint8": lambda: viform.Viform.from_planes(
+            frames()[..., 0] / 255, viform.Clock(40_000)
+        ),
     }
     for says, call in calls.items():
         with pytest.raises(viform.InputError, match=says):
@@ -253,6 +323,8 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     ("option", "argument"),
     [
         ("write --set sensor.clock='20 kHz'", 'write **{"sensor.clock": "20 kHz"}'),
+        ("write --set sensor.writes='[{\"cycle\": 400}]'",
+         'write **{"sensor.writes": [{"cycle": 400}]}'),
         ("--set sensor.widht", "sensor.widht"),
         ("values of --set", "values of a keyword argument"),
         ("--dark-limit", "dark_limit"),

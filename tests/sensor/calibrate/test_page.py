@@ -98,7 +98,7 @@ def test_the_scenarios_own_keys_win(camera: Path) -> None:
         (FILE.replace("20.0", "'a'"), [], "must be a number of 0 or more, not 'a'"),
         ("a = = 1", [], "a TOML file of `viform calibrate`"),
         (FILE, ["sensor.threshold=300 e"], "write --set sensor.threshold='400 e'"),
-        (FILE, ["sensor.readout=asynchronous"], "synchronous readout"),
+        (FILE, ["sensor.pixel=asynchronous"], "latched pixels"),
         (FILE.replace("0.2", "2.0"), [], "sensor.pattern.dsnu must be"),
     ],
 )

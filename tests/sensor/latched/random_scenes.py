@@ -8,8 +8,7 @@ import numpy as np
 
 from cosim import PS, Clock, Light, Piece, Summary
 from cosim.compute.opencl import Device
-from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TILE, TileGrid
+from cosim.plan.tiles import TILE, PatchPlane, TileGrid
 from sensor import CHIPS, CameraSetting
 from sensor.device.pattern import DevicePattern
 from sensor.latched.fine_tiles import PatchCamera

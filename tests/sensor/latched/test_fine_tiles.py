@@ -13,8 +13,7 @@ import pytest
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import Device
 from cosim.light.light import PlaneMap
-from cosim.plan.patches import PatchPlane
-from cosim.plan.tiles import TILE, TileGrid
+from cosim.plan.tiles import TILE, PatchPlane, TileGrid
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.device.pattern import DevicePattern
 from sensor.latched.fine_tiles import FineTiles, MixedPatches, PatchCamera

@@ -208,7 +208,7 @@ def test_a_dim_scene_is_seen_by_readings(
             "must be a time such as '64 ms', or 'dark current', not 'dark'; "
             "write --set sensor.dark_limit='64 ms'",
         ),
-        (("sensor.sub_threshold.limit=1 ms", "sensor.readout=asynchronous"), "synchronous"),
+        (("sensor.sub_threshold.limit=1 ms", "sensor.pixel=asynchronous"), "latched"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(

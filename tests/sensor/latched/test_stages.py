@@ -44,7 +44,7 @@ def test_the_preset_of_spikeone_duplicates_two_lines(
         (["sensor.duplicated_rows=[[0, 250]]"], "rows from 0 to 249"),
         (["sensor.duplicated_rows=[[0, 2], [1, 2]]"], "whose targets differ"),
         (["sensor.duplicated_rows=[[0, 2], [2, 3]]"], "are no sources"),
-        (["sensor.duplicated_rows=[[0, 2]]", "sensor.readout=asynchronous"], "synchronous readout"),
+        (["sensor.duplicated_rows=[[0, 2]]", "sensor.pixel=asynchronous"], "latched pixels"),
     ],
 )
 def test_pairs_that_no_readout_has_are_refused(sets: list[str], said: str) -> None:

@@ -29,7 +29,7 @@ from cosim.run.workers import workers_for
 from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import State
 from scenarios.assemble.camera.bands.band import Band, expose_band
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.latched.fine_tiles import FineTiles

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.compute.stopping import threads
-from cosim.config.amounts import amount, count, decibel, number
+from cosim.config.amounts import count, decibel, number
 from cosim.files import streams_kept
 from cosim.light.demosaic import in_colour
 from cosim.light.source import truth_at
@@ -21,9 +21,15 @@ from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, mark
 from cosim.report.png import Levels, coloured, for_display, to_linear_bytes, write_png
 from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
-from scenarios.assemble.camera.pages.chip import machine
-from scenarios.assemble.camera.pages.motion import motion_section
-from scenarios.assemble.camera.pages.plan import board_error, plan_section
+from scenarios.assemble.camera.pages.chip import (
+    machine,
+    motion_section,
+    plan_files,
+    simulated,
+    subtitle,
+    unmeasured,
+)
+from scenarios.assemble.camera.pages.plan import plan_section
 from sensor import tau_levels
 from sensor.codec.size import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
@@ -39,26 +45,6 @@ _QUALITY = (
 _CLIP_FRAMES = 75
 _LONG = 800
 """Length of a long exposure, cycles, as in figures 3 and 4 of Huang 2022."""
-
-
-def simulated(run: LatchedRun) -> str:
-    """What was simulated, for a newcomer."""
-    height, width = run.stream.shape
-    clock, chip = run.stream.clock, run.setting.chip
-    length = amount(run.result.simulated_s, "s", 4)
-    if run.scenario.sensor.source is not None:
-        return (
-            f"A test board gave the spikes of {width} x {height} pixels for {length}: "
-            f"{count(run.stream.cycles)} cycles at {amount(clock.hz / 1e3, 'kHz')}. The images "
-            "below are computed from them."
-        )
-    return (
-        f"A spike camera with {width} x {height} pixels, the {chip.title}, watches the scene "
-        f"“{run.scenario.title}” for {length}. In each of {count(run.stream.cycles)} cycles, "
-        f"{count(clock.hz)} a second, every pixel gives one bit: whether it has collected "
-        f"{number(run.setting.threshold)} more electrons of light. Images are computed from these "
-        "bits, the spikes."
-    )
 
 
 def _cards(run: LatchedRun) -> list[Card]:
@@ -305,21 +291,15 @@ def stream_page(run: LatchedRun) -> Page:
         f"viform image {shlex.quote(str(run.folder))} --at {shot.cycle} --method tfp "
         f"--window {run.scenario.image.window}{placing} --scale {shot.white!r} --out a.png"
     )
-    if run.scenario.sensor.source is None:
-        where, what, wrong = _WHERE[run.plan.tier], run.setting.chip.title, Page.unmeasured
-    else:
-        where, what, wrong = "from the same board", "a test board", board_error(run.result.metrics)
+    where = _WHERE[run.plan.tier] if run.scenario.sensor.source is None else "from the same board"
     files = [
         "figures/overview.png",
         "figures/instants.png",
         "figures/intervals.png",
         "figures/pixels.png",
-        *(["figures/plan.png"] if run.scenario.sensor.source is None else []),
+        *plan_files(run),
         "playback.mp4",
     ]
-    subtitle = (
-        f"{what}, {number(run.setting.clock.hz / 1e3)} kHz, {count(run.stream.cycles)} cycles"
-    )
     does = (
         "<p>The first line reproduces one of the linear images from the stream, the second the "
         f"whole run, with the same bits {where}.</p>"
@@ -328,6 +308,6 @@ def stream_page(run: LatchedRun) -> Page:
     if not streams_kept():
         does, lines = f"<p>This line reproduces the whole run, with the same bits {where}.</p>", []
     return Page(
-        run.scenario.title, subtitle, simulated(run), _cards(run), pictures, quality=_QUALITY,
-        commands=lines, commands_do=does, files=files, unmeasured=wrong,
+        run.scenario.title, subtitle(run), simulated(run), _cards(run), pictures, quality=_QUALITY,
+        commands=lines, commands_do=does, files=files, unmeasured=unmeasured(run),
     )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cosim.plan.ladder import LADDER, fit_order
+from cosim.plan.study import LADDER, fit_order
 from cosim.run.shown import SilentProgress
 from scenarios.assemble.camera.ladder import accuracy
 from scenarios.assemble.camera.setup import set_up_camera
@@ -80,5 +80,5 @@ def test_a_reader_gets_a_table(viform, monkeypatch, document):
 
 
 def test_the_continuous_readout_is_refused_in_one_line(refused):
-    told = refused("accuracy", "step", "--set", "sensor.readout=continuous")
-    assert told.startswith("sensor.readout must be synchronous or asynchronous, not continuous")
+    told = refused("accuracy", "step", "--set", "sensor.pixel=continuous")
+    assert told.startswith("sensor.pixel must be latched or asynchronous, not continuous")

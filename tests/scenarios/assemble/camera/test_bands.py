@@ -271,7 +271,7 @@ def test_a_band_is_a_part_of_the_chip(rows) -> None:
     [
         (("film", "--workers", "0"), "--workers must be 1 to 1024"),
         (("light-link", "--workers", "2"), "given with a latched spike camera"),
-        (("film", "--set", "sensor.readout=asynchronous", "--workers", "2"), "latched"),
+        (("film", "--set", "sensor.pixel=asynchronous", "--workers", "2"), "latched"),
         (("film", "--set", "sensor.sub_threshold.limit=5 ms", "--workers", "2"), "sub_threshold"),
         (("glass-over-light", "--workers", "2"), r"given without a \[link\]"),
     ],

@@ -27,8 +27,8 @@ from rtl_model.virtual import VirtualBoard
 from rtl_model.virtual.ethernet import EthernetBoard
 from scenarios.assemble.camera.boards import BoardCamera
 from scenarios.assemble.chip import camera_setting
-from scenarios.assemble.link_loop import open_loop
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.link import open_loop
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 from sensor import CHIPS, CameraSetting
@@ -119,7 +119,7 @@ def test_the_report_of_a_board_names_it_and_the_comparison(tmp_path: Path) -> No
         (("sensor.source=udp:127.0.0.1:9",), "must be the address of a board that answers"),
         (("duration=30 s",), "duration must be at most 1048576 cycles"),
         (("display.sink=serial:virtual", "sensor.source=serial:"), "sensor.source must be serial:"),
-        (("sensor.readout=asynchronous",), "absent unless sensor.readout = synchronous"),
+        (("sensor.pixel=asynchronous",), "absent unless sensor.pixel = latched"),
     ],
 )
 def test_what_a_board_cannot_do_is_one_line(refused, tmp_path, more, must) -> None:

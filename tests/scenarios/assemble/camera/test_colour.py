@@ -127,7 +127,7 @@ def test_the_panel_emits_the_colours_of_the_camera(film: Film, tmp_path: Path) -
             ("sensor.colour.filter=rggb", "display.colour=as-camera", "display.fit=centre"),
             "display.colour",
         ),
-        (("sensor.colour.filter=rggb", "sensor.readout=asynchronous"), "sensor.colour"),
+        (("sensor.colour.filter=rggb", "sensor.pixel=asynchronous"), "sensor.colour"),
     ],
 )
 def test_what_cannot_be_in_colour_is_refused(

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from cosim import Block
-from cosim.plan.ladder import LADDER
+from cosim.plan.study import LADDER
 from cosim.run.shown import SilentProgress
 from display.trial.cost import display_ns, golden_ns
 from scenarios.assemble.camera.ladder import accuracy

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from cosim import Block, Bound
-from cosim.run.machine import BrokenPromise
+from cosim.plan.error import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.effects.bounds import BASE_COST, SPAN_COST
 from display.trial.paired import TRUTH
-from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.plan import RunPlan, Verifier, plan_run
 from scenarios.assemble.camera.setup import set_up_camera
-from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import load
 
 SPANS = ("planes within 8", "planes within 64")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.assemble.camera.planning import RunPlan
+from scenarios.assemble.camera.plan import RunPlan
 from scenarios.cli.entry import _main
 
 SETS = ("sensor.chip=spikeone", "duration=3 ms", "image.at=[60]", "scene.at=1 ms")
@@ -82,7 +82,7 @@ def test_a_display_is_compared_by_its_radiance(capsys):
         ),
         (("emccd-window",), "a scenario of a latched chip, not emccd-window; leave it out"),
         (
-            ("step", "--set", "sensor.readout=asynchronous"),
+            ("step", "--set", "sensor.pixel=asynchronous"),
             "a scenario of a latched chip, not step; leave it out",
         ),
         (("step", "--figure", "a.png"), "--figure must be given without --every-tile"),

@@ -8,9 +8,9 @@ from itertools import count
 import pytest
 
 from cosim.compute.opencl import Device
-from scenarios.assemble.camera import forecast as forecasting
-from scenarios.assemble.camera.forecast import forecast
+from scenarios.assemble.camera import study as forecasting
 from scenarios.assemble.camera.setup import set_up_camera
+from scenarios.assemble.camera.study import forecast
 from scenarios.assemble.schema.loading import load
 
 BRIGHT = (

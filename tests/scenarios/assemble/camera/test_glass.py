@@ -44,12 +44,12 @@ class Shot:
         runs: list[Any] = []
 
         def report(machine: Any, run: Any) -> list[str]:
-            runs.append(machine.judged(run))
+            runs.append(run.outcome.views.screen)
             return write_report(machine, run) if page else []
 
         self.result, self.folder = film("glass", out, *SETS, *sets, report=report, **how)
-        self.run = runs[0]
-        self.outcome = self.run.display
+        (seen,) = runs
+        self.outcome, self.stream = seen.display, seen.stream
 
     def images(self, observer: str = "eye") -> Any:
         return self.outcome.images["spike"][observer]
@@ -308,7 +308,7 @@ def test_the_slow_motion_is_dark_until_light_comes(cycles, late):
 
 
 def test_the_table_on_a_terminal(drawn):
-    from scenarios.assemble.show.tables import display_lines
+    from scenarios.assemble.behind.display.tables import display_lines
 
     lines = display_lines(drawn.outcome)
     assert lines[0].split() == ["display", "EBET", "SVM", "PSNR", "still", "pursuing", "delay"]
@@ -335,7 +335,7 @@ def test_the_light_of_a_pixel_is_kept_and_a_hold_shows_it(tmp_path):
 
 
 def test_the_light_of_spikes_plane_by_plane(drawn):
-    stream = drawn.run.stream
+    stream = drawn.stream
     panel = SpikePanel(stream.shape, CLOCK, 0.6, "impulse")
     starts, light = spike_waves(stream, panel, [(200, 100), (20, 380)], CLOCK.edge(160) - 1)
     planes = stream.read_words(0, 5)[:, [200, 20], [100, 380]]

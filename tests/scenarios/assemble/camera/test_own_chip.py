@@ -73,11 +73,11 @@ def test_row_time_states_the_skew_at_any_clock() -> None:
          "40000 Hz; lower it, or sensor.row_time"),
         (["sensor.row_time=20 ns", "sensor.row_skew=0.5"],
          "sensor.row_skew must be absent with sensor.row_time, which states 0.8, not 0.5"),
-        (["sensor.row_time=20 ns", "sensor.readout=asynchronous"],
-         "sensor.row_time must be given with sensor.readout = synchronous"),
-        (["sensor.readout=continuous", "sensor.continuous.height=20", "sensor.height=30"],
+        (["sensor.row_time=20 ns", "sensor.pixel=asynchronous"],
+         "sensor.row_time must be given with sensor.pixel = latched"),
+        (["sensor.pixel=continuous", "sensor.continuous.height=20", "sensor.height=30"],
          "sensor.height must be absent with sensor.continuous.height = 20"),
-        (["sensor.readout=asynchronous", "sensor.asynchronous.width=9000", "sensor.height=9000"],
+        (["sensor.pixel=asynchronous", "sensor.asynchronous.width=9000", "sensor.height=9000"],
          "must be at most 64,000,000 pixels"),
         (["sensor.source=serial:virtual", "sensor.width=32"],
          "sensor.width must be absent with sensor.source"),
@@ -100,7 +100,7 @@ def test_the_clock_that_is_named_works() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
 def test_other_readouts_have_the_size_as_well(viform, tmp_path, readout) -> None:
-    words = [f"sensor.readout={readout}", "sensor.width=9", "sensor.height=5", "duration=2 ms",
+    words = [f"sensor.pixel={readout}", "sensor.width=9", "sensor.height=5", "duration=2 ms",
              "scene.at=1 ms", "sensor.quantum_efficiency=0.5"]  # fmt: skip
     sets = [word for each in words for word in ("--set", each)]
     answer = viform("run", "step", *sets, "--json", "--out", tmp_path / "run")

@@ -11,9 +11,10 @@ import pytest
 from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.light.survey import Sketched, survey
-from cosim.plan.planner import SHARE, accepted_error
+from cosim.plan.error import accepted_error
+from cosim.plan.planner import SHARE
 from cosim.plan.tiles import TILE, TileGrid
-from scenarios.assemble.camera.planning import RunPlan, plan_run
+from scenarios.assemble.camera.plan import RunPlan, plan_run
 from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
 from scenarios.scenes.kinds.grid import SceneGrid

@@ -73,7 +73,7 @@ def test_writes_land_on_their_cycles() -> None:
         ('{"cycle":5,"clock":"20 kHz"}', (), "cycles are numbered by one clock"),
         (f"{HALF},{HALF}", (), "sensor.writes[1] must be after cycle 60"),
         ('{"cycle":160,"threshold_level":8}', (), "at cycles below 160, the end of the run"),
-        (HALF, ("sensor.readout=asynchronous",), "empty unless sensor.readout = synchronous"),
+        (HALF, ("sensor.pixel=asynchronous",), "empty unless sensor.pixel = latched"),
         (HALF, ("display.drive=hold",), "empty with a display"),
         (HALF, ("sensor.circuit.capacitance=10 fF",), "sensor.circuit must be absent with"),
         (HALF, ("sensor.dark_limit=1 ms",), "sensor.dark_limit must be absent with"),
@@ -169,7 +169,7 @@ def test_a_run_that_was_interrupted_goes_on_across_a_write(tmp_path, monkeypatch
 
     sets = [*SMALL, "tolerance=0.01", f"sensor.writes=[{HALF},{WINDOW},{BACK}]"]
     _, scenario = load("step", sets)
-    machine = assemble_latched("step", scenario, "numba", False)  # type: ignore[arg-type]
+    machine = assemble_latched("step", scenario, Options("numba"))  # type: ignore[arg-type]
     source, lens = machine.setup.stages(machine.setup.source()).values()
     verifier, camera = machine.verifier, machine.camera
     assert verifier is not None
@@ -185,10 +185,10 @@ def test_a_run_that_was_interrupted_goes_on_across_a_write(tmp_path, monkeypatch
         return words
 
     whole = run([(0, 64), (64, 128), (128, 160)], [verifier, camera])
-    again = assemble_latched("step", scenario, "numba", False)  # type: ignore[arg-type]
+    again = assemble_latched("step", scenario, Options("numba"))  # type: ignore[arg-type]
     assert again.verifier is not None
     first = run([(0, 64)], [again.verifier, again.camera])
-    third = assemble_latched("step", scenario, "numba", False)  # type: ignore[arg-type]
+    third = assemble_latched("step", scenario, Options("numba"))  # type: ignore[arg-type]
     assert third.verifier is not None
     third.verifier.restore(again.verifier.state())
     third.camera.restore(again.camera.state())  # type: ignore[union-attr]

@@ -13,7 +13,6 @@ from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
 from scenarios.assemble.camera.machine import LatchedMachine
-from scenarios.assemble.carrier.machine import CarriedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.scenario import Scenario
@@ -26,7 +25,7 @@ def filmed() -> list[str]:
     found = []
     for name in sorted(shipped()):
         _, scenario = load(name)
-        if isinstance(scenario, Scenario) and scenario.sensor.readout == "synchronous":
+        if isinstance(scenario, Scenario) and scenario.sensor.pixel == "latched":
             found.append(name)
     return found
 
@@ -41,7 +40,7 @@ def test_the_stream_of_a_shipped_scenario_comes_back(
     _, scenario = load(name, small)
     scenario = scenario.model_copy(update={"link": None, "display": None, "code": None})
     machine = assemble(name, scenario, Options("numba"), SilentProgress())
-    assert isinstance(machine, LatchedMachine) and not isinstance(machine, CarriedMachine)
+    assert isinstance(machine, LatchedMachine)
     with closing(machine):
         machine.chain(tmp_path).run(SilentProgress())
     stream, code = ZarrStream(tmp_path / "stream.zarr"), StreamCode(cycles=cycles)

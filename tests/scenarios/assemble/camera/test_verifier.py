@@ -10,12 +10,11 @@ import pytest
 
 from cosim import Block, Bound, Interrupted
 from cosim.compute.opencl import Device
+from cosim.plan.error import BrokenPromise
 from cosim.plan.paired import compare, windows, worst
-from cosim.run.machine import BrokenPromise
 from cosim.run.progress import QuietProgress
-from scenarios.assemble.camera.planning import plan_run
+from scenarios.assemble.camera.plan import Verifier, plan_run
 from scenarios.assemble.camera.setup import set_up_camera
-from scenarios.assemble.camera.verifier import Verifier
 from scenarios.assemble.schema.loading import load
 from scenarios.report import write_report
 from sensor.latched.effects.dead_time import DEAD_TIME

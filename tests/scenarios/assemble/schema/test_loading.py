@@ -217,3 +217,37 @@ def test_a_message_repeats_little_of_what_was_wrong(tmp_path):
     with pytest.raises(InputError) as refused:
         load("film", ["see\x1bd=1"])
     assert str(refused.value).isprintable()
+
+
+FORMER = """
+title = "A film"
+duration = "2 ms"
+[scene]
+kind = "step"
+illuminance = "700 lux"
+[sensor]
+threshold = "1000 e"
+readout = "{}"
+"""
+
+
+@pytest.mark.parametrize(
+    ("former", "kind"),
+    [("synchronous", "latched"), ("asynchronous", "asynchronous"), ("continuous", "continuous")],
+)
+def test_the_former_name_of_a_kind_of_pixel_is_read(former: str, kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "film.toml"
+    path.write_text(FORMER.format(former), encoding="utf-8")
+    assert load(str(path))[1].sensor.pixel == kind
+    assert load("step", [f"sensor.readout={former}"])[1].sensor.pixel == kind
+    # The later word holds, whichever name it has.
+    assert load(str(path), ["sensor.pixel=latched"])[1].sensor.pixel == "latched"
+    named = ["sensor.pixel=asynchronous", f"sensor.readout={former}"]
+    assert load("step", named)[1].sensor.pixel == kind
+
+
+def test_a_kind_of_pixel_has_one_name_in_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "film.toml"
+    path.write_text(FORMER.format("continuous") + 'pixel = "latched"\n', encoding="utf-8")
+    with pytest.raises(InputError, match=r"sensor\.readout"):
+        load(str(path))

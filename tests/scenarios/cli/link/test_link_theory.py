@@ -13,8 +13,8 @@ import pytest
 from link.evaluation.curves import LEVEL, Curve, error_curves, measure_curves
 from link.mode import Mode
 from link.prediction.capacity import CapacityInput, capacity_document, scenario_input
-from scenarios.assemble.link import link_camera
 from scenarios.assemble.schema.loading import linked, load
+from scenarios.assemble.source.link import link_camera
 from scenarios.cli.link.capacity import _achievable, _text
 
 NAMES = ["poisson-threshold", "reset-hard", "reset-residual", "reset-subtract"]

@@ -70,5 +70,5 @@ def test_without_a_screen_one_line_says_so(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_pixels_without_a_latch_clock_are_refused(refused: Callable[..., str]) -> None:
-    line = refused("live", "sun-and-stars", "--set", "sensor.readout=asynchronous")
-    assert line.startswith("sensor.readout must be synchronous for viform live")
+    line = refused("live", "sun-and-stars", "--set", "sensor.pixel=asynchronous")
+    assert line.startswith("sensor.pixel must be latched for viform live")

@@ -587,7 +587,7 @@ def test_without_pytorch_one_line_says_so(whole: Path, monkeypatch: pytest.Monke
         (("objects", "star", "--vary", "scene.speed=1:2"), "scene.speed in star must be"),
         (("objects", "--vary", "scene.speed=1:2", "--vary", "scene.speed=1:3"), "a key once"),
         (("objects", "--set", "sensor.width=13"), "must be a multiple of 8"),
-        (("objects", "--set", "sensor.readout=asynchronous"), "must be synchronous"),
+        (("objects", "--set", "sensor.pixel=asynchronous"), "must be latched"),
         (("objects", "--set", "scene.illuminance=1e-3 lux"), "scene.illuminance must be at least"),
     ],
 )

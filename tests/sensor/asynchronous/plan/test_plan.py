@@ -12,13 +12,13 @@ import numpy.typing as npt
 import pytest
 
 from cosim import PS, Clock, InputError, Light, Piece
+from cosim.plan.planner import ESTIMATE_WEIGHT
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.pixel.closed import ClosedPixels
 from sensor.asynchronous.pixel.reference import follow
 from sensor.asynchronous.plan.effects import SIDE, summarise
-from sensor.asynchronous.plan.plan import EventPlan, make_plan
-from sensor.asynchronous.plan.planned import PlannedPixels
+from sensor.asynchronous.plan.plan import EventPlan, PlannedPixels, plan_events
 from sensor.device.pattern import DevicePattern
 
 FOREVER = 2**62
@@ -46,7 +46,7 @@ def plan_for(
     setting: EventModel, device: DevicePattern | None, tolerance: float, stop: int = PS
 ) -> EventPlan:
     rate = sky().pieces[0].first.ravel().astype(np.float64)
-    return make_plan(summarise(setting, device, rate, SHAPE, stop, True), device, tolerance)
+    return plan_events(summarise(setting, device, rate, SHAPE, stop, True), device, tolerance)
 
 
 def widths(firings: Firings) -> npt.NDArray[np.float64]:
@@ -64,16 +64,15 @@ def test_tolerance_zero_and_light_that_changes_keep_everything():
     assert not plan_for(model(), DEVICE, 0.0).left_out.any()
     rate = np.full(SHAPE[0] * SHAPE[1], 1e9)
     moving = summarise(model(), DEVICE, rate, SHAPE, PS, False)
-    assert not make_plan(moving, DEVICE, 1.0).left_out.any()
+    assert not plan_events(moving, DEVICE, 1.0).left_out.any()
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-4, 1e-2, 0.1, 1.0])
 def test_what_is_left_out_sums_to_half_the_tolerance_at_most(tolerance):
     plan = plan_for(model(), DEVICE, tolerance)
-    twice = np.array([2 if e.kind == "estimate" else 1 for e in plan.effects])
-    total = (np.where(plan.left_out, plan.bounds, 0) * twice[:, None]).sum(0)
-    assert (total <= tolerance / 2).all() and total == pytest.approx(plan.total)
-    kept = [n for n, e in enumerate(plan.effects) if e.work == 0]
+    total = np.where(plan.left_out, list(plan.plan.promise.values()), 0).sum(0)
+    assert (total <= tolerance / 2).all() and total == pytest.approx(plan.plan.total)
+    kept = [n for n, e in enumerate(plan.effects) if e.cost(plan.scene) == 0]
     assert len(kept) == 3 and not plan.left_out[kept].any()
 
 
@@ -88,12 +87,12 @@ def test_the_bound_of_shot_noise_is_the_deviation_of_an_inverse_gamma():
     plan = plan_for(model(), None, 0.0)
     g = np.random.default_rng(3).gamma(300, size=10**6)
     spread = float((300 / g).std())
-    bright = plan.bounds[0, 4]  # an even tile above the floor
+    bright = plan.plan.promise["shot noise"][4]  # an even tile above the floor
     # 256 pixels: a margin for what they turn out to be, and for the limit measured of it.
     assert spread < bright < 1.5 * spread
     # A pixel that says less than the floor, one spike in the run, counts against the floor.
     dim = plan_for(model(), None, 0.0, stop=PS // 100)
-    assert dim.bounds[0, 0] == pytest.approx(bright * 3e3 / 300 / 100, rel=2e-5)
+    assert dim.plan.promise["shot noise"][0] == pytest.approx(bright * 3e3 / 300 / 100, rel=2e-5)
 
 
 def test_the_bound_of_later_reports_is_a_ratio_of_two_widths():
@@ -103,9 +102,10 @@ def test_the_bound_of_later_reports_is_a_ratio_of_two_widths():
     rng = np.random.default_rng(1)
     ratio = rng.gamma(100, size=4 * 10**6) / rng.gamma(100, size=4 * 10**6)
     often = float((np.abs(ratio - 1) > 0.4).mean())
-    later = [e.name for e in plan.effects].index("later reports")
     scene = plan.scene
-    share = (plan.bounds[later] * scene.scale / (2 / 3) / scene.rms) ** 2
+    share = (
+        plan.plan.promise["later reports"] / ESTIMATE_WEIGHT * scene.scale / (2 / 3) / scene.rms
+    ) ** 2
     expected = scene.brightest * scene.stop * often
     assert share[expected < 1] == pytest.approx(expected[expected < 1], rel=0.02)
 
@@ -114,7 +114,7 @@ def test_the_bound_of_later_reports_is_a_ratio_of_two_widths():
 def test_thresholds_without_a_variance_are_never_left_out_by_a_bound(q):
     plan = plan_for(model(q), DEVICE, 1.0)
     assert not plan.where("shot noise").any() or q > 2
-    assert not np.isnan(plan.bounds).any()
+    assert not np.isnan(list(plan.plan.promise.values())).any()
 
 
 # Bounds hold.
@@ -129,10 +129,10 @@ def test_leaving_an_effect_out_changes_no_tile_by_more_than_its_bound(q, name):
     """The rate each pixel says first, with everything and without the one effect."""
     setting, light, stop = model(q), sky(), 2 * PS
     full = plan_for(setting, DEVICE, 0.0, stop)
-    row = [e.name for e in full.effects].index(name)
-    out = np.zeros(full.left_out.shape, np.bool_)
-    out[row] = True
-    without = replace(full, left_out=out)
+    every = np.ones(full.scene.mean.size, np.bool_)
+    without = replace(full, plan=replace(full.plan, kept=full.plan.kept | {name: ~every}))
+    kinds = {row.effect: row.kind for row in full.plan.rows}
+    bound = full.plan.promise[name] / (ESTIMATE_WEIGHT if kinds[name] == "estimate" else 1)
     made = [
         widths(PlannedPixels(p, DEVICE, SHAPE, 1.0).step(light, 0, stop)) for p in (full, without)
     ]
@@ -141,11 +141,11 @@ def test_leaving_an_effect_out_changes_no_tile_by_more_than_its_bound(q, name):
     apart = np.where(both, PS / made[0] - PS / made[1], 0.0) ** 2
     tile = full.scene.tile_of
     rms = np.sqrt(np.bincount(tile, apart) / full.scene.pixels) / full.scene.scale
-    assert (rms <= full.bounds[row] * (2 if name == "hot and dead pixels" else 1)).all()
+    assert (rms <= bound * (2 if name == "hot and dead pixels" else 1)).all()
     lit = np.bincount(tile, both) > 200
     assert lit.any() and (rms[lit] > 0).all()
     if name != "hot and dead pixels":  # nor is it idle: within a factor of two where all is even
-        assert (rms[4:8] > full.bounds[row, 4:8] / 2).all()
+        assert (rms[4:8] > bound[4:8] / 2).all()
 
 
 # Pixels run by a plan.

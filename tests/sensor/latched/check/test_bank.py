@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.compute.opencl import Device
-from sensor.latched.check.bank import bank_change
+from sensor.latched.check.plan_check import bank_change
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fast import array
 from sensor.latched.pixel.bank import Bank

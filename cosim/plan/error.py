@@ -1,0 +1,149 @@
+"""The error of a simulation: as a plan promises it, as a check measures it, and what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from cosim.config.amounts import number
+from cosim.plan.effects import Kind
+
+CONFIDENCE: Final = 0.999
+"""Confidence level of the limits of every error, and of the intervals that go into one."""
+DEVIATIONS: Final = 3.2905
+"""Standard deviations of half an interval of CONFIDENCE, of a normal variate."""
+FINEST: Final = 1e-3
+"""Largest error that is accepted at tolerance 0, which is the default tolerance of a scenario."""
+ARITHMETIC: Final = "32-bit arithmetic"
+"""Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
+EVERYTHING: Final = "every effect"
+"""Name that stands for all effects where they are reinstated together."""
+
+
+def deviations(among: int) -> float:
+    """Number of standard deviations that none of `among` normal variates exceeds, at CONFIDENCE."""
+    from scipy.special import ndtri
+
+    return -float(ndtri((1 - CONFIDENCE) / 2 / max(among, 1)))
+
+
+def accepted_error(tolerance: float) -> float:
+    """The largest relative error with which a run is "ok".
+
+    Tolerance 0 keeps every effect, but the error of the tier itself remains. A run at tolerance 0
+    must not be called "ok" with an error that is refused at a looser tolerance, so it has the
+    limit of the default tolerance.
+    """
+    return tolerance if tolerance > 0 else FINEST
+
+
+@dataclass(frozen=True)
+class Measured:
+    """An error that was measured, in the unit of its part of the system.
+
+    Attributes:
+        value: the error.
+        low, high: its limits at CONFIDENCE.
+        tile: number of the tile that it was measured on; None for no single one.
+    """
+
+    value: float
+    low: float
+    high: float
+    tile: int | None = None
+
+    @classmethod
+    def worst(cls, found: Iterable[Measured]) -> Measured | None:
+        """The largest of some errors, with the largest of their upper limits; None for none."""
+        every = list(found)
+        largest = max(every, key=lambda error: error.value, default=None)
+        return largest and replace(largest, high=max(error.high for error in every))
+
+    def at_least(self, value: float, high: float | None = None) -> Measured:
+        """The error where another one may be larger. high: upper limit of that, `value` by
+        default."""
+        most = max(self.high, value if high is None else high)
+        return replace(self, value=max(self.value, value), low=max(self.low, value), high=most)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """What a plan promises of the error of a simulation against full physics, and what a check has
+    measured of it.
+
+    Attributes:
+        bound: Limit of the relative error of the rates of a tile, in the worst tile.
+        kind: "proof", or "estimate".
+        left_out: Limit for each effect that some tile leaves out, by name.
+        kept: Effects that some tile keeps.
+        tolerance: Tolerance of the plan.
+        measured: The error on patches, with its 99.9 % limits, of which the upper one holds for all
+            tiles; None without a check.
+    """
+
+    bound: float
+    kind: Kind
+    left_out: dict[str, float]
+    kept: tuple[str, ...]
+    tolerance: float
+    measured: Measured | None = None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A bound of the plan that a measurement exceeds. Its effect must be kept.
+
+    Attributes:
+        effect: name of the effect to reinstate.
+        message: text for the user, one line.
+        promised: the bound, None if unknown.
+        measured: upper limit of the measurement, None if unknown.
+        tile: number of the tile, None if the finding concerns the whole plane.
+    """
+
+    effect: str
+    message: str
+    promised: float | None = None
+    measured: float | None = None
+    tile: int | None = None
+
+
+class BrokenPromise(Exception):
+    """Raised by a running chain as soon as a bound of its plan is exceeded."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        super().__init__(", ".join(finding.effect for finding in findings))
+        self.findings = list(findings)
+
+
+def reinstated(effect: str, promised: float, measured: float, tile: int | None = None) -> Finding:
+    """The finding of an exceeded bound. If `tile` is None, the total error exceeds the tolerance
+    `promised`.
+
+    Args:
+        effect: name of the effect, ARITHMETIC, or EVERYTHING.
+        promised: the bound, or the tolerance.
+        measured: upper limit of the measurement.
+        tile: number of the tile.
+    """
+    remedy = "the exact tier" if effect == ARITHMETIC else f"{effect} kept"
+    message = (
+        f"the total error is up to {number(measured, 2)} where the tolerance is "
+        f"{number(promised, 2)}: the run is repeated with {remedy}"
+        if tile is None
+        else f"the run is repeated with {remedy}: its absence changes up to "
+        f"{number(measured, 2)} on tile {tile}, where the bound is {number(promised, 2)}"
+    )
+    return Finding(effect, message, promised, measured, tile)
+
+
+def beyond(error: Measured, tolerance: float) -> str:
+    """The note on an error that is above the tolerance although every effect is kept."""
+    accepted = accepted_error(tolerance)
+    limit = "" if tolerance > 0 else f" (at most {number(accepted)} is accepted)"
+    return (
+        f"the error is {number(error.value, 2)} (up to {number(error.high, 2)}) where the "
+        f"tolerance is {number(tolerance)}{limit}, with every effect kept: it is the limit of the "
+        "exact tier"
+    )

@@ -1,0 +1,1 @@
+"""What takes a stream, of any source, recorded or live: readout, link, display, board."""

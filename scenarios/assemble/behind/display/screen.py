@@ -1,0 +1,217 @@
+"""The display behind a source: made, judged and told of here, whatever the source is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cosim import SpikeStream
+from cosim.compute.opencl import Device
+from cosim.compute.stopping import threads
+from cosim.config.amounts import number
+from cosim.run.machine import Outcome, Page, Run
+from cosim.run.progress import Progress
+from cosim.run.result import Metric, Throughput
+from display.camera.rolling import make_shutter
+from display.camera.stage import PanelCamera
+from display.chain.display import DisplayChain, make_display_chain
+from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
+from display.panels.panel import fit_words
+from display.probes.setup import ProbeCamera
+from scenarios.assemble.behind.display.filmed import FramesFilmer
+from scenarios.assemble.behind.display.sections import (
+    display_cards,
+    display_quality,
+    display_sections,
+    display_simulated,
+)
+from scenarios.assemble.behind.display.shown import Filmer, Shown
+from scenarios.assemble.behind.display.spike_camera import make_spikes_filmer
+from scenarios.assemble.behind.display.tables import display_lines
+from scenarios.assemble.schema.filming import SpikesSection
+from scenarios.assemble.schema.scenario import RecordingScenario, StreamScenario
+from scenarios.assemble.source.feeds import Feed
+
+
+@dataclass(frozen=True, eq=False)
+class ScreenViews:
+    """What is made of a stream on its display.
+
+    Attributes:
+        display: what the observers have seen.
+        stream: the planes shown.
+    """
+
+    display: DisplayOutcome
+    stream: SpikeStream
+
+
+@dataclass(frozen=True, eq=False)
+class Screen:
+    """A display that a stream is played into.
+
+    Attributes:
+        chain: the stages of the display.
+        camera: the camera that films it; None without one.
+        feed: what it shows.
+        probe: a camera for its probes; None if the source has none.
+        instants: cycles of the images.
+        anew: makes the same display for a feed with another plan.
+    """
+
+    chain: DisplayChain
+    camera: Filmer | None
+    feed: Feed
+    probe: ProbeCamera | None
+    instants: Sequence[int]
+    anew: Callable[[Feed], Screen]
+
+    @property
+    def notes(self) -> list[str]:
+        every = [] if self.feed.planned else ["the display keeps every effect"]
+        return [*every, *self.chain.notes]
+
+    def renewed(self, feed: Feed) -> Screen:
+        """The same display before its first block, for a feed with another plan."""
+        self.chain.close()
+        return self.anew(feed)
+
+    def stages(self, stages: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """The stages of a stream with those of the display and its camera."""
+        filming = {} if self.camera is None else self.camera.stages(folder)
+        return self.chain.stages(stages) | filming
+
+    def judge(
+        self, outcome: Outcome, stream: SpikeStream, folder: Path, seconds: dict[str, float],
+        progress: Progress,
+    ) -> Outcome:  # fmt: skip
+        """The outcome of a source with that of its display; its views are `ScreenViews`. Writes the
+        observers' images.
+
+        Args:
+            outcome: outcome of the source.
+            stream: the planes shown.
+            folder: folder of the run.
+            seconds: wall time of each stage, s; that of probes and images is added.
+            progress: told of the probes.
+        """
+        chain, feed, begin = self.chain, self.feed, time.perf_counter()
+        with threads(1) as beside:  # neither of the two loads two cores
+            probing = beside.submit(self._probes, progress)
+            fidelity = chain_fidelity(chain)
+            seen = DisplayOutcome.of(chain, fidelity, probing.result())
+        seconds["probes"] = time.perf_counter() - begin
+        begin = time.perf_counter()
+        mosaic = None if chain.section.colour is None else feed.mosaic
+        files, filmed = write_observer_images(folder, seen, mosaic), {}
+        if self.camera is not None:
+            files += self.camera.write(folder, [feed.clock.middle(n) for n in self.instants])
+            filmed = self.camera.metrics()
+        seconds["images of the display"] = time.perf_counter() - begin
+        effects, own = [], {}
+        if not feed.planned:  # else the plan of the source says both
+            effects = [effect.name for effect in chain.setting.acting_effects]
+            rate = chain.panel_stage.fired / (feed.cycles * feed.shape[0] * feed.shape[1])
+            own = {
+                "shown_rate": Metric(rate, "spikes/cycle"),
+                "shown_white_rate": Metric(feed.white_rate, "spikes/cycle"),
+            }
+        speeds = []
+        if seconds.get("display"):  # a run that goes on may have left nothing to do
+            speeds = [Throughput("display", feed.cycles / seconds["display"], "planes/s")]
+        return replace(
+            outcome,
+            renderer=chain.panel_stage.renderer.name,
+            kept=[*outcome.kept, *effects],
+            metrics={**outcome.metrics, **seen.metrics(), **own, **filmed},
+            latency=[*outcome.latency, *seen.latency()],
+            throughput=[*outcome.throughput, *speeds],
+            files=[*outcome.files, *files],
+            table=display_lines(seen),
+            views=ScreenViews(seen, stream),
+        )
+
+    def _probes(self, progress: Progress) -> Any:
+        """Blur, flicker and delay; None without a camera to probe with."""
+        if self.probe is None:
+            return None
+        return self.chain.probes(self.probe, progress, self.feed.pst_lm)
+
+    def page(self, run: Run, views: ScreenViews, page: Page) -> Page:
+        """The page of a source with the sections of its display first."""
+        lit, panel = self.chain.references is not None, self.chain.panel
+        shown = Shown(
+            run, views.display, self.feed.clock, list(self.instants), views.stream, self.camera,
+            # The page of a source whose images are not those of the display has an overview too.
+            "overview.png" if self.feed.planned else "displays.png",
+        )  # fmt: skip
+        body, (*files, clip) = display_sections(shown)
+        told = (
+            f"{page.subtitle}; {panel.shape[1]} x {panel.shape[0]} spike-continuous panel, "
+            f"{panel.drive}, {number(panel.clock.hz / 1e3)} kHz, {number(panel.luminance)} cd/m², "
+            f"drawn by {run.result.renderer}"
+        )
+        return replace(
+            page,
+            subtitle=told,
+            simulated=f"{page.simulated} {display_simulated(shown)}",
+            cards=[*display_cards(shown), *page.cards],
+            good=f"How good {'camera and display are together' if lit else 'the display is'}",
+            quality=display_quality(shown),
+            sections=[*body, *page.sections],
+            files=list(dict.fromkeys([*files, *page.files, clip])),
+        )
+
+
+def make_screen(
+    scenario: StreamScenario, instants: Sequence[int], device: Device | None, feed: Feed
+) -> Screen:
+    """The display of a scenario.
+
+    Args:
+        scenario: the scenario, with a [display].
+        instants: cycles of the images.
+        device: OpenCL device of the display and of a spike camera before it, None for the default.
+        feed: what the display shows.
+
+    Raises:
+        InputError: the panel cannot show the stream, the display cannot be rendered, or no frame
+            of the camera fits.
+    """
+    section = scenario.display
+    assert section is not None
+    pursuit, setting = feed.pursuit(section), feed.planned
+    if setting is None:
+        panel = section.panel(feed.shape, feed.clock, 0.0, feed.white_rate)
+        setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
+    chain = make_display_chain(
+        section, feed.shape, None if feed.scene is None else feed.scene.illuminance, feed.cycles,
+        instants, setting, pursuit, [] if feed.source is None else feed.source.points(), device,
+    )  # fmt: skip
+    try:
+        camera = _camera(scenario, chain, feed, device)
+        anew = partial(make_screen, scenario, instants, device)
+        return Screen(chain, camera, feed, feed.probe_camera(), instants, anew)
+    except BaseException:
+        chain.close()
+        raise
+
+
+def _camera(
+    scenario: StreamScenario, display: DisplayChain, feed: Feed, device: Device | None
+) -> Filmer | None:
+    """The camera that films a display; None without a [camera]. Raises InputError if it does not
+    fit the panel or the run."""
+    section, panel, mapping = scenario.camera, display.panel, None
+    if section is None:
+        return None
+    if panel.shape != feed.shape:
+        mapping = fit_words(display.section.fit, feed.shape, panel.shape)
+    if isinstance(section, SpikesSection):
+        return make_spikes_filmer(section, panel, feed.cycles, scenario.seed, device, mapping)
+    shutter = make_shutter(section, panel, feed.cycles, isinstance(scenario, RecordingScenario))
+    return FramesFilmer(PanelCamera(section, shutter, scenario.seed, mapping))

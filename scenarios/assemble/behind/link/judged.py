@@ -1,0 +1,342 @@
+"""Evaluation of a stream that crossed a link: what it cost in picture, in time and in bits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim import SpikeStream
+from cosim.config.amounts import number
+from cosim.files import ZarrStream
+from cosim.run.machine import Outcome
+from cosim.run.result import Latency, Metric, Throughput, latency_rows
+from cosim.spikes.viform import words_for
+from display.chain.display import DisplayChain
+from display.probes.latency import PARTS, spike_latency
+from display.probes.latency import Latency as StepLatency
+from display.probes.metrics import DIM, GREY, NAMES, WHITE
+from display.probes.setup import ProbeCamera
+from link.evaluation.delay import LIGHT
+from link.evaluation.metrics import lock_metrics
+from link.receiving import Received
+from scenarios.assemble.behind.link.carrier import LINK_STREAM, RECEIVED, Carrier
+from scenarios.assemble.behind.link.ends import FarEnd, NearEnd
+from scenarios.assemble.behind.link.rates import RatePoint, code_rates
+from scenarios.assemble.schema.scenario import ImageSection
+from scenarios.assemble.source.feeds import Feed
+from sensor.reconstruct.fidelity import judge, psnr, to_white
+from sensor.reconstruct.playback import tfp
+from sensor.reconstruct.shots import LATCHED, Shot, Truth, spike_rate, take_shots
+
+WATCHED: Final = (DIM, GREY, WHITE)
+"""Lights after a step that is watched through the whole chain, spikes a cycle."""
+_PART = 8
+"""Words that are compared at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class CarrierOutcome:
+    """A link after its last block.
+
+    Attributes:
+        carrier: code and link.
+        lit: whether the truth of the images is the light of a scene.
+        direct, through: images from the stream that was sent and from the decoded one.
+        received: result of the receiver.
+        near, far: the ends of the link.
+        rates: every code at every rate, on a part of the stream.
+        rated: cycle of the image of that part.
+        views: data of the machine for its own page.
+    """
+
+    carrier: Carrier
+    lit: bool
+    direct: list[Shot]
+    through: list[Shot]
+    received: Received
+    near: NearEnd
+    far: FarEnd
+    rates: list[RatePoint]
+    rated: int
+    views: object
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """How the pictures at both ends of a link are taken.
+
+    Attributes:
+        feed: the source; the true light is that of its scene.
+        instants: cycles of the images.
+        image: the window of the images.
+        display: the display at the far end; None for none.
+        probe: the source in the small, for the display's probes; None if it has none.
+        before: latencies of the source, up to the stream.
+        after: latencies of the display, if it has no probe.
+    """
+
+    feed: Feed
+    instants: list[int]
+    image: ImageSection
+    display: DisplayChain | None = None
+    probe: ProbeCamera | None = None
+    before: Sequence[Latency] = ()
+    after: Sequence[Latency] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Sent:
+    """The TFP of a stream in the place of its true light, which nobody knows."""
+
+    stream: SpikeStream
+    watch: Watch
+
+    def truth(self, ps: int) -> npt.NDArray[np.float32]:
+        image = self.watch.image
+        mean = tfp(
+            self.stream, self.stream.clock.cycle_at(ps), image.window, preceding=image.preceding
+        )
+        return to_white(mean, self.watch.feed.white_rate).astype(np.float32)
+
+
+def _differences(sent: SpikeStream, shown: SpikeStream) -> tuple[int, int]:
+    """Spikes of the first stream that the second lacks in their cycle, and spikes that only the
+    second has."""
+    lost = added = 0
+    for first in range(0, words_for(sent.cycles), _PART):
+        a, b = (each.read_words(first, first + _PART) for each in (sent, shown))
+        lost += int(np.bitwise_count(a & ~b).sum(dtype=np.int64))
+        added += int(np.bitwise_count(b & ~a).sum(dtype=np.int64))
+    return lost, added
+
+
+def _psnr(shots: Sequence[Shot]) -> Metric:
+    return judge(shots, LATCHED)["tfp_psnr"]
+
+
+def _typical(shots: Sequence[Shot]) -> Shot:
+    """The image of median fidelity: the one in the middle of a run may be that of a step."""
+    return sorted(shots, key=lambda shot: psnr(shot.tfp, shot.truth))[len(shots) // 2]
+
+
+def _rows(stage: str, cycles: npt.ArrayLike, period_ps: float) -> list[Latency]:
+    ps = np.asarray(np.rint(np.asarray(cycles, np.float64) * period_ps), np.int64)
+    return latency_rows(stage, ps)
+
+
+def _latency(carrier: Carrier, far: FarEnd, period_ps: float) -> list[Latency]:
+    """Time of each stage from the latch of a spike until it is shown, over all packets.
+
+    A packet waits for the end of its group, in the send buffer, and is on the panel for the rest of
+    its blocks; then it waits until its group is shown. Every spike takes the same time in all. The
+    waits for the code and to be shown are those of a spike in the middle of its group.
+    """
+    setup, hold = carrier.setup, carrier.hold
+    if not far.arrivals:
+        return []
+    group = carrier.section.cycles
+    ends = np.array([end for _, _, end in far.arrivals], np.int64) + setup.lead
+    ticks = np.array([tick for tick, _, _ in far.arrivals], np.int64)
+    begun = np.array([setup.first_cycle(setup.block_until(int(tick))) for tick in ticks])
+    flight = setup.setting.air.distance / LIGHT * 1e12 / period_ps
+    panel = setup.block_cycles
+    read = ticks - begun - panel - flight
+    return [
+        *_rows("code", [0, group / 2, group], period_ps),
+        *_rows("send buffer", begun - ends, period_ps),
+        *_rows("panel", [panel], period_ps),
+        *_rows("air", [flight], period_ps),
+        *_rows("link chip", read, period_ps),
+        *_rows("wait to be shown", ends - group / 2 + hold - ticks, period_ps),
+    ]
+
+
+def _watched(carrier: Carrier, watch: Watch) -> list[StepLatency]:
+    """Steps of light from the dark, filmed, coded with the link's share of bits, decoded and shown:
+    the time until the display has gone half way, without the hold of the link. [] without a display
+    or a camera to probe it with."""
+    if watch.display is None or watch.probe is None:
+        return []
+    panel = watch.display.panel
+    rows = spike_latency(carrier.probe(watch.probe), panel, WATCHED, watch.probe.seed)
+    return [row for row in rows if row.drive == panel.drive and row.way == "rise"]
+
+
+def carrier_speeds(carrier: Carrier, spent: Mapping[str, float]) -> list[Throughput]:
+    """Speeds of the stages of a link. spent: wall time of each stage, s."""
+    link = carrier.setup
+    return [
+        Throughput("code", carrier.stream.pixel_cycles / spent["code"], "pixel-cycles/s"),
+        Throughput("air", link.symbols * link.mode.ticks / spent["air"], "planes/s"),
+        Throughput("link.sensor", link.pixel_cycles / spent["link.sensor"], "pixel-cycles/s"),
+        Throughput("receiver", link.cycles / spent["receiver"], "planes/s"),
+    ]
+
+
+def judge_carrier(
+    carrier: Carrier, watch: Watch, stages: Mapping[str, Any], sent: Path,
+    seconds: dict[str, float], outcome: Outcome,
+) -> Outcome:  # fmt: skip
+    """The outcome of a run with a link.
+
+    Args:
+        carrier: code and link.
+        watch: how pictures are taken at both ends.
+        stages: stages of the whole chain, after its last block.
+        sent: recording of the stream that was sent, in the folder of the run.
+        seconds: wall time of each stage, s; that of the rates is added.
+        outcome: outcome of the source and the display, which shows the decoded stream.
+    """
+    near, far = stages["code"], stages["receiver"]
+    received = far.receiver.received
+    assert received is not None
+    stream, clock = carrier.stream, carrier.stream.clock
+    streams = [ZarrStream(sent), ZarrStream(sent.with_name(RECEIVED))]
+    scene: Truth | None = watch.feed.source
+    lit, truth = scene is not None, scene or _Sent(streams[0], watch)
+    direct, through = (
+        take_shots(
+            each, truth, watch.instants, watch.image.window, watch.feed.white_rate,
+            preceding=watch.image.preceding,
+        )
+        for each in streams
+    )  # fmt: skip
+    lost, added = _differences(*streams)
+    count = near.sender.counts
+    on_time = sum(size for _, size, _ in far.arrivals)
+    hold_us = carrier.hold * 1e6 / clock.hz
+    watched = _watched(carrier, watch)
+    photon = {
+        f"latency_photon_{NAMES[row.rate]}_us": Metric(
+            row.total.median + hold_us, "us", "no pixel responds within the probe"
+        )
+        for row in watched
+    }
+    rows = [
+        Latency(stage, part.low, part.median, part.high)
+        for row in watched
+        if row.rate == GREY
+        for stage, part in zip(PARTS, row.parts, strict=True)
+    ]
+    latency = [*watch.before, *_latency(carrier, far, 1e12 / clock.hz)]
+    metrics = {
+        **outcome.metrics,
+        "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
+        "psnr_direct": _psnr(direct)
+        if lit
+        else Metric(None, "dB", "no image has light within the run"),
+        "psnr_through_link": _psnr(through)
+        if lit
+        else Metric(None, "dB", "no image has light within the run"),
+        "stream_bps": Metric(8 * count.coded_bytes / stream.seconds, "bit/s"),
+        "goodput_bps": Metric(8 * on_time / stream.seconds, "bit/s"),
+        "link_bps": Metric(carrier.setup.rate * clock.hz, "bit/s"),
+        "code_bits_per_pixel_cycle": Metric(8 * count.coded_bytes / stream.pixel_cycles, "bit"),
+        "sent_bits_per_pixel_cycle": Metric(8 * on_time / stream.pixel_cycles, "bit"),
+        "dropped_spikes": Metric(lost, "spikes"),
+        "added_spikes": Metric(added, "spikes"),
+        "packets_dropped": Metric(count.dropped, "packets"),
+        "packets_late": Metric(far.late, "packets"),
+        "tiles_missing": Metric(far.missing, "tiles"),
+        "tiles_held": Metric(sum(held for _, _, held in far.gaps), "tiles"),
+        "recovery_us": Metric(
+            _recovery(carrier, far), "us", "no packet was missed, or the picture did not come back"
+        ),
+        "buffer_peak_bytes": Metric(count.peak_bytes, "bytes"),
+        "latency_us": Metric(hold_us, "us"),
+        "latency_photon_us": photon.get(
+            f"latency_photon_{NAMES[GREY]}_us",
+            Metric(None, "us", "the delay of light is not probed with this source"),
+        ),
+        **photon,
+        "frames_received": Metric(received.frames_right, "frames"),
+        "frames_lost": Metric(far.receiver.frames_lost, "frames"),
+        "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
+        **lock_metrics(carrier.setup.lock),
+    }
+    begin = time.perf_counter()
+    rated = _typical(direct)
+    rates = code_rates(
+        streams[0], rated, stream.code, stream.feed.threshold, stream.feed.noise,
+        watch.image.window, watch.feed.white_rate,
+    )  # fmt: skip
+    seconds["rates"] = time.perf_counter() - begin
+    worse = _causes(carrier, received, far, count.dropped)
+    error = outcome.error
+    if error.kind is not None and "behind a code" not in error.kind:
+        error = replace(error, kind=f"{error.kind}; before the link")
+    return replace(
+        outcome,
+        error=error,
+        outcome="degraded" if worse and outcome.outcome == "ok" else outcome.outcome,
+        kept=[*outcome.kept, *carrier.kept],
+        left_out=[*outcome.left_out, *carrier.left_out],
+        metrics=metrics,
+        latency=[*latency, *(rows or watch.after)],
+        files=[*outcome.files, LINK_STREAM, RECEIVED],
+        notes=[*outcome.notes, *worse, *carrier.link.beyond],
+        views=CarrierOutcome(
+            carrier,
+            lit,
+            direct,
+            through,
+            received,
+            near,
+            far,
+            rates,
+            rated.cycle,
+            outcome.views,
+        ),
+    )
+
+
+def _recovery(carrier: Carrier, far: FarEnd) -> float | None:
+    """Time from the end of the last blockage, or from the receiver's first cycle if it joins late,
+    to the filming of the first group that is shown whole from then on, us; None without either."""
+    clock, lead = carrier.stream.clock, carrier.setup.lead
+    blocked = carrier.setup.setting.aim.blocked
+    ends = [clock.cycle_at(stop) - lead for _, stop in blocked]
+    if carrier.joins:
+        ends.append(carrier.joins - lead)
+    if not ends:
+        return None
+    if not far.gaps:
+        return 0.0
+    whole = far.gaps[-1][0] + carrier.section.cycles
+    return max(whole - max(ends), 0) * 1e6 / clock.hz
+
+
+def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> list[str]:
+    """What the stream has lost on its way, and why."""
+    causes = []
+    verdict = f"{received.verdict.cause.value}: {received.verdict.text}"
+    lost = far.receiver.frames_lost
+    if not received.instants:
+        causes.append(f"nothing arrived over the link: {verdict}")
+    elif lost and far.receiver.interruptions:
+        spans = ", ".join(
+            f"{number(carrier.stream_ms(low), 4)} to {number(carrier.stream_ms(high), 4)} ms"
+            for low, high in far.receiver.interruptions
+        )
+        causes.append(f"the light of the link was interrupted at {spans}: {lost} frames were lost")
+    elif lost:
+        causes.append(f"{lost} frames of the link were lost: {verdict}")
+    if dropped:
+        causes.append(
+            f"{dropped} packets were not sent: the link carries less than the stream brings"
+        )
+    if far.gaps:
+        first, last = far.gaps[0][0], far.gaps[-1][0] + carrier.section.cycles
+        hz = carrier.stream.clock.hz
+        causes.append(
+            f"{far.missing} tiles of groups were shown dark and "
+            f"{sum(held for _, _, held in far.gaps)} with the rate that they had last, between "
+            f"{number(first / hz * 1e3, 4)} and {number(last / hz * 1e3, 4)} ms of the stream"
+        )
+    return causes

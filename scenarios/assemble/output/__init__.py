@@ -1,1 +1,0 @@
-"""The digital output of a latched chip in a run: the section [readout]."""

@@ -1,1 +1,0 @@
-"""A stream of any source is played into the display: its feed, the run, and its pages."""

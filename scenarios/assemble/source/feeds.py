@@ -1,0 +1,168 @@
+"""The output of every kind of source as spike planes for a display.
+
+| source | planes |
+|---|---|
+| asynchronous pixels | each full spike in the cycle of sensor.clock that latches it |
+| the same, sending changes alone | the rate Q / width, held until the next event |
+| continuous pixels | the reported value, held; the scene's white fires at sensor.lens.white_rate |
+| imagers | the digital number, held from the end of one readout to that of the next |
+| a recorded stream | its planes as they are |
+
+Held values fire by a digital integrate-and-fire in integers (`HeldPlanes`): their rate is the value
+over that of a spike in every cycle, and the number of spikes is within one of the closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from cosim import Clock
+from cosim.compute.opencl import Device
+from cosim.light.mosaic import Mosaic
+from cosim.light.source import Source
+from cosim.run.machine import Outcome, Recording
+from cosim.run.result import Metric
+from cosim.spikes.clocked import ClockedEvents, HeldPlanes
+from cosim.stage import Stage
+from display.chain.pursuit import Pursuit, pursuit_of, pursuit_without_scene
+from display.probes.setup import ProbeCamera
+from display.section import DisplaySection
+from display.setting import DisplaySetting
+from scenarios.scenes.catalogue import SceneSection
+from scenarios.scenes.kinds.grid import SceneGrid
+
+if TYPE_CHECKING:
+    from cosim.plan.paired import Words
+    from cosim.plan.tiles import PatchPlane
+
+    Through = Callable[[PatchPlane], Callable[[Words, int], Words]]
+
+THRESHOLD: Final = 1000.0
+"""Threshold of pixels that have none, electrons: of an unknown chip, and of held values. The
+statistical code takes its noise for that of the spikes, and the link's chip has it by default."""
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """The stage that makes the planes of what stands behind a source from its recording.
+
+    Attributes:
+        stage: emits the planes of each block; its input is not used.
+        stored: whether the planes are the stream of the run's folder already.
+        partial: readings of the charge without a spike, which are not shown.
+    """
+
+    stage: Stage
+    stored: bool = False
+    partial: int = 0
+
+    def metrics(self) -> dict[str, Metric]:
+        """What the planes hold and lack, after the last block."""
+        stage, found = self.stage, {}
+        if isinstance(stage, ClockedEvents):
+            found = {
+                "shown_spikes": stage.spikes, "shown_lost": stage.lost, "shown_late": stage.late,
+                "shown_readings_left_out": self.partial,
+            }  # fmt: skip
+        if isinstance(stage, HeldPlanes):
+            found = {
+                "shown_spikes": stage.spikes, "shown_values": stage.given,
+                "shown_clipped": stage.clipped,
+            }  # fmt: skip
+        return {name: Metric(float(count), "1") for name, count in found.items()}
+
+    def notes(self) -> list[str]:
+        """What the user must know of the planes."""
+        stage, notes = self.stage, []
+        if isinstance(stage, ClockedEvents) and stage.lost:
+            share = stage.lost / (stage.spikes + stage.lost)
+            notes.append(
+                f"{stage.lost} spikes ({share:.2g} of all) came in a cycle in which their pixel "
+                "had fired already and are not shown: raise sensor.clock"
+            )
+        if isinstance(stage, HeldPlanes) and stage.clipped:
+            notes.append(
+                f"{stage.clipped} of {stage.given} values are above a spike in every cycle and are "
+                "shown as that"
+            )
+        if self.partial:
+            notes.append(f"{self.partial} readings of pixels that did not fire are not shown")
+        return notes
+
+
+@dataclass(frozen=True, eq=False)
+class Feed:
+    """How the output of a machine feeds what stands behind it.
+
+    Attributes:
+        shape: (height, width) of the planes.
+        clock, cycles: clock and number of the planes.
+        white_rate: spikes a cycle of the scene's white.
+        white: what white means, in words, for the notes; "" for nothing to say.
+        scene: section [scene]; None for a stream without one.
+        threshold, noise: threshold and noise of the pixels whose spikes the planes are, electrons;
+            of pixels that have none, those of an unknown chip.
+        live: whether the stages of the machine's own chain make the planes, so that all that stands
+            behind it runs in that chain.
+        pst_lm: whether PstLM is probed: a minute of light takes slow pixels minutes.
+        device: OpenCL device that the machine has opened; None for none.
+        mosaic: filter array on the pixels; None for none.
+    """
+
+    pst_lm: ClassVar[bool] = False
+    shape: tuple[int, int]
+    clock: Clock
+    cycles: int
+    white_rate: float
+    white: str
+    scene: SceneSection | None = None
+    threshold: float = THRESHOLD
+    noise: float = 0.0
+    live: bool = False
+    device: Device | None = None
+    mosaic: Mosaic | None = None
+
+    @property
+    def planned(self) -> DisplaySetting | None:
+        """The display as the plan of the machine simulates it; None where it keeps every effect."""
+        return None
+
+    @cached_property
+    def source(self) -> Source | None:
+        """The scene of the recording, for one pass; None without one."""
+        return self._draw()
+
+    def _draw(self) -> Source | None:
+        """The scene on the pixels of the planes."""
+        if self.scene is None:
+            return None
+        return self.scene.source(SceneGrid(self.shape, self.clock, self.cycles, aligned=False))
+
+    def pursuit(self, section: DisplaySection) -> Pursuit:
+        """Motion that the pursuing eye of a display follows."""
+        scene = self._draw()
+        if scene is None:
+            return pursuit_without_scene(section.pursuit)
+        return pursuit_of(scene, self.clock.edge(self.cycles), section.pursuit)
+
+    def probe_camera(self) -> ProbeCamera | None:
+        """The source in the small, for the probes of a display; None if it has none."""
+        return None
+
+    def planes(self, recording: Recording, outcome: Outcome) -> Planes:
+        """The planes of a recording and its evaluation by the machine, where they are not live."""
+        raise NotImplementedError
+
+    def behind_code(self, outcome: Outcome, through: Through) -> Outcome:
+        """The outcome with the error behind a code that has left layers out, where one is measured.
+
+        through: makes, for patches, the map from their words and cycles to those behind the code.
+        """
+        return outcome
+
+    def renewed(self, machine: Any) -> Feed:
+        """That of the same machine with another plan."""
+        return self

@@ -1,1 +1,0 @@
-"""The documents of `viform plan` and `viform accuracy` for an asynchronous camera."""
