@@ -2,8 +2,7 @@
 
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.observe.views import panel_views
-from display.panels.fit import fit_words
-from display.panels.panel import SpikePanel
+from display.panels.panel import SpikePanel, fit_words
 from display.render.context import GL_INSTALL, probe_gl
 from display.render.factory import make_renderer
 from display.render.plane_by_plane import PlaneByPlane

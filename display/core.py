@@ -20,8 +20,7 @@ from cosim.compute.opencl import Device
 from cosim.plan.effects import Kind
 from cosim.spikes.viform import WORD, Words
 from cosim.stage import Stage, blocks
-from display.observe.observers import eye_time
-from display.observe.temporal import STAGES
+from display.observe.observers import STAGES, eye_time
 from display.observe.views import Observer, Views, panel_views
 from display.panels.panel import SpikePanel
 from display.render.factory import DRAW, AnyRenderer, make_renderer

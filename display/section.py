@@ -16,8 +16,7 @@ from cosim.spikes.viform import Words
 from display.drives import DRIVES
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.observe.views import Observer
-from display.panels.fit import fit_words
-from display.panels.panel import FramePanel, Projector, SpikePanel
+from display.panels.panel import FramePanel, Projector, SpikePanel, fit_words
 from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
 

@@ -26,9 +26,8 @@ from cosim.plan.effects import Kind
 from cosim.run.progress import QuietProgress
 from cosim.spikes.viform import WORD, Viform, words_for
 from cosim.stage import BLOCK, blocks
-from link.evaluation.delivery import judge_delivery
 from link.evaluation.errors import errors_of
-from link.evaluation.reception import arrival_of, receive_stream
+from link.evaluation.reception import arrival_of, judge_delivery, receive_stream
 from link.mode import Mode, Modem
 from link.prediction.rates import link_rates
 from link.receiving import Received
@@ -38,8 +37,8 @@ from link.setup.setup import FileSetup, choose_link
 from link.trial.plan import LinkPlan, LinkSurvey
 from link.trial.planned import PlannedLink, plan_link
 from link.verdict import Verdict
-from sensor.device.steering import ClockSteering
-from sensor.latched.readout import DuplicatedRows
+from sensor.device.chips import ClockSteering
+from sensor.latched.stages import DuplicatedRows
 from sensor.latched.tiers import Tier
 
 _PLANS: Final = 8

@@ -21,16 +21,15 @@ from cosim.run.chain import STREAM, BlockChain
 from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput, viform_version
-from link.evaluation.delivery import write_delivery
 from link.evaluation.judge import closed_form, evaluate_link
 from link.evaluation.metrics import link_metrics, lock_metrics
-from link.evaluation.reception import receive_stream
+from link.evaluation.reception import receive_stream, write_delivery
 from link.report.page import link_page
 from link.sending import Transmission
 from link.setup.distances import RateAt, rates_over_distance
 from link.setup.setup import FileLinkSetup
 from link.trial.planned import PlannedLink, check_plan, plan_link
-from sensor.latched.readout import readout_stages
+from sensor.latched.stages import readout_stages
 
 
 class PanelLoop(Protocol):

@@ -25,7 +25,7 @@ CODES: Final = ("reed-solomon", "ldpc")
 """Codes of the words, by their names in scenarios."""
 RATES: Final = (0.75, 0.8, 0.84, 0.88, 0.91, 0.935, 0.955, 0.97)
 """Rates of the low-density parity-check codes. From one to the next, the information that a code
-needs of a bit grows by .02 to .05 (`link.theory.ldpc_words`)."""
+needs of a bit grows by .02 to .05 (`link.theory.words`)."""
 EVERY_RATE: Final = (0.4, 0.5, 0.55, 0.6, 0.65, 0.7, *RATES)
 """Rates of a mode with a rate for each block, in the order of their numbers in a block's header, so
 a new one goes to the end."""

@@ -18,7 +18,7 @@ from link.air.projection import Places
 from link.coding import safe_name
 from link.section import LinkScenario
 from sensor import CameraSetting
-from sensor.device.steering import ClockSteering
+from sensor.device.chips import ClockSteering
 from sensor.sections.sensor import LensSection, SensorSection
 
 LEAD, TAIL = 8, 4

@@ -99,7 +99,7 @@ class Effect:
         source: source of its equation.
         stream: random stream of its draws.
         bound: bound of the error if it is left out.
-        cost: cost of keeping it, ns per pixel-cycle, from the table `costs.py` of its part.
+        cost: cost of keeping it, ns per pixel-cycle, from its table of costs.
         scope: "tile" if it is kept or left out tile by tile, "plane" if on the whole plane.
         group: effects of one group share their cost, which counts once.
         moot: name of an effect of scope "tile"; in a tile that leaves that one out, leaving this

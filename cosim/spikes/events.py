@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import Clock
-from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, unpack_planes, words_for
+from cosim.spikes.viform import WORD, SpikeStream, Words, unpack_planes, words_for
 
 _PIXELS = 2**20
 """Pixel-cycles that `event_blocks` converts at a time."""
@@ -149,32 +149,11 @@ def event_blocks(stream: SpikeStream) -> Iterator[tuple[Places, Places, Ticks, T
             yield row.astype(np.uint16), column.astype(np.uint16), time, np.concatenate(widths)
 
 
-def events_of(stream: SpikeStream) -> Events:
-    """All spikes of a synchronous stream, with the interval as width; those of one cycle are in
-    row-major order."""
-    row, column, time, width = (
-        np.concatenate(parts) for parts in zip(*event_blocks(stream), strict=True)
-    )
-    start = int(getattr(stream, "start", 0))
-    return Events(row, column, time, width, stream.shape, stream.cycles, stream.clock, start)
-
-
 def mark_planes(words: Words, row: Places, column: Places, cycle: Ticks) -> None:
     """Sets spikes in contiguous (n, H, W) words. cycle: counted from the first one in words[0]."""
     word, bit = np.divmod(cycle, WORD)
     place = (word * words.shape[1] + row) * words.shape[2] + column
     np.bitwise_or.at(words.reshape(-1), place, np.uint32(1) << bit.astype(np.uint32))
-
-
-def viform_of(events: Events) -> Viform:
-    """The spike planes of events. Raises ValueError for spikes that are not full, and for more than
-    one spike a pixel and tick."""
-    full = events.level is None or bool((events.level == events.levels).all())
-    words: Words = np.zeros((words_for(events.ticks), *events.shape), np.uint32)
-    mark_planes(words, events.row, events.column, events.time - events.start)
-    if not full or int(np.bitwise_count(words).sum(dtype=np.int64)) != len(events):
-        raise ValueError("planes hold full spikes alone, at most one a pixel and tick")
-    return Viform(words, events.ticks, events.clock, events.start)
 
 
 def only_full(events: Events) -> tuple[Events, int]:

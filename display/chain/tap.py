@@ -12,8 +12,7 @@ import numpy.typing as npt
 from cosim import Block, Clock, Light, Piece, SpikeStream
 from cosim.spikes.viform import WORD
 from display.panels.panel import FramePanel, Projector, SpikePanel
-from display.references.frames import FrameShow
-from display.references.projector import ProjectorShow
+from display.references.displays import FrameShow, ProjectorShow
 from display.render.golden import GoldenRenderer
 
 Values = npt.NDArray[np.float64]

@@ -1,6 +1,6 @@
 """The effects that the simulation of a display may leave out, with their costs and bounds."""
 
-from display.effects.costs import BASE_COST
+from display.effects.bounds import BASE_COST
 from display.effects.emission import emission_effect
 from display.effects.rows import row_timing_effect
 from display.effects.spans import SPANS, planes_effect

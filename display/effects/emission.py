@@ -8,9 +8,7 @@ import numpy as np
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
-from display.effects.bounds import JUMP
-from display.effects.costs import EMISSION
-from display.effects.statistics import dark_rate, fluctuation, spread, total_variation
+from display.effects.bounds import EMISSION, JUMP, dark_rate, fluctuation, spread, total_variation
 from display.effects.weights import steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
-from display.effects.bounds import promise
-from display.effects.costs import ROWS
+from display.effects.bounds import ROWS, promise
 from display.effects.weights import delay_change
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel

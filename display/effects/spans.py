@@ -6,8 +6,7 @@ from typing import Final
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
-from display.effects.bounds import promise
-from display.effects.costs import SPAN_COST
+from display.effects.bounds import SPAN_COST, promise
 from display.effects.weights import span_change
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel

@@ -20,11 +20,10 @@ from numba import njit
 
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
-from display.probes.camera import ProbeCamera
-from display.probes.light import MOST, edge_light, settling_cycles, too_much
+from display.probes.setup import MOST, ProbeCamera, edge_light, settling_cycles, too_much
 from display.probes.waveform import every_drive
-from display.quality.blur import bet, blur_edge_width, cmr_like, ebet
-from display.references.projector import spread_errors
+from display.quality.edges import bet, blur_edge_width, cmr_like, ebet
+from display.references.displays import spread_errors
 
 Values = npt.NDArray[np.float64]
 SPEED: Final = 4000.0

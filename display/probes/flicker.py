@@ -19,14 +19,11 @@ import numpy.typing as npt
 from cosim import Viform
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
-from display.probes.camera import ProbeCamera
-from display.probes.light import settling_cycles, steady_light, too_much
+from display.probes.setup import ProbeCamera, settling_cycles, steady_light, too_much
 from display.probes.waveform import every_drive, panel_light
-from display.quality.figures import FlickerFigures, flicker_figures
-from display.quality.flicker import risk_of
+from display.quality.flicker import LEAST_RATE, FlickerFigures, flicker_figures, risk_of
 from display.quality.pstlm import LEAST_SECONDS, pst_lm
-from display.quality.svm import LEAST_RATE
-from display.references.projector import spread_errors
+from display.references.displays import spread_errors
 
 Values = npt.NDArray[np.float64]
 Area = Literal["patch", "pixel"]

@@ -37,10 +37,9 @@ from cosim.compute.stopping import threads
 from cosim.spikes.viform import unpack_planes
 from display.drives import DRIVES
 from display.panels.panel import FramePanel, Projector, SpikePanel
-from display.probes.camera import ProbeCamera
-from display.probes.light import phased_light, settling_cycles, too_much
+from display.probes.setup import ProbeCamera, phased_light, settling_cycles, too_much
 from display.probes.waveform import panel_light
-from display.quality.latency import fallen, half_way, risen
+from display.quality.edges import fallen, half_way, risen
 
 Values = npt.NDArray[np.float64]
 Parts = Sequence[Values | float]

@@ -14,10 +14,10 @@ from cosim.compute.stopping import threads
 from cosim.run.result import Metric
 from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
 from display.probes.blur import Blur, frame_blur, spike_blur
-from display.probes.camera import ProbeCamera
 from display.probes.flicker import Flicker, frame_flicker, spike_flicker, spike_pst_lm
 from display.probes.latency import Latency, frame_latency, spike_latency
-from display.quality.blur import mprt
+from display.probes.setup import ProbeCamera
+from display.quality.edges import mprt
 
 SPARSE: Final = 0.0015
 DIM: Final = 0.018

@@ -14,9 +14,7 @@ from display.observe.integration import ObserverImages
 from display.observe.slow_motion import Film, SlowMotion
 from display.observe.views import Observer
 from display.panels.panel import FramePanel, Projector
-from display.references.frames import FrameShow
-from display.references.projector import ProjectorShow
-from display.references.truth import TruthShow
+from display.references.displays import FrameShow, ProjectorShow, TruthShow
 
 TRUTH = "truth"
 """Name of the true light among the displays."""

@@ -17,11 +17,9 @@ from cosim.compute.memory import check_memory
 from cosim.compute.opencl import Device, open_device, wide_cl
 from cosim.compute.outputs import Outputs
 from display.observe.views import Views
-from display.panels.emission import LEVELS, relaxation, slow
-from display.panels.panel import SpikePanel
+from display.panels.panel import LEVELS, SpikePanel, relaxation, slow
 from display.render.golden import FOREVER
-from display.render.pieces import split_images, takes_light
-from display.render.shader import states
+from display.render.shader import split_images, states, takes_light
 
 GROUPS: Final = 4
 """Number of groups of sixteen pixels that a work-item steps together."""

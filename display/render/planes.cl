@@ -71,7 +71,7 @@ inline int16 nearest(const float16 x)
     const int16 cut = convert_int16_rtz(x + 0.5f);
     return cut + (convert_float16(cut) > x + 0.5f);
 }
-// The part of a plane under constant drive; up, down: `relaxation` (display/panels/emission.py).
+// The part of a plane under constant drive; up, down: `relaxation` (display/panels/panel.py).
 #define RELAX(drive, up, down)                                                                     \
     {                                                                                              \
         const float16 to = drive, from = convert_float16(level[i]) * unit;                         \

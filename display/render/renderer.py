@@ -20,13 +20,22 @@ from cosim import InputError
 from cosim.compute.memory import check_memory
 from cosim.spikes.viform import WORD
 from display.observe.views import Views
-from display.panels.emission import LEVELS, relaxation, slow
-from display.panels.panel import SpikePanel
+from display.panels.panel import LEVELS, SpikePanel, relaxation, slow
 from display.render.context import DRAW_BUFFERS, check_alive, open_context
 from display.render.exposure import Exposures
 from display.render.golden import FOREVER
-from display.render.pieces import Piece, group_size, pieces, split_images, takes_light
-from display.render.shader import GROUPS, DriveSwitches, ObserverSwitches, states, vertex
+from display.render.shader import (
+    GROUPS,
+    DriveSwitches,
+    ObserverSwitches,
+    Piece,
+    group_size,
+    pieces,
+    split_images,
+    states,
+    takes_light,
+    vertex,
+)
 
 PLANES = 128
 """Maximum number of planes in a draw call: four words per pixel."""

@@ -13,8 +13,7 @@ from cosim.report.figures import INK, LINE, subplots
 from cosim.report.parts import Card, figure, plot
 from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.result import Metric
-from display.camera.law import pulse_banding
-from display.camera.stage import PanelCamera
+from display.camera.stage import PanelCamera, pulse_banding
 from display.report.shown import Shown
 
 _PICTURES: Final = 8

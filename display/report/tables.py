@@ -10,7 +10,7 @@ from display.chain.outcome import SPIKE, DisplayOutcome
 from display.probes.blur import Blur
 from display.probes.latency import Latency
 from display.probes.metrics import GREY, NAMES
-from display.quality.figures import FlickerFigures
+from display.quality.flicker import FlickerFigures
 
 _LEAST = 1e-3
 """Percentage below which a figure is the rounding of float32."""

@@ -23,7 +23,7 @@ from typing import Final, Protocol
 from cosim import InputError
 from cosim.errors import quote, shorten
 from rtl_model.cycle import Bridge
-from rtl_model.cycle.line import LineCounters
+from rtl_model.cycle.system import LineCounters
 from rtl_model.geometry import Geometry
 from rtl_model.registers import reset_value
 from rtl_model.registers.design import IDENTIFIER, Design, Update

@@ -12,7 +12,7 @@ of which sampling leaves the distance to the nearest whole number: a low frequen
 and brighter, f L / f_clock = f t_row cycles a row; one near the clock, slanted stripes.
 
 Photoelectrons and dark electrons (Poisson) fill the well; reset, white and transfer noise of the
-sensor follow, by their laws of temperature and clock (`sensor.dynamic_range.noise`); S volts an
+sensor follow, by their laws of temperature and clock (`sensor.dynamic_range.parts`); S volts an
 electron; circuit noise and the supply's ripple; analog gain m; a converter with its noise, whose
 zero lies `black` codes below darkness; digital gain n, rounded, into a word as wide as the
 converter's. `Chain` (`viform design dynamic-range`) is its closed form.

@@ -4,9 +4,8 @@ from link.air.air import Air, lens_psf
 from link.air.effects import Change, air_effects
 from link.air.emission import Source
 from link.air.geometry import image_of
-from link.air.names import Scene
 from link.air.radiometry import f_number_for, levels
-from link.air.setting import Aim, AirSetting, Optics
+from link.air.setting import Aim, AirSetting, Optics, Scene
 from link.air.summary import LinkSummary, ber, ber_units, link_summary
 
 __all__ = [

@@ -14,16 +14,13 @@ from cosim import Block, Light, Piece, Plane
 from cosim.compute.cores import cores
 from cosim.compute.stopping import threads
 from link.air.emission import Emission, Source
-from link.air.fog import halo_angle
 from link.air.geometry import image_of, lengths
 from link.air.kernel import Psf
 from link.air.motion import vibration
-from link.air.names import NAMES, Scene, simplified
-from link.air.patches import FlickerSeries, flicker_of
 from link.air.projection import Places, cut, projection_of
-from link.air.radiometry import levels
-from link.air.setting import Optics
-from link.air.sun import sun_glare, sun_image
+from link.air.radiometry import halo_angle, levels, sun_glare, sun_image
+from link.air.scintillation import FlickerSeries, flicker_of
+from link.air.setting import NAMES, Optics, Scene, simplified
 from link.timing import Registration
 from sensor import CameraSetting
 

@@ -32,16 +32,13 @@ from cosim import Bound, Effect, Summary
 from cosim.compute.streams import Stream
 from cosim.plan.effects import free
 from link.air.air import lens_psf
-from link.air.fog import extinction, forward_share
 from link.air.geometry import affine_at, image_of, panel_corners
 from link.air.kernel import Psf, kernel_table, taps
 from link.air.motion import DAMPING
-from link.air.names import Scene
-from link.air.patches import flicker_of
-from link.air.radiometry import levels
-from link.air.scintillation import Flicker
+from link.air.radiometry import extinction, forward_share, levels, sun_glare, sun_image
+from link.air.scintillation import Flicker, flicker_of
+from link.air.setting import Scene
 from link.air.summary import LinkSummary, ber_units, flicker_units
-from link.air.sun import sun_glare, sun_image
 from sensor import CameraSetting
 
 _PHASES: Final = 32
@@ -49,7 +46,7 @@ _STILL: Final = 1e6
 """Correlation time of air without wind, s."""
 
 # ns for each camera pixel of a new plane of light, on one loaded core at 2.5 GHz. The costs decide
-# the order in which the planner leaves effects out, as in `sensor/latched/effects/costs.py`.
+# the order in which the planner leaves effects out, as in `sensor/latched/effects/effect.py`.
 _COSTS: Final = {
     "lens blur": 6.0,  # 4 x 4 taps for 2 x 2
     "diffraction": 1e-3,

@@ -22,10 +22,10 @@ from cosim import Summary
 from cosim.plan.error import CONFIDENCE
 from link.air.air import lens_psf
 from link.air.geometry import affine_at, image_of
-from link.air.names import Scene
 from link.air.projection import projection_of
 from link.air.radiometry import levels
 from link.air.scintillation import Flicker
+from link.air.setting import Scene
 from link.theory.intervals import NORMAL
 from sensor import CameraSetting
 

@@ -21,7 +21,7 @@ from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
 from link.layout import Layout
 
 FRAME_SPENT: Final = 19
-"""Bytes of a frame that are not the file's: head, packet number, CRC (`link.coding.frames`)."""
+"""Bytes of a frame that are not the file's: head, packet number, CRC (`link.coding.boxes`)."""
 _ALIGNMENT: Final = 8
 """The size of the fountain's symbols is a multiple of it."""
 _KEY: Final = 0x53435241

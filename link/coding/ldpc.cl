@@ -1,4 +1,4 @@
-// Decoding of low-density parity-check words: the bits of link/coding/ldpc_numpy.py. A work-group
+// Decoding of low-density parity-check words: the bits of link/coding/ldpc_decoding.py. A work-group
 // decodes a word; each of its ITEMS work-items takes every ITEMS-th stretch of LANES of the Z checks
 // of a row. Defined outside: ITEMS, LANES, Z, ROWS, COLUMNS, FIRST (the first parity column), EDGES,
 // DEGREE (the largest of a row), DATA_BITS, WORD_BITS, and MESSAGE,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device, wide_cl
 from cosim.errors import InputError
-from link.coding.ldpc_numpy import MESSAGE, OFFSET, SOFT, SUM
+from link.coding.ldpc_decoding import MESSAGE, OFFSET, SOFT, SUM
 
 if TYPE_CHECKING:
     from link.coding.ldpc import Ldpc
@@ -30,7 +30,7 @@ def decode_on_device(
     device: Device, code: Ldpc, soft: npt.NDArray[np.int8], rounds: int,
     data: npt.NDArray[np.uint8], ok: npt.NDArray[np.bool_], spent: npt.NDArray[np.int32],
 ) -> None:  # fmt: skip
-    """Decodes words as `link.coding.ldpc_compiled.decode_words` does.
+    """Decodes words as `link.coding.ldpc_decoding.decode_words` does.
 
     Raises:
         ValueError: if the lifting size is no multiple of 16.

@@ -6,6 +6,11 @@ or shortened until whole words fill the block. A small panel has shorter words, 
 a word. With interleaving, bit b of word w is at place w + p(b) words of the row, p a permutation
 that keeps neighbours apart: a small obstacle before the panel takes a few bits of every word, and a
 wide one bits of all columns of the graph, which could not find two whole columns.
+
+The loops of blocks with soft decisions, compiled: from the soft values of cells to those of
+words, and from decoded words back to the bits that were wrong.
+
+Rows and words are those above.
 """
 
 from __future__ import annotations
@@ -16,19 +21,173 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit, prange
 
+from cosim.compute.cores import all_cores
 from link.coding.blocks import Blocks
 from link.coding.ldpc import STEPS, Ldpc
-from link.coding.ldpc_numpy import SOFT
-from link.coding.soft_blocks_compiled import count_by_cell, gather_words, store_group
+from link.coding.ldpc_decoding import SOFT
 from link.layout import PERIOD
+
+_Bytes = npt.NDArray[np.uint8]
+_Soft = npt.NDArray[np.int8]
+
+_CELLS: Final = 4096
+"""Cells that a thread takes at once."""
+_EIGHTS: Final = 64
+"""Eights of bits of all words that a thread takes at once."""
+_U64 = np.uint64
+_SIGNS, _REST = _U64(0x8080808080808080), _U64(0x7F7F7F7F7F7F7F7F)
+_TOGETHER: Final = _U64(0x0102040810204080)
+"""Factor that brings the lowest bits of eight bytes together in the highest byte."""
+_FOURS, _TWOS, _ONES = _U64(0xFFFFFFFF), _U64(0x0000FFFF0000FFFF), _U64(0x00FF00FF00FF00FF)
+"""Every other four bytes, two bytes and byte."""
+
+
+@njit(cache=True, nogil=True)
+def _store(soft, stream, bit, steps, most, out):  # type: ignore[no-untyped-def]
+    """Fills out, (n,) int8, with soft values in steps, their sign turned where the keystream's bit
+    is 1; NaN as 0."""
+    for c in range(len(out)):
+        value = soft[c] * steps
+        value = value if value == value else np.float32(0)
+        turn = np.float32(1 - 2 * ((stream[c] >> bit) & 1))
+        out[c] = np.int8(np.rint(min(max(value, -most), most) * turn))
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def store_group(soft, stream, steps, most, out):  # type: ignore[no-untyped-def]
+    """Quantises the soft values of a group and takes its keystream off.
+
+    Args:
+        soft: (symbols, cells) float32.
+        stream: (cells,) uint8, the keystream.
+        steps: number of steps in a unit of the soft values.
+        most: largest number of steps.
+        out: (symbols, cells) int8, filled.
+    """
+    cells = soft.shape[1]
+    for part in prange(-(-cells // _CELLS)):
+        low, high = part * _CELLS, min((part + 1) * _CELLS, cells)
+        for s in range(soft.shape[0]):
+            _store(soft[s, low:high], stream[low:high], s, steps, most, out[s, low:high])
+
+
+@njit(cache=True, nogil=True)
+def _copy(source, target):  # type: ignore[no-untyped-def]
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _swap(a, b, bits, low):  # type: ignore[no-untyped-def]
+    """Exchanges the high pieces of a, `bits` wide, and the low pieces of b; `low` marks these."""
+    return (a & low) | ((b & low) << bits), ((a >> bits) & low) | (b & ~low)
+
+
+@njit(cache=True, nogil=True)
+def _turn(rows, words, byte, out):  # type: ignore[no-untyped-def]
+    """Fills out[w, byte], (words, n) uint64, with byte w of each of eight rows.
+
+    rows: (8, words / 8 or more) uint64. Eight by eight bytes are transposed at a time, as four, two
+    and one (Warren, Hacker's Delight, section 7-3).
+    """
+    for n in range(-(-words // 8)):
+        a, b, c, d = rows[0, n], rows[1, n], rows[2, n], rows[3, n]
+        e, f, g, h = rows[4, n], rows[5, n], rows[6, n], rows[7, n]
+        a, e = _swap(a, e, _U64(32), _FOURS)
+        b, f = _swap(b, f, _U64(32), _FOURS)
+        c, g = _swap(c, g, _U64(32), _FOURS)
+        d, h = _swap(d, h, _U64(32), _FOURS)
+        a, c = _swap(a, c, _U64(16), _TWOS)
+        b, d = _swap(b, d, _U64(16), _TWOS)
+        e, g = _swap(e, g, _U64(16), _TWOS)
+        f, h = _swap(f, h, _U64(16), _TWOS)
+        a, b = _swap(a, b, _U64(8), _ONES)
+        c, d = _swap(c, d, _U64(8), _ONES)
+        e, f = _swap(e, f, _U64(8), _ONES)
+        g, h = _swap(g, h, _U64(8), _ONES)
+        w = 8 * n
+        if w + 8 <= words:
+            out[w, byte], out[w + 1, byte], out[w + 2, byte], out[w + 3, byte] = a, b, c, d
+            out[w + 4, byte], out[w + 5, byte], out[w + 6, byte], out[w + 7, byte] = e, f, g, h
+        else:
+            for i, value in enumerate((a, b, c, d, e, f, g)):
+                if w + i < words:
+                    out[w + i, byte] = value
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def gather_words(row, order, out):  # type: ignore[no-untyped-def]
+    """Fills out, (words, word bits / 8) uint64, with the bits of words, eight bits' int8 each.
+
+    Args:
+        row: (word bits, words) int8.
+        order: (word bits,) p(b).
+    """
+    words, eights = out.shape
+    for part in prange(-(-eights // _EIGHTS)):
+        held = np.zeros((8, -(-words // 8) * 8), np.int8)
+        for byte in range(part * _EIGHTS, min((part + 1) * _EIGHTS, eights)):
+            for i in range(8):
+                _copy(row[order[8 * byte + i]], held[i])
+            _turn(held.view(np.uint64), words, byte, out)
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def mark_changed(soft, sent, ok, out):  # type: ignore[no-untyped-def]
+    """Marks the decisions that differ from the words as sent. A bit without a soft value was not
+    decided.
+
+    Args:
+        soft: (words, word bits) uint64, eight bits' int8 each.
+        sent: (words, word bytes) uint8.
+        ok: (words,) bool, false for words of which nothing is marked.
+        out: (words, word bytes) uint8, filled; bit b of a word is bit b % 8 of byte b // 8.
+    """
+    for w in prange(len(sent)):
+        if not ok[w]:
+            out[w] = 0
+            continue
+        for i in range(sent.shape[1]):
+            eight = soft[w, i]
+            some = (((eight & _REST) + _REST) | eight) & _SIGNS
+            on = some & ~eight
+            decided = ((some >> _U64(7)) * _TOGETHER) >> _U64(56)
+            ones = ((on >> _U64(7)) * _TOGETHER) >> _U64(56)
+            out[w, i] = (ones ^ _U64(sent[w, i])) & decided
+
+
+@njit(cache=True, nogil=True)
+def count_by_cell(marked, order, words, out):  # type: ignore[no-untyped-def]
+    """Adds the number of marked bits, few of many, to their cells.
+
+    Args:
+        marked: (words, word bytes) uint8, as `mark_changed` fills it.
+        order: (word bits,) p(b), or empty if the words follow one another.
+        words: number of words.
+        out: (cells,) int64.
+    """
+    cells, size = len(out), 8 * marked.shape[1]
+    for w in range(words):
+        for i in range(marked.shape[1]):
+            byte = marked[w, i]
+            if byte == 0:
+                continue
+            for j in range(8):
+                if (byte >> j) & 1:
+                    b = 8 * i + j
+                    place = order[b] * words + w if len(order) else w * size + b
+                    out[place % cells] += 1
+
 
 _LEAST: Final = 4096
 """Bits of a word at least. Shorter ones need more information of a bit."""
 _GOLDEN: Final = (5**0.5 - 1) / 2
 """Share of a word between neighbours: multiples of it, modulo 1, are far from each other."""
-_Bytes = npt.NDArray[np.uint8]
-_Soft = npt.NDArray[np.int8]
 
 
 class SoftBlocks(Blocks):

@@ -21,9 +21,8 @@ from link.layout import TRAINING, Layout, pilots, training
 from link.mode import Mode
 from link.timing import Registration, Timing
 from sensor import EFFECTS, make_pixels
-from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.charge import Span, to_fixed
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 
 _FIRST: Final = 8
 """Tick of first light."""

@@ -16,14 +16,12 @@ from cosim.spikes.viform import count_spikes
 from link.air import image_of
 from link.air.geometry import panel_corners
 from link.evaluation.delay import group_delays, link_latency
-from link.evaluation.delivery import judge_delivery
 from link.evaluation.errors import Errors, errors_of
 from link.evaluation.eye import Eye, open_eye
-from link.evaluation.reception import arrival_of
+from link.evaluation.reception import arrival_of, judge_delivery
 from link.evaluation.record import LinkEvaluation, SoftValues, Theory
 from link.layout import TRAINING
-from link.prediction.capacity import capacity_bps
-from link.prediction.capacity_input import capacity_input
+from link.prediction.capacity import capacity_bps, capacity_input
 from link.prediction.cell_errors import cell_errors
 from link.prediction.chain_errors import chain_errors
 from link.prediction.drawn_cells import CellErrors

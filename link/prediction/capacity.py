@@ -1,4 +1,7 @@
-"""The capacity of a link: the limits of its light, pixels and ticks, and what it uses of them."""
+"""The capacity of a link: the limits of its light, pixels and ticks, and what it uses of them.
+
+Input of the capacity of a link, from its scenario.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from link.layout import Layout
-from link.mode import Mode
+from link.mode import CELLS, Mode
+from link.prediction.error_bound import LEAST_CELL, CellScene
+from link.prediction.light import cell_scene
+from link.section import LinkScenario
+from link.setting import LinkSetting, link_setting
 from link.theory import Reset, count_capacity, count_laws, one_bit_capacity, poisson_capacity
 from link.theory.information import fsc_information_rate
+from sensor import CameraSetting
 
 LARGEST: Final = 1000.0
 """Largest threshold that is modelled electron by electron; a larger one is scaled down together
@@ -162,3 +170,56 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
             "line": mode.line, "parity": mode.parity, "rate": mode.rate,
         },
     }  # fmt: skip
+
+
+DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 1, "line": "scrambled", "parity": 32}
+"""Parts of a mode that are assumed if the scenario leaves them to the pilots of a run; larger cells
+where these are smaller than LEAST_CELL in the image."""
+
+
+def scenario_input(
+    scenario: LinkScenario, camera: CameraSetting
+) -> tuple[CapacityInput, Mode, list[str]]:
+    """Input of a scenario, its mode, and the names of the assumed parts of the mode.
+
+    Raises:
+        InputError: if the scenario cannot be simulated.
+    """
+    setting = link_setting(scenario, camera)
+    modem, panel = scenario.link.modem, scenario.link.panel
+    soft = modem.rate != "auto"
+    assumed = [
+        name for name in DEFAULT_MODE
+        if getattr(modem, name) == "auto" and not (soft and name == "parity")
+    ]  # fmt: skip
+    parts = {
+        name: default if name in assumed else getattr(modem, name)
+        for name, default in DEFAULT_MODE.items()
+    }
+    if "cell" in assumed:  # as a run: none smaller than the camera resolves
+        parts["cell"] = next(
+            (c for c in CELLS if c >= parts["cell"] and c * setting.scale >= LEAST_CELL), CELLS[-1]
+        )
+    if soft:
+        parts |= {"parity": None, "rate": modem.rate}
+    mode = Mode(panel.width, panel.height, **parts)
+    return capacity_input(setting, cell_scene(setting), mode), mode, assumed
+
+
+def capacity_input(setting: LinkSetting, scene: CellScene, mode: Mode) -> CapacityInput:
+    """Input of a link that is set up.
+
+    Args:
+        setting: the link.
+        scene: light of its cells.
+        mode: mode of the transmission.
+    """
+    camera, panel = setting.camera, setting.optics
+    sensor = camera.chip.width * camera.chip.height
+    on_panel = panel.width * panel.height * setting.scale**2 * (1 - setting.aim.occluded)
+    whole = max(1, int(mode.cell * setting.scale))
+    return CapacityInput(
+        (scene.on + scene.background) * scene.threshold, scene.background * scene.threshold,
+        scene.threshold, camera.reset, camera.clock.hz, sensor, min(on_panel, sensor),
+        whole * whole,
+    )  # fmt: skip

@@ -6,7 +6,7 @@ about spikes of later ones. So the bits around a decided one matter, and the det
 them: it adds up over all of them, by a forward and a backward pass. No closed form exists for the
 error rate of that. Cells, their light and their spikes are drawn here: between two resets charge
 only grows, so that a pixel fires in the tick in which its mean charge crosses a threshold drawn
-anew for each reset (`link.theory.patterns`, by the same cube root of a gamma variable). The tables
+anew for each reset (`link.theory.charge`, by the same cube root of a gamma variable). The tables
 are those that the joint detector learns from such spikes, and its chain decides.
 
 Included and not included is what `cell_errors` has; bits before and after are not taken as known.

@@ -8,7 +8,7 @@ import numpy as np
 
 from link.air import image_of, lens_psf, levels
 from link.air.geometry import affine_at, lengths
-from link.air.sun import sun_glare
+from link.air.radiometry import sun_glare
 from link.prediction.drawn_cells import CellSight, Mixed
 from link.prediction.error_bound import CellScene
 from link.setting import LinkSetting

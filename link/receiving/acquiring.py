@@ -14,19 +14,18 @@ import numpy.typing as npt
 from cosim.spikes.viform import WORD
 from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, training
 from link.mode import Mode
-from link.receiving.fitting import fit_by_known
 from link.receiving.gaps import whole_parts
 from link.receiving.pacing import Pace
 from link.receiving.phasing import Fit, fit_levels, fit_timing, nudge
 from link.receiving.pilots.clocking import Clocking, clock_by_pilots
-from link.receiving.pilots.missing import missing_ticks
-from link.receiving.pilots.signal import pilot_signal
+from link.receiving.pilots.sequence import missing_ticks, pilot_signal
 from link.receiving.recording import Recording
 from link.receiving.refining import Refined, project, refine_homography
 from link.receiving.synthesis import (
     Levels,
     Witnesses,
     choose_witnesses,
+    fit_by_known,
     known_cells,
     known_pilots,
     match,

@@ -15,7 +15,7 @@ import numpy as np
 from link.detect.joint import Joint
 from link.layout import TRAINING, training
 from link.receiving.acquiring import Acquired, brightest_ticks, lit_span
-from link.receiving.classes_met import ClassesMet
+from link.receiving.gaps import ClassesMet
 from link.receiving.phasing import followed_delay
 from link.receiving.recording import Recording
 from link.receiving.refining import TagArt, shift_of

@@ -14,8 +14,7 @@ from cosim.run.machine import Page, Run
 from cosim.run.result import Result
 from link.evaluation.record import LinkEvaluation
 from link.receiving.tags import least_module
-from link.report.cells import cells_section
-from link.report.errors import errors_section
+from link.report.errors import cells_section, errors_section
 from link.report.figures import bits, delay_figure, rates_figure, reach_figure
 from link.report.phase import phase_section
 from link.report.signal_figures import view_figure

@@ -1,8 +1,14 @@
-"""Data on a panel: symbols on cells, cells and tags on pixels, pixels in words."""
+"""Data on a panel: symbols on cells, cells and tags on pixels, pixels in words.
+
+The four AprilTags in the panel's corners, which give its position and its mode.
+
+A transmission as a spike stream, for files and panels.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
 from typing import Any, Final, TypeVar
@@ -11,14 +17,51 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from cosim import Clock
 from cosim.spikes.viform import WORD, Words, words_for
 from link.coding import BlockWriter, Outbox
-from link.layout import PERIOD, TRAINING, Layout, closing, pilots, training
+from link.layout import PERIOD, TAG_MODULES, TRAINING, Layout, closing, pilots, training
 from link.line_codes import encode_line
 from link.mode import Mode
-from link.sending.tags import Tag, draw_tags
 
 _Bits = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Tag:
+    """A tag on the panel.
+
+    Attributes:
+        number: id in the family 36h11.
+        place: rows and columns of panel pixels that it covers.
+        bright: (side, side) bool, pixels that are on, its margin of one module included.
+    """
+
+    number: int
+    place: tuple[slice, slice]
+    bright: npt.NDArray[np.bool_]
+
+
+def draw_tags(layout: Layout) -> tuple[Tag, ...]:
+    """Tags at top left, top right, bottom right, bottom left; they are the same in every plane.
+
+    The family is that of Olson, ICRA 2011, and Wang & Olson, IROS 2016.
+    """
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    side, black = layout.tag, (TAG_MODULES - 2) * layout.module
+    down, right = layout.mode.height - side, layout.mode.width - side
+    tags = []
+    for number, (top, left) in zip(
+        layout.mode.tags, ((0, 0), (0, right), (down, right), (down, 0)), strict=True
+    ):
+        marker = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, black)) > 127
+        bright = np.pad(marker, layout.module, constant_values=True)
+        tags.append(Tag(number, (slice(top, top + side), slice(left, left + side)), bright))
+    return tuple(tags)
+
+
 T = TypeVar("T", np.bool_, np.uint32)
 
 
@@ -216,3 +259,31 @@ class FileTransmission(Transmission):
         """Whether at least as many frames are shown as the file fills; False if most_symbols cuts
         it."""
         return self.outbox.frames_by(self.groups) >= self.outbox.frames_needed
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneStream:
+    """The planes of a transmission: plane p is cycle p, panel pixels are pixels.
+
+    Attributes:
+        sent: the transmission.
+        clock: clock of the panel.
+    """
+
+    sent: Transmission
+    clock: Clock
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the panel."""
+        return self.sent.mode.height, self.sent.mode.width
+
+    @property
+    def cycles(self) -> int:
+        """Number of planes."""
+        return self.sent.planes
+
+    def read_words(self, first: int, stop: int) -> Words:
+        """Words of the stream; see `SpikeStream`."""
+        count = max(min(stop * WORD, self.cycles) - first * WORD, 0)
+        return np.ascontiguousarray(self.sent.words(first * WORD, count))

@@ -2,7 +2,7 @@
 
 A pilot sends random data in a mode through the same air and camera. The upper limit of its share of
 wrong bytes gives the share of lost codewords (closed form of Reed-Solomon); for codes with soft
-decisions it is the lower limit of its information per bit that does (`link.theory.ldpc_words`).
+decisions it is the lower limit of its information per bit that does (`link.theory.words`).
 From that follow the share of lost frames, the frames that the fountain needs, and the time. Modes
 are tried from the fastest on, until the remaining ones would be slower even without errors. A mode
 that requires more than a failed one is not tried.

@@ -28,13 +28,12 @@ from link.setting import (
     steering_of,
 )
 from link.setup.choosing import Choice
-from link.setup.locking.choice import choose_and_lock
+from link.setup.locking.choice import Spent, choose_and_lock
 from link.setup.locking.loop import ClockLock, Locking
 from link.setup.modes import fixed_mode, tag_warning
-from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
 from sensor import CameraSetting
-from sensor.device.steering import ClockSteering
+from sensor.device.chips import ClockSteering
 
 _SHORTENED_PLANES = 600
 """Largest number of planes if no mode is expected to work: enough for the receiver to find the

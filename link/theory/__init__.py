@@ -1,29 +1,34 @@
 """Closed forms of a link: error rates, fading, codewords, capacity; and their Monte Carlo
 trials."""
 
+from link.theory.air import (
+    Convention,
+    amplitude_of,
+    awgn_ook,
+    gamma_gamma,
+    gamma_gamma_ook,
+    log_normal_ook,
+    log_normal_sigma,
+    scintillation_index,
+)
 from link.theory.capacity import count_capacity, one_bit_capacity, poisson_capacity
 from link.theory.charge import (
     PixelChannel,
     Reset,
     charge_errors,
+    hard_patterns,
     longest_off_run,
     poisson_threshold,
 )
 from link.theory.estimate import count_laws, pixel_errors
-from link.theory.fading import (
-    Convention,
-    amplitude_of,
-    awgn_ook,
-    gamma_gamma_ook,
-    log_normal_ook,
-    log_normal_sigma,
-)
 from link.theory.intervals import JUDGED, clopper_pearson, pointwise_level
-from link.theory.ldpc_words import ldpc_word_error
-from link.theory.patterns import hard_patterns
-from link.theory.scintillation import gamma_gamma, scintillation_index
-from link.theory.word_loss import word_loss
-from link.theory.words import burst_byte_error, burst_word_error, rs_word_error
+from link.theory.words import (
+    burst_byte_error,
+    burst_word_error,
+    ldpc_word_error,
+    rs_word_error,
+    word_loss,
+)
 
 __all__ = [
     "JUDGED",

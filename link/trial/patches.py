@@ -32,7 +32,7 @@ from link.setting import LinkSetting
 from link.setup.truth import true_timing
 from link.timing import Registration, Timing
 from sensor import CameraSetting
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.tiers import Tier
 
 SIDE: Final = 48, 104

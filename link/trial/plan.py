@@ -29,7 +29,7 @@ from link.mode import Mode
 from link.setting import LinkSetting
 from link.theory.intervals import NORMAL, clopper_pearson
 from sensor import CameraSetting
-from sensor.latched.effects.costs import QUIET
+from sensor.latched.effects.effect import QUIET
 from sensor.latched.fast import charge_error
 from sensor.latched.tiers import Tier
 

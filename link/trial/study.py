@@ -49,8 +49,8 @@ from link.trial.stages import (
     timed,
 )
 from sensor import CameraSetting, SpikeCamera
-from sensor.latched.patches import PatchCamera
-from sensor.latched.reference.error import DRAWS, reference_error
+from sensor.latched.fine_tiles import PatchCamera
+from sensor.latched.reference.law import DRAWS, reference_error
 from sensor.latched.tiers import Tier
 
 BLOCKS: Final = 4

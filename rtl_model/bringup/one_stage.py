@@ -1,20 +1,119 @@
-"""Runs one stage of the bring-up within a time limit, and examines the line meanwhile."""
+"""Runs one stage of the bring-up within a time limit, and examines the line meanwhile.
+
+Options of a bring-up, and its end, over any line.
+
+Detects a restart of the board by its uptime. A restart explains all other faults of a stage.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
 
 from cosim import InputError
-from rtl_model.bringup.bench.bench import SerialBench
+from rtl_model.bringup.bench.bench import Bench, SerialBench
 from rtl_model.bringup.bench.deadline import OutOfTime
 from rtl_model.bringup.bench.evidence import Evidence
 from rtl_model.bringup.bench.monitor import LineMonitor
-from rtl_model.bringup.bench.stage import Figures, Stage, StageFault
+from rtl_model.bringup.bench.stage import Figures, Report, Stage, StageFault
 from rtl_model.bringup.bench.translation import find_translation
-from rtl_model.bringup.bench.uptime import Uptime
-from rtl_model.host import Cause, LineFault
+from rtl_model.host import Cause, LineFault, Lines
+from rtl_model.host.csr import CsrMap
+from rtl_model.host.ports import AS_EVER
 from rtl_model.registers import MAGIC
+
+
+@dataclass(frozen=True)
+class BringUp:
+    """Options of a bring-up.
+
+    Attributes:
+        baud: baud of the line.
+        csr: registers of the loaded design; None for the Viform board's.
+        stop_at_first: whether the stages after a failed one are left out. They always are after a
+            failure of the port, bytes or identity stage.
+        simulated: whether there is no real clock behind the port; None: true for a pty only.
+        time_scale: seconds of the host's time to a second of the board's clock.
+        frames: number of frames in a captured burst.
+        low_latency: whether the driver of the port is asked for its low-latency mode. The figures
+            of the port stage state whether it was granted.
+        lines: modem lines of the port to set.
+        log: file that every transaction is written to, None for none.
+        allowed_s: time limit of each stage, s, which replaces `ALLOWED_S`.
+    """
+
+    baud: int = 115_200
+    csr: CsrMap | None = None
+    stop_at_first: bool = True
+    simulated: bool | None = None
+    time_scale: float = 1.0
+    frames: int = 8
+    low_latency: bool = False
+    lines: Lines = AS_EVER
+    log: Path | None = None
+    allowed_s: float | None = None
+
+
+def stop_sensor(bench: Bench, report: Report) -> None:
+    """Stops the sensor of a Viform board, if the line works."""
+    if any(stage.name == "identity" and stage.outcome == "ok" for stage in report.stages):
+        try:
+            bench.write("sensor_run", 0)
+        except (LineFault, OutOfTime) as fault:
+            if isinstance(fault, LineFault) and fault.cause is Cause.DIFFERS:
+                raise
+
+
+_FAST = 1.5  # largest ratio of a real clock to its nominal frequency
+_WRAP = 1 << 32  # clocks
+
+
+class Uptime:
+    """The board's uptime at the start of a stage."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._before = self._read()
+
+    def restarted(self) -> StageFault | None:
+        """The fault "restarted" if the uptime has fallen and cannot have overflowed, else None."""
+        now = self._read()
+        if self._before is None or now is None:
+            return None
+        (first, begun), (last, ended) = self._before, now
+        hz = self._clock_hz()
+        if hz is None:
+            return None
+        most = first + _FAST * (ended - begun) * hz
+        if last >= first or most >= _WRAP:
+            return None
+        again = self._read()
+        if again is None or again[0] >= first or last > _FAST * (ended - begun) * hz:
+            return None  # one of the readings was wrong: no restart within the stage
+        return StageFault(
+            "restarted",
+            f"the board restarted within the stage: ctrl_uptime fell from {first} to {last}",
+            "check its supply and its reset",
+            {"uptime_before": first, "uptime_after": last},
+        )
+
+    def _read(self) -> tuple[int, float] | None:
+        try:
+            return self._bench.read("ctrl_uptime"), self._bench.port.now()
+        except (LineFault, OutOfTime):
+            return None
+
+    def _clock_hz(self) -> int | None:
+        """Nominal clock, Hz; read from the board if the identity stage has not passed."""
+        if self._bench.board:
+            return self._bench.geometry.clock_hz
+        try:
+            return self._bench.read_stable("ctrl_clock_hz")
+        except (LineFault, OutOfTime):
+            return None
+
 
 _EXTRA_S = 5.0  # after a stage has failed, to examine the line
 _KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well

@@ -16,13 +16,8 @@ from cosim import InputError
 from rtl_model.bringup.bench.bench import UdpBench
 from rtl_model.bringup.bench.deadline import DeadlineSocket, OutOfTime
 from rtl_model.bringup.bench.stage import UDP_STAGES, Figures, Report, Stage, StageFault
-from rtl_model.bringup.bench.uptime import Uptime
-from rtl_model.bringup.one_stage import failed_stage
-from rtl_model.bringup.options import BringUp, stop_sensor
-from rtl_model.bringup.stages.ethernet.link import check_link
-from rtl_model.bringup.stages.ethernet.loss import check_loss
-from rtl_model.bringup.stages.ethernet.mtu import check_mtu
-from rtl_model.bringup.stages.ethernet.rate import check_rate
+from rtl_model.bringup.one_stage import BringUp, Uptime, failed_stage, stop_sensor
+from rtl_model.bringup.stages.ethernet import check_link, check_loss, check_mtu, check_rate
 from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.bringup.stages.patterns import check_patterns
 from rtl_model.bringup.stages.prbs import check_prbs

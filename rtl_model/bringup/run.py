@@ -9,8 +9,7 @@ from typing import Any
 from rtl_model.bringup.bench.bench import SerialBench
 from rtl_model.bringup.bench.deadline import DeadlinePort
 from rtl_model.bringup.bench.stage import STAGES, Figures, Report, Stage
-from rtl_model.bringup.one_stage import failed_stage, run_stage
-from rtl_model.bringup.options import BringUp, stop_sensor
+from rtl_model.bringup.one_stage import BringUp, failed_stage, run_stage, stop_sensor
 from rtl_model.bringup.over_udp import bring_up_over_udp
 from rtl_model.bringup.stages.bytes import check_bytes
 from rtl_model.bringup.stages.counters import check_counters

@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple, Protocol
 
-from rtl_model.cycle.line import LineCounters
-from rtl_model.cycle.system import System
+from rtl_model.cycle.system import LineCounters, System
 from rtl_model.geometry import Geometry
 from rtl_model.registers import REGISTERS
 

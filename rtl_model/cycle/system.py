@@ -2,21 +2,20 @@
 
 Clock n is the n-th rising edge after reset, and "at clock n" means before that edge. A bus access
 is strobed at an edge. A write affects later edges. A read returns the value before its edge.
+
+The board's counters of the serial line; a reset of the board does not clear them.
 """
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from cosim import InputError
-from rtl_model.cycle.array import PixelArray
-from rtl_model.cycle.capture import Capture
-from rtl_model.cycle.line import LineCounters
-from rtl_model.cycle.numbered import NumberedWrites
-from rtl_model.cycle.sink import Sink, SinkTile
-from rtl_model.cycle.tiles import TILE, Tiles
+from rtl_model.cycle.array import TILE, PixelArray, Tiles
+from rtl_model.cycle.memories import Capture, NumberedWrites, Sink, SinkTile
 from rtl_model.geometry import Geometry
 from rtl_model.prbs import Prbs
 from rtl_model.registers import (
@@ -27,6 +26,34 @@ from rtl_model.registers import (
     parameters,
     reset_value,
 )
+
+
+class LineCounters:
+    """The registers `uart_*`, as attributes without that prefix. They are read modulo 2^32."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Sets all counters to their values after power-on."""
+        self.rx_bytes = self.tx_bytes = 0
+        self.framing_errors = self.watchdog_aborts = self.unknown_commands = 0
+        self.writes = self.writes_crc = 0
+        self.shortest_low = 0xFFFFFFFF
+
+    def count_write(self, value: int) -> None:
+        """Counts one word written over the line."""
+        self.count_words(value.to_bytes(4, "big"))
+
+    def count_words(self, data: bytes) -> None:
+        """Counts words written over the line, big-endian."""
+        self.writes += len(data) // 4
+        self.writes_crc = zlib.crc32(data, self.writes_crc)
+
+    def read(self, name: str) -> int:
+        """The value of the register uart_`name`."""
+        return int(getattr(self, name)) & 0xFFFFFFFF
+
 
 _BY_ADDRESS = {register.address: register for register in REGISTERS}
 _RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
@@ -82,12 +109,6 @@ class System:
     def clock(self) -> int:
         """Edges passed since power-on."""
         return self._clock
-
-    @property
-    def attending(self) -> bool:
-        """Whether a burst or a plane of the sink is pending or in progress."""
-        sink, capture = self._sink, self._capture
-        return capture.armed or capture.busy or sink.left > 0 or sink.active
 
     def write(self, address: int, value: int) -> None:
         """Writes 32 bits at a byte address; takes one clock."""

@@ -2,15 +2,200 @@
 
 The host must send the logged requests. At the first difference LineFault DIFFERS states what the
 host sent, what the log contains, and the line.
+
+The events in a log of the line, as `LineLog` writes them, and the reader that checks them.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Final, Literal
 
-from cosim.errors import shorten
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.types import FiniteFloat
+
+from cosim import InputError
+from cosim.errors import quote, shorten
 from rtl_model.host.faults import Cause, LineFault
-from rtl_model.host.log_events import Answer, Dropped, LogEvent, Opened, Request, Stray, read_log
+from rtl_model.host.log import FORMAT
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("must be printable")
+    return text
+
+
+Text = Annotated[str, Field(max_length=500), AfterValidator(_printable)]
+Hex = Annotated[str, Field(pattern=r"^(?:[0-9a-f]{2})*$")]
+Count = Annotated[int, Field(ge=0, lt=2**32)]
+Seconds = Annotated[FiniteFloat, Field(ge=-1e9, le=1e9)]
+
+
+class _Event(BaseModel):
+    """What all events have.
+
+    Attributes:
+        monotonic: time of the port's clock, s.
+        wall: UTC, text.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True)
+
+    monotonic: Seconds
+    wall: Text = ""
+
+
+class Opened(_Event):
+    """The first event.
+
+    Attributes:
+        format: format of the log.
+        port: name of the port.
+        baud: baud of the line; None over UDP.
+        simulated, time_scale, frames: settings of the session; None if it did not state them.
+    """
+
+    event: Literal["open"]
+    format: Literal["viform-line-1"]
+    port: Text = ""
+    baud: Annotated[int, Field(gt=0, lt=2**31)] | None
+    simulated: bool | None = None
+    time_scale: Annotated[float, Field(gt=0, lt=1e6)] | None = None
+    frames: Annotated[int, Field(gt=0, le=4096)] | None = None
+
+
+class Request(_Event):
+    """A request.
+
+    Attributes:
+        command: name of the uartbone command.
+        address: byte address, hexadecimal.
+        words: number of words of the transaction.
+        hex: all bytes that were sent.
+    """
+
+    event: Literal["write"]
+    command: Literal["write", "read", "write fixed", "read fixed"]
+    address: Annotated[str, Field(pattern=r"^0x[0-9a-f]{1,8}$")]
+    words: Annotated[int, Field(ge=0, le=256)]
+    hex: Hex
+
+    def __str__(self) -> str:
+        return f"a {self.command} of {self.words} words at {self.address} ({self.hex})"
+
+
+class Answer(_Event):
+    """An answer.
+
+    Attributes:
+        wanted: number of bytes that the host waited for.
+        hex: bytes that came.
+        more: surplus bytes.
+        fault: cause of the fault, None if there was none.
+    """
+
+    event: Literal["read"]
+    wanted: Count
+    hex: Hex
+    more: Hex
+    fault: Text | None
+
+    def __str__(self) -> str:
+        return f"an answer of {self.wanted} bytes ({self.hex or 'none'})"
+
+
+class Stray(_Event):
+    """Bytes that came without a request."""
+
+    event: Literal["stray"]
+    hex: Hex
+
+    def __str__(self) -> str:
+        return "bytes without a request"
+
+
+class Dropped(_Event):
+    """The line was brought to silence, or could not be, or has another baud.
+
+    Attributes:
+        value: number of dropped bytes, or the baud.
+    """
+
+    event: Literal["silence", "chatter", "baud"]
+    value: Count
+
+    def __str__(self) -> str:
+        return self.event
+
+
+class Datagram(_Event):
+    """An Etherbone packet over UDP.
+
+    Attributes:
+        way: its direction.
+        hex: all bytes.
+    """
+
+    event: Literal["packet"]
+    way: Literal["to-board", "from-board"]
+    hex: Hex
+
+    def __str__(self) -> str:
+        return f"a packet {self.way.replace('-', ' the ')}"
+
+
+AnyEvent = Opened | Request | Answer | Stray | Dropped | Datagram
+LogEvent = Annotated[AnyEvent, Field(discriminator="event")]
+_EVENT: Final[TypeAdapter[AnyEvent]] = TypeAdapter(LogEvent)
+
+
+def read_log(path: Path) -> tuple[list[AnyEvent], bool]:
+    """Reads a log.
+
+    Returns:
+        The events, and whether the last line is cut off, which is then left out.
+
+    Raises:
+        InputError: for an unreadable file, or a line that is not an event, with its number.
+    """
+    try:
+        text = path.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as exc:
+        raise InputError(
+            f"{path}", "a log of a line", f"unreadable ({exc})", "give one written with --log"
+        ) from exc
+    every = text.split("\n")
+    *lines, rest = every  # a whole log ends with a line break
+    events = [_parsed(path, number, line) for number, line in enumerate(lines, 1)]
+    if rest:
+        try:
+            events.append(_parsed(path, len(lines) + 1, rest))
+            rest = ""
+        except InputError:
+            if not events:
+                raise
+    if not events or not isinstance(events[0], Opened):
+        raise _bad(path, 1, every[0])
+    for number, event in enumerate(events[1:], 2):
+        if isinstance(event, Opened):
+            raise _bad(path, number, every[number - 1])
+    return events, bool(rest)
+
+
+def _parsed(path: Path, number: int, line: str) -> AnyEvent:
+    try:
+        return _EVENT.validate_json(line)
+    except ValidationError as exc:
+        raise _bad(path, number, line) from exc
+
+
+def _bad(path: Path, number: int, line: str) -> InputError:
+    return InputError(
+        f"line {number} of {path}", f"an event of a {FORMAT} log", quote(line),
+        "give an unchanged log, written with --log",
+    )  # fmt: skip
+
 
 _ANSWER = 4 * 255  # bytes of the longest answer
 

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rtl_model.cycle import System, Tiles
-from rtl_model.lockstep.coverage import Coverage
-from rtl_model.lockstep.difference import Difference, first_difference
+from rtl_model.lockstep.difference import Coverage, Difference, first_difference
 from rtl_model.lockstep.program import ADDRESS, Chunk, Program
 from rtl_model.registers import REGISTERS, mask
 from rtl_model.verilated import (

@@ -13,9 +13,8 @@ from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.run.result import Latency, Metric
 from rtl_model.readout.buffer import ROW_BYTES
+from rtl_model.readout.scan import BIT_RATE, Window
 from rtl_model.readout.stage import ScanStage
-from rtl_model.readout.timing import BIT_RATE
-from rtl_model.readout.window import Window
 
 FIGURE: Final = "figures/readout.png"
 _COLUMNS: Final = 400

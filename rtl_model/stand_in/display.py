@@ -14,8 +14,7 @@ import numpy.typing as npt
 from cosim import InputError
 from rtl_model.host import Cause, LineFault, capture
 from rtl_model.registers import mask
-from rtl_model.stand_in.opening import OpenBoard
-from rtl_model.stand_in.stepping import Stepper
+from rtl_model.stand_in.opening import OpenBoard, Stepper
 
 _DONE: Final = mask("capture_state", "done")
 _RUNNING: Final = mask("sink_state", "running")

@@ -19,8 +19,7 @@ import numpy.typing as npt
 from cosim import InputError
 from rtl_model.host import Board, BoardInfo, Cause, LineFault, capture, pattern
 from rtl_model.registers import mask, quantum
-from rtl_model.stand_in.opening import OpenBoard
-from rtl_model.stand_in.stepping import Stepper
+from rtl_model.stand_in.opening import OpenBoard, Stepper
 
 LEVELS: Final = 16
 STEP_MOST: Final = 255
@@ -93,7 +92,6 @@ class BoardSensor:
     Attributes:
         bytes: size of the captured records so far.
         wrong_bits: bits that differ from the cycle model so far.
-        uploads: number of uploads of the pattern memory.
         burst: number of frames captured at once.
 
     Raises:
@@ -115,7 +113,7 @@ class BoardSensor:
                 "duration", f"at most {FRAMES_MOST} cycles, which {opened.name} can number",
                 f"{frames} cycles", "shorten it",
             )  # fmt: skip
-        self.bytes = self.wrong_bits = self.uploads = 0
+        self.bytes = self.wrong_bits = 0
         self._level, self._reset = level, RESETS[reset]
         self._stepper = Stepper(self._board, info)
         self._uploaded: npt.NDArray[np.uint8] | None = None
@@ -145,7 +143,6 @@ class BoardSensor:
         if self._uploaded is None or not np.array_equal(steps, self._uploaded):
             pattern.upload(self._board, steps)
             self._uploaded = steps.copy()
-            self.uploads += 1
         parts = []
         for first in range(0, ticks, self.burst):
             parts.append(self._capture(min(self.burst, ticks - first)))

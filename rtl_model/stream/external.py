@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rtl_model.cycle import Settings
-from rtl_model.cycle.pixel import increments, step
+from rtl_model.cycle.planes import increments, step
 from rtl_model.geometry import Geometry
 from rtl_model.registers import quantum
 from rtl_model.stream.ring import Fifo, Tile

@@ -14,8 +14,7 @@ import numpy.typing as npt
 from rtl_model.geometry import Geometry
 from rtl_model.lockstep import Program
 from rtl_model.stream.external import state_words
-from rtl_model.stream.lines import SKEW
-from rtl_model.stream.sensor import disturbed, lane_words
+from rtl_model.stream.lines import SKEW, disturbed, lane_words
 
 Numbers = npt.NDArray[np.uint64]
 

@@ -8,10 +8,8 @@ from rtl_model.verilated.build import (
     library,
     verilog_files,
 )
-from rtl_model.verilated.module import VerilatedModule
-from rtl_model.verilated.pins import VerilatedPins
-from rtl_model.verilated.system import VerilatedSystem, Waves, trace_format
-from rtl_model.verilated.view import board_signals, system_signals, write_view
+from rtl_model.verilated.system import VerilatedModule, VerilatedSystem, Waves, trace_format
+from rtl_model.verilated.waves import VerilatedPins, board_signals, system_signals, write_view
 
 __all__ = [
     "VERILOG",

@@ -23,8 +23,7 @@ from rtl_model.registers import REGISTERS
 from rtl_model.registers.design import Device
 from rtl_model.virtual.faults import Faults, parse
 from rtl_model.virtual.line import Bytes, FaultyLine
-from rtl_model.virtual.pace import Pace, measured_speed
-from rtl_model.virtual.served import Served
+from rtl_model.virtual.served import Pace, Served, measured_speed
 from rtl_model.virtual.simulators import ROOM, Level, Simulator, make_simulator
 from rtl_model.virtual.terminal import Terminal
 

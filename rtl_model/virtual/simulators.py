@@ -17,7 +17,7 @@ import numpy as np
 from rtl_model.geometry import Geometry
 from rtl_model.registers.design import Device
 from rtl_model.virtual.faults import Faults
-from rtl_model.virtual.noise import noise
+from rtl_model.virtual.line import noise
 
 if TYPE_CHECKING:
     from rtl_model.cycle import Behind

@@ -9,8 +9,8 @@ from scenarios.assemble.schema.scenario import LinkScenario, Scenario
 from sensor.device.chips import Chip
 from sensor.latched.effects.effect import Operation
 from sensor.latched.setting import CameraSetting
-from sensor.sections.parameters import effect_parameters
-from sensor.sections.writes import LEVELS, register_writes
+from sensor.sections.own_chip import LEVELS, register_writes
+from sensor.sections.provenance import effect_parameters
 
 
 def camera_setting(

@@ -103,7 +103,7 @@ def choose_mosaic(scenario: Scenario) -> Mosaic | None:
             "sensor.lens.psf", "none with sensor.colour: blur is computed for one colour",
             sensor.lens.psf, "leave it out",
         )  # fmt: skip
-    from sensor.device.colour import filter_array
+    from sensor.device.crosstalk import filter_array
 
     return filter_array(sensor.colour.filter, sensor.colour.depth, sensor.wavelength)
 

@@ -150,8 +150,8 @@ class _Asynchronous(_Unlatched):
 class _Continuous(_Unlatched):
     def __init__(self, scenario: Scenario) -> None:
         from scenarios.assemble.source.continuous import continuous_chip
-        from sensor.continuous.from_section import intensity_camera
-        from sensor.sections.continuous import ContinuousSection
+        from sensor.continuous.run import intensity_camera
+        from sensor.sections.unlatched import ContinuousSection
 
         super().__init__(scenario, continuous_chip(scenario))
         section = scenario.sensor.continuous or ContinuousSection()

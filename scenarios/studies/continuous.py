@@ -32,9 +32,9 @@ from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.people.wave import Wave
 from sensor import CHIPS, CameraSetting, SpikeCamera, tfi, tfp
 from sensor.continuous import ContinuousCamera
-from sensor.continuous.from_section import continuous_setting
+from sensor.continuous.run import continuous_setting
 from sensor.reconstruct.fidelity import psnr, to_white
-from sensor.sections.continuous import ContinuousSection
+from sensor.sections.unlatched import ContinuousSection
 
 CLOCK = Clock(40_000)
 THRESHOLD, WHITE_RATE, WINDOW = 1000.0, 0.6, 41

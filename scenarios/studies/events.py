@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from cosim.report.figures import subplots
+from rtl_model.events.encoder import EventSize
 from rtl_model.events.rates import measure, most_rate
-from rtl_model.events.size import EventSize
 
 CLOCK_HZ: Final = 48_000_000
 """Clock of the board (`Geometry`)."""

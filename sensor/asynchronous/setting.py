@@ -9,8 +9,8 @@ from sensor.asynchronous.core import EventCamera, Sending
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.readout.channel import ChannelModel
 from sensor.latched.setting import CameraSetting
-from sensor.sections.asynchronous import AsynchronousSection
 from sensor.sections.sensor import SensorSection
+from sensor.sections.unlatched import AsynchronousSection
 
 
 def event_camera(sensor: SensorSection, setting: CameraSetting, tolerance: float) -> EventCamera:

@@ -15,17 +15,16 @@ from cosim.spikes.viform import SpikeStream
 from sensor.calibrate.defects import Defects, find_defects, shading
 from sensor.calibrate.histograms import Histogram, compare_histograms
 from sensor.calibrate.known import (
+    Parameter,
     defect_parameters,
     noise_parameters,
     outside_parameters,
     pattern_parameters,
 )
 from sensor.calibrate.misfits import misfits
-from sensor.calibrate.moving import moving_parameters
+from sensor.calibrate.moving import moving_parameters, reset_rule
 from sensor.calibrate.noise import Noise, measure_noise
-from sensor.calibrate.parameter import Parameter
 from sensor.calibrate.pattern import PatternFit, fit_pattern
-from sensor.calibrate.reset_rule import reset_rule
 from sensor.calibrate.trains import Trains, read_trains
 from sensor.laboratory.laws import measure_laws
 

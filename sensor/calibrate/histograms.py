@@ -1,4 +1,29 @@
-"""Interval histograms of recordings against those of the model with the same parameters."""
+"""Interval histograms of recordings against those of the model with the same parameters.
+
+Closed forms of latched intervals under constant light: quantisation, variance, and law.
+
+A pixel under constant light crosses thresholds at instants t_n whose differences are independent,
+with mean m and standard deviation s (renewal process). The latch shows the crossing n in cycle
+ceil(t_n). If the phase is uniform, as it is under light that does not divide a cycle, k intervals
+X = t_(n+k) - t_n are latched as N = floor(X + U) with U uniform on [0, 1), so that
+
+    E[N] = E[X],    var N = var X + q,    q = E[f (1 - f)],  f = X - floor X
+
+(the variance of a Bernoulli variate of chance f). The Fourier series of f (1 - f) is 1/6 - sum
+cos(2 pi j X) / (pi j)^2, so for X normal with mean M and variance V
+
+    q(M, V) = 1/6 - sum_j cos(2 pi j M) exp(-2 pi^2 j^2 V) / (pi j)^2                            (1)
+
+which is 1/6 once V is above 1/4. This is the "1/6 cycle^2" of two rounding errors of variance 1/12
+(Bennett, Bell Syst. Tech. J. 27:446, 1948); it does not grow with k, while var X = k s^2 does. So
+variances of sums of intervals separate the noise of a threshold from the rounding of the latch.
+
+For n successive sums x_i of k intervals, var(sum of all) = n k s^2 + q(n k m), so
+
+    E[sum (x_i - mean)^2] / (n - 1) = k s^2 + (n q(k m) - q(n k m) / n) / (n - 1)               (2)
+
+exactly, whatever the correlation that the shared ends of neighbouring sums give them.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +33,100 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from sensor.calibrate.interval_law import latched_probabilities
 from sensor.calibrate.trains import Trains
 
 Values = npt.NDArray[np.float64]
+
+_TERMS: Final = 100
+"""Terms of the series (1); the rest is below 1 / (pi^2 100) = 1e-3, and 0 where V > 1e-3."""
+
+
+def latched_variance(mean: Values, variance: Values | float) -> Values:
+    """q of equation (1), cycles^2.
+
+    Args:
+        mean: mean of the sum of intervals, cycles, any shape.
+        variance: its variance, cycles^2, of that shape or a number.
+    """
+    q = np.full(np.shape(mean), 1 / 6)
+    for j in range(1, _TERMS + 1):
+        damping = np.exp(-2 * (np.pi * j) ** 2 * np.asarray(variance, np.float64))
+        if not np.any(damping > 1e-9):
+            break
+        q -= np.cos(2 * np.pi * j * mean) * damping / (np.pi * j) ** 2
+    return q
+
+
+def latched_third(mean: Values, variance: Values) -> Values:
+    """What the latch adds to the third central moment of a sum of intervals, cycles^3, (n,).
+
+    E[(N - M)^3] = E[(X - M)^3] + 3 E[(X - M) f (1 - f)] + E[f (1 - f) (1 - 2 f)], whose series are
+    sum_j (6 V / (pi j) + 3 / (pi j)^3) sin(2 pi j M) exp(-2 pi^2 j^2 V): nothing on average over M.
+
+    Args:
+        mean, variance: M and V as in `latched_variance`.
+    """
+    total = np.zeros(np.shape(mean))
+    for j in range(1, _TERMS + 1):
+        damping = np.exp(-2 * (np.pi * j) ** 2 * variance)
+        if not np.any(damping > 1e-9):
+            break
+        size = 6 * variance / (np.pi * j) + 3 / (np.pi * j) ** 3
+        total += size * np.sin(2 * np.pi * j * mean) * damping
+    return total
+
+
+def sample_variance(
+    mean: Values, variance: Values | float, k: int, blocks: int, timing: float = 0.0
+) -> Values:
+    """Expected sample variance of `blocks` sums of `k` intervals, equation (2), cycles^2.
+
+    Args:
+        mean: mean interval of each pixel, cycles, (n,).
+        variance: variance of an interval, cycles^2, (n,) or a number.
+        k: intervals in a sum.
+        blocks: sums of a pixel, 2 or more.
+        timing: variance that noise of the latch's instants gives each sum, cycles^2: a part of X
+            that neighbouring sums share as they share the rounding.
+    """
+    own = k * np.asarray(variance)
+    each = latched_variance(k * mean, own + timing) + timing
+    total = latched_variance(k * blocks * mean, blocks * own + timing) + timing
+    return np.asarray(k * variance + (blocks * each - total / blocks) / (blocks - 1))
+
+
+def latched_probabilities(
+    mean: Values, spread: float, skew: float, lost: float, longest: int
+) -> Values:
+    """Law of a latched interval of pixels: P(N = 1), ..., P(N = longest) and the rest, (n, longest
+    + 1).
+
+    X is `lost` plus light of the relative standard deviation `spread` and this skewness, as a
+    shifted Gamma variate (Pearson's type III): exactly the law of shot noise if skew = 2 spread,
+    and close to the normal law as skew tends to 0. With G(y) = E[(y - X)+], P(N = k) = G(k + 1) - 2
+    G(k) + G(k - 1), because N = k where |X - k| < 1, with chance 1 - |X - k|. For a Gamma variate
+    of shape a and scale b, G(y) = y F_a(y / b) - a b F_(a+1)(y / b).
+
+    Args:
+        mean: mean intervals, cycles, (n,), above `lost`.
+        spread: spread of X less `lost`, relative, above 0.
+        skew: skew of X, above 0; at most 2 `spread`.
+        lost: dead time, cycles.
+        longest: last interval with a probability of its own, cycles.
+    """
+    from scipy.special import gammainc
+
+    light = (mean - lost)[:, None]
+    shape = 4 / skew**2
+    scale = light * spread * skew / 2
+    y = np.maximum(np.arange(longest + 2)[None, :] - (mean[:, None] - shape * scale), 0.0)
+    below = y * gammainc(shape, y / scale) - shape * scale * gammainc(shape + 1, y / scale)
+    inner = below[:, 2:] - 2 * below[:, 1:-1] + below[:, :-2]
+    inner[:, 0] += below[:, 0]  # N = 0 cannot be latched: two crossings show as one
+    rest = np.maximum(1 - inner.sum(axis=1, keepdims=True), 0.0)
+    return np.hstack([np.maximum(inner, 0.0), rest])
+
+
 _PIXELS: Final = 4096
 """Pixels of a comparison at most, evenly spaced."""
 _EXPECTED: Final = 50.0

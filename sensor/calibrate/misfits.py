@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from sensor.calibrate.defects import Defects, dark_rates
 from sensor.calibrate.histograms import Histogram
+from sensor.calibrate.known import Parameter
 from sensor.calibrate.noise import Noise
-from sensor.calibrate.parameter import Parameter
 from sensor.calibrate.pattern import PatternFit
 from sensor.calibrate.trains import Trains
 

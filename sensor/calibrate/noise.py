@@ -4,7 +4,7 @@ Let m be the mean interval of a pixel, d the dead time, and sigma the relative s
 the charge of an interval: sigma^2 = 1/Q + (threshold noise / Q)^2, the shot noise of Q electrons
 and the noise of the threshold. Both belong to a spike, not to a time, so an interval has the
 standard deviation sigma (m - d) under any light: light levels do not tell the two apart. The sample
-variance of sums of k intervals, less what the latch adds (equation 2 of interval_law.py), is k
+variance of sums of k intervals, less what the latch adds (equation 2 of histograms.py), is k
 sigma^2 (m - d)^2 + 2 s^2, with s the timing noise of the latch, which does not accumulate. Two
 values of k give both.
 
@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from sensor.calibrate.interval_law import latched_third, sample_variance
+from sensor.calibrate.histograms import latched_third, sample_variance
 from sensor.calibrate.trains import Trains
 
 Values = npt.NDArray[np.float64]

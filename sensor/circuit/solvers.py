@@ -102,7 +102,7 @@ def solved_train(
     solver: Solver = "CVODE",
     tolerance: float = 1e-10,
 ) -> Values:
-    """As `spike_train` of train.py, by a solver at a relative tolerance."""
+    """As `spike_train` of phases.py, by a solver at a relative tolerance."""
     a, electrons = circuit.nonlinearity, circuit.electrons
     ohmic = circuit.resistance * circuit.capacitance
     spikes: list[float] = []

@@ -1,8 +1,7 @@
 """The first-spike code (Huang 2022, section 5.2): only changes of the light are sent."""
 
-from sensor.codec.coding import Code
+from sensor.codec.coding import Code, recode
 from sensor.codec.law import entropy_bounds, event_rate
-from sensor.codec.stream import recode
 from sensor.codec.trains import first_spikes, without_transitions
 
 __all__ = [

@@ -23,9 +23,8 @@ from pathlib import Path
 from cosim import Clock, InputError, SpikeStream, Viform
 from cosim.compute.memory import check_memory
 from cosim.files.whole import whole
-from sensor.codec.coding import BAND, CHUNK, CODES, LONGEST, Code, encode, frame_count
+from sensor.codec.coding import BAND, CHUNK, CODES, LONGEST, Code, decode, encode, frame_count
 from sensor.codec.columns import Damaged
-from sensor.codec.stream import decode
 
 FSC = ".fsc"
 """Ending of the files."""

@@ -27,10 +27,8 @@ from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import KINDS, StreamCode
-from sensor.codec.packets.decoder import StreamDecoder
-from sensor.codec.packets.encoder import StreamEncoder
-from sensor.codec.packets.packet import HEADER, Packet
-from sensor.codec.packets.tiles import Tiles
+from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.packet import HEADER, Packet, Tiles
 
 VFL = ".vfl"
 """Ending of the files."""

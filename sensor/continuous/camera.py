@@ -20,11 +20,9 @@ from cosim.clock import PS, seconds_to_ps
 from cosim.light.light import Light, Piece, Plane
 from cosim.spikes.events import time_order
 from cosim.spikes.intensities import Intensities
-from sensor.continuous.crossing import jump
-from sensor.continuous.normal import quantile_table
-from sensor.continuous.sampled import stationary, walk
+from sensor.continuous.crossing import Monitors, Reports, collect, jump
+from sensor.continuous.sampled import quantile_table, stationary, walk
 from sensor.continuous.setting import ContinuousSetting
-from sensor.continuous.state import Monitors, Reports, collect
 
 _STEPS = 64
 """Ticks in one call of the sampled kernel: bounds the room that noisy pixels can need."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cosim.compute.draws import normal, poisson
 from cosim.compute.streams import Stream
 from sensor.dynamic_range.chain import Chain
-from sensor.dynamic_range.decibels import decibels
+from sensor.dynamic_range.parts import decibels
 
 Values = npt.NDArray[np.float64]
 

@@ -7,11 +7,16 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Final, Literal
 
-from sensor.dynamic_range.catalogue import CONVERTERS, SENSORS, ConverterPart, SensorPart
-from sensor.dynamic_range.chain import Chain
-from sensor.dynamic_range.converter import ConverterRule, converter_rule
-from sensor.dynamic_range.decibels import sensor_dynamic_range
-from sensor.dynamic_range.mapping import Mapping
+from sensor.dynamic_range.chain import Chain, Mapping
+from sensor.dynamic_range.parts import (
+    CONVERTERS,
+    SENSORS,
+    ConverterPart,
+    ConverterRule,
+    SensorPart,
+    converter_rule,
+    sensor_dynamic_range,
+)
 
 _TIE: Final = 6
 """Dynamic ranges that agree to this many decimals of a dB count as equal."""

@@ -19,8 +19,7 @@ import numpy as np
 
 from sensor.dynamic_range import decibels
 from sensor.laboratory.bench import LEAST_VARIANCE, Bench, Stack
-from sensor.laboratory.estimate import Estimate, deviations
-from sensor.laboratory.transfer import PhotonTransfer, measure_transfer
+from sensor.laboratory.transfer import Estimate, PhotonTransfer, deviations, measure_transfer
 
 LEVEL = 0.99
 """Level of the confidence limits."""

@@ -31,7 +31,7 @@ from sensor.latched.effects.windows import (
 )
 from sensor.latched.fast.bound import rate_bound
 from sensor.latched.fast.units import units_of
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 

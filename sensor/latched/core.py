@@ -38,9 +38,8 @@ from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.check.plan_check import PlanCheck
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.planning import CameraPlan, plan_camera
-from sensor.latched.readout import DuplicatedRows
 from sensor.latched.setting import CameraSetting
-from sensor.latched.stages import SceneBlocks
+from sensor.latched.stages import DuplicatedRows, SceneBlocks
 from sensor.latched.survey import SceneSurvey, summarise, survey_scene
 from sensor.latched.tiers import Tier, TierPixels
 

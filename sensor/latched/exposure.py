@@ -19,9 +19,8 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
 from sensor.device.pattern import FixedPattern
-from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge, to_fixed
-from sensor.latched.pixel.span import Span
-from sensor.latched.row_timing import RowMoves
+from sensor.latched.pixel.charge import LARGEST, ONE, Charge, Span, to_fixed
+from sensor.latched.sampling import RowMoves
 
 _SHRINK = 1 - 2.0**-50
 """Factor of a slope. Products of int64 and a float64 share lose the last bits of very large

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sensor.latched.pixel.fixed_point import LARGEST, ONE
+from sensor.latched.pixel.charge import LARGEST, ONE
 
 _MOST = float(LARGEST)
 _ONE = float(ONE)

@@ -22,12 +22,11 @@ from cosim.plan.planner import SHARE, Plan, choose_tiles, make_plan
 from cosim.plan.tiles import PatchPlane, TileGrid
 from sensor.latched.arithmetic import exact_error, fast_error
 from sensor.latched.camera import Gathering, SpikeCamera
-from sensor.latched.effects.costs import EXACT, QUIET, reference_cost
+from sensor.latched.effects.effect import EXACT, QUIET, reference_cost
 from sensor.latched.effects.own_draws import OWN_DRAWS, with_own_draws
 from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE
-from sensor.latched.fine_tiles import FineTiles, MixedPatches
+from sensor.latched.fine_tiles import FineTiles, MixedPatches, PatchCamera
 from sensor.latched.levels import error_over_levels, fast_can_follow, planned_effects
-from sensor.latched.patches import PatchCamera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.survey import SceneSurvey
 from sensor.latched.tiers import Tier, TierPixels

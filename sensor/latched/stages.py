@@ -1,13 +1,22 @@
-"""The first stages in the chain of a camera: scene and lens."""
+"""The stages of a camera before and behind its pixels: scene, lens, and faults of the readout.
+
+Faults of the readout follow the latches and change no pixel, so they are a stage after the camera,
+exact in every tier. In a recording of a 400 x 250 chip, lines 2 and 3 equal lines 0 and 1.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
 
 from cosim.compute.cores import beside
 from cosim.light.lens import Lens
 from cosim.light.light import Light
 from cosim.light.source import Source
+from cosim.spikes.viform import Viform
 from cosim.stage import Block
 
 
@@ -71,3 +80,25 @@ class SceneBlocks:
     def _lit(self, block: Block) -> Light:
         given = self._stage.step(None, block)
         return given if self._relay is None else self._relay(given)
+
+
+class DuplicatedRows:
+    """A stage that shows in some rows the bits of others. pairs: (source, target) rows."""
+
+    def __init__(self, pairs: Sequence[tuple[int, int]]) -> None:
+        self._sources, self._targets = (list(rows) for rows in zip(*pairs, strict=True))
+
+    def step(self, stream: Viform, block: Block) -> Viform:
+        """The stream with the duplicated rows."""
+        words = stream.words.copy()
+        self.duplicate(words)
+        return replace(stream, words=words)
+
+    def duplicate(self, words: npt.NDArray[np.uint32]) -> None:
+        """Duplicates the rows of words (n, H, W) in place."""
+        words[:, self._targets] = words[:, self._sources]
+
+
+def readout_stages(pairs: Sequence[tuple[int, int]]) -> dict[str, DuplicatedRows]:
+    """The stages between camera and recorder, by name; {} without a fault."""
+    return {"readout": DuplicatedRows(pairs)} if pairs else {}

@@ -16,11 +16,11 @@ from cosim.compute.opencl import Device
 from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE, Charge
+from sensor.latched.pixel.charge import ONE, Charge
 from sensor.latched.pixel.model import ExactModel, ExactPixels, PixelState
 from sensor.latched.pixel.settling import settle
 from sensor.latched.pixel.thresholds import thresholds
-from sensor.latched.row_timing import RowMoves
+from sensor.latched.sampling import RowMoves
 from sensor.latched.setting import CameraSetting
 from sensor.latched.written import RewrittenPixels, WrittenPixels
 

@@ -13,6 +13,8 @@ surface a flow is not determined and not needed, so brightness decides and not t
 has the halves that are not refused; one with none has the coarse image, a plain window.
 
 All pixels must have the same colour filter, since the shifts mix neighbours.
+
+Dense optical flow between two images of a scene (DIS, Kroeger et al., ECCV 2016, of OpenCV).
 """
 
 from __future__ import annotations
@@ -25,8 +27,36 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.spikes.viform import WORD, SpikeStream, Viform, words_for
-from sensor.reconstruct.flow import LEAST, Grey, flow_grey, optical_flow
 from sensor.reconstruct.playback import tfp, tfp_span
+
+Grey = npt.NDArray[np.uint8]
+Rate = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
+
+SMOOTH: Final = 0.8
+"""Standard deviation of the Gaussian filter before the flow, pixels."""
+LEAST: Final = 12
+"""Pixels of the shorter side that the flow takes."""
+
+
+def flow_grey(rate: npt.NDArray[np.float32], white: float, smooth: float = SMOOTH) -> Grey:
+    """A smooth image of 8 bits for the flow, (H, W); `white` becomes 255."""
+    import cv2
+
+    blurred = cv2.GaussianBlur(rate, (0, 0), smooth)
+    return np.rint(255 * np.clip(blurred / white, 0, 1)).astype(np.uint8)
+
+
+def optical_flow(first: Grey, second: Grey) -> npt.NDArray[np.float32]:
+    """Motion from each pixel of the first image to the second, (H, W, 2) of columns and rows,
+    pixels."""
+    import cv2
+
+    vision: Any = cv2  # its types lack this
+    dis = vision.DISOpticalFlow_create(vision.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    dis.setFinestScale(0)  # every pixel; the preset's 1 costs up to 3 dB on fine detail
+    return np.asarray(dis.calc(first, second, None), np.float32)
+
 
 ALIGNED: Final = 201
 """Cycles of a window by default."""
@@ -41,8 +71,6 @@ WHITE: Final = 99.5
 SAME: Final = 0.1
 """Change of brightness, over that white, from which on a flow is refused. 0.05 and 0.2 give the
 same within 0.1 dB."""
-Rate = npt.NDArray[np.float32]
-Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from cosim.config.quantity import Duration, Frequency, Section, Time
 from cosim.files.plane_order import BitOrder, ByteOrder, Flip, PlaneOrder
-from sensor.sections.asynchronous import Side
+from sensor.sections.unlatched import Side
 
 LATENCY = 0.1
 """Default of source_latency, s: up to it, a response seems immediate (Card, Robertson and

@@ -1,31 +1,74 @@
-"""The [sensor] section: the chip, how it is run, its lens and its device."""
+"""The [sensor] section: the chip, how it is run, its lens and its device.
+
+[sensor.colour]: the filter array of a chip.
+
+[sensor.sub_threshold] and sensor.dark_limit: dim light (Huang 2022, 4.4 and 4.5).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, create_model, model_validator
 
 from cosim import InputError
-from cosim.config.quantity import (
-    Charge,
-    Frequency,
-    Quantity,
-    Section,
-    Wavelength,
-)
-from sensor.device.chips import CHIPS, Chip
-from sensor.device.steering import BOARD
+from cosim.config.quantity import DAY, Charge, Duration, Frequency, Quantity, Section, Wavelength
+from sensor.device.chips import BOARD, CHIPS, Chip
 from sensor.latched.effects.catalogue import CATALOGUE, all_keys
 from sensor.latched.effects.effect import Key
-from sensor.sections.asynchronous import AsynchronousSection, ChannelSection, Side
-from sensor.sections.colour import ColourSection
-from sensor.sections.continuous import ContinuousSection
-from sensor.sections.own_chip import check_chip, own_chip, row_skew
+from sensor.sections.own_chip import LEVELS, Writes, check_chip, check_writes, own_chip, row_skew
 from sensor.sections.preset_file import with_preset
-from sensor.sections.sub_threshold import DarkLimit, SubThresholdSection
-from sensor.sections.writes import LEVELS, Writes, check_writes
+from sensor.sections.unlatched import AsynchronousSection, ChannelSection, ContinuousSection, Side
+
+
+class ColourSection(Section):
+    """Colour filters on the pixels. Neither chip has any: their curves are assumed."""
+
+    filter: Literal["rggb", "bggr", "grbg", "gbrg"] = Field(
+        default="rggb", description="colours of rows 0 and 1, columns 0 and 1"
+    )
+    depth: Annotated[float, Quantity("length", above=0, most=1000)] = Field(
+        default=3.0,
+        examples=["3 um"],
+        description="depth of the silicon that collects charge; with its absorption it is the "
+        "quantum efficiency by wavelength",
+    )
+
+
+_DARK: Final = "dark current"
+
+
+class _DarkLimit(Quantity):
+    """A duration, or the text "dark current", which is read as 0."""
+
+    def read(self, value: object) -> float:
+        if value == _DARK:
+            return 0.0
+        try:
+            return super().read(value)
+        except ValueError as exc:
+            raise ValueError(f"{exc}, or '{_DARK}'") from None
+
+    def write(self, value: float) -> str:
+        return super().write(value) if value else _DARK
+
+
+DarkLimit = Annotated[float, _DarkLimit("time", above=0, most=DAY)]
+"""Seconds; 0 stands for Q over the device's dark current."""
+
+
+class SubThresholdSection(Section):
+    """Reading of the charge of pixels that have not fired for some time."""
+
+    limit: Duration = Field(
+        examples=["10 ms"],
+        description="time between two readings: a pixel that has not fired in it is read",
+    )
+    levels: Annotated[int, Field(ge=1, le=65535)] = Field(
+        default=100, description="N of a reading, floor(N charge / threshold)"
+    )
+
 
 SPIKING = tuple(
     name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.pixels

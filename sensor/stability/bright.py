@@ -15,9 +15,8 @@ from cosim.run.case import Case
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.asynchronous import AsynchronousPixels, EventModel
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE, to_fixed
+from sensor.latched.pixel.charge import ONE, Span, to_fixed
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 from sensor.stability.gathering import CLOCK, constant
 
 # 4 -------------------------------------------------------------------------------------------

@@ -26,9 +26,8 @@ from cosim.compute.opencl import Device, open_device
 from cosim.run.case import Case
 from sensor import EFFECTS, make_pixels
 from sensor.asynchronous import AsynchronousPixels, EventModel
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE, Span
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 from sensor.stability.gathering import constant
 
 _PLACE: Final = {"x86_64": (28, 0x8040), "aarch64": (0, 1 << 24)}

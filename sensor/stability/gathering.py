@@ -16,9 +16,8 @@ from sensor import EFFECTS, make_pixels
 from sensor.asynchronous import AsynchronousPixels, EventModel
 from sensor.latched.effects import RESIDUAL
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE, Charge
+from sensor.latched.pixel.charge import ONE, Charge, Span
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 
 CLOCK: Final = Clock(40_000)
 """Latch clock of SpikeTwo."""

@@ -15,8 +15,8 @@ import numpy as np
 from cosim.compute.opencl import Device
 from cosim.run.case import Case
 from sensor.circuit.circuit import Circuit
+from sensor.circuit.phases import spike_train
 from sensor.circuit.solvers import solved_train
-from sensor.circuit.train import spike_train
 from sensor.stability.circuits import DIGITS, FARAD, Q, Train, Values, shipped
 
 # 8 -------------------------------------------------------------------------------------------

@@ -18,10 +18,9 @@ from sensor import EFFECTS, SpikeCamera, make_pixels
 from sensor.asynchronous import latched
 from sensor.latched.effects import RESIDUAL
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE, Charge
+from sensor.latched.pixel.charge import ONE, Charge, Span
 from sensor.latched.pixel.interval import threshold as quantile
 from sensor.latched.pixel.model import ExactModel, PixelState
-from sensor.latched.pixel.span import Span
 from sensor.stability.cutting import SMALL
 from sensor.stability.gathering import CLOCK
 

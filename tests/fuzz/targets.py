@@ -30,8 +30,7 @@ from rtl_model.cycle import Bridge, System
 from rtl_model.geometry import Geometry
 from rtl_model.host import read_csr
 from rtl_model.host.ether.packet import answer_packet, answered, probe, record_packet
-from rtl_model.virtual.ethernet.answers import answer
-from rtl_model.virtual.ethernet.bus import make_bus
+from rtl_model.virtual.ethernet import answer, make_bus
 from rtl_model.virtual.faults import Faults
 from scenarios.assemble.schema.loading import load
 from scenarios.run import _reinstated_before
@@ -40,8 +39,7 @@ from sensor.codec.coding import Code
 from sensor.codec.files import open_any
 from sensor.codec.fsc import write_fsc
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.decoder import StreamDecoder
-from sensor.codec.packets.encoder import StreamEncoder
+from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
 from sensor.codec.packets.packet import HEADER
 from sensor.codec.vfl import write_vfl
 from tests.fuzz.engine import LONGEST, Target

@@ -40,7 +40,7 @@ from imagers.common.scenery import Scenery
 from imagers.report.page import ImagerRun
 from scenarios.assemble.schema.loading import shipped
 from scenarios.studies.compare import load_comparison
-from scenarios.studies.compare.ranges import one_frame
+from scenarios.studies.compare.frames import one_frame
 from scenarios.studies.compare.setting import SHAPE
 from sensor.frame_pixels import Exposed, ImagerSummary
 

@@ -6,7 +6,7 @@ import pytest
 
 from cosim import InputError
 from rtl_model import synthesis
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import EventSize
 from rtl_model.synthesis import Cells, synthesise
 
 needs_yosys = pytest.mark.skipif(

@@ -15,8 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from link.layout import Layout
-from link.receiving.pilots.sequence import sequence_peak, sequence_values, shows_sequence
-from link.receiving.pilots.signal import PilotSignal
+from link.receiving.pilots.sequence import (
+    PilotSignal,
+    sequence_peak,
+    sequence_values,
+    shows_sequence,
+)
 from link.timing import Timing
 
 Floats = npt.NDArray[np.float64]

@@ -23,7 +23,7 @@ from link.layout import Layout, training
 from link.receiving.pacing import Delay
 from link.receiving.phasing import fit_phase, fit_timing, measure_delay
 from link.receiving.pilots.clocking import clock_by_pilots
-from link.receiving.pilots.signal import pilot_signal
+from link.receiving.pilots.sequence import pilot_signal
 from link.receiving.recording import Recording
 from link.receiving.synthesis import Levels, Witnesses, choose_witnesses, known_cells, match
 from link.timing import Registration, Timing

@@ -1,6 +1,14 @@
-"""The mode of a link and the lock of its camera's clock, which depend on each other."""
+"""The mode of a link and the lock of its camera's clock, which depend on each other.
+
+Time that the stages of a set-up took.
+"""
 
 from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 from cosim.compute.kept import kept_value
 from cosim.compute.opencl import Device
@@ -11,9 +19,36 @@ from link.setup.choosing import Choice
 from link.setup.locking.loop import SOURCES, Locking
 from link.setup.locking.model import at_lock
 from link.setup.modes import check_reach, choose_mode
-from link.setup.spent import Spent
 from link.setup.truth import panel_in_view
-from sensor.device.steering import ClockSteering
+from sensor.device.chips import ClockSteering
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Time by stage, s; a stage that comes again adds to its time.
+
+    Attributes:
+        wall: time on the clock.
+        processor: time of all threads of the program. Other programs do not lengthen it.
+    """
+
+    wall: dict[str, float] = field(default_factory=dict)
+    processor: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def on(self, stage: str) -> Iterator[None]:
+        """Adds the time of the block to a stage."""
+        wall, processor = time.perf_counter(), time.process_time()
+        try:
+            yield
+        finally:
+            self.wall[stage] = self.wall.get(stage, 0.0) + time.perf_counter() - wall
+            self.processor[stage] = self.processor.get(stage, 0.0) + time.process_time() - processor
+
+    def forget(self, stage: str) -> None:
+        """Takes a stage out."""
+        self.wall.pop(stage, None)
+        self.processor.pop(stage, None)
 
 
 def choose_and_lock(

@@ -39,8 +39,8 @@ from link.receiving.synthesis import Levels
 from link.setting import LEAD, TAIL, LinkSetting
 from link.setup.locking.model import BEFORE, PhaseModel
 from link.timing import Timing
-from sensor.device.steering import ClockSteering
-from sensor.latched.steering import ClockMoves
+from sensor.device.chips import ClockSteering
+from sensor.latched.sampling import ClockMoves
 
 SOURCES: Final = ("cosim", "sensor", "display", "link")
 """Packages that choose a mode, lock a clock and predict what arrives."""

@@ -161,15 +161,15 @@ def open_endpoint(
         yield Endpoint(board.port, baud, True, time_scale or board.time_scale, lines)
 
 
-def csr_map(csr: Path | None, devices: Devices | None = None) -> CsrMap | None:
+def csr_map(csr: Path | None, devices: Devices) -> CsrMap | None:
     """The register map of a csr.csv file; None without a file, for the Viform board.
 
     Args:
         csr: the file, or None.
-        devices: devices whose registers are known beyond what the file states; None for none.
+        devices: devices whose registers are known beyond what the file states.
 
     Raises InputError for a file that is not a csr.csv.
     """
     from rtl_model.host import read_csr
 
-    return None if csr is None else read_csr(csr, devices or {})
+    return None if csr is None else read_csr(csr, devices)

@@ -22,6 +22,7 @@ from rtl_model.bringup.report.page import TITLE, make_sections
 from rtl_model.bringup.report.summary import simulated, subtitle
 from rtl_model.geometry import Geometry
 from rtl_model.host.ether import is_udp
+from rtl_model.registers.design import NO_DEVICES
 from rtl_model.virtual import nominal_clock
 
 _SIDE, _LANES = 32, 32  # default size of a virtual board
@@ -51,7 +52,8 @@ class BoardMachine:
         self.toml, self._section, self._seed = toml, section, seed
         geometry = _virtual_geometry(section) if section.port == VIRTUAL else None
         self._trace = checked_trace(trace, geometry)
-        csr_map(None if section.csr is None else Path(section.csr))  # fails before the run starts
+        # It fails here, before the run starts.
+        csr_map(None if section.csr is None else Path(section.csr), NO_DEVICES)
         self.bits = 0 if geometry is None else section.frames * geometry.rows * geometry.columns
         self._stack = ExitStack()
         endpoint = open_endpoint(

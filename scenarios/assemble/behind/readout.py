@@ -16,8 +16,7 @@ from cosim.run.chain import BlockChain
 from cosim.run.machine import Machine, Outcome, Page, Recording, Run, Study
 from cosim.run.progress import Progress
 from cosim.run.result import Throughput
-from rtl_model.readout.buffer import ROW_BYTES, RowBuffer
-from rtl_model.readout.needs import Needs, needed_rate
+from rtl_model.readout.buffer import ROW_BYTES, Needs, RowBuffer, needed_rate
 from rtl_model.readout.report import (
     FIGURE,
     loss_note,
@@ -26,9 +25,8 @@ from rtl_model.readout.report import (
     readout_metrics,
     readout_section,
 )
+from rtl_model.readout.scan import BIT_RATE, ScanTiming, Window
 from rtl_model.readout.stage import ScanStage
-from rtl_model.readout.timing import BIT_RATE, ScanTiming
-from rtl_model.readout.window import Window
 from scenarios.assemble.behind.link.ends import Later, bare
 from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.schema.scenario import AnyScenario, LinkScenario, Scenario

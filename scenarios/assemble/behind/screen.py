@@ -20,8 +20,8 @@ from display.camera.rolling import make_shutter
 from display.camera.stage import PanelCamera
 from display.chain.display import DisplayChain, make_display_chain
 from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
-from display.panels.fit import fit_words
-from display.probes.camera import ProbeCamera
+from display.panels.panel import fit_words
+from display.probes.setup import ProbeCamera
 from display.report.filmed import FramesFilmer
 from display.report.sections import (
     display_cards,

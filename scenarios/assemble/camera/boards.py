@@ -22,7 +22,7 @@ from rtl_model.registers import quantum
 from scenarios.assemble.schema.scenario import Scenario
 from sensor import CameraSetting
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 
 if TYPE_CHECKING:
     from rtl_model.stand_in import OpenBoard

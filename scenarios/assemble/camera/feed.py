@@ -91,7 +91,7 @@ class LatchedFeed(Feed):
 
 @dataclass(frozen=True)
 class SpikeProbeCamera:
-    """Small arrays of the scenario's pixels; implements `display.probes.camera.ProbeCamera`.
+    """Small arrays of the scenario's pixels; implements `display.probes.setup.ProbeCamera`.
 
     It uses the exact tier, so that the bits do not depend on the device. The circuit of the pixel
     has its lumped form, as in every tier except the reference.

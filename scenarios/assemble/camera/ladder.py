@@ -40,9 +40,9 @@ from scenarios.assemble.camera.setup import CameraSetup
 from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.effects.own_draws import OWN_DRAWS
+from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.levels import fast_can_follow
-from sensor.latched.patches import PatchCamera
-from sensor.latched.reference.error import DRAWS, reference_error
+from sensor.latched.reference.law import DRAWS, reference_error
 
 TIMED = 3
 """Number of blocks of the whole chip that are timed, after one block for warm-up."""

@@ -34,7 +34,7 @@ from scenarios.assemble.camera.planned import PlannedCamera, planned_camera
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
-from sensor.latched.readout import readout_stages
+from sensor.latched.stages import readout_stages
 from sensor.reconstruct.fidelity import judge
 from sensor.reconstruct.shots import (
     LATCHED,

@@ -22,7 +22,7 @@ from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import LensChoice, choose_lens, choose_mosaic
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.scenes.drawing.neutral import NeutralSource
+from scenarios.scenes.drawing.analytic import NeutralSource
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.stages import LensStage, SceneStage

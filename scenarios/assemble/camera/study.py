@@ -21,7 +21,7 @@ from scenarios.assemble.camera.plan import RunPlan
 from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.latched.effects.own_draws import OWN_DRAWS
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 
 BLOCKS = 4
 """Number of blocks that are run, from the start of the scene. The first compiles; of the others the

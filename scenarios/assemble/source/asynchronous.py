@@ -41,7 +41,7 @@ from sensor.asynchronous.readout.recorder import gather_events
 from sensor.asynchronous.run import EventSpec
 from sensor.asynchronous.setting import event_camera
 from sensor.asynchronous.study import AsynchronousStudy
-from sensor.sections.asynchronous import AsynchronousSection
+from sensor.sections.unlatched import AsynchronousSection
 
 
 def with_defaults(scenario: Scenario) -> Scenario:

@@ -24,10 +24,9 @@ from scenarios.assemble.source.feeds import Feed, Planes
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.continuous.camera import ContinuousCamera
-from sensor.continuous.from_section import intensity_camera
 from sensor.continuous.machine import ContinuousMachine
-from sensor.continuous.run import ContinuousSpec
-from sensor.sections.continuous import ContinuousSection
+from sensor.continuous.run import ContinuousSpec, intensity_camera
+from sensor.sections.unlatched import ContinuousSection
 
 
 def with_defaults(scenario: Scenario) -> Scenario:

@@ -28,7 +28,7 @@ from cosim.run.result import Metric
 from cosim.spikes.clocked import ClockedEvents, HeldPlanes
 from cosim.stage import Stage
 from display.chain.pursuit import Pursuit, pursuit_of, pursuit_without_scene
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from display.section import DisplaySection
 from display.setting import DisplaySetting
 from scenarios.scenes.catalogue import SceneSection

@@ -97,6 +97,6 @@ def print_stage(stage: Stage) -> None:
 
 
 def _short(stage: Stage) -> str:
-    from rtl_model.bringup.report.stage_text import stage_text
+    from rtl_model.bringup.report.summary import stage_text
 
     return stage_text(stage)

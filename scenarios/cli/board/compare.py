@@ -77,8 +77,7 @@ def board_compare(
             "without", "leave them out, because a board has its own size, or add --lockstep",
         )  # fmt: skip
     frames = 8 if frames is None else frames
-    from rtl_model.bringup.bench.charges import read_and_compare
-    from rtl_model.bringup.bench.frames import capture_and_compare
+    from rtl_model.bringup.bench.frames import capture_and_compare, read_and_compare
     from rtl_model.host import check_levels
     from scenarios.cli.board.regs import assignment
 

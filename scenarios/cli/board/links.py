@@ -33,7 +33,7 @@ def board_links(
     from rtl_model.stream.links import LINKS, raw_rate
     from sensor.codec.files import open_any
     from sensor.codec.packets.catalogue import StreamCode
-    from sensor.codec.packets.through import size_of, to_packets
+    from sensor.codec.packets.coder import size_of, to_packets
 
     columns, rows = size_option(size) or (1000, 1000)
     try:

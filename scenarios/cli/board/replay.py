@@ -11,7 +11,7 @@ from scenarios.cli.board.connection import Csr, known_map
 from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
-    from rtl_model.host.log_events import LogEvent
+    from rtl_model.host.replay import LogEvent
 
 _PRINTED = 4  # most words of a transaction that are printed
 
@@ -75,7 +75,7 @@ def board_replay(
 
 def _text(event: LogEvent, names: dict[int, str]) -> str:
     """The event in one line."""
-    from rtl_model.host.log_events import Answer, Datagram, Opened, Request, Stray
+    from rtl_model.host.replay import Answer, Datagram, Opened, Request, Stray
 
     if isinstance(event, Request):
         name = names.get(int(event.address, 0), event.address)

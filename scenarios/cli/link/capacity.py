@@ -47,8 +47,7 @@ def link_capacity(
     """
     from cosim import InputError
     from link.evaluation.capacity_curves import CURVES, CapacityStudy
-    from link.prediction.capacity import capacity_document
-    from link.prediction.capacity_input import scenario_input
+    from link.prediction.capacity import capacity_document, scenario_input
     from scenarios.assemble.behind.readout import refuse_readout
     from scenarios.assemble.schema.loading import linked, load
     from scenarios.assemble.source.link import link_camera
@@ -95,7 +94,7 @@ def _write(document: dict[str, Any], out: Path) -> None:
     """The folder, whole or not at all."""
     from cosim.files.whole import whole
     from cosim.run.result import dumps
-    from link.report.capacity import draw_capacity
+    from link.report.curves import draw_capacity
 
     with whole(out) as part:
         part.mkdir()

@@ -7,8 +7,8 @@ import numpy as np
 
 from cosim.compute.opencl import open_device
 from sensor import EFFECTS, make_pixels
+from sensor.latched.pixel.charge import Span
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 
 _PIXELS = _CYCLES = 64
 

@@ -102,7 +102,7 @@ def _laws(path: Path, size: str | None, figure: Path | None) -> dict[str, Any]:
     if laws.motion is not None:
         notes.append(f"the light was not still: {laws.motion}; these laws are also the scene's")
     if figure is not None:
-        from sensor.laboratory.laws_figure import laws_figure
+        from sensor.laboratory.figure import laws_figure
 
         with whole(figure) as part:
             laws_figure(laws, str(path), part, figure.suffix[1:].lower())

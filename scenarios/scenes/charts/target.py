@@ -15,7 +15,7 @@ from cosim import Block, InputError, Light, Piece, Plane, seconds_to_ps
 from cosim.light.charts import PAPER, draw
 from imagers.common.scenery import Course
 from scenarios.scenes.clips.pictures import open_clip
-from scenarios.scenes.drawing.points import spread_points
+from scenarios.scenes.drawing.analytic import spread_points
 
 _FOREVER = 2**62
 """End of the last piece of light, ps."""

@@ -16,8 +16,7 @@ from cosim import Plane
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.coded import Coded, float_values, is_of_floats
 from scenarios.scenes.clips.decoder import Decoder
-from scenarios.scenes.clips.filtered import Pose, deinterlaced, pose_of
-from scenarios.scenes.clips.fitted import Fit
+from scenarios.scenes.clips.fitted import Fit, Pose, deinterlaced, pose_of
 from scenarios.scenes.clips.kept import Fitted, kept_file
 from scenarios.scenes.clips.timeline import Timeline
 

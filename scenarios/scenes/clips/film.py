@@ -18,7 +18,7 @@ from cosim.light.source import Points
 from cosim.light.survey import Codes
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.pictures import Pictures, open_clip
-from scenarios.scenes.drawing.points import spread_points
+from scenarios.scenes.drawing.analytic import spread_points
 
 _FOREVER = 2**62
 

@@ -181,16 +181,6 @@ def kept_file(path: Path) -> KeptFile:
     return KeptFile(path) if _named(path) is None else _CACHE.file(path)
 
 
-def bytes_kept() -> int:
-    """Bytes of all frames that are kept."""
-    return _CACHE.bytes
-
-
-def forget_frames() -> None:
-    """Empties the cache."""
-    _CACHE.clear()
-
-
 def _forked() -> None:
     """A forked process begins with an empty cache: a thread of its parent may hold the locks."""
     global _CACHE

@@ -18,8 +18,7 @@ from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.coded import GREY_OF_TIFF, SRGB, Coded, transfer_curve
 from scenarios.scenes.clips.fitted import Fit
-from scenarios.scenes.clips.heif import Still, decoded_still, still_in
-from scenarios.scenes.clips.tiff import Page, tiff_pages
+from scenarios.scenes.clips.stills import Page, Still, decoded_still, still_in, tiff_pages
 from scenarios.scenes.clips.timeline import Timeline
 
 _KEPT: Final = 3

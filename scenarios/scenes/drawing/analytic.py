@@ -1,14 +1,34 @@
-"""Scenes in closed form, and the source that draws them for a run."""
+"""Scenes in closed form, and the source that draws them for a run.
+
+Pixels for the figures of scenes without characteristic points.
+
+A scene without colours before a filter array.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from cosim import PS, Block, Box, Clock, Light, Piece, Plane
-from cosim.light.source import Points, Sketch
+from cosim.light.light import PlaneMap
+from cosim.light.mosaic import Mosaic
+from cosim.light.source import Points, Sketch, Source
+
+
+def spread_points(shape: tuple[int, int], n: int = 10) -> list[tuple[int, int, str]]:
+    """`n` pixels spread evenly over a plane by the R2 sequence: row, column, name."""
+    height, width = shape
+    g = 1.32471795724474602596  # plastic number: its powers space the points evenly
+    places = [
+        (int(height * ((0.5 + i / g) % 1)), int(width * ((0.5 + i / g**2) % 1)))
+        for i in range(1, n + 1)
+    ]
+    return [(row, column, f"row {row}, column {column}") for row, column in places]
+
 
 MOTION_STEP = 1.0
 """Largest motion of an edge between two instants at which an analytic scene is drawn, pixels. The
@@ -128,3 +148,34 @@ class AnalyticSource:
 
     def points(self) -> list[tuple[int, int, str]]:
         return self._scene.points()
+
+
+class NeutralSource:
+    """A `Source` whose light is white: each pixel has the signal of its filter under white."""
+
+    def __init__(self, source: Source, mosaic: Mosaic) -> None:
+        self._source = source
+        self._share = mosaic.neutral(source.shape)
+        self._signal = self._share * np.float32(mosaic.white)
+        self._map = PlaneMap(self._behind, 0)
+
+    def _behind(self, plane: Plane) -> Plane:
+        return plane * self._signal
+
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is the scene's. A sketch, if it has one, has planes behind filters."""
+        found = getattr(self._source, name)
+        if name != "sketch":
+            return found
+
+        def sketch(*given: Any) -> Sketch:
+            made: Sketch = found(*given)
+            return replace(made, planes=[self._behind(plane) for plane in made.planes])
+
+        return sketch
+
+    def step(self, data: None, block: Block) -> Light:
+        return self._map(self._source.step(data, block))
+
+    def truth(self, ps: int) -> Plane:
+        return self._source.truth(ps) * self._share

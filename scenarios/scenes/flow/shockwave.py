@@ -38,8 +38,7 @@ from scenarios.scenes.flow.gasdynamics import (
     stalling,
     start_flow,
 )
-from scenarios.scenes.flow.schlieren import Bench
-from scenarios.scenes.flow.sightlines import SWELLS, WIDTH, fine, flows, grain, mix, swirl
+from scenarios.scenes.flow.sightlines import SWELLS, WIDTH, Bench, fine, flows, grain, mix, swirl
 from scenarios.scenes.flow.steadyflow import Sphere, Wedge
 
 STAGNATION_PRESSURE, STAGNATION_TEMPERATURE = 1e6, 500.0

@@ -1,13 +1,11 @@
-"""The grid on which a scene is drawn, and the protocol of the kinds of scene."""
+"""The grid on which a scene is drawn."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 from cosim import Clock
 from cosim.light.mosaic import Mosaic
-from cosim.light.source import Source
 
 
 @dataclass(frozen=True)
@@ -27,18 +25,3 @@ class SceneGrid:
     cycles: int
     aligned: bool = True
     mosaic: Mosaic | None = None
-
-
-class SceneKind(Protocol):
-    """A section [scene].
-
-    Attributes:
-        illuminance: illuminance of the scene, lux.
-    """
-
-    illuminance: float
-
-    def source(self, grid: SceneGrid) -> Source:
-        """The scene on a grid. A source can be used for one pass only. Raises InputError for values
-        that do not fit together."""
-        ...

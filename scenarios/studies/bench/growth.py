@@ -2,6 +2,8 @@
 
 The fast tier draws noise from the bank; the picture is that of `sensor.noise`. Sizes for which the
 memory of the machine is too small are left out.
+
+Pixels of the fast tier, with one plan for all of them.
 """
 
 from __future__ import annotations
@@ -10,14 +12,43 @@ from typing import Final
 
 import numpy as np
 
-from cosim.clock import PS
+from cosim.clock import PS, Clock
 from cosim.compute.memory import check_memory
 from cosim.compute.opencl import Device
 from cosim.errors import InputError
 from cosim.light.light import Light, Piece
 from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row, least
-from scenarios.studies.bench.planned import planned_pixels
+from sensor import EFFECTS
+from sensor.device.pattern import FixedPattern
+from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.units import BANK, NOISE
+from sensor.latched.pixel.bank import LANES
+from sensor.latched.pixel.model import ExactModel
+
+THRESHOLD: Final = 1000.0
+"""Threshold of the pixels, electrons."""
+
+
+def planned_pixels(
+    device: Device, shape: tuple[int, int], flags: int, pattern: FixedPattern | None = None
+) -> FastPixels:
+    """A plane of pixels with all effects, at real time; a unit of light is a threshold a cycle.
+
+    Args:
+        device: OpenCL device.
+        shape: (H, W).
+        flags: effects that all groups keep; see `PixelArray`.
+        pattern: fixed pattern, None if all pixels are nominal.
+    """
+    height, width = shape
+    array = PixelArray(
+        ExactModel(THRESHOLD, 1, tuple(EFFECTS.values())), shape,
+        np.arange(height * width, dtype=np.uint32), Clock.from_hz(REAL_TIME),
+        THRESHOLD * REAL_TIME, pattern,
+        flags=np.full((height, -(-width // LANES)), flags, np.uint8),
+    )  # fmt: skip
+    return FastPixels(array, device)
+
 
 _WIDTH: Final = 1000
 _PIXELS: Final = {f"1e{k}": 10**k for k in range(4, 9)}

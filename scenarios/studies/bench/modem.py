@@ -22,7 +22,7 @@ from cosim.run.timing import REAL_TIME, Row, least_of
 from cosim.spikes.viform import WORD, Viform, Words
 from link.coding import Inbox, SoftBlocks, blocks_of
 from link.coding.ldpc import ROUNDS
-from link.coding.ldpc_numpy import decode_in_numpy
+from link.coding.ldpc_decoding import decode_in_numpy
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
 from link.detect.joint import Joint

@@ -23,14 +23,11 @@ from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
 from cosim.spikes.viform import words_for
 from display import GL_INSTALL, probe_gl
 from display.render.context import gl_packages
-from scenarios.studies.bench.board import board_rows
+from scenarios.studies.bench.board import board_rows, readout_row
 from scenarios.studies.bench.core import core_rows
-from scenarios.studies.bench.display import display_rows
-from scenarios.studies.bench.growth import growth_rows
+from scenarios.studies.bench.display import display_rows, loop_rows
+from scenarios.studies.bench.growth import THRESHOLD, growth_rows, planned_pixels
 from scenarios.studies.bench.link import link_rows
-from scenarios.studies.bench.loop import loop_rows
-from scenarios.studies.bench.planned import THRESHOLD, planned_pixels
-from scenarios.studies.bench.readout import readout_row
 from scenarios.studies.bench.view import view_rows
 from sensor import CHIPS, EFFECTS, make_pixels
 from sensor.device.pattern import DevicePattern, FixedPattern
@@ -38,9 +35,8 @@ from sensor.latched.effects import SHOT_NOISE
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
 from sensor.latched.fast.units import BANK, NOISE
-from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.charge import Span, to_fixed
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 
 CYCLES = 512
 PLAIN_CYCLES = 8

@@ -18,8 +18,8 @@ from sensor import tfp
 from sensor.codec import Code, recode
 from sensor.codec.files import open_any
 from sensor.codec.packets.catalogue import StreamCode
+from sensor.codec.packets.coder import from_packets, size_of, to_packets
 from sensor.codec.packets.layered import LAYERS
-from sensor.codec.packets.through import from_packets, size_of, to_packets
 from sensor.codec.size import coded_size
 
 WINDOW = 41

@@ -1,8 +1,14 @@
-"""The document of the bench as Markdown tables."""
+"""The document of the bench as Markdown tables.
+
+The figure of the bench: sizes of all formats for each scene.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+
+from cosim.report.figures import subplots
 
 
 def light_name(row: dict[str, Any]) -> str:
@@ -71,3 +77,48 @@ def markdown(document: dict[str, Any]) -> str:
             ),
         )
     )  # fmt: skip
+
+
+INK, LINE = "#1d2433", "#c8ccd4"
+FORMS = (
+    ("zstd 19, best order", "#8a94a6", lambda r: min(r["zstd"].values())),
+    ("every spike an event", "#d9a441", lambda r: r["events"]),
+    ("repeat + zstd", "#9db4d8", lambda r: r["repeat_zstd"]),
+    ("line + zstd", "#2f5fa8", lambda r: r["line_zstd"]),
+    ("statistical, k = 3", "#e8a07f", lambda r: r["statistical"]["k3"]),
+    ("statistical, k = 3, means of 8", "#d9480f", lambda r: r["statistical"]["k3r"]),
+)
+
+
+def draw(document: dict[str, Any], path: Path) -> None:
+    """Draws bars of bits per pixel and cycle on a logarithmic scale; the line at 1 is the raw
+    stream."""
+    rows = document["sizes"]
+    lights = list(dict.fromkeys(light_name(row) for row in rows))
+    figure, axes = subplots(
+        len(lights), 1, figsize=(10, 2.1 * len(lights) + 0.6), sharex=True, sharey=True,
+        squeeze=False,
+    )  # fmt: skip
+    wide = 0.8 / len(FORMS)
+    least = min(form(row) for _, _, form in FORMS for row in rows)
+    bottom = max(least / 2, 1e-5)
+    for light, ax in zip(lights, axes[:, 0], strict=True):
+        here = [row for row in rows if light_name(row) == light]
+        for n, (name, colour, form) in enumerate(FORMS):
+            x = [i + (n - (len(FORMS) - 1) / 2) * wide for i in range(len(here))]
+            heights = [max(form(row), bottom) - bottom for row in here]
+            ax.bar(x, heights, wide * 0.92, bottom, color=colour, label=name)
+        ax.axhline(1, color=INK, linewidth=0.9)
+        ax.set_yscale("log")
+        ax.set_xticks(range(len(here)), [row["scene"] for row in here], color=INK)
+        ax.set_title(light, fontsize=10, color=INK, loc="left")
+        ax.set_ylabel("bit/pixel-cycle", fontsize=8.5, color=INK)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.spines[["left", "bottom"]].set_color(LINE)
+        ax.tick_params(color=LINE, labelcolor=INK)
+        ax.grid(axis="y", color=LINE, linewidth=0.5)
+        ax.set_axisbelow(True)
+    handles, names = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="upper center", ncols=len(FORMS), fontsize=8.5, frameon=False)
+    figure.tight_layout(rect=(0, 0, 1, 0.96))
+    figure.savefig(path, dpi=110, format="png")

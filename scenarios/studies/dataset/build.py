@@ -17,8 +17,7 @@ from cosim.files.durable import sync_tree
 from cosim.run.folder import claim_folder, how_to_resume
 from cosim.run.inputs import digest
 from cosim.run.progress import Pace, Progress
-from scenarios.studies.batch.folder import begin_batch, read_document
-from scenarios.studies.batch.workers import run_jobs
+from scenarios.studies.batch.jobs import begin_batch, read_document, run_jobs
 from scenarios.studies.dataset.card import write_annotations, write_card, write_sums
 from scenarios.studies.dataset.item import make_item
 from scenarios.studies.dataset.order import Item, Order

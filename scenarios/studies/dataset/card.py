@@ -10,7 +10,7 @@ from typing import Any, Final
 from cosim.files.whole import whole
 from cosim.run.result import dumps, viform_version
 from scenarios.scenes.objects.plate import CATEGORIES
-from scenarios.studies.batch.folder import read_document
+from scenarios.studies.batch.jobs import read_document
 from scenarios.studies.dataset.order import Item, Order
 from scenarios.studies.dataset.places import Places, digest_of
 from scenarios.studies.dataset.reading import SPLITS, SUMS

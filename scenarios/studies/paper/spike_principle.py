@@ -22,10 +22,9 @@ from sensor.dynamic_range import (
     spike_dynamic_range,
     threshold_for,
 )
+from sensor.latched.pixel.charge import Span, to_fixed
 from sensor.latched.pixel.compiled import CompiledPixels
-from sensor.latched.pixel.fixed_point import to_fixed
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 
 # Assumptions of section 4: lux, um2, quantum efficiency, e; s; e/s.
 SUN, AREA, EFFICIENCY, THRESHOLD = 1e5, 100.0, 0.7, 100

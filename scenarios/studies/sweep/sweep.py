@@ -2,31 +2,59 @@
 
 `sweep.json` states the sweep and is written first; `points/NNNNNN.json` is the result of a point.
 `sweep.zarr` and the figure are written last, from the points.
+
+One point of a sweep: a run without report, of which the result remains.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from cosim import InputError, Interrupted
 from cosim.config.toml import to_toml
+from cosim.files import NOT_KEPT
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.inputs import add_digests
-from cosim.run.progress import Progress
+from cosim.run.machine import NO_REPORT, Options
+from cosim.run.progress import Progress, QuietProgress
+from cosim.run.result import dumps
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import AnyScenario
 from scenarios.assemble.source.recording.opening import refuse_pipe
+from scenarios.run import run_scenario
 from scenarios.studies.batch.axes import Axis, check_axes, grid, latin_hypercube
-from scenarios.studies.batch.folder import begin_batch, read_document, write_document
-from scenarios.studies.batch.workers import run_jobs
+from scenarios.studies.batch.jobs import begin_batch, read_document, run_jobs, write_document
 from scenarios.studies.sweep.figure import chosen, sweep_figure
-from scenarios.studies.sweep.point import run_point
 from scenarios.studies.sweep.store import metric_values, write_store
+
+
+def run_point(name: str, scenario: AnyScenario, device: str | None) -> dict[str, Any]:
+    """Document of the result, as `viform run --json` prints it.
+
+    Args:
+        name: short name of the scenario.
+        scenario: checked scenario.
+        device: number or part of the name of an OpenCL device, "numba", or None for the default.
+
+    Raises:
+        InputError: the machine of the worker cannot run it.
+    """
+    with TemporaryDirectory(prefix="viform-point-") as folder:
+        done = run_scenario(
+            name, scenario, Path(folder) / "run",
+            options=Options(device, store=NOT_KEPT, report=NO_REPORT),
+            progress=QuietProgress(), began=time.perf_counter(),
+        )  # fmt: skip
+        document: dict[str, Any] = json.loads(dumps(done.result.document()))
+    return document
 
 
 @dataclass(frozen=True)

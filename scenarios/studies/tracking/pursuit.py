@@ -1,19 +1,210 @@
-"""One object before one camera: what the tracker knew, and when."""
+"""One object before one camera: what the tracker knew, and when.
+
+Detection of bright objects before a known background.
+
+The difference to the mean of earlier pictures is smoothed and compared with its own noise, and the
+connected components above the threshold are the objects. Background subtraction is textbook
+(Szeliski, Computer Vision, section 8.4); the components are those of OpenCV.
+
+A tracker of one object: nearest neighbour and an alpha-beta filter.
+
+The filter predicts at a constant velocity and corrects position and velocity by shares of the
+residual, alpha and beta. These are the steady gains of a Kalman filter for a tracking index, the
+ratio of what the motion is uncertain by within a picture to the noise of a position (Kalata, IEEE
+Trans. AES 20:174, 1984). An object at the speed v that may turn on a radius R accelerates by
+v^2/R, so the index of pictures at the distance T is (v T)^2 / (R noise): it follows from the track
+itself, and all cameras have one rule. A new track has the gains of a least-squares line through its
+positions, as long as they are larger (Brookner, Tracking and Kalman Filtering Made Easy, 1998).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from scenarios.scenes.moving import Spot, Texture
-from scenarios.studies.tracking.conditions import Conditions
-from scenarios.studies.tracking.detection import Background, detect
-from scenarios.studies.tracking.pictures import Picture
-from scenarios.studies.tracking.tracker import Track, Tracker
+from scenarios.studies.tracking.conditions import Conditions, Picture
+
+Plane = npt.NDArray[np.float32]
+
+SMOOTH: Final = 1.5
+"""Standard deviation of the filter, pixels, near that of the object (a matched filter)."""
+THRESHOLD: Final = 6.0
+"""Threshold over the noise of the difference. Of Gaussian noise, 1e-9 of the pixels are above."""
+LEAST: Final = 4
+"""Fewest pixels of an object. A smooth peak of noise is smaller, an object of this study larger."""
+AROUND: Final = 5.0
+"""Standard deviation of the surroundings of a pixel in which its variance is estimated, pixels."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """An object in a picture.
+
+    Attributes:
+        x, y: its centroid, columns and rows, weighted by the difference.
+        weight: sum of the difference over its pixels.
+    """
+
+    x: float
+    y: float
+    weight: float
+
+
+def _smooth(plane: Plane, width: float = SMOOTH) -> Plane:
+    import cv2
+
+    # There is no difference beyond the border; a reflected one would double the noise there.
+    border = cv2.BORDER_CONSTANT
+    return np.asarray(cv2.GaussianBlur(plane, (0, 0), width, borderType=border), np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """The picture without objects.
+
+    Attributes:
+        mean: (H, W) float32.
+        noise: standard deviation of the smoothed difference of a later picture to it, (H, W)
+            float32.
+    """
+
+    mean: Plane
+    noise: Plane
+
+    @classmethod
+    def learn(cls, pictures: Sequence[Plane]) -> Background:
+        """From two or more pictures without objects. With n pictures, the squares of the residuals
+        are (n - 1) / n of the variance, and a later difference has (n + 1) / n of it. Few pictures
+        give a poor variance of a pixel, so that of its surroundings is taken."""
+        n = len(pictures)
+        if n < 2:
+            raise ValueError(f"a background must have 2 pictures or more, not {n}")
+        mean = np.asarray(np.mean(pictures, axis=0, dtype=np.float64), np.float32)
+        square = np.zeros_like(mean)
+        for picture in pictures:
+            square += _smooth(picture - mean) ** 2 / np.float32(n - 1)
+        around = _smooth(square, AROUND) / _smooth(np.ones_like(mean), AROUND)
+        return cls(mean, np.sqrt(around * np.float32((n + 1) / n)))
+
+
+def detect(picture: Plane, background: Background) -> list[Detection]:
+    """The objects in a picture, the heaviest first."""
+    import cv2
+
+    rise = _smooth(picture - background.mean)
+    # Without noise, rounding of float32 is left.
+    least = np.maximum(THRESHOLD * background.noise, np.float32(1e-5))
+    above = (rise > least).astype(np.uint8)
+    count, labels = cv2.connectedComponents(above, connectivity=8)
+    if count == 1:
+        return []
+    rows, columns = np.nonzero(above)
+    label, weight = labels[rows, columns], rise[rows, columns].astype(np.float64)
+    total, x, y = (
+        np.bincount(label, weight * factor, count)[1:] for factor in (1.0, columns, rows)
+    )
+    large = np.bincount(label, minlength=count)[1:] >= LEAST
+    found = zip((x / total)[large], (y / total)[large], total[large], strict=True)
+    return sorted((Detection(*map(float, each)) for each in found), key=lambda d: -d.weight)
+
+
+RADIUS: Final = 10.0
+"""Radius of a turn, pixels. A smaller one responds sooner and follows the noise more."""
+NOISE: Final = 0.15
+"""Standard deviation of a detection, pixels: that of an object of this study in eight planes of
+spikes."""
+HIGHEST: Final = 2 + math.sqrt(2)
+"""Highest tracking index: that of beta = 1, where the velocity is that of the last two positions.
+Beyond it a wrong velocity overshoots, and keeps the index high."""
+GATE: Final = 6.0
+"""Farthest detection from the prediction that continues a track at rest, pixels."""
+TURN: Final = 1.5
+"""The gate grows by this share of the way between two pictures. A turn by 90 degrees needs 1.41."""
+MISSES: Final = 3
+"""Pictures without a detection within the gate after which a track ends."""
+
+
+def steady_gains(index: float) -> tuple[float, float]:
+    """(alpha, beta) for a tracking index above 0 (Kalata 1984): with
+    r = (4 + index - sqrt(8 index + index^2)) / 4, alpha = 1 - r^2 and beta = 2 (1 - r)^2."""
+    r = (4 + index - math.sqrt(index * (8 + index))) / 4
+    return 1 - r * r, 2 * (1 - r) ** 2
+
+
+def line_gains(n: int) -> tuple[float, float]:
+    """(alpha, beta) with which the n-th position, n >= 2, keeps a least-squares line."""
+    return 2 * (2 * n - 1) / (n * (n + 1)), 6 / (n * (n + 1))
+
+
+@dataclass(frozen=True)
+class Track:
+    """The state of a track.
+
+    Attributes:
+        time: time of the state, s.
+        x, y: position, columns and rows.
+        vx, vy: velocity, pixels/s; 0 after the first detection.
+        hits: number of detections that made it.
+        misses: pictures since the last detection.
+    """
+
+    time: float
+    x: float
+    y: float
+    vx: float = 0.0
+    vy: float = 0.0
+    hits: int = 1
+    misses: int = 0
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Predicted position."""
+        ahead = time - self.time
+        return self.x + self.vx * ahead, self.y + self.vy * ahead
+
+
+class Tracker:
+    """Follows one object. A track begins with the heaviest detection of a picture; the second
+    detection, anywhere, gives its velocity; later ones must be near the prediction.
+
+    Attributes:
+        track: the present one, None without.
+    """
+
+    def __init__(self) -> None:
+        self.track: Track | None = None
+
+    def step(self, time: float, detections: Sequence[Detection]) -> Track | None:
+        """The track after a picture whose exposure has its middle at `time`, s."""
+        old = self.track
+        if old is None:
+            if detections:
+                self.track = Track(time, detections[0].x, detections[0].y)
+            return self.track
+        px, py = old.at(time)
+        ahead = time - old.time
+        way = math.hypot(old.vx, old.vy) * ahead
+        near = min(detections, key=lambda d: math.hypot(d.x - px, d.y - py), default=None)
+        gate = math.inf if old.hits == 1 else GATE + TURN * way
+        if near is None or math.hypot(near.x - px, near.y - py) > gate:
+            missed = Track(time, px, py, old.vx, old.vy, old.hits, old.misses + 1)
+            self.track = missed if missed.misses < MISSES else None
+            return self.track
+        dx, dy = near.x - px, near.y - py
+        index = min(way * way / (RADIUS * NOISE), HIGHEST)
+        steady, line = steady_gains(index), line_gains(old.hits + 1)
+        alpha, beta = (max(pair) for pair in zip(steady, line, strict=True))
+        self.track = Track(
+            time, px + alpha * dx, py + alpha * dy, old.vx + beta * dx / ahead,
+            old.vy + beta * dy / ahead, old.hits + 1,
+        )  # fmt: skip
+        return self.track
+
 
 RIGHT: Final = 4.0
 """Largest distance of a right position from the true one, pixels: about the object's width at half

@@ -9,7 +9,7 @@ from typing import Final
 from sensor.codec.coding import Code
 from sensor.codec.packets.event import MOST_EVENT_CYCLES, Event
 from sensor.codec.packets.layered import LAYERS, Layered
-from sensor.codec.packets.part import MOST_CYCLES, TileCode
+from sensor.codec.packets.packet import MOST_CYCLES, TileCode
 from sensor.codec.packets.single import FirstSpike, Raw
 
 

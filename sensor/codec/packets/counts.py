@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from sensor.codec.packets.numbers import NUMBER, get_number, put_number
-from sensor.codec.packets.ranges import open_bits
+from sensor.codec.packets.ranges import NUMBER, get_number, open_bits, put_number
 
 TOP = 3
 """Level of the coarsest sums, blocks of 2^3 x 2^3 pixels."""

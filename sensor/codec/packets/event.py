@@ -27,8 +27,7 @@ from numba import njit
 from cosim.spikes.viform import Words, words_for
 from sensor.codec.columns import Damaged
 from sensor.codec.follow import FOLLOW_STATE, follow
-from sensor.codec.packets.packet import HEADER, Packet
-from sensor.codec.packets.part import Layer
+from sensor.codec.packets.packet import HEADER, Layer, Packet
 
 MOST_EVENT_CYCLES: Final = 128
 """Cycles of a packet at most, as a width has seven bits."""
@@ -101,13 +100,6 @@ def encode_events(words: Words, cycles: int, gaps: Sequence[Gap] = ()) -> bytes:
     out = np.empty(2 * count + 2 * len(places), np.uint16)
     size = _to_halves(records[:, :count], width, cycles, places, out)
     return out[:size].astype("<u2").tobytes()
-
-
-def gaps_of(data: bytes, cycles: int) -> list[Gap]:
-    """The gaps of a packet. Raises Damaged for data of another code."""
-    marks = [(int(h) >> 7 & 127, int(h) & 127) for h in _halves(data) if int(h) >> 14 == 1]
-    ends = [*marks[1::2], (cycles, 0)]
-    return [Gap(*mark, *end) for mark, end in zip(marks[::2], ends, strict=False)]
 
 
 def packet_of_line(data: bytes) -> Packet:

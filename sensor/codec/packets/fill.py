@@ -7,9 +7,8 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.spikes.viform import Words, words_for
-from sensor.codec.packets.course import ONE, SPAN_LEVEL, course_of, spikes_up_to, time_of
-from sensor.codec.packets.memory import peek16, poke16
-from sensor.codec.packets.midpoints import WINDOW
+from sensor.codec.packets.midpoints import ONE, SPAN_LEVEL, WINDOW, course_of, spikes_up_to, time_of
+from sensor.codec.packets.ranges import peek16, poke16
 from sensor.codec.packets.spans import even_spans
 
 _NONE = 10

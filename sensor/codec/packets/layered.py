@@ -31,18 +31,19 @@ from sensor.codec.packets.counts import (
     pyramid,
     spread,
 )
-from sensor.codec.packets.course import SPAN_LEVEL, course_of
 from sensor.codec.packets.fill import draw_spikes, fill_times
 from sensor.codec.packets.midpoints import (
     MOST_DECISIONS,
     SCALE,
+    SPAN_LEVEL,
     TIME_CONTEXTS,
     WINDOW,
+    course_of,
     find_spikes,
     get_times,
     put_times,
 )
-from sensor.codec.packets.part import Layer
+from sensor.codec.packets.packet import Layer
 from sensor.codec.packets.ranges import FRESH, encode_bits, from_bytes, open_bits, to_bytes
 from sensor.codec.packets.spans import (
     SPAN_CONTEXTS,

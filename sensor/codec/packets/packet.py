@@ -5,18 +5,104 @@
 
 Tiles are counted in raster order. The length of the data is the carrier's business. A packet that
 is lost takes its layer, and the finer ones, of its tile in its cycles, and nothing else.
+
+A sensor cut into square tiles, in raster order; those at the border may be smaller.
+
+What every stream code does: a tile's words to the bytes of its layers, and back.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import fastcrc
 
-from cosim.spikes.viform import WORD
+from cosim.spikes.viform import WORD, Words
 from sensor.codec.columns import Damaged
-from sensor.codec.packets.part import MOST_CYCLES
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """The tiles of a sensor.
+
+    Attributes:
+        shape: (height, width) of the sensor in pixels.
+        side: side of a tile, pixels.
+    """
+
+    shape: tuple[int, int]
+    side: int
+
+    def __post_init__(self) -> None:
+        if min(self.shape) < 1:
+            raise ValueError(f"a sensor must have pixels, not {self.shape}")
+        if not 8 <= self.side <= 128 or self.side % 8:
+            raise ValueError(f"tile must be a multiple of 8 from 8 to 128, not {self.side}")
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """(rows, columns) of tiles."""
+        return -(-self.shape[0] // self.side), -(-self.shape[1] // self.side)
+
+    def __len__(self) -> int:
+        rows, columns = self.grid
+        return rows * columns
+
+    def place(self, tile: int) -> tuple[slice, slice]:
+        """Rows and columns of the pixels of a tile."""
+        y, x = divmod(tile, self.grid[1])
+        side, (height, width) = self.side, self.shape
+        return (
+            slice(y * side, min((y + 1) * side, height)),
+            slice(x * side, min((x + 1) * side, width)),
+        )
+
+    def size(self, tile: int) -> tuple[int, int]:
+        """(height, width) of a tile in pixels."""
+        rows, columns = self.place(tile)
+        return rows.stop - rows.start, columns.stop - columns.start
+
+
+MOST_CYCLES = 512
+"""Cycles of a packet, at most."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of a tile.
+
+    Attributes:
+        data: its bytes.
+        spikes: number of spikes whose time is known from this layer on; a spike is in one layer
+            alone.
+        gain: the squared error of counts in a window of 41 cycles that it takes away, summed over
+            pixels and cycles, estimated.
+    """
+
+    data: bytes
+    spikes: int
+    gain: float
+
+
+class TileCode(Protocol):
+    """A code of one tile during the cycles of one packet, which depends on nothing else."""
+
+    @property
+    def layers(self) -> int:
+        """Layers that it sends; those after the first may be missing."""
+        ...
+
+    def encode(self, words: Words, cycles: int) -> list[Layer]:
+        """The layers of (n, h, w) words, whose bits beyond `cycles` are 0."""
+        ...
+
+    def decode(self, layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Words:
+        """(n, h, w) words of the first one or more layers. Raises Damaged for other bytes."""
+        ...
+
 
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<I")

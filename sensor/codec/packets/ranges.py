@@ -7,6 +7,19 @@ without tables, and a packet that starts anew has learned within a few dozen dec
 The interval has 64 bits and gives up 32 at once when it is shorter than 2^32: one rare and well
 predicted branch. A carry goes back into words that are already written. All arithmetic is of whole
 numbers, so that every machine writes the same bits. A run of zeros at the end takes no bytes.
+
+Bits of words and numbers at an address, as single instructions in compiled code.
+
+numba counts references to an array wherever inlined code takes a branch, which costs more than a
+decision of the range coder. So the inner loops take the addresses of arrays, whose life and size
+their caller guarantees.
+
+Whole numbers as decisions of the range coder, compiled.
+
+A number beside its expectation: whether it is equal, on which side it lies, and how far away, in
+Elias's gamma code, the exponent in unary. Each of these decisions has a context of its own, so that
+the shape of the law is learned, whatever it is, also where the expectation lies between two whole
+numbers.
 """
 
 from __future__ import annotations
@@ -16,10 +29,65 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-
-from sensor.codec.packets.memory import peek32, poke32
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
 Model = npt.NDArray[np.uint32]
+
+
+def _peek(kind: Any) -> Any:
+    """A load of entry `index` of numbers of a numba type, as int64."""
+
+    @intrinsic
+    def peek(typing, address, index):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            pointer = context.get_data_type(kind).as_pointer()
+            start = builder.inttoptr(arguments[0], pointer)
+            value = builder.load(builder.gep(start, [arguments[1]]))
+            return context.cast(builder, value, kind, types.int64)
+
+        return types.int64(types.int64, types.int64), generate
+
+    return peek
+
+
+def _poke(kind: Any) -> Any:
+    """A store of the low bits of an int64 as entry `index` of numbers of a numba type."""
+
+    @intrinsic
+    def poke(typing, address, index, value):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            pointer = context.get_data_type(kind).as_pointer()
+            start = builder.inttoptr(arguments[0], pointer)
+            low = context.cast(builder, arguments[2], types.int64, kind)
+            builder.store(low, builder.gep(start, [arguments[1]]))
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, types.int64), generate
+
+    return poke
+
+
+peek16 = _peek(types.int16)
+peek32 = _peek(types.uint32)
+poke16 = _poke(types.int16)
+poke32 = _poke(types.uint32)
+
+
+@intrinsic
+def _trailing_zeros(typing, word):  # type: ignore[no-untyped-def]
+    """Index of the lowest set bit of a non-zero uint32, as int64."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        place = builder.cttz(arguments[0], cgutils.true_bit)
+        return context.cast(builder, place, types.uint32, types.int64)
+
+    return types.int64(types.uint32), generate
+
+
+trailing_zeros: Any = _trailing_zeros
+
+
 """State of each context: probability of a zero, 22 bits, then the decisions seen, 10 bits."""
 FRESH = np.uint32(1 << 31)
 """State of a context that has seen nothing: one half."""
@@ -128,3 +196,66 @@ def from_bytes(data: bytes) -> npt.NDArray[np.uint32]:
     """Words of `to_bytes`, at least two."""
     padded = data + bytes(max(8 - len(data), -len(data) % 4))
     return np.frombuffer(padded, ">u4").astype(np.uint32)
+
+
+NUMBER = 19
+"""Contexts of a number: equal, side, nearest on either side (2), exponent (9), mantissa (6)."""
+_EXPONENT, _MANTISSA = 4, 13
+_LARGEST = 24
+"""Exponent at which a number cannot be one of ours."""
+
+
+@njit(cache=True, nogil=True, inline="always")
+def put_number(decisions, n, base, d):  # type: ignore[no-untyped-def]
+    """Appends the decisions of d at place n; the place after them.
+
+    decisions: address of uint16, twice the context plus the bit. base: first of NUMBER contexts.
+    """
+    unequal = 1 if d else 0
+    side = 1 if d > 0 else 0
+    far = abs(d) - 1
+    poke16(decisions, n, (base << 1) | unequal)  # what is not counted is written over
+    poke16(decisions, n + 1, ((base + 1) << 1) | side)
+    poke16(decisions, n + 2, ((base + 2 + side) << 1) | (1 if far > 0 else 0))
+    n += 1 + 2 * unequal
+    if far > 0:
+        far += 1
+        exponent = 1
+        while far >> (exponent + 1):
+            poke16(decisions, n, ((base + _EXPONENT + min(exponent - 1, 8)) << 1) | 1)
+            n += 1
+            exponent += 1
+        poke16(decisions, n, (base + _EXPONENT + min(exponent - 1, 8)) << 1)
+        n += 1
+        context = base + _MANTISSA + min(exponent - 1, 4)
+        for place in range(exponent - 1, -1, -1):
+            poke16(decisions, n, (context << 1) | ((far >> place) & 1))
+            n += 1
+            context = base + _MANTISSA + 5
+    return n
+
+
+@njit(cache=True, nogil=True, inline="always")
+def get_number(words, size, model, base, code, span, at):  # type: ignore[no-untyped-def]
+    """(d, code, span, place) of the number that `put_number` made decisions of.
+
+    words, model: addresses of uint32; size: number of words.
+    """
+    d, more, side = 0, 0, 0
+    unequal, code, span, at = decode_bit(words, size, model, base, code, span, at)
+    if unequal:
+        side, code, span, at = decode_bit(words, size, model, base + 1, code, span, at)
+        more, code, span, at = decode_bit(words, size, model, base + 2 + side, code, span, at)
+        d = 1
+    if more:
+        exponent = 0
+        while more and exponent < _LARGEST:
+            context = base + _EXPONENT + min(exponent, 8)
+            more, code, span, at = decode_bit(words, size, model, context, code, span, at)
+            exponent += 1
+        context = base + _MANTISSA + min(exponent - 1, 4)
+        for _ in range(exponent):
+            bit, code, span, at = decode_bit(words, size, model, context, code, span, at)
+            d = 2 * d + bit
+            context = base + _MANTISSA + 5
+    return d if side else -d, code, span, at

@@ -11,7 +11,7 @@ from cosim.config.quantity import Quantity, Section
 from sensor.codec.packets.catalogue import KINDS, StreamCode
 from sensor.codec.packets.event import MOST_EVENT_CYCLES
 from sensor.codec.packets.layered import LAYERS
-from sensor.codec.packets.part import MOST_CYCLES
+from sensor.codec.packets.packet import MOST_CYCLES
 from sensor.codec.packets.rate import RateControl
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from cosim.spikes.viform import Words, spikes_beyond, words_for
 from sensor.codec.coding import Code, decode_band, encode_band
 from sensor.codec.columns import Damaged
-from sensor.codec.packets.part import Layer
+from sensor.codec.packets.packet import Layer
 
 
 class Raw:

@@ -14,11 +14,8 @@ from numba import njit
 
 from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.packets.counts import SUM_CONTEXTS
-from sensor.codec.packets.course import SPAN_LEVEL
-from sensor.codec.packets.memory import poke16
-from sensor.codec.packets.midpoints import SCALE, WINDOW
-from sensor.codec.packets.numbers import NUMBER, get_number, put_number
-from sensor.codec.packets.ranges import decode_bit
+from sensor.codec.packets.midpoints import SCALE, SPAN_LEVEL, WINDOW
+from sensor.codec.packets.ranges import NUMBER, decode_bit, get_number, poke16, put_number
 
 _SIDE = 1 << SPAN_LEVEL
 _NODES = 16

@@ -42,7 +42,7 @@ from cosim.run.result import Error
 from cosim.stage import Block
 from sensor.latched.check.samples import TileSamples
 from sensor.latched.effects.own_draws import OWN_DRAWS
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.planning import CameraPlan
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier

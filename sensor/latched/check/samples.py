@@ -15,8 +15,8 @@ import numpy as np
 from cosim.compute.opencl import Device
 from cosim.plan.paired import Paired, Values
 from cosim.plan.tiles import TILE, BoxGrid, PatchPlane, TileGrid
-from sensor.latched.effects.costs import REFERENCE_CIRCUIT, reference_cost
-from sensor.latched.patches import PatchCamera
+from sensor.latched.effects.effect import REFERENCE_CIRCUIT, reference_cost
+from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.planning import CameraPlan
 
 _BOXES: Final = ((2, 8), (1, 8), (1, 4), (1, 2), (1, 1))

@@ -13,10 +13,16 @@ from pydantic import Field
 
 from cosim.errors import InputError
 from cosim.plan.effects import Bound, Summary
+from sensor.circuit.circuit import CircuitSection
 from sensor.circuit.lumped import lump
-from sensor.circuit.section import CircuitSection
-from sensor.latched.effects.costs import circuit_cost
-from sensor.latched.effects.effect import ALL_PIXELS, Key, Operation, PixelEffect, Setting
+from sensor.latched.effects.effect import (
+    ALL_PIXELS,
+    Key,
+    Operation,
+    PixelEffect,
+    Setting,
+    circuit_cost,
+)
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 
 FAINTEST: Final = 1e-3

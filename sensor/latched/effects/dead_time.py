@@ -10,9 +10,8 @@ from pydantic import Field
 
 from cosim.config.quantity import Time
 from cosim.plan.effects import Bound, Summary
-from sensor.device.silicon import Sized
-from sensor.latched.effects.costs import dead_time_cost
-from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
+from sensor.device.chips import Sized
+from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, dead_time_cost
 from sensor.latched.effects.sampling import check_within_cycle
 from sensor.latched.effects.windows import bound_of, shift_error
 

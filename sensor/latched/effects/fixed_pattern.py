@@ -17,9 +17,8 @@ from pydantic import Field
 
 from cosim.config.quantity import Current, Share, Spread, Temperature
 from cosim.plan.effects import Bound, Summary
+from sensor.device.chips import USUAL, Sized
 from sensor.device.pattern import DevicePattern, FixedPattern, dark_current
-from sensor.device.silicon import USUAL, Sized
-from sensor.latched.effects.costs import pattern_cost
 from sensor.latched.effects.effect import (
     ALL_PIXELS,
     Dependence,
@@ -27,6 +26,7 @@ from sensor.latched.effects.effect import (
     Operation,
     PixelEffect,
     Setting,
+    pattern_cost,
 )
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 

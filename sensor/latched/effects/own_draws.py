@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
 from cosim.spikes.viform import WORD
-from sensor.latched.effects.costs import bank_cost, noise_cost
+from sensor.latched.effects.effect import bank_cost, noise_cost
 from sensor.latched.effects.windows import noise_error
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Timing noise of the rows of a band (see ../row_timing.py)."""
+"""Timing noise of the rows of a band (see ../sampling.py)."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from pydantic import Field
 from cosim.compute.streams import Stream
 from cosim.config.quantity import Share
 from cosim.plan.effects import Bound, Summary
-from sensor.device.silicon import Sized
-from sensor.latched.effects.costs import sampling_cost
-from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting
+from sensor.device.chips import Sized
+from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, sampling_cost
 from sensor.latched.effects.windows import bound_of, shift_error
-from sensor.latched.row_timing import RowTiming
+from sensor.latched.sampling import RowTiming
 
 _RECORDING: Final = "a recording of a 400 x 250 chip, 500 cycles of a static board"
 

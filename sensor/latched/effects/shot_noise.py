@@ -7,8 +7,7 @@ from typing import Any
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Summary
-from sensor.latched.effects.costs import noise_cost
-from sensor.latched.effects.effect import PixelEffect, Setting
+from sensor.latched.effects.effect import PixelEffect, Setting, noise_cost
 from sensor.latched.effects.windows import bound_of, lost_spikes, noise_error
 
 

@@ -1,4 +1,4 @@
-"""Ticks whose lengths a control loop sets (see ../steering.py)."""
+"""Ticks whose lengths a control loop sets (see ../sampling.py)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sensor.latched.effects.effect import PixelEffect, Setting
 
 class _ClockSteering(PixelEffect):
     name = "clock steering"
-    source = "the counter of the board that makes the ticks (sensor/device/steering.py)"
+    source = "the counter of the board that makes the ticks (sensor/device/chips.py)"
     group = "sampling"
     reach = (1, 1)
     parameters: ClassVar = {"clock_moves": None}

@@ -31,9 +31,9 @@ from sensor.latched.fast.units import (
     units_of,
 )
 from sensor.latched.pixel.bank import LANES, Bank, bank_of, groups_of, has_bank
-from sensor.latched.pixel.fixed_point import LARGEST
+from sensor.latched.pixel.charge import LARGEST
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.row_timing import RowMoves
+from sensor.latched.sampling import RowMoves
 
 
 @dataclass(frozen=True, eq=False)

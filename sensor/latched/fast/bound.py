@@ -31,7 +31,7 @@ from typing import Final
 from cosim.plan.effects import Bound
 from cosim.spikes.viform import WORD
 from sensor.latched.fast.units import units_of
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 from sensor.latched.pixel.model import ExactModel
 
 _ROUNDINGS: Final = 10 * 2.0**-24
@@ -134,30 +134,3 @@ def charge_error(model: ExactModel, brightest: float, cycles: int) -> float:
     spikes = 1.0 if model.reset == "hard" else min(high, 1.0) * cycles
     law = units.error * unit * math.sqrt(max(spikes, 1.0))
     return 2 * unit + math.sqrt(cycles) * a_cycle + law + cycles / (ONE * model.mean)
-
-
-def parted_share(model: ExactModel, dimmest: float, brightest: float, cycles: int) -> float:
-    """Share of the pixels that draw from the bank whose spikes differ from those of the reference
-    with the same draws.
-
-    Draws of the bank belong to cycles. A spike that falls on the edge of a cycle in one tier and
-    beyond it in the other therefore takes another threshold, and the pixel has other noise from
-    then on, with the same distribution. A spike does so if the error of the accumulated charge is
-    larger than its distance from the edge: with the chance error / light, so in n cycles such
-    spikes number the sum of the errors over the cycles. It is an estimate: rounding errors count
-    with their RMS, but all errors of a pixel with the same sign, as light may be constant.
-
-    Args:
-        model: rules of the pixel.
-        dimmest, brightest: limits of the light, electrons a cycle.
-        cycles: cycles of the run.
-    """
-    unit = 2.0 ** -units_of(model).bits
-    low, high = dimmest / model.mean, brightest / model.mean
-    a_cycle = unit / 2 + 2.0**-24 * high
-    if model.dead:
-        a_cycle += min(high, 1.0) * (unit + model.dead_time * (high - low))
-    run = cycles
-    if model.reset == "hard":  # errors end with the interval
-        run = min(cycles, math.ceil(1 / low)) if low > 0 else cycles
-    return float(min(cycles * (2 * unit + run * a_cycle / 2), 1.0))

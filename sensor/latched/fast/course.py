@@ -27,7 +27,7 @@ from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
 from cosim.spikes.viform import WORD
 from sensor.latched.fast.joints import Joint, Weights, merged, weighed
-from sensor.latched.row_timing import RowMoves
+from sensor.latched.sampling import RowMoves
 
 MOST_PLANES: Final = 16
 """Most planes of a segment, including its base, and of a launch of a kernel."""

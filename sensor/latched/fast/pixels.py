@@ -37,7 +37,7 @@ from sensor.latched.fast.units import (
     TIMING,
 )
 from sensor.latched.pixel.bank import GENERATOR, PERIOD, STEPS, group_keys
-from sensor.latched.pixel.transfer import light_source
+from sensor.latched.pixel.charge import light_source
 
 _LOCAL: Final = 8
 """Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from cosim.compute.kept import kept
 from cosim.compute.streams import Stream
-from sensor.latched.pixel.fixed_point import Charge
+from sensor.latched.pixel.charge import Charge
 from sensor.latched.pixel.interval import KNOTS, knot_places
 from sensor.latched.pixel.model import ExactModel
 

@@ -12,12 +12,10 @@ from cosim.compute.cores import all_cores
 from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
 from cosim.spikes.viform import words_for
+from sensor.latched.pixel.charge import Charge, Span, transfer_spans
 from sensor.latched.pixel.draws import look_up
-from sensor.latched.pixel.fixed_point import Charge
 from sensor.latched.pixel.interval import NO_TABLE
 from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
-from sensor.latched.pixel.span import Span
-from sensor.latched.pixel.transfer import transfer_spans
 
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _STREAM = np.uint64(Stream.SHOT_NOISE)

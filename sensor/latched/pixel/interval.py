@@ -22,7 +22,7 @@ import numpy.typing as npt
 from cosim.compute.cores import cores
 from cosim.compute.kept import kept
 from cosim.compute.stopping import threads
-from sensor.latched.pixel.fixed_point import ONE, Charge
+from sensor.latched.pixel.charge import ONE, Charge
 
 MANTISSA_BITS: Final = 7
 _M: Final = 1 << MANTISSA_BITS

@@ -14,11 +14,9 @@ from cosim.compute.outputs import Outputs
 from cosim.compute.philox import philox_cl
 from cosim.compute.streams import Stream
 from cosim.spikes.viform import words_for
-from sensor.latched.pixel.fixed_point import Charge
+from sensor.latched.pixel.charge import Charge, Span, charge_source
 from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS
 from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
-from sensor.latched.pixel.span import Span
-from sensor.latched.pixel.transfer import charge_source
 
 LANES: Final = 16
 """Pixels in a work-item: a vector of 32-bit integers on a 512-bit processor."""

@@ -14,11 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.streams import Stream
-from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
+from sensor.latched.pixel.charge import LARGEST, ONE, Charge, Span, Transfer
 from sensor.latched.pixel.interval import NO_TABLE, interval_table
-from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import first_thresholds, initial_deficit
-from sensor.latched.pixel.transfer import Transfer
 
 Reset = Literal["residual", "hard", "subtract"]
 """Reset rule. `residual`: charge beyond the threshold stays. `hard`: charge returns to 0 at the

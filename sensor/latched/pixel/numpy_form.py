@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, words_for
-from sensor.latched.pixel.fixed_point import LARGEST, ONE, Charge
+from sensor.latched.pixel.charge import LARGEST, ONE, Charge, Span
 from sensor.latched.pixel.model import DEEPEST, JUMP, ExactModel, PixelState
-from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import thresholds
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
-from sensor.latched.pixel.fixed_point import Charge
+from sensor.latched.pixel.charge import Charge
 from sensor.latched.pixel.interval import threshold
 
 

@@ -8,22 +8,69 @@ stands for the probability (w + 1/2) / 2^32. Beyond the median the probability i
 upper end, as in the table of the exact tier (sensor/latched/pixel/interval.py), so both tails keep
 their digits. A draw evaluates a cubic in this probability, in cells of which each octave has as
 many: a normal score for each draw would take longer than all else in the loop of the reference.
+
+Special functions of scipy for compiled loops.
+
+They are called by address, so that numba can cache the compiled loops.
+
+The error of the reference tier itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import get_cython_function_address, intrinsic
 
 from cosim.compute.kept import kept
-from sensor.latched.reference.special import address, call_one, call_two
+from cosim.compute.philox import philox4x32
+from cosim.compute.streams import Stream
+from sensor.latched.setting import CameraSetting
 
 Values = npt.NDArray[np.float64]
+
+
+def address(name: str) -> np.int64:
+    """Address of a function of doubles in scipy.special.cython_special.
+
+    The address changes from process to process, so compiled code takes it as an argument and never
+    as a constant.
+    """
+    return np.int64(get_cython_function_address("scipy.special.cython_special", name))
+
+
+def _call(builder: Any, args: list[Any]) -> Any:
+    double, flag = ir.DoubleType(), ir.IntType(32)
+    kind = ir.FunctionType(double, [double] * (len(args) - 1) + [flag])
+    function = builder.inttoptr(args[0], kind.as_pointer())
+    return builder.call(function, [*args[1:], ir.Constant(flag, 0)])
+
+
+def _one(typing, where, x):  # type: ignore[no-untyped-def]
+    def build(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return _call(builder, args)
+
+    return types.float64(types.int64, types.float64), build
+
+
+def _two(typing, where, a, x):  # type: ignore[no-untyped-def]
+    def build(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return _call(builder, args)
+
+    return types.float64(types.int64, types.float64, types.float64), build
+
+
+call_one: Any = intrinsic(_one)
+"""call_one(address, x): f(x) of the function at the address."""
+call_two: Any = intrinsic(_two)
+"""call_two(address, a, x): f(a, x) of the function at the address."""
+
 
 LEAST: Final = 2.0**-40
 """Lowest threshold in electrons, as in the exact tier. It prevents an endless burst of spikes."""
@@ -272,3 +319,22 @@ def law_error(law: Law, words: npt.NDArray[np.uint32]) -> float:
         missed = np.where(near, gammainc(law.q, x) - below, above - gammaincc(law.q, x))
         off = missed / (density * x)
     return float(np.abs(off).max()) + rounding
+
+
+DRAWS = 256
+"""Number of thresholds that are compared with their distribution."""
+
+
+def reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> float:
+    """Relative error of the reference tier.
+
+    It is the error of the first thresholds of these pixels against the inverse of their
+    distribution. Instants are in closed form and exact up to rounding.
+
+    Args:
+        setting: setting of the camera.
+        numbers: (n,) uint32, numbers of the pixels.
+    """
+    model = setting.model
+    words = philox4x32((numbers, 0, 0, 0), (setting.seed, Stream.SHOT_NOISE))[0]
+    return law_error(law_of(model.threshold, model.threshold_noise, model.shot), words)

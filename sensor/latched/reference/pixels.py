@@ -15,14 +15,14 @@ from cosim.spikes.viform import words_for
 from sensor.circuit.circuit import Circuit
 from sensor.circuit.phases import RESET
 from sensor.device.pattern import FixedPattern
+from sensor.latched.pixel.charge import transfer_light
 from sensor.latched.pixel.model import JUMP, ROOM, ExactModel
 from sensor.latched.pixel.thresholds import spike_words
-from sensor.latched.pixel.transfer import transfer_light
 from sensor.latched.reference.bank_draws import BankDraws, bank_draws
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
-from sensor.latched.row_timing import RowMoves
+from sensor.latched.sampling import RowMoves
 
 Values = npt.NDArray[np.float64]
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}

@@ -16,7 +16,7 @@ from cosim.compute.streams import Stream
 from sensor.circuit.phases import DELAY, INTEGRATE, RESET, steady_interval, within
 from sensor.device.charge import later
 from sensor.latched.pixel.model import JUMP, ROOM
-from sensor.latched.reference.course import first_latch, latched, often, piece_at, rate_at
+from sensor.latched.reference.engine import first_latch, latched, often, piece_at, rate_at
 from sensor.latched.reference.law import draw
 
 _STREAM = np.uint64(Stream.SHOT_NOISE)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from cosim import Clock, Events, InputError, Viform
 from cosim.files import event_file, notes_of, open_stream, write_events, write_stream
 from cosim.files.event_file import read_events
-from cosim.spikes.events import events_of, viform_of
 from cosim.spikes.viform import words_for
+from tests.cosim.spikes.whole_streams import events_of, viform_of
 
 CLOCK = Clock(10**9)
 NAME = "a.events.npz"

@@ -11,7 +11,7 @@ import pytest
 from cosim.report import figures
 from cosim.report.figures import own_settings, subplots
 from scenarios.report.frame import write_report
-from scenarios.scenes.charts import chart_art
+from scenarios.scenes.charts import chart
 
 USERS = {"text.usetex": True, "font.style": "italic", "figure.facecolor": "black"}
 """Settings that end the figures of a machine without LaTeX, or change them."""
@@ -62,9 +62,9 @@ def test_a_command_reads_no_matplotlibrc_of_its_folder(
 
 
 def test_the_letters_of_a_scene_are_the_same_for_every_user() -> None:
-    ours, width = chart_art._letters("0.3 %")
-    chart_art._letters.cache_clear()
+    ours, width = chart._letters("0.3 %")
+    chart._letters.cache_clear()
     with matplotlib.rc_context(USERS):
-        theirs, other = chart_art._letters("0.3 %")
+        theirs, other = chart._letters("0.3 %")
     assert width == other
     assert all((a == b).all() for a, b in zip(ours, theirs, strict=True))

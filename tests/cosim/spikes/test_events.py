@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cosim import Clock, Events, Viform
-from cosim.spikes.events import events_of, time_order, viform_of
+from cosim.spikes.events import time_order
+from tests.cosim.spikes.whole_streams import events_of, viform_of
 
 CLOCK = Clock(40_000)
 

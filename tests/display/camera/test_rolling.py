@@ -7,10 +7,9 @@ import pytest
 
 from cosim import Block, Clock, InputError
 from cosim.spikes.viform import Viform
-from display.camera.law import banding, pulse_banding
 from display.camera.rolling import make_shutter
 from display.camera.section import FramesSection
-from display.camera.stage import PanelCamera
+from display.camera.stage import PanelCamera, banding, pulse_banding
 from display.panels.panel import SpikePanel
 
 CLOCK = Clock(40_000)

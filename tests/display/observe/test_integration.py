@@ -8,7 +8,7 @@ import pytest
 from cosim import PS, Clock, Light, Piece
 from display import CameraPlane, FixedEye, PursuingEye
 from display.observe.integration import WAITING, LightPlanes, ObserverImages, Span
-from display.references.truth import TruthShow
+from display.references.displays import TruthShow
 from display.render.golden import _shifted
 
 MS = PS // 1000

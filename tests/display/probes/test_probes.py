@@ -16,14 +16,14 @@ from display.probes import metrics
 from display.probes.blur import SPEED, frame_blur, retina, spike_blur
 from display.probes.flicker import frame_flicker, spike_flicker, spike_pst_lm
 from display.probes.latency import SIDE, frame_latency, spike_latency
-from display.probes.light import edge_light, phased_light, steady_light
 from display.probes.metrics import display_metrics, probe_display
+from display.probes.setup import edge_light, phased_light, steady_light
 from display.probes.waveform import every_drive, panel_light
-from display.quality.blur import blur_edge_width
+from display.quality.edges import blur_edge_width
 from display.render.golden import GoldenRenderer
 from scenarios.assemble.camera.feed import SpikeProbeCamera
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
-from sensor.latched.row_timing import RowTiming
+from sensor.latched.sampling import RowTiming
 
 CLOCK = Clock(40_000)
 CYCLE = 25.0

@@ -4,10 +4,17 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from display.quality.flicker import flicker_index, ieee_1789_of, percent_flicker, risk_of
+from display.quality.flicker import (
+    flicker_index,
+    ieee_1789_of,
+    percent_flicker,
+    risk_of,
+    sensitivity,
+    svm,
+    svm_threshold,
+    tcsf_visibility_of,
+)
 from display.quality.spectrum import spectrum
-from display.quality.svm import svm, svm_threshold
-from display.quality.tcsf import sensitivity, tcsf_visibility_of
 
 RATE = 20_000
 SAMPLE = np.arange(2 * RATE)

@@ -23,7 +23,7 @@ from link.air import (
     link_summary,
 )
 from link.air.effects import charge_changes
-from link.air.names import NAMES
+from link.air.setting import NAMES
 from tests.link.air.scenes import AIR, CAMERA, CLOCK, OPTICS, PANEL, make
 
 FULL = Scene(

@@ -11,9 +11,8 @@ from scipy.special import ndtri
 
 from cosim import PS
 from link.air.motion import DAMPING, resonance_step, vibration
-from link.air.patches import FlickerSeries, flicker_of
-from link.air.scintillation import Flicker, aperture_averaging, flicker
-from link.theory.scintillation import rytov
+from link.air.scintillation import Flicker, FlickerSeries, aperture_averaging, flicker, flicker_of
+from link.theory.air import rytov
 from tests.link.air.scenes import AIR, FIRST, OPTICS, make
 
 Z = 4.9

@@ -10,8 +10,14 @@ import pytest
 
 from cosim import InputError
 from link.air import Aim, levels
-from link.air.fog import extinction, forward_share
-from link.air.sun import SUN_SOLID_ANGLE, sun_glare, sun_image, sun_lux
+from link.air.radiometry import (
+    SUN_SOLID_ANGLE,
+    extinction,
+    forward_share,
+    sun_glare,
+    sun_image,
+    sun_lux,
+)
 from tests.link.air.scenes import AIR, CAMERA, OPTICS, SHAPE, make
 
 DB = 10 / math.log(10)

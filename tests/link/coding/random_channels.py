@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import norm
 
 from link.coding import Inbox, Outbox, blocks_of
-from link.coding.frames import Frame
+from link.coding.boxes import Frame
 from link.layout import Layout
 from tests.link.coding.ldpc_channel import capacity
 from tests.link.coding.soft import soft_of

@@ -11,7 +11,7 @@ from link.layout import Layout
 from link.line_codes import encode_line
 from link.mode import EVERY_RATE, Mode
 from tests.link.coding.ldpc_channel import noise_at
-from tests.link.theory.test_ldpc_words import needed
+from tests.link.theory.test_words import needed
 
 SIZES = [(128, 2), (256, 2), (416, 3), (960, 2), (960, 16)]
 

@@ -5,8 +5,7 @@ import pytest
 
 from link.coding import Inbox, Outbox, blocks_of
 from link.coding.ldpc import quantise
-from link.coding.soft_blocks import SoftBlocks
-from link.coding.soft_blocks_compiled import gather_words, mark_changed
+from link.coding.soft_blocks import SoftBlocks, gather_words, mark_changed
 from link.coding.stream_boxes import StreamInbox, StreamOutbox, stream_blocks
 from link.layout import PERIOD, Layout
 from link.mode import RATES, Mode

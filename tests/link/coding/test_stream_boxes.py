@@ -7,13 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from link.coding.stream_boxes import StreamInbox, StreamOutbox, stream_blocks, stream_rate
-from link.coding.stream_frames import (
+from link.coding.stream_boxes import (
     LONGEST_PACKET,
     PacketRow,
     StreamFrame,
+    StreamInbox,
+    StreamOutbox,
     in_row,
     read_stream_frame,
+    stream_blocks,
+    stream_rate,
     write_stream_frame,
 )
 from link.layout import Layout

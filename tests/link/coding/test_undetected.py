@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import link.coding.boxes
 import link.coding.fountain
-import link.coding.inbox
+from link.coding.boxes import Frame, read_frame
 from link.coding.crc import crc32c
-from link.coding.frames import Frame, read_frame
 from link.coding.ldpc import Ldpc
 from link.layout import Layout
 from link.mode import PARITIES, RATES, Mode
@@ -94,7 +94,7 @@ def test_a_receiver_that_trusts_every_word_is_saved_by_the_crc(
 def test_without_the_frames_crc_wrong_bytes_are_found(
     code: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(link.coding.inbox, "read_frame", _without_crc)
+    monkeypatch.setattr(link.coding.boxes, "read_frame", _without_crc)
     monkeypatch.setattr(Ldpc, "decode", _trusting)
     totals, rng = Totals(), np.random.default_rng(4)
     kinds = [(16, None)] * 8 if code == "reed-solomon" else [(None, rate) for rate in RATES]
@@ -105,7 +105,7 @@ def test_without_the_frames_crc_wrong_bytes_are_found(
 
 
 def test_without_both_checks_a_wrong_file_is_delivered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link.coding.inbox, "read_frame", _without_crc)
+    monkeypatch.setattr(link.coding.boxes, "read_frame", _without_crc)
     monkeypatch.setattr(Ldpc, "decode", _trusting)
     monkeypatch.setattr(link.coding.fountain, "unpack_file", _any_file)
     totals, rng = Totals(), np.random.default_rng(5)

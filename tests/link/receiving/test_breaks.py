@@ -11,7 +11,7 @@ from link.layout import Layout, pilots
 from link.mode import EVERY_RATE, Mode
 from link.receiving.phasing import fit_timing, nudge
 from link.receiving.pilots.clocking import clock_by_pilots
-from link.receiving.pilots.signal import PilotSignal
+from link.receiving.pilots.sequence import PilotSignal
 from link.receiving.receiver import Receiver
 from link.receiving.synthesis import Levels, Witnesses
 from link.timing import Timing

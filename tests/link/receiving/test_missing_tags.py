@@ -10,7 +10,7 @@ import pytest
 
 from link.layout import Layout
 from link.mode import Mode
-from link.receiving.diagnosis.missing_tags import few_tags_verdict
+from link.receiving.diagnosis.failure import few_tags_verdict
 from link.receiving.tags import LEAST_MODULE, tag_corners
 from link.verdict import Cause
 

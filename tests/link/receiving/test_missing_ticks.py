@@ -8,9 +8,7 @@ import pytest
 from cosim import Viform
 from link.layout import pilots
 from link.mode import Mode
-from link.receiving.pilots.missing import missing_ticks
-from link.receiving.pilots.sequence import sequence_values
-from link.receiving.pilots.signal import PilotSignal
+from link.receiving.pilots.sequence import PilotSignal, missing_ticks, sequence_values
 from link.receiving.receiver import Receiver
 from link.receiving.recording import Gap, Recording
 from link.verdict import Cause

@@ -14,7 +14,7 @@ from cosim.spikes.viform import unpack_planes
 from link.layout import TAG_MODULES, TRAINING, Layout
 from link.mode import Mode
 from link.receiving import Received, Receiver
-from link.receiving.diagnosis.missing_tags import edge_blur
+from link.receiving.diagnosis.failure import edge_blur
 from link.receiving.tags import art_of
 from link.sending import FileTransmission
 from link.verdict import Cause

@@ -9,7 +9,7 @@ import pytest
 from link.layout import Layout
 from link.mode import Mode
 from link.receiving.tags import find_tags, fit_homography, least_module, tag_places
-from link.sending.tags import draw_tags
+from link.sending.transmission import draw_tags
 from tests.link.receiving.toy import homography
 
 WIDE = Mode(960, 960, 8, 2, "8b10b", 64)

@@ -22,16 +22,15 @@ from link.receiving.synthesis import Levels
 from link.section import LinkScenario
 from link.sending import FileTransmission
 from link.setting import LEAD, LinkSetting, link_setting, steering_of
-from link.setup.locking.choice import choose_and_lock
+from link.setup.locking.choice import Spent, choose_and_lock
 from link.setup.locking.loop import INTERVAL, WINDOW, ClockLock, Locking
 from link.setup.locking.model import PhaseModel, at_lock
 from link.setup.modes import _delays
 from link.setup.setup import ChosenLink
-from link.setup.spent import Spent
 from link.setup.truth import true_timing
 from scenarios.assemble.schema.loading import linked, load
 from scenarios.assemble.source.link import link_camera
-from sensor.device.steering import BOARD
+from sensor.device.chips import BOARD
 
 SMALL = (
     "link.panel.width=128", "link.panel.height=128", "sensor.width=150", "sensor.height=150",

@@ -5,9 +5,9 @@ import pytest
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.deadline import DeadlinePort, OutOfTime
 from rtl_model.bringup.bench.stage import STAGES, Stage
-from rtl_model.bringup.bench.uptime import Uptime
-from rtl_model.bringup.report.junit import junit_xml
-from rtl_model.bringup.report.stage_text import stage_text
+from rtl_model.bringup.one_stage import Uptime
+from rtl_model.bringup.report.page import junit_xml
+from rtl_model.bringup.report.summary import stage_text
 from rtl_model.bringup.run import CHECKS, BringUp, bring_up
 from rtl_model.bringup.stages.identity import check_identity
 from rtl_model.host import ReplayPort, Uartbone, default_map, read_csr

@@ -5,7 +5,7 @@ import pytest
 
 from rtl_model.bringup.bench.wrong_bits import compare
 from rtl_model.bringup.stages.prbs import which_bits
-from rtl_model.bringup.stages.spike_count import count_spikes
+from rtl_model.bringup.stages.threshold import count_spikes
 from rtl_model.cycle import Settings, planes
 from rtl_model.geometry import Geometry
 

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from rtl_model.cycle.pixel import increments, step
-from rtl_model.cycle.tiles import TILE, Tiles
+from rtl_model.cycle.array import TILE, Tiles
+from rtl_model.cycle.planes import increments, step
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS, parameters, quantum, reset_value
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rtl_model.cycle import Settings, System, planes
-from rtl_model.cycle.tiles import rows_of
+from rtl_model.cycle.array import rows_of
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS, quantum
 from sensor.reconstruct.readings import quantised

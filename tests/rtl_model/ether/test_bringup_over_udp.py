@@ -6,7 +6,7 @@ import pytest
 
 from rtl_model.bringup.bench.stage import UDP_STAGES
 from rtl_model.bringup.report.page import write_board_report
-from rtl_model.bringup.report.stage_text import stage_text
+from rtl_model.bringup.report.summary import stage_text
 from rtl_model.bringup.run import BringUp, bring_up
 from rtl_model.host.ether import udp_address
 from rtl_model.virtual.ethernet import EthernetBoard
@@ -26,7 +26,7 @@ def test_every_stage_passes_through_a_lossy_network_and_the_report_names_the_los
     board, tmp_path, monkeypatch
 ):
     # Shorter than for a user: two of sixteen threshold levels.
-    monkeypatch.setattr("rtl_model.bringup.stages.ethernet.rate._SECONDS", 0.05)
+    monkeypatch.setattr("rtl_model.bringup.stages.ethernet._SECONDS", 0.05)
     monkeypatch.setattr("rtl_model.bringup.stages.threshold.LEVELS", 2)
     with proxy_of(board, seed=3, loss=0.01, repeat=0.01, reorder=0.01) as proxy:
         report = bring_up(proxy.url, BringUp(frames=4))

@@ -9,8 +9,7 @@ from rtl_model.geometry import Geometry
 from rtl_model.host.ether import Malformed, parse
 from rtl_model.host.ether.packet import answer_packet, answered, probe, record_packet
 from rtl_model.registers import MAGIC, VERSION
-from rtl_model.virtual.ethernet.answers import answer
-from rtl_model.virtual.ethernet.bus import make_bus
+from rtl_model.virtual.ethernet import answer, make_bus
 from rtl_model.virtual.faults import Faults
 
 # Made by litex 2024.12, litex/tools/remote/etherbone.py, as its CommUDP sends them: a read of the

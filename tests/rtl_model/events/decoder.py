@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from rtl_model.events.encoder import CODE, CRC_TABLE, Output, Ready
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import CODE, CRC_TABLE, EventSize, Output, Ready
 
 SPIKES = np.dtype(
     [

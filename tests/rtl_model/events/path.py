@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtl_model.events.encoder import OUTPUT, EventEncoder, Output
-from rtl_model.events.light import steady_words, tiles_of
-from rtl_model.events.size import EventSize
-from sensor.codec.packets.event import Event, encode_events, gaps_of, packet_of_line
+from rtl_model.events.encoder import OUTPUT, EventEncoder, EventSize, Output
+from rtl_model.events.rates import steady_words, tiles_of
+from sensor.codec.packets.event import Event, encode_events, packet_of_line
 from sensor.codec.packets.packet import Packet
 from tests.rtl_model.events.decoder import EventDecoder
 from tests.rtl_model.events.verilated import VerilatedDecoder, VerilatedEncoder
+from tests.sensor.codec.packets.told import gaps_of
 
 _CHUNK = 1 << 23
 """Pixel-cycles of a chunk, about."""

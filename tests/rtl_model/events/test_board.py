@@ -7,13 +7,13 @@ import pytest
 
 from rtl_model import lockstep
 from rtl_model.cycle import System
-from rtl_model.events.encoder import EventEncoder
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import EventEncoder, EventSize
 from rtl_model.lockstep.program import ADDRESS
 from rtl_model.verilated.build import missing
-from sensor.codec.packets.event import encode_events, gaps_of
+from sensor.codec.packets.event import encode_events
 from tests.rtl_model.events.path import packets_in, random_ready, unequal
 from tests.rtl_model.events.verilated import VerilatedEncoder
+from tests.sensor.codec.packets.told import gaps_of
 
 SIZE = EventSize(16, 40, 32, 64, 32, tile=70_000)
 """As in test_verilog.py, whose build it shares."""

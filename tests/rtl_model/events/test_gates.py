@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import EventSize
 from rtl_model.verilated import VERILOG
 from tests.rtl_model.events.path import Light, run
 from tests.rtl_model.netlist import NEEDS_TOOLS, netlist

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtl_model.events.light import steady_words, tiles_of
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import EventSize
+from rtl_model.events.rates import steady_words, tiles_of
 from rtl_model.verilated import VERILOG
 from sensor.codec.packets.event import encode_events, packet_of_line
 

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from rtl_model.events.encoder import EventEncoder
-from rtl_model.events.light import steady_words, tiles_of
-from rtl_model.events.size import EventSize
-from sensor.codec.packets.event import gaps_of
+from rtl_model.events.encoder import EventEncoder, EventSize
+from rtl_model.events.rates import steady_words, tiles_of
 from tests.rtl_model.events.decoder import EventDecoder
 from tests.rtl_model.events.path import Light, packets_in, random_ready, run
+from tests.sensor.codec.packets.told import gaps_of
 
 SQUARE = EventSize()
 WIDE = EventSize(128, 128, 64, depth=1024, tile=70_000)

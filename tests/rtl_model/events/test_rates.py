@@ -2,8 +2,8 @@
 
 import pytest
 
+from rtl_model.events.encoder import EventSize
 from rtl_model.events.rates import measure, most_rate
-from rtl_model.events.size import EventSize
 
 SIZE = EventSize()
 

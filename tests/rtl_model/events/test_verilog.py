@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import EventSize
 from rtl_model.verilated import VERILOG
 from rtl_model.verilated.build import missing
 from tests.rtl_model.events.path import Light, run

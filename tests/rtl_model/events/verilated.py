@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rtl_model.cycle import Tiles
-from rtl_model.events.encoder import OUTPUT, Output, Ready
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import OUTPUT, EventSize, Output, Ready
 from rtl_model.verilated import VerilatedModule, library
 from tests.rtl_model.events.decoder import Decoded, room_for
 

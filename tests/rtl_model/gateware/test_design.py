@@ -6,8 +6,8 @@ import pytest
 
 from cosim import InputError
 from rtl_model.gateware import TARGETS, design_for, target_named, write_folder
-from rtl_model.gateware.baud import TOLERANCE, baud_error, check_baud
-from rtl_model.gateware.block_ram import block_rams
+from rtl_model.gateware import design as written
+from rtl_model.gateware.design import TOLERANCE, baud_error, block_rams, check_baud
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
 from rtl_model.synthesis import synthesise
@@ -141,9 +141,8 @@ def test_an_empty_folder_is_filled_and_any_other_refused(tmp_path):
 @pytest.mark.parametrize("name", ["viform_sink.v", "Makefile"])
 def test_what_fails_midway_leaves_nothing(tmp_path, monkeypatch, there, name):
     """The disk becomes full while files are moved."""
-    from rtl_model.gateware import folder
 
-    real = folder.os.replace
+    real = written.os.replace
 
     def full(source, place):
         if place.name == name:
@@ -153,7 +152,7 @@ def test_what_fails_midway_leaves_nothing(tmp_path, monkeypatch, there, name):
     place = tmp_path / "made"
     if there:
         place.mkdir()
-    monkeypatch.setattr(folder.os, "replace", full)
+    monkeypatch.setattr(written.os, "replace", full)
     with pytest.raises(OSError, match="No space left on device"):
         write_folder(design_for(ULX3S), place)
     assert place.exists() is there

@@ -10,8 +10,7 @@ import pytest
 
 from cosim import InputError
 from rtl_model.gateware import ETHERNET, TARGETS, design_for, ethernet_named, network, write_folder
-from rtl_model.gateware.ethernet_top import ethernet_pins
-from rtl_model.gateware.top import TOP
+from rtl_model.gateware.top import TOP, ethernet_pins
 from tests.rtl_model.netlist import lint
 
 HERE = Path(__file__).parent

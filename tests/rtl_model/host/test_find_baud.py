@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rtl_model.cycle.line import LineCounters
+from rtl_model.cycle.system import LineCounters
 from rtl_model.geometry import Geometry
 from rtl_model.host import Cause, LineFault, find_baud, open_port
 from rtl_model.virtual import VirtualBoard

@@ -33,6 +33,12 @@ _REST = [
 ]
 
 
+def _attending(system: System) -> bool:
+    """Whether a burst or a plane of the sink is pending or in progress."""
+    sink, capture = system._sink, system._capture
+    return capture.armed or capture.busy or sink.left > 0 or sink.active
+
+
 class Fuzz(NamedTuple):
     """Result of a run.
 
@@ -63,7 +69,7 @@ def fuzz(packets: int, *, seed: int = 0, progress: Callable[[int], None] | None 
         while done < packets and not pair.failure:
             _send(pair, rng)
             done += 1
-            if system.attending and rng.random() < 0.5:
+            if _attending(system) and rng.random() < 0.5:
                 pair.silence(_PATIENCE + 1)
                 for packet in _REST:
                     pair.send(packet)

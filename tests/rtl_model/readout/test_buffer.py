@@ -15,10 +15,8 @@ from hypothesis import strategies as st
 
 from cosim import Clock
 from rtl_model.readout import BIT_RATE
-from rtl_model.readout.buffer import ROW_PS, RowBuffer
-from rtl_model.readout.needs import Needs, needed_buffer, needed_rate
-from rtl_model.readout.timing import ScanTiming
-from rtl_model.readout.window import Window
+from rtl_model.readout.buffer import ROW_PS, Needs, RowBuffer, needed_buffer, needed_rate
+from rtl_model.readout.scan import ScanTiming, Window
 
 L = 1024
 FULL, HALF = ScanTiming(Clock(40_000)), ScanTiming(Clock(20_000))

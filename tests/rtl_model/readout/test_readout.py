@@ -14,8 +14,7 @@ from cosim.files.raw import RawStream, write_raw
 from cosim.files.raw_layout import FRAME_BYTES, TABLE
 from cosim.spikes.viform import Viform, Words, words_for
 from rtl_model.readout import BIT_RATE, Readout, read_in_numpy
-from rtl_model.readout.timing import BLOCK_PS, ScanTiming
-from rtl_model.readout.window import Window
+from rtl_model.readout.scan import BLOCK_PS, ScanTiming, Window
 
 CLOCK = Clock(40_000)
 

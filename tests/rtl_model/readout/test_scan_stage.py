@@ -17,9 +17,8 @@ from cosim.spikes.viform import Viform, Words, unpack_planes
 from rtl_model.readout import BIT_RATE
 from rtl_model.readout.buffer import RowBuffer
 from rtl_model.readout.report import loss_note, readout_metrics, readout_section
+from rtl_model.readout.scan import ScanTiming, Window
 from rtl_model.readout.stage import LOST, RAW, ScanStage
-from rtl_model.readout.timing import ScanTiming
-from rtl_model.readout.window import Window
 
 CLOCK, CYCLES = Clock(40_000), 70
 BLOCKS = (Block(0, 32), Block(32, 32), Block(64, 6))

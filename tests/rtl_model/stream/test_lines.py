@@ -4,8 +4,18 @@ import numpy as np
 import pytest
 
 from rtl_model.geometry import Geometry
-from rtl_model.stream.lines import FIND, LOSE, SKEW, Lane, Lines
-from rtl_model.stream.sensor import MARKER, TRAINING, check_word, disturbed, lane_words
+from rtl_model.stream.lines import (
+    FIND,
+    LOSE,
+    MARKER,
+    SKEW,
+    TRAINING,
+    Lane,
+    Lines,
+    check_word,
+    disturbed,
+    lane_words,
+)
 
 SIZE = Geometry(rows=5, columns=70, lanes=32)
 WIRES = SIZE.lanes // 8

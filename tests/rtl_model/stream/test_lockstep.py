@@ -5,9 +5,8 @@ import shutil
 import numpy as np
 import pytest
 
-from rtl_model.stream.lockstep import beats, run
+from rtl_model.stream.lockstep import COLUMNS, beats, run
 from rtl_model.stream.program import Case
-from rtl_model.stream.verilated import COLUMNS
 from rtl_model.verilated.build import missing
 from tests.rtl_model.netlist import lint
 from tests.rtl_model.stream.reader import read_stream

@@ -12,7 +12,7 @@ import pytest
 from cosim import InputError
 from rtl_model.virtual import Level, VirtualBoard
 from rtl_model.virtual.design_faults import FOREIGN_MAGIC
-from rtl_model.virtual.pace import LINGER_S
+from rtl_model.virtual.served import LINGER_S
 from tests.rtl_model.virtual.hosts import (
     LEVELS,
     MAGIC_BYTES,

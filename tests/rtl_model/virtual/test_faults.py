@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from cosim import InputError
 from rtl_model.geometry import Geometry
 from rtl_model.virtual.faults import ByteFault, Faults, parse
-from rtl_model.virtual.line import CUT_S, POWER_UP_S, Bytes, FaultyLine, Interruption
-from rtl_model.virtual.noise import BITS, noise
+from rtl_model.virtual.line import BITS, CUT_S, POWER_UP_S, Bytes, FaultyLine, Interruption, noise
 
 WORDS = ("drop", "flip", "extra", "cut", "power-cycle", "silent", "slow", "baud", "noise", "stuck")
 PIECES = (*WORDS, "foreign", ":", "@", "%", "=", ",", "rx", "tx", "0", "7", "-", ".", "nan", "1e9")

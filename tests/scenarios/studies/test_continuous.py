@@ -13,9 +13,9 @@ from pydantic import ValidationError
 from cosim import Clock, InputError
 from scenarios.studies.continuous import compare, traces_figure
 from sensor import CHIPS, CameraSetting
-from sensor.continuous.from_section import continuous_setting
+from sensor.continuous.run import continuous_setting
 from sensor.device.pattern import DevicePattern
-from sensor.sections.continuous import ContinuousSection
+from sensor.sections.unlatched import ContinuousSection
 
 CAMERA = CameraSetting(CHIPS["spiketwo"], Clock(40_000), 1000.0, 5, 600.0)
 

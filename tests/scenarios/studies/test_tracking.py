@@ -18,11 +18,20 @@ from scipy.linalg import solve_discrete_are
 from cosim import PS, Block, Clock, InputError
 from scenarios.scenes.moving import ExposedSource, Spot, Texture
 from scenarios.studies.tracking import Conditions
-from scenarios.studies.tracking.detection import Background, Detection, detect
-from scenarios.studies.tracking.flow import make_texture, measure_flow
-from scenarios.studies.tracking.pictures import frame_pictures, spike_pictures
-from scenarios.studies.tracking.pursuit import RIGHT, WARM, make_spot, pursue
-from scenarios.studies.tracking.tracker import Tracker, line_gains, steady_gains
+from scenarios.studies.tracking.conditions import frame_pictures, spike_pictures
+from scenarios.studies.tracking.pursuit import (
+    RIGHT,
+    WARM,
+    Background,
+    Detection,
+    Tracker,
+    detect,
+    line_gains,
+    make_spot,
+    pursue,
+    steady_gains,
+)
+from scenarios.studies.tracking.study import make_texture, measure_flow
 
 DARK = Texture((48, 64), level=0.2, swing=0.1, seed=3)
 TURNING = Spot(DARK, ((0.002, 10.0, 20.0), (0.006, 40.0, 28.0), (0.009, 44.0, 12.0)))

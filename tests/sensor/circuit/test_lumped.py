@@ -10,7 +10,7 @@ import pytest
 
 from sensor.circuit.circuit import Circuit
 from sensor.circuit.lumped import lump
-from sensor.circuit.train import spike_train
+from sensor.circuit.phases import spike_train
 
 CIRCUITS = {
     "reset": Circuit(1e-14, reset_time=3e-8),

@@ -10,9 +10,8 @@ import pytest
 
 from sensor.circuit.circuit import Circuit
 from sensor.circuit.closed import comparator_delay, crossing_time, phi, relaxed
-from sensor.circuit.relax import relax
+from sensor.circuit.phases import relax, spike_train
 from sensor.circuit.solvers import solved_train
-from sensor.circuit.train import spike_train
 
 CLAIM = 1e-7
 """Of a mean interval: what the closed forms promise of a spike's instant where C is constant."""

@@ -11,13 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, Events, Viform
-from cosim.spikes.events import events_of, viform_of
 from cosim.spikes.viform import unpack_planes
-from sensor.codec.coding import Code, encode
+from sensor.codec.coding import Code, encode, recode
 from sensor.codec.follow import FOLLOW_STATE, follow
 from sensor.codec.law import LATCH_VARIANCE, effective_q, entropy_bounds, event_rate, width_law
-from sensor.codec.stream import recode
 from sensor.codec.trains import first_spikes, levels, repeated, without_transitions
+from tests.cosim.spikes.whole_streams import events_of, viform_of
 
 CLOCK = Clock(40_000)
 LOSSLESS = (Code("repeat"), Code("line"))

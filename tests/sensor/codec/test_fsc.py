@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
-from sensor.codec.coding import Code
+from sensor.codec.coding import Code, recode
 from sensor.codec.columns import Damaged, pack_column, unpack_column
 from sensor.codec.fsc import read_fsc, write_fsc
-from sensor.codec.stream import recode
 
 CODES = (Code("line"), Code("repeat"), Code("statistical", 3.0, 100.0, 2.0, 4))
 HEAD = 96
@@ -160,7 +159,7 @@ def test_decoding_takes_no_more_memory_than_is_checked_for(stream, tmp_path, mon
     write_fsc(Viform(words, 48 * 32, Clock(40_000)), path, code)
     read_fsc(path)  # what is made once: compiled code, tables
     monkeypatch.setattr(
-        "sensor.codec.stream.check_memory", lambda what, need, mend: asked.append(need)
+        "sensor.codec.coding.check_memory", lambda what, need, mend: asked.append(need)
     )
     tracemalloc.start()
     read_fsc(path)
@@ -173,7 +172,7 @@ def test_memory_that_a_process_may_not_take_is_not_called_damage(dark, monkeypat
     def short(*_):
         raise MemoryError
 
-    monkeypatch.setattr("sensor.codec.stream.decode_band", short)
+    monkeypatch.setattr("sensor.codec.coding.decode_band", short)
     with pytest.raises(InputError, match="the memory that this process may take") as caught:
         read_fsc(dark[0])
     assert "\n" not in str(caught.value)

@@ -12,8 +12,7 @@ import numpy as np
 from cosim import Clock, Intensities, Light, Piece, join_intensities
 from sensor import CHIPS
 from sensor.continuous.camera import ContinuousCamera
-from sensor.continuous.converter import Converter
-from sensor.continuous.setting import ContinuousSetting
+from sensor.continuous.setting import ContinuousSetting, Converter
 
 FINE = Converter(24, 6, 1e12)
 """Its steps are 4e-6 of a value: what it does cannot be mistaken for what the monitor does."""

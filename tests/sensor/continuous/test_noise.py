@@ -19,7 +19,7 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.philox_compiled import random_words
 from cosim.compute.streams import Stream
 from sensor.continuous.camera import ContinuousCamera
-from sensor.continuous.normal import normal, quantile, quantile_table
+from sensor.continuous.sampled import normal, quantile, quantile_table
 from sensor.continuous.setting import ContinuousSetting, quiet_floor
 from tests.sensor.continuous.first_passage import exit_time, sampled_exit_time
 from tests.sensor.continuous.scene import TAU, current, light, run, setting

@@ -11,19 +11,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from sensor.dynamic_range.catalogue import CONVERTERS, KODAK, SENSORS
 from sensor.dynamic_range.chain import (
+    DALSA,
     Chain,
+    FullWell,
+    Mapping,
     document_dynamic_range,
     gain_counted_once,
     rounding_variance,
 )
-from sensor.dynamic_range.converter import Converter, bits_for, converter_rule
-from sensor.dynamic_range.decibels import decibels, sensor_dynamic_range
-from sensor.dynamic_range.mapping import Mapping
 from sensor.dynamic_range.monte_carlo import chain_values, measure_chain
-from sensor.dynamic_range.noise import BOLTZMANN_EV, DarkLaw, SensorNoise
-from sensor.dynamic_range.wells import DALSA, FullWell
+from sensor.dynamic_range.parts import (
+    BOLTZMANN_EV,
+    CONVERTERS,
+    KODAK,
+    SENSORS,
+    Converter,
+    DarkLaw,
+    SensorNoise,
+    bits_for,
+    converter_rule,
+    decibels,
+    sensor_dynamic_range,
+)
 
 FAR = float(norm.isf(0.5e-6))
 

@@ -16,7 +16,7 @@ from cosim.light.radiometry import photons_per_lux
 from sensor.frame_pixels import Exposed
 from sensor.laboratory.bench import Bench
 from sensor.laboratory.emva import Report, measure_camera
-from sensor.laboratory.estimate import Estimate
+from sensor.laboratory.transfer import Estimate
 from tests.sensor.laboratory.linear_camera import LinearPixels
 
 SECONDS = 0.01

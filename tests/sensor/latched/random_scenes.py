@@ -11,7 +11,7 @@ from cosim.compute.opencl import Device
 from cosim.plan.tiles import TILE, PatchPlane, TileGrid
 from sensor import CHIPS, CameraSetting
 from sensor.device.pattern import DevicePattern
-from sensor.latched.patches import PatchCamera
+from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.tiers import Tier
 
 CLOCK = Clock.from_hz(40e3)

@@ -26,10 +26,10 @@ from sensor.latched.arithmetic import (
 )
 from sensor.latched.camera import SpikeCamera
 from sensor.latched.fast.units import quantile, units_of
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 from sensor.latched.pixel.interval import interval_table, threshold
 from sensor.latched.reference.law import draw_all, law_of
-from sensor.latched.row_timing import RowTiming
+from sensor.latched.sampling import RowTiming
 from sensor.latched.tiers import Tier, tier_pixels
 from sensor.latched.written import pending_of
 from tests.sensor.latched.random_scenes import PERIOD, Scene, random_scene, rates

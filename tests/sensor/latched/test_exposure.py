@@ -16,7 +16,7 @@ from cosim.compute.opencl import open_device
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.device.pattern import DevicePattern
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import LARGEST, ONE
+from sensor.latched.pixel.charge import LARGEST, ONE
 from sensor.latched.sampling import row_offsets
 from tests.sensor.latched.piecewise import charges, level, light_between
 

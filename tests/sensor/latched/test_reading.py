@@ -20,7 +20,7 @@ from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.dynamic_range import longest_width, spike_dynamic_range
 from sensor.latched.reading import ReadingCamera, joined
 from sensor.reconstruct.readings import DimLight, Readings, read_readings, write_readings
-from tests.sensor.latched import test_patches as chip
+from tests.sensor.latched import test_fine_tiles as chip
 
 SHAPE = (64, 96)
 EVERY, LEVELS, Q = 64, 50, 1000.0

@@ -16,7 +16,7 @@ from cosim.files import Recorder
 from cosim.plan.error import Finding
 from cosim.run.progress import Progress
 from cosim.stage import BLOCK
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from link.air import ber
 from link.receiving.packets import PacketReceiver
 from link.section import LinkScenario, LinkSection
@@ -33,7 +33,7 @@ from scenarios.assemble.source.feeds import THRESHOLD, Feed
 from sensor import CameraSetting
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.section import CodeSection
-from sensor.latched.readout import readout_stages
+from sensor.latched.stages import readout_stages
 from sensor.sections.sensor import SensorSection
 
 LINK_STREAM: Final = "link.zarr"

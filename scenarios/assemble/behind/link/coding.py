@@ -14,15 +14,13 @@ from cosim import Clock, Light, Viform
 from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import BLOCK, State, blocks
-from display.probes.camera import ProbeCamera
+from display.probes.setup import ProbeCamera
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.decoder import StreamDecoder
-from sensor.codec.packets.encoder import StreamEncoder
-from sensor.codec.packets.packet import Packet
+from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.packet import Packet, Tiles
 from sensor.codec.packets.rate import RateControl
 from sensor.codec.packets.section import CodeSection
-from sensor.codec.packets.tiles import Tiles
 
 Mask = npt.NDArray[np.bool_]
 

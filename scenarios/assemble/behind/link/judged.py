@@ -18,10 +18,10 @@ from cosim.run.machine import Outcome
 from cosim.run.result import Latency, Metric, Throughput, latency_rows
 from cosim.spikes.viform import words_for
 from display.chain.display import DisplayChain
-from display.probes.camera import ProbeCamera
 from display.probes.latency import PARTS, spike_latency
 from display.probes.latency import Latency as StepLatency
 from display.probes.metrics import DIM, GREY, NAMES, WHITE
+from display.probes.setup import ProbeCamera
 from link.evaluation.delay import LIGHT
 from link.evaluation.metrics import lock_metrics
 from link.receiving import Received

@@ -14,8 +14,8 @@ from cosim.run.machine import Page
 from scenarios.assemble.camera.judged import LatchedRun
 from scenarios.assemble.camera.pages.plan import board_error, plan_section
 from scenarios.scenes.clips.motion_film import MotionFilm
+from sensor.sections.own_chip import write_rows
 from sensor.sections.provenance import fault_rows, optics_rows
-from sensor.sections.writes import write_rows
 
 
 def machine(run: LatchedRun) -> str:

@@ -31,7 +31,7 @@ from scenarios.assemble.camera.pages.chip import (
 )
 from scenarios.assemble.camera.pages.plan import plan_section
 from sensor import tau_levels
-from sensor.codec.report import size_rows, size_text
+from sensor.codec.size import size_rows, size_text
 from sensor.reconstruct.clip import write_clip
 from sensor.reconstruct.fidelity import LEAST_RATE
 from sensor.reconstruct.figure import interval_figure

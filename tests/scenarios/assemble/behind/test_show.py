@@ -18,7 +18,7 @@ from display.panels.panel import SpikePanel
 from display.probes import metrics
 from display.probes.blur import spike_blur
 from display.probes.flicker import spike_flicker
-from display.probes.light import steady_light
+from display.probes.setup import steady_light
 from display.report.figures import _named
 from imagers.catalogue import IMAGERS
 from scenarios.assemble.behind import machine, screen
@@ -28,7 +28,7 @@ from scenarios.assemble.source import asynchronous, continuous
 from scenarios.assemble.source.recording.machine import RecordedFeed, assemble_recording
 from scenarios.report import write_report
 from scenarios.run import run_scenario
-from scenarios.scenes.drawing.points import spread_points
+from scenarios.scenes.drawing.analytic import spread_points
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 
 CLOCK = Clock(40_000)

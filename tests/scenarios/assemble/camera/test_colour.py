@@ -14,7 +14,7 @@ from cosim.light.mosaic import Mosaic
 from cosim.report.png import coloured
 from cosim.run.result import Result
 from scenarios.scenes.charts.colour_chart import PATCHES, ColourChart, linear
-from sensor.device.colour import response
+from sensor.device.crosstalk import response
 
 CHART = (
     "scene.drawn=colour-chart", "sensor.colour.filter=rggb", "duration=25 ms", "image.at=[600]",

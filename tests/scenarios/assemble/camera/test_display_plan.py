@@ -14,7 +14,7 @@ import pytest
 from cosim import Block, Bound
 from cosim.plan.error import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
-from display.effects.costs import BASE_COST, SPAN_COST
+from display.effects.bounds import BASE_COST, SPAN_COST
 from display.trial.paired import TRUTH
 from scenarios.assemble.camera.plan import RunPlan, Verifier, plan_run
 from scenarios.assemble.camera.setup import set_up_camera

@@ -22,8 +22,7 @@ from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import pack_planes
 from display import CameraPlane, DisplaySetting, SpikePanel
 from display.chain.clip import chosen_tiles
-from display.chain.display import DisplayChain
-from display.chain.panel_stage import PanelStage
+from display.chain.display import DisplayChain, PanelStage
 from display.chain.tap import LightTap, panel_waves, spike_waves
 from display.observe.slow_motion import SlowMotion
 from display.panels.panel import FramePanel, metric_key

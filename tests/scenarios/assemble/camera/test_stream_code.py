@@ -17,7 +17,7 @@ from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.through import from_packets, to_packets
+from sensor.codec.packets.coder import from_packets, to_packets
 
 
 def filmed() -> list[str]:

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from cosim import InputError
 from cosim.config.units import KINDS, parse_quantity
 from scenarios.assemble.schema.messages import validate
-from sensor.circuit.section import CircuitSection
+from sensor.circuit.circuit import CircuitSection
 
 
 def test_every_key_is_read_in_si_units() -> None:

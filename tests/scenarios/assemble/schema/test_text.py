@@ -14,7 +14,7 @@ from rtl_model.host.csr import read_csr
 from rtl_model.registers import csr_csv
 from scenarios.assemble.schema.loading import load
 from scenarios.studies.dataset.inputs import read_cameras
-from scenarios.studies.design.budget import load_budget
+from scenarios.studies.design.document import load_budget
 from sensor.sections.preset_file import with_preset
 
 ENCODINGS = ["utf-8-sig", "utf-16"]

@@ -17,7 +17,7 @@ from cosim import InputError
 from cosim.run.machine import Options
 from cosim.run.result import Metric, Result
 from cosim.run.shown import SilentProgress
-from link.evaluation.delivery import judge_delivery
+from link.evaluation.reception import judge_delivery
 from link.evaluation.record import LinkEvaluation
 from link.layout import Layout
 from link.mode import Mode

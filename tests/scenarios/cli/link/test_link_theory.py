@@ -12,8 +12,7 @@ import pytest
 
 from link.evaluation.curves import LEVEL, Curve, error_curves, measure_curves
 from link.mode import Mode
-from link.prediction.capacity import CapacityInput, capacity_document
-from link.prediction.capacity_input import scenario_input
+from link.prediction.capacity import CapacityInput, capacity_document, scenario_input
 from scenarios.assemble.schema.loading import linked, load
 from scenarios.assemble.source.link import link_camera
 from scenarios.cli.link.capacity import _achievable, _text

@@ -13,9 +13,8 @@ from cosim.config.amounts import count, number
 from cosim.files import open_stream
 from cosim.files.npz import write_npz
 from scenarios.studies.codes import draw, markdown
-from sensor.codec.coding import Code
+from sensor.codec.coding import Code, recode
 from sensor.codec.fsc import read_fsc
-from sensor.codec.report import size_rows, size_text
 from sensor.codec.size import (
     LAYOUTS,
     coded_size,
@@ -23,9 +22,10 @@ from sensor.codec.size import (
     measure_sizes,
     sample_places,
     size_metrics,
+    size_rows,
+    size_text,
     zstd_size,
 )
-from sensor.codec.stream import recode
 from tests.scenarios.pages import page_of
 from tests.scenarios.studies.bench.small import make_bench_small
 

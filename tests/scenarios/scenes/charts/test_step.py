@@ -8,7 +8,7 @@ import pytest
 from cosim import Block, Clock
 from scenarios.scenes.charts.step import BARS, StepSource
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 
 CLOCK = Clock(40_000)
 LUX = 500.0

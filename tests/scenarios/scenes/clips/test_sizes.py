@@ -13,7 +13,7 @@ import pytest
 from cosim import InputError
 from scenarios.scenes.clips.fitted import Fit, _part
 from scenarios.scenes.clips.pictures import open_clip
-from scenarios.scenes.clips.tiff import tiff_pages
+from scenarios.scenes.clips.stills import tiff_pages
 from tests.measured import reading
 
 MIB = 1 << 20

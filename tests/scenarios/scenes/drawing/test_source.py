@@ -11,8 +11,7 @@ from cosim import PS, Block, Clock
 from cosim.light.source import truth_at
 from cosim.stage import blocks
 from scenarios.scenes.charts.star import Star
-from scenarios.scenes.drawing.analytic import AnalyticSource
-from scenarios.scenes.drawing.points import spread_points
+from scenarios.scenes.drawing.analytic import AnalyticSource, spread_points
 from scenarios.scenes.drawing.sized import SizedSource
 
 CLOCK = Clock(40_000)

@@ -29,9 +29,8 @@ from scenarios.scenes.flow.gasdynamics import (
     stalling,
     start_flow,
 )
-from scenarios.scenes.flow.schlieren import GLADSTONE_DALE, OPEN, RANGE, Bench
 from scenarios.scenes.flow.shockwave import Shockwave
-from scenarios.scenes.flow.sightlines import WIDTH
+from scenarios.scenes.flow.sightlines import GLADSTONE_DALE, OPEN, RANGE, WIDTH, Bench
 from scenarios.scenes.flow.steadyflow import Sphere, Wedge, _layer_density
 from scenarios.scenes.kinds.grid import SceneGrid
 

@@ -12,8 +12,7 @@ import pytest
 
 from scenarios.scenes.objects.painting import HIDDEN, SEEN
 from scenarios.scenes.objects.plate import CATEGORIES, FOCAL, Plate, Wave
-from scenarios.scenes.objects.scene import Objects
-from scenarios.scenes.objects.truth import Surfaces, flow, surfaces
+from scenarios.scenes.objects.scene import Objects, Surfaces, flow, surfaces
 
 SHAPE = (250, 400)
 PLAIN = Plate(

@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import pytest
 
-import scenarios.studies.bench.loop as loop
+import scenarios.studies.bench.display as loop
 import scenarios.studies.bench.modem as modem
-from rtl_model.events.size import EventSize
+from rtl_model.events.encoder import EventSize
 from sensor import CHIPS
 
 _GLASS = "sensor.width=32", "sensor.height=24", "display.beside=[]", "display.projector=none"

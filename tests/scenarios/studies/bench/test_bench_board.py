@@ -2,7 +2,7 @@
 
 import pytest
 
-from rtl_model.bringup.stages.ethernet.rate import Rates
+from rtl_model.bringup.stages.ethernet import Rates
 from scenarios.studies.bench import board
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-import scenarios.studies.bench.loop as loop
+import scenarios.studies.bench.display as loop
 from cosim.errors import Interrupted
 from cosim.run.chain import BlockChain
 from scenarios.cli.entry import _main

@@ -16,7 +16,7 @@ from numba import njit
 
 from cosim import PS, Clock, Light, Piece
 from cosim.compute.streams import Stream
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 from sensor.stability.bright import Sunlit
 from sensor.stability.cutting import CYCLES, SMALL, Cut, plain_bits
 from sensor.stability.denormals import flushing

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from cosim import PS
 from sensor.circuit.circuit import Circuit
-from sensor.circuit.train import spike_train
-from sensor.device.ktc import ELEMENTARY_CHARGE
+from sensor.circuit.phases import spike_train
+from sensor.device.chips import ELEMENTARY_CHARGE
 
 
 def plain_log(circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]

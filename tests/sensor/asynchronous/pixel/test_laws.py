@@ -11,15 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate, special, stats
 
+from sensor.asynchronous.pixel.closed import unit
 from sensor.asynchronous.pixel.gamma import (
+    fitting,
+    geometric,
+    interval_moments,
     inverse_lower,
     inverse_upper,
     poisson_below,
     poisson_outside,
+    stretch,
     tails,
 )
-from sensor.asynchronous.pixel.interval import unit
-from sensor.asynchronous.pixel.skipping import fitting, geometric, interval_moments, stretch
 from sensor.device.charge import crossing, exposure, later
 
 

@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import Clock, Viform
-from cosim.spikes.events import events_of
 from cosim.spikes.viform import pack_planes
 from sensor.codec.columns import Damaged
-from sensor.codec.packets.event import Event, Gap, encode_events, gaps_of, packet_of_line
+from sensor.codec.packets.event import Event, Gap, encode_events, packet_of_line
 from sensor.codec.packets.packet import Packet
 from sensor.codec.trains import first_spikes
+from tests.cosim.spikes.whole_streams import events_of
 from tests.sensor.codec.packets.streams import random_stream
+from tests.sensor.codec.packets.told import gaps_of
 
 CYCLES = (1, 31, 32, 100, 128)
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sensor.codec.packets.buffer import SendBuffer
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.encoder import StreamEncoder
+from sensor.codec.packets.coder import StreamEncoder
 from sensor.codec.packets.packet import HEADER, LENGTH, Packet
-from sensor.codec.packets.rate import RateControl
+from sensor.codec.packets.rate import RateControl, SendBuffer
 from tests.sensor.codec.packets.streams import steady
 
 SHAPE, CYCLES, GROUP = (48, 64), 1024, 128

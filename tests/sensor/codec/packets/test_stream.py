@@ -11,10 +11,8 @@ from cosim.spikes.viform import words_for
 from cosim.stage import Stateful
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import KINDS, StreamCode
-from sensor.codec.packets.decoder import StreamDecoder
-from sensor.codec.packets.encoder import StreamEncoder
-from sensor.codec.packets.packet import HEADER, LENGTH, Packet
-from sensor.codec.packets.tiles import Tiles
+from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.packet import HEADER, LENGTH, Packet, Tiles
 from tests.sensor.codec.packets.streams import steady
 
 SHAPE, CYCLES = (21, 30), 333

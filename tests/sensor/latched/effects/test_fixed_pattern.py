@@ -12,17 +12,16 @@ from scipy import stats
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import Device, open_device
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
-from sensor.device.ktc import ktc_electrons
+from sensor.device.chips import ktc_electrons
 from sensor.device.pattern import DevicePattern, dark_current
 from sensor.latched.effects import RESIDUAL, SHOT_NOISE
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
+from sensor.latched.pixel.charge import ONE, Span, to_fixed
 from sensor.latched.pixel.compiled import CompiledPixels
-from sensor.latched.pixel.fixed_point import ONE, to_fixed
 from sensor.latched.pixel.interval import interval_table
 from sensor.latched.pixel.kernel import KernelPixels
 from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.pixel.numpy_form import NumpyPixels
-from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import thresholds
 
 CLOCK = Clock(40_000)

@@ -30,9 +30,9 @@ from sensor.latched.effects.residual import RESIDUAL
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error
 from sensor.latched.exposure import Exposure
 from sensor.latched.fast import FastPixels, PixelArray
+from sensor.latched.pixel.charge import Transfer
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.pixel.numpy_form import NumpyPixels
-from sensor.latched.pixel.transfer import Transfer
 from sensor.latched.tiers import Tier, tier_pixels
 from tests.sensor.latched.fast.numpy_fast import NumpyFast
 

@@ -12,7 +12,7 @@ from cosim.compute.opencl import Device
 from cosim.plan.effects import Summary
 from cosim.plan.planner import make_plan
 from sensor.device.chips import CHIPS
-from sensor.latched.effects.costs import BANK_FROM, bank_cost, noise_cost
+from sensor.latched.effects.effect import BANK_FROM, bank_cost, noise_cost
 from sensor.latched.effects.own_draws import OWN_DRAWS, with_own_draws
 from sensor.latched.fast.units import BANK, NOISE
 from sensor.latched.setting import CameraSetting

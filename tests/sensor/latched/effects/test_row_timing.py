@@ -18,8 +18,8 @@ from sensor.latched.effects.drift import COMMON_DRIFT, KNOT, STEP, Drift
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.effects.row_timing import ROW_TIMING
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE
-from sensor.latched.row_timing import LIMIT, RowTiming
+from sensor.latched.pixel.charge import ONE
+from sensor.latched.sampling import LIMIT, RowTiming
 from sensor.latched.tiers import tier_pixels
 from tests.sensor.latched.piecewise import charges, level, light_between
 

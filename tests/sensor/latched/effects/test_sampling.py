@@ -15,7 +15,7 @@ from cosim.compute.opencl import Device
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.latched.effects import RESIDUAL
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 from sensor.latched.sampling import row_offsets
 from tests.sensor.latched.piecewise import charges, level, light_between
 

@@ -16,11 +16,10 @@ from cosim.compute.opencl import open_device
 from sensor import CHIPS, CameraSetting
 from sensor.latched.effects import EFFECTS, RESIDUAL, SHOT_NOISE
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
-from sensor.latched.pixel.fixed_point import ONE, to_fixed
+from sensor.latched.pixel.charge import ONE, Span, to_fixed
 from sensor.latched.pixel.interval import KNOTS, MANTISSA_BITS, interval_table, threshold
 from sensor.latched.pixel.kernel import KernelPixels
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.pixel.span import Span
 from sensor.latched.pixel.thresholds import initial_deficit, thresholds
 
 ALPHA = 1e-6

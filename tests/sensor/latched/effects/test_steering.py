@@ -11,12 +11,11 @@ from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import Device
 from cosim.spikes.viform import unpack_planes
 from sensor import CHIPS, CameraSetting, SpikeCamera
-from sensor.device.steering import BOARD
+from sensor.device.chips import BOARD
 from sensor.latched.effects import RESIDUAL
 from sensor.latched.exposure import Exposure
-from sensor.latched.pixel.fixed_point import ONE
-from sensor.latched.row_timing import RowTiming
-from sensor.latched.steering import ClockMoves
+from sensor.latched.pixel.charge import ONE
+from sensor.latched.sampling import ClockMoves, RowTiming
 from tests.sensor.latched.piecewise import charges, level, light_between
 
 CLOCK = Clock(40_000)

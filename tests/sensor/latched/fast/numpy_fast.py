@@ -16,7 +16,7 @@ from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course, Segment
 from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
-from sensor.latched.pixel.transfer import transfer_light
+from sensor.latched.pixel.charge import transfer_light
 
 _F = np.float32
 Array = npt.NDArray[Any]

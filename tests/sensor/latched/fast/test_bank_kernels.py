@@ -19,8 +19,7 @@ from sensor.latched.fast.taking_over import taken_over
 from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE
 from sensor.latched.pixel.bank import PERIOD as REPEATS
 from sensor.latched.pixel.model import ExactModel, Reset
-from sensor.latched.row_timing import RowTiming
-from sensor.latched.sampling import row_offsets
+from sensor.latched.sampling import RowTiming, row_offsets
 from tests.sensor.latched.fast.numpy_fast import NumpyFast
 from tests.sensor.latched.fast.test_fast import (
     ALL,

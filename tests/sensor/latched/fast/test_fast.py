@@ -27,12 +27,11 @@ from sensor.latched.fast.units import (
     quantile,
     units_of,
 )
-from sensor.latched.pixel.fixed_point import LARGEST
+from sensor.latched.pixel.charge import LARGEST
 from sensor.latched.pixel.interval import threshold
 from sensor.latched.pixel.model import ExactModel, Reset
 from sensor.latched.pixel.numpy_form import NumpyPixels
-from sensor.latched.row_timing import RowTiming
-from sensor.latched.sampling import row_offsets
+from sensor.latched.sampling import RowTiming, row_offsets
 from tests.sensor.latched.fast.numpy_fast import NumpyFast
 from tests.sensor.latched.piecewise import level, light_between
 

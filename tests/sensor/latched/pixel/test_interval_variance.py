@@ -16,10 +16,9 @@ from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect
 from sensor.latched.effects import RESIDUAL, SHOT_NOISE
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
-from sensor.latched.pixel.fixed_point import to_fixed
+from sensor.latched.pixel.charge import Span, to_fixed
 from sensor.latched.pixel.kernel import KernelPixels
 from sensor.latched.pixel.model import ExactModel, Reset
-from sensor.latched.pixel.span import Span
 
 IDEAL = (RESIDUAL, INITIAL_CHARGE)
 NOISY = (RESIDUAL, INITIAL_CHARGE, SHOT_NOISE)

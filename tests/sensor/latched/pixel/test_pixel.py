@@ -11,12 +11,11 @@ import pytest
 
 from cosim.compute.opencl import Device
 from sensor.latched.effects import EFFECTS, RESIDUAL, SHOT_NOISE
+from sensor.latched.pixel.charge import LARGEST, ONE, Span, to_fixed
 from sensor.latched.pixel.compiled import CompiledPixels
-from sensor.latched.pixel.fixed_point import LARGEST, ONE, to_fixed
 from sensor.latched.pixel.kernel import KernelPixels
 from sensor.latched.pixel.model import ExactModel, ExactPixels, Reset
 from sensor.latched.pixel.numpy_form import NumpyPixels
-from sensor.latched.pixel.span import Span
 
 NOISELESS = (RESIDUAL,)
 ALL = tuple(EFFECTS.values())

@@ -14,12 +14,11 @@ from sensor.device.pattern import DevicePattern
 from sensor.latched.effects import EFFECTS, RESIDUAL, SHOT_NOISE
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
 from sensor.latched.exposure import Exposure
+from sensor.latched.pixel.charge import ONE
 from sensor.latched.pixel.compiled import CompiledPixels
-from sensor.latched.pixel.fixed_point import ONE
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference import ReferencePixels
-from sensor.latched.row_timing import RowTiming
-from sensor.latched.sampling import row_offsets
+from sensor.latched.sampling import RowTiming, row_offsets
 from tests.sensor.latched.piecewise import light_between
 
 CLOCK = Clock(40_000)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,7 @@ from cosim import PS, Light, Piece
 from cosim.compute.opencl import Device
 from sensor.device.pattern import DevicePattern
 from sensor.latched.fast import FastPixels, PixelArray
-from sensor.latched.fast.bound import parted_share
-from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE
+from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE, units_of
 from sensor.latched.pixel.bank import bank_of, groups_of, offsets
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference import ReferencePixels
@@ -25,6 +25,33 @@ SHAPE = (64, 150)  # the last group of a row is not whole
 N = SHAPE[0] * SHAPE[1]
 NUMBERS = np.arange(N, dtype=np.uint32) + 777
 GROUPS = np.ones((64, 10), bool)
+
+
+def parted_share(model: ExactModel, dimmest: float, brightest: float, cycles: int) -> float:
+    """Share of the pixels that draw from the bank whose spikes differ from those of the reference
+    with the same draws.
+
+    Draws of the bank belong to cycles. A spike that falls on the edge of a cycle in one tier and
+    beyond it in the other therefore takes another threshold, and the pixel has other noise from
+    then on, with the same distribution. A spike does so if the error of the accumulated charge is
+    larger than its distance from the edge: with the chance error / light, so in n cycles such
+    spikes number the sum of the errors over the cycles. It is an estimate: rounding errors count
+    with their RMS, but all errors of a pixel with the same sign, as light may be constant.
+
+    Args:
+        model: rules of the pixel.
+        dimmest, brightest: limits of the light, electrons a cycle.
+        cycles: cycles of the run.
+    """
+    unit = 2.0 ** -units_of(model).bits
+    low, high = dimmest / model.mean, brightest / model.mean
+    a_cycle = unit / 2 + 2.0**-24 * high
+    if model.dead:
+        a_cycle += min(high, 1.0) * (unit + model.dead_time * (high - low))
+    run = cycles
+    if model.reset == "hard":  # errors end with the interval
+        run = min(cycles, math.ceil(1 / low)) if low > 0 else cycles
+    return float(min(cycles * (2 * unit + run * a_cycle / 2), 1.0))
 
 
 def test_compiled_places_are_those_of_numpy() -> None:

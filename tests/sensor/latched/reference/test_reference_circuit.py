@@ -10,8 +10,8 @@ import pytest
 
 from cosim import PS, Clock, Light, Piece
 from sensor.circuit.circuit import Circuit
+from sensor.circuit.phases import spike_train
 from sensor.circuit.solvers import solved_train
-from sensor.circuit.train import spike_train
 from sensor.latched.effects import EFFECTS, RESIDUAL
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference import ReferencePixels

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate, special, stats
 
-from sensor.latched.pixel.fixed_point import ONE
+from sensor.latched.pixel.charge import ONE
 from sensor.latched.pixel.interval import interval_table, threshold
 from sensor.latched.reference.law import (
     LEAST,

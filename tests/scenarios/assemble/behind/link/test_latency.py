@@ -16,7 +16,7 @@ from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
 from display.probes import metrics
 from display.probes.waveform import panel_light
-from display.quality.latency import half_way, risen
+from display.quality.edges import half_way, risen
 from scenarios.assemble.behind.link.carrier import RECEIVED
 from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.machine import assemble

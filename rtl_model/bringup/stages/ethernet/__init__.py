@@ -1,1 +1,0 @@
-"""Stages of the bring-up that exist over UDP only."""
