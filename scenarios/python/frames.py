@@ -80,7 +80,10 @@ def _check_light(values: npt.NDArray[Any]) -> None:
     """Raises InputError for floats outside 0 to 1, and for those that are no numbers."""
     plain = np.asarray(values)  # minima of masked arrays take no `initial`
     low, high = (float(v) for v in (plain.min(initial=0), plain.max(initial=0)))
-    if not (low >= 0 and high <= 1):  # NaN as well
+    if low != low:
+        given = f"{int(np.isnan(plain).sum())} of {plain.size} values NaN"
+        raise InputError("a frame of floats", "light without NaN", given, "fill them")
+    if not (low >= 0 and high <= 1):
         raise InputError(
             "a frame of floats", "linear light from 0 to 1, a share of white",
             f"{low:g} to {high:g}", "divide it by the light of white, and set the illuminance",

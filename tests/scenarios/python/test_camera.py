@@ -334,7 +334,7 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         "from 0 to 1, a share of white, not -1 to 0": lambda: camera.film(
             np.full((2, 4, 4), -1.0), 25
         ),
-        "a share of white, not nan": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
+        "without NaN, not 32 of 32": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
         "frames must be at least a cycle": lambda: camera.film(frames(1), 1e9),
         "a frame must be an array .H, W., not .* inhomogeneous": lambda: camera.film(
             [[[0.1, 0.2], [0.3]]], 2000
@@ -391,13 +391,13 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
         "from 0 to 1, a share of white, not -1 to 0": lambda: camera.film(
             np.full((2, 4, 4), -1.0), 25
         ),
-        "a share of white, not nan": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
+        "without NaN, not 32 of 32": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
         "frames must be at least a cycle of": lambda: camera.film(frames(1), 1e11),
         "must be at most 100, not more": lambda: viform.Camera(**keys, **{section: 100}).film(
             frames(), 2000
         ),
         "a frame must be as the first": lambda: stream.push(frames()[0, 1:]),
-        "a share of white, not nan .*": lambda: camera.open(9).push(np.full((4, 4), np.nan)),
+        "without NaN, not 16 of 16": lambda: camera.open(9).push(np.full((4, 4), np.nan)),
         "camera must be one with pixel = latched": lambda: viform.SpikeStream(
             [frames()], camera, 2000
         ),
