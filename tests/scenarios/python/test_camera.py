@@ -334,7 +334,7 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         "from 0 to 1, a share of white, not -1 to 0": lambda: camera.film(
             np.full((2, 4, 4), -1.0), 25
         ),
-        "without NaN, not 32 of 32": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
+        "without NaN, not 16 of 16": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
         "frames must be at least a cycle": lambda: camera.film(frames(1), 1e9),
         "a frame must be an array .H, W., not .* inhomogeneous": lambda: camera.film(
             [[[0.1, 0.2], [0.3]]], 2000
@@ -391,7 +391,7 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
         "from 0 to 1, a share of white, not -1 to 0": lambda: camera.film(
             np.full((2, 4, 4), -1.0), 25
         ),
-        "without NaN, not 32 of 32": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
+        "without NaN, not 16 of 16": lambda: camera.film(np.full((2, 4, 4), np.nan), 25),
         "frames must be at least a cycle of": lambda: camera.film(frames(1), 1e11),
         "must be at most 100, not more": lambda: viform.Camera(**keys, **{section: 100}).film(
             frames(), 2000
