@@ -58,7 +58,7 @@ def _light(renderer: Any, words: npt.NDArray[np.uint32], planes: int) -> float:
 
 def _levels(at: Sequence[int], planes: int, drive: str, age: int | None = None) -> list[Fraction]:
     """Light of each plane, packets, in exact arithmetic. The limits and the share of the balance
-    are those of `display/drives/intervals.py`.
+    are those of `display/drives/drive.py`.
 
     Args:
         at: planes with a spike.

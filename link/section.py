@@ -166,6 +166,17 @@ class ModemSection(Section):
     )
     detector: Literal[tuple(DETECTORS)] = "packed"  # type: ignore[valid-type]
 
+    @field_validator("detector", mode="before")
+    @classmethod
+    def _known(cls, value: Any) -> Any:
+        """Refuses a detector of earlier versions, with what takes its place."""
+        if value == "belief-propagation":
+            raise InputError(
+                "link.modem.detector", "one of " + ", ".join(DETECTORS), value,
+                "write packed: belief propagation is a reference of the tests alone",
+            )  # fmt: skip
+        return value
+
     @field_validator("cell", "ticks", "parity", mode="before")
     @classmethod
     def _number(cls, value: Any) -> Any:

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from display.drives.drive import Drive
-from display.drives.intervals import (
+from display.drives.drive import (
     GLSL_LEVEL,
     GLSL_REPAID,
+    Drive,
     interval_fluctuation,
     interval_variation,
     packets_at,

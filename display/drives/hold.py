@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from display.drives.drive import Drive
-from display.drives.intervals import (
+from display.drives.drive import (
     GLSL_LEVEL,
     GLSL_REPAID,
+    Drive,
     interval_fluctuation,
     interval_variation,
     packets_at,

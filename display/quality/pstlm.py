@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from display.quality.spectrum import Values, waveform
+from display.quality.flicker import Values, waveform
 
 HIGH_PASS: Final = 0.05
 LOW_PASS: Final = 35.0

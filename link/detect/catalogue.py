@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 DETECTORS: Final = {
     "joint": "link.detect.joint:Joint",
     "packed": "link.detect.packed:Packed",
-    "belief-propagation": "link.detect.belief:BeliefPropagation",
     "threshold": "link.detect.threshold:Threshold",
     "forward-backward": "link.detect.forward_backward:ForwardBackward",
 }

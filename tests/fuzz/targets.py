@@ -36,8 +36,7 @@ from scenarios.assemble.schema.loading import load
 from scenarios.run import _reinstated_before
 from scenarios.scenes.clips.film import FilmSource
 from sensor.codec.coding import Code
-from sensor.codec.files import open_any
-from sensor.codec.fsc import write_fsc
+from sensor.codec.files import open_any, write_fsc
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
 from sensor.codec.packets.packet import HEADER

@@ -26,8 +26,8 @@ RUNS = {
     "continuous": ("film", *SMALL, "sensor.pixel=continuous"),
     "display of a noisy chip": ("glass", *SMALL, "sensor.preset=silicon"),
     "link": ("light-link", *PANEL, "link.size=2000"),
-    "link with belief propagation": (
-        "light-link", *PANEL, "link.size=2000", "link.modem.detector=belief-propagation",
+    "link with forward-backward": (
+        "light-link", *PANEL, "link.size=2000", "link.modem.detector=forward-backward",
     ),
     "carried stream": ("glass-over-light", *SMALL),
     "imager": ("ebaps-night",),

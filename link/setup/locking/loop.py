@@ -33,8 +33,7 @@ from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.layout import TRAINING
 from link.mode import Mode
-from link.receiving.steering.loop import PhaseLoop, centred
-from link.receiving.steering.phase import PhaseDetector
+from link.receiving.steering import PhaseDetector, PhaseLoop, centred
 from link.receiving.synthesis import Levels
 from link.setting import LEAD, TAIL, LinkSetting
 from link.setup.locking.model import BEFORE, PhaseModel

@@ -19,7 +19,7 @@ from cosim.spikes.viform import WORD, Viform
 from link.line_codes import encode_line
 from link.mode import Mode
 from link.receiving.recording import Recording
-from link.receiving.steering.loop import centred
+from link.receiving.steering import centred
 from link.sending import FileTransmission
 from link.setting import LinkSetting
 from link.setup.pilot import WIDTH, strip_of

@@ -10,11 +10,11 @@ from display.quality.flicker import (
     percent_flicker,
     risk_of,
     sensitivity,
+    spectrum,
     svm,
     svm_threshold,
     tcsf_visibility_of,
 )
-from display.quality.spectrum import spectrum
 
 RATE = 20_000
 SAMPLE = np.arange(2 * RATE)

@@ -10,18 +10,21 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from link.detect.belief import BeliefPropagation
-from link.detect.belief_kernel import LEVELS, LIGHTS, laws, messages
-from link.detect.belief_learning import PixelModel
+from cosim import InputError
 from link.detect.catalogue import make_detector
-from link.detect.footprints import Footprints, seen_by
-from link.detect.propagation import graph_of, propagate
+from link.detect.detector import Detector
 from link.layout import TRAINING, Layout, training
 from link.mode import Mode
 from link.prediction.error_bound import edge_share
+from link.section import ModemSection
 from link.theory.soft_information import soft_information
 from link.timing import Registration, Timing
 from tests.link.detect import scenes
+from tests.link.detect.belief import BeliefPropagation
+from tests.link.detect.belief_kernel import LEVELS, LIGHTS, laws, messages
+from tests.link.detect.belief_learning import PixelModel
+from tests.link.detect.footprints import Footprints, seen_by
+from tests.link.detect.propagation import graph_of, propagate
 
 MODEL = PixelModel(off=0.02, on=1.6, softness=0.03, shot=2e-3)
 SHAPE = 56, 56
@@ -155,7 +158,7 @@ def test_the_sum_is_over_the_cells_that_a_pixel_sees(monkeypatch: pytest.MonkeyP
         counts.append(np.broadcast_to(many, len(cell)).tolist())
         messages(law, cell, share, many, *more)
 
-    monkeypatch.setattr("link.detect.propagation.messages", noted)
+    monkeypatch.setattr("tests.link.detect.propagation.messages", noted)
     spikes = spikes_of(rng, seen, MODEL, 3, 2, 10)
     found = [propagated(each, MODEL, spikes, 10, (2, 1), 0.3) for each in (seen, padded)]
     assert (found[0] == found[1]).all() and all(each == [3, 1] for each in counts)
@@ -224,7 +227,10 @@ def scene(
 
 def information(made: scenes.Scene, place: Registration, name: str, count: int) -> float:
     """Information of a bit of the cells in the middle of the view."""
-    detector = make_detector(name, made.layout, place, made.timing)
+    parts = made.layout, place, made.timing
+    detector: Detector = (
+        BeliefPropagation(*parts) if name == "belief-propagation" else make_detector(name, *parts)
+    )
     detector.learn(made.words, 0, made.bits[:TRAINING], 0)
     if isinstance(detector, BeliefPropagation):
         assert detector.model is not None
@@ -277,3 +283,9 @@ def test_what_it_cannot_do_is_said_and_what_is_not_filmed_is_nothing(
     detector.model = MODEL
     soft = detector.soft(made.words, 0, TRAINING, 2, stop_tick=8 + 2 * TRAINING + 2)
     assert soft[0].any() and not soft[1].any()
+
+
+def test_a_scenario_that_asks_for_it_is_told_what_to_write() -> None:
+    """No mode takes it; earlier versions had it as a value of the key."""
+    with pytest.raises(InputError, match=r"link\.modem\.detector must be one of .*; write packed"):
+        ModemSection.model_validate({"detector": "belief-propagation"})

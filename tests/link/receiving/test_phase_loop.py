@@ -11,7 +11,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from scipy.stats import chi2
 
 from link.receiving.phasing import fit_phase
-from link.receiving.steering.loop import GAINS, LoopGains, PhaseLoop, centred
+from link.receiving.steering import GAINS, LoopGains, PhaseLoop, centred
 from link.receiving.synthesis import NOISE, Levels
 from tests.link.receiving.test_phasing import BACKGROUND, ON, TRUE, witnesses
 

@@ -200,8 +200,8 @@ def test_pilots_that_take_long_say_once_how_long(monkeypatch):
     moments = iter([0.0, 50.0, 54.0, 60.0])
     monkeypatch.setattr("link.setup.modes.time.monotonic", lambda: next(moments))
     progress = QuietProgress()
-    forecast = _Forecast(progress, "belief-propagation")
+    forecast = _Forecast(progress, "forward-backward")
     for left in (21, 20, 19):
         forecast.film(left)
     (note,) = progress.notes
-    assert note.startswith("the pilots take up to 80 s with the detector belief-propagation; give")
+    assert note.startswith("the pilots take up to 80 s with the detector forward-backward; give")

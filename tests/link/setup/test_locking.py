@@ -17,7 +17,7 @@ from cosim.run.shown import SilentProgress
 from link.layout import TRAINING
 from link.mode import Mode
 from link.receiving.phasing import Delay
-from link.receiving.steering.phase import PhaseDetector
+from link.receiving.steering import PhaseDetector
 from link.receiving.synthesis import Levels
 from link.section import LinkScenario
 from link.sending import FileTransmission

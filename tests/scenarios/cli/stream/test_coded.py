@@ -14,7 +14,7 @@ from cosim.files import open_stream
 from cosim.files.npz import write_npz
 from scenarios.studies.codes import draw, markdown
 from sensor.codec.coding import Code, recode
-from sensor.codec.fsc import read_fsc
+from sensor.codec.files import read_fsc
 from sensor.codec.size import (
     LAYOUTS,
     coded_size,

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from link.detect.belief_kernel import LEVELS, laws, shared, tick
 from link.detect.detector import Bits
-from link.detect.footprints import seen_by
 from link.layout import Layout
 from link.timing import Registration
+from tests.link.detect.belief_kernel import LEVELS, laws, shared, tick
+from tests.link.detect.footprints import seen_by
 
 _PIXELS: Final = 800
 """Pixels that the likelihood is computed for."""

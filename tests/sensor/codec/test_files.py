@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from cosim import Clock, InputError, Viform
 from sensor.codec.coding import Code, recode
 from sensor.codec.columns import Damaged, pack_column, unpack_column
-from sensor.codec.fsc import read_fsc, write_fsc
+from sensor.codec.files import read_fsc, write_fsc
 
 CODES = (Code("line"), Code("repeat"), Code("statistical", 3.0, 100.0, 2.0, 4))
 HEAD = 96

@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from link.detect.belief_kernel import (
+from link.detect.detector import LIMIT
+from tests.link.detect.belief_kernel import (
     LEVELS,
     LIGHTS,
     advance,
@@ -25,9 +26,8 @@ from link.detect.belief_kernel import (
     messages,
     recede,
 )
-from link.detect.belief_learning import PixelModel
-from link.detect.detector import LIMIT
-from link.detect.footprints import Footprints
+from tests.link.detect.belief_learning import PixelModel
+from tests.link.detect.footprints import Footprints
 
 MANY: Final = 9
 """Cells of a footprint that are summed over at most; the others count by their mean."""

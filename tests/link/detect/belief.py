@@ -17,12 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Words
-from link.detect.belief_learning import PixelModel, learn_model
 from link.detect.detector import Bits, Soft, bits_held
-from link.detect.footprints import footprints
-from link.detect.propagation import graph_of, propagate
 from link.layout import PERIOD, TRAINING, Layout, pilots, training
 from link.timing import Registration, Timing
+from tests.link.detect.belief_learning import PixelModel, learn_model
+from tests.link.detect.footprints import footprints
+from tests.link.detect.propagation import graph_of, propagate
 
 SEEN: Final = 14
 """Largest number of cells in a footprint."""
