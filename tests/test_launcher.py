@@ -50,7 +50,7 @@ case "$*" in
         if [ -e "$BOX/pip.dies" ]; then echo Installing collected packages: x; kill -9 $PPID; fi ;;
     */bin/viform*)
         shift
-        # As scenarios/cli/packages.py does: the command asks for what the file `lacks` names.
+        # As scenarios/cli/start.py does: the command asks for what the file `lacks` names.
         if [ -e "$BOX/lacks" ] && [ -n "${{VIFORM_LAUNCHER-}}" ]; then
             while read -r package; do
                 case " $VIFORM_ASKED " in

@@ -1,4 +1,4 @@
-"""The command line `viform COMMAND`, one file for each command, in rooms.
+"""The command line `viform COMMAND`, in rooms; commands on one subject share a file.
 
 A command imports its libraries in its function: they take seconds to load, and `viform --help` does
 not need them.

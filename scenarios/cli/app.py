@@ -1,31 +1,31 @@
-"""The commands, one file each. A command imports its libraries when it runs, so that the command
-line starts fast."""
+"""The commands by name. A command imports its libraries when it runs, so that the command line
+starts fast."""
 
 import typer as _typer
 
 from scenarios.cli.board.group import board as _board
-from scenarios.cli.design.group import design as _design
 from scenarios.cli.link.group import link as _link
 from scenarios.cli.maintenance.doctor import doctor as _doctor
 from scenarios.cli.maintenance.test import test as _test
-from scenarios.cli.scenario.accuracy import accuracy as _accuracy
 from scenarios.cli.scenario.listing import list_scenarios as _list
 from scenarios.cli.scenario.live import live as _live
+from scenarios.cli.scenario.plan import accuracy as _accuracy
 from scenarios.cli.scenario.plan import plan as _plan
 from scenarios.cli.scenario.run import run as _run
 from scenarios.cli.scenario.view import view as _view
 from scenarios.cli.stream.convert import convert as _convert
 from scenarios.cli.stream.image import image as _image
+from scenarios.cli.study.batch import dataset as _dataset
+from scenarios.cli.study.batch import sweep as _sweep
 from scenarios.cli.study.bench import bench as _bench
 from scenarios.cli.study.calibrate import calibrate as _calibrate
 from scenarios.cli.study.compare import compare as _compare
-from scenarios.cli.study.dataset import dataset as _dataset
+from scenarios.cli.study.compare import compare_methods as _compare_methods
+from scenarios.cli.study.compare import compare_tracking as _compare_tracking
+from scenarios.cli.study.design import design as _design
 from scenarios.cli.study.laboratory import laboratory as _laboratory
-from scenarios.cli.study.methods import compare_methods as _compare_methods
-from scenarios.cli.study.paper import paper as _paper
-from scenarios.cli.study.stability import stability as _stability
-from scenarios.cli.study.sweep import sweep as _sweep
-from scenarios.cli.study.tracking import compare_tracking as _compare_tracking
+from scenarios.cli.study.references import paper as _paper
+from scenarios.cli.study.references import stability as _stability
 
 app = _typer.Typer(
     name="viform",

@@ -6,12 +6,14 @@ from __future__ import annotations
 import errno
 import gc
 import os
+import re
 import signal
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 
-import scenarios.cli.start  # noqa: F401  # first: its clock is the start of run_time_s
-from scenarios.cli.packages import install_and_restart, read_launcher
+# The first of ours: its clock is the start of run_time_s.
+from scenarios.cli.start import install_and_restart, read_launcher
 from scenarios.cli.streams import STDOUT, protect
 
 _NO_MEMORY = (
@@ -22,6 +24,15 @@ _NO_MEMORY = (
 """Errors, and what they say, of Python, the loader and OpenCL without memory."""
 _PIPE = 141
 """Exit code after the reader of standard output has closed it: 128 + SIGPIPE, as in a shell."""
+_SAID = re.compile(r"Invalid value for '(?P<name>[^']+)': (?:Value error, )?(?P<why>.*)", re.DOTALL)
+_MUST = (
+    (re.compile(r"Input should be greater than or equal to (\S+)"), "at least {}"),
+    (re.compile(r"Input should be less than or equal to (\S+)"), "at most {}"),
+    (re.compile(r"Input should be a valid integer.*"), "a whole number"),
+    (re.compile(r"Input should be a valid number.*"), "a number"),
+    (re.compile(r"'[^']*' is not one of (.*)"), "one of {}"),
+)
+"""Texts of pydantic and of Typer, and what must be."""
 
 
 def main() -> None:
@@ -136,7 +147,6 @@ def _main(arguments: list[str]) -> int:
     from cosim.errors import InputError, MissingPackages, ViformError, say
     from cosim.run.called import as_called
     from scenarios.cli.app import app
-    from scenarios.cli.refusals import parser_refusal
 
     with suppress(OSError):  # most commands work without a cache
         prepare_caches()
@@ -181,3 +191,40 @@ def _main(arguments: list[str]) -> int:
         said()
         print("viform: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0
+
+
+def _given(name: str, arguments: Sequence[str]) -> str | None:
+    """The last value of an option in a command's words; None if it is not there."""
+    values = [
+        value if sign else after
+        for word, after in zip(arguments, (*arguments[1:], None), strict=True)
+        for option, sign, value in (word.partition("="),)
+        if option == name
+    ]
+    return values[-1] if values else None
+
+
+def parser_refusal(text: str, arguments: Sequence[str], commands: Sequence[str] = ()) -> str:
+    """What the parser says about an option, in the form of all refusals: "NAME must be X, not Y";
+    another text as it is.
+
+    Args:
+        text: text of the parser.
+        arguments: words of the command, in which the value is looked up.
+        commands: commands of the group that the words name, if they name a group.
+    """
+    if text == "Missing command" and commands:
+        group = " ".join(arguments)
+        return f"the command after `viform {group}` must be one of {', '.join(commands)}, not none"
+    said = _SAID.fullmatch(text)
+    if said is None:
+        return text
+    name, why = said["name"], said["why"]
+    for pattern, must in _MUST:
+        found = pattern.fullmatch(why)
+        if found is not None:
+            quoted = re.match(r"'([^']*)' is not one of", why)
+            given = quoted[1] if quoted else _given(name, arguments)
+            unlike = "" if given is None else f", not {given!r}"
+            return f"{name} must be {must.format(*found.groups())}{unlike}"
+    return text

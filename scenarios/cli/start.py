@@ -1,6 +1,12 @@
 """The start of the command, before other modules are imported: its time, for `run_time_s`, and
 settings of the interpreter, of libraries and of the C library. They are those of this process and
-its children; from Python, a user's own settings stay."""
+its children; from Python, a user's own settings stay.
+
+Then its second start, by the launcher: a command raises `MissingPackages` if OpenCL, OpenGL or the
+tools for Verilog are missing. If the launcher `viform` has started the command, the launcher
+replaces this process, with the names of the packages in VIFORM_INSTALL. It installs them and runs
+the same command line again.
+"""
 
 import ctypes
 import gc
@@ -8,7 +14,7 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import MutableMapping
+from collections.abc import MutableMapping, Sequence
 from contextlib import suppress
 
 BEGAN = time.perf_counter()
@@ -57,3 +63,35 @@ if sys.warnoptions:  # a warning of a library, made an error, would end the comm
     warnings.resetwarnings()
     for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
         warnings.simplefilter("ignore", kind)
+
+_VARIABLES = ("VIFORM_LAUNCHER", "VIFORM_ASKED")
+_launcher = dict.fromkeys(_VARIABLES, "")
+"""Path of the launcher, "" without one, and the packages that were requested before."""
+_environment: dict[str, str] = {}
+"""The environment before this process changes it for its libraries."""
+
+
+def read_launcher() -> None:
+    """Moves the variables of the launcher out of the environment, so that child processes do not
+    inherit them."""
+    for name in _VARIABLES:
+        _launcher[name] = os.environ.pop(name, "")
+    _environment.update(os.environ)
+
+
+def has_launcher() -> bool:
+    """Whether the launcher has started this command, and may install packages."""
+    return bool(_launcher["VIFORM_LAUNCHER"])
+
+
+def install_and_restart(packages: Sequence[str]) -> None:
+    """Replaces this process by the launcher, which installs the packages and runs the command line
+    again. Returns if there is no launcher, or if all these packages were requested before."""
+    path, requested = (_launcher[name] for name in _VARIABLES)
+    if not path or set(packages) <= set(requested.split()):
+        return
+    environment = {**_environment, "VIFORM_ASKED": requested, "VIFORM_INSTALL": " ".join(packages)}
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with suppress(OSError):  # the launcher was moved
+        os.execve(path, [path, *sys.argv[1:]], environment)

@@ -7,12 +7,9 @@ from scenarios.python.camera import Camera
 from scenarios.python.display import Display
 from scenarios.python.filming import film
 from scenarios.python.finished import Run
-from scenarios.python.images import reconstruct
 from scenarios.python.link import Link
-from scenarios.python.running import run
-from scenarios.python.sending import send
-from scenarios.python.showing import show
-from scenarios.python.streams import Stream, open_stream, save_stream
+from scenarios.python.runs import run, send, show
+from scenarios.python.streams import Stream, open_stream, reconstruct, save_stream
 
 __all__ = [
     "Camera", "Display", "Link", "Run", "Stream", "film", "open_stream", "reconstruct", "run",

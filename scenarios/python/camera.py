@@ -23,11 +23,10 @@ from scenarios.assemble.readout import refuse_leftovers
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.calls import Called, in_order, keys_of
+from scenarios.python.calls import Called, in_order, in_python, keys_of
 from scenarios.python.frames import array_of, check_instants, check_white_rate, is_whole, rate_of
 from scenarios.python.kinds import Frames, PixelKind, kind_of
 from scenarios.python.live import LiveStream, S
-from scenarios.python.words import in_python
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.pictures import Pictures, array_clip

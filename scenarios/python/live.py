@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from cosim import InputError
 from cosim.plan.error import Bounds
+from scenarios.python.calls import in_python
 from scenarios.python.frames import check_frame
-from scenarios.python.words import in_python
 from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.pictures import shown
 

@@ -1,4 +1,4 @@
-"""Streams in files, for Python."""
+"""Streams in files, and images from streams, for Python."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from operator import index
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+import numpy.typing as npt
+
 from cosim import Clock, Events, InputError, Intensities
 from cosim.errors import quote
 from cosim.files import write_events, write_stream
@@ -14,9 +17,14 @@ from cosim.files.event_file import ENDING, EventFile, read_events
 from cosim.files.intensities import ENDING as INTENSITIES
 from cosim.files.intensities import read_intensities, write_intensities
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
+from scenarios.assemble.camera.dim import dim_of_run
 from scenarios.assemble.source.recording.opening import FASTEST
-from scenarios.python.words import in_python
+from scenarios.python.calls import in_python
+from scenarios.python.frames import is_whole
 from sensor.codec.files import open_any
+from sensor.reconstruct import METHODS, isi, tau_levels
+from sensor.reconstruct import reconstruct as image_of
+from sensor.reconstruct.intervals import interval_span
 
 _UNLATCHED: Final = (f"stream{ENDING}", f"stream{INTENSITIES}")
 """Recordings of pixels without a latch in the folder of a run."""
@@ -129,3 +137,41 @@ def save_stream(
     else:
         write_intensities(stream, place)
     return []
+
+
+@in_python
+def reconstruct(
+    stream: SpikeStream | str | os.PathLike[str], at: int, method: str = "tfp", *,
+    window: int | None = None, preceding: bool = False,
+) -> npt.NDArray[np.float32]:  # fmt: skip
+    """The image at an instant, as `viform image` makes it.
+
+    Args:
+        stream: the stream, or its path; one in a run's folder has its dim pixels by the run's
+            readings.
+        at: cycle of the instant, from 0.
+        method: "tfp", "tfi", "tfstp", "motion-tfp", or "tau" (255 - tau).
+        window: cycles; None for the default of the method.
+        preceding: whether no spike after the instant is used.
+
+    Returns:
+        (H, W) float32: spikes a cycle; for tau, its levels from 0 to 255.
+
+    Raises:
+        InputError: another method, or an instant or window that the stream does not have.
+    """
+    opened = as_stream(stream)
+    try:
+        cycle = index(at)
+    except TypeError:
+        raise InputError("at", "the number of a cycle", quote(at), "round it") from None
+    if window is not None and not is_whole(window):
+        raise InputError("window", "a whole number of cycles", quote(window), "round it")
+    names = (*METHODS, "tau")
+    if method not in names:
+        raise InputError("method", f"one of {', '.join(names)}", quote(method), "choose one")
+    if method == "tau":
+        span = interval_span(opened, cycle, window, preceding=preceding)
+        return tau_levels(isi(opened, cycle, span)).astype(np.float32)
+    light = dim_of_run(opened.path) if isinstance(opened, Stream) else None
+    return image_of(opened, method, cycle, window, preceding=preceding, dim_light=light).rate

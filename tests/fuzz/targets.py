@@ -285,7 +285,7 @@ def _replay(judge: bool) -> Callable[[Path], None]:
     """`viform board replay`, which prints the log or judges it as a bring-up."""
 
     def read(path: Path) -> None:
-        from scenarios.cli.board.replay import board_replay
+        from scenarios.cli.board.bringup import board_replay
 
         with redirect_stdout(io.StringIO()), suppress(typer.Exit):
             board_replay(path, judge=judge)
@@ -365,7 +365,7 @@ def _sent(folder: Path) -> list[bytes]:
 
 def _receive(path: Path) -> None:
     """`viform link receive`, which ends with the file or with a verdict."""
-    from scenarios.cli.link.receive import link_receive
+    from scenarios.cli.link.files import link_receive
 
     out = path.with_name("out")
     rmtree(out, ignore_errors=True)

@@ -61,7 +61,7 @@ def board_capture(
     from cosim.files.config_yaml import check_config, write_config
     from rtl_model.bringup.bench.frames import frame_clock
     from rtl_model.host import capture
-    from scenarios.cli.board.regs import assignment
+    from scenarios.cli.board.line import assignment
 
     if ending_of(out) not in FORMATS:
         must = f"a name ending in {', '.join(FORMATS)}"
@@ -113,7 +113,7 @@ def _read(
 
     from cosim import InputError
     from rtl_model.host import check_levels, read_charges
-    from scenarios.cli.board.regs import assignment
+    from scenarios.cli.board.line import assignment
     from sensor.reconstruct.readings import Readings, write_readings
 
     if any(other is not None for other in others):

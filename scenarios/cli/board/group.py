@@ -2,16 +2,11 @@
 
 import typer
 
-from scenarios.cli.board.bringup import board_bringup
+from scenarios.cli.board.bringup import board_bringup, board_replay
 from scenarios.cli.board.capture import board_capture
-from scenarios.cli.board.compare import board_compare
-from scenarios.cli.board.gateware import board_gateware
-from scenarios.cli.board.identify import board_identify
-from scenarios.cli.board.links import board_links
-from scenarios.cli.board.prbs import board_prbs
-from scenarios.cli.board.regs import board_regs
-from scenarios.cli.board.replay import board_replay
-from scenarios.cli.board.stream import board_stream
+from scenarios.cli.board.compare import board_compare, board_stream
+from scenarios.cli.board.gateware import board_gateware, board_links
+from scenarios.cli.board.line import board_identify, board_prbs, board_regs
 from scenarios.cli.board.virtual import board_virtual
 
 board = typer.Typer(

@@ -2,10 +2,8 @@
 
 import typer
 
-from scenarios.cli.link.ber import link_ber
-from scenarios.cli.link.capacity import link_capacity
-from scenarios.cli.link.receive import link_receive
-from scenarios.cli.link.send import link_send
+from scenarios.cli.link.files import link_receive, link_send
+from scenarios.cli.link.theory import link_ber, link_capacity
 
 link = typer.Typer(
     name="link",

@@ -16,7 +16,7 @@ import typer
 
 from cosim.compute.cores import cores
 from scenarios.cli.output import Json, print_document
-from scenarios.cli.packages import has_launcher, install_and_restart
+from scenarios.cli.start import has_launcher, install_and_restart
 
 # Each worker has a contiguous part of the tests, because those of a file share fixtures and
 # compiled kernels. A worker that is done takes over tests of another.

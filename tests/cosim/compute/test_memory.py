@@ -11,7 +11,7 @@ from cosim import InputError
 from cosim.compute import cores, memory
 from cosim.compute.cgroup import cores_in_groups, free_in_groups
 from cosim.compute.memory import check_memory, check_program, free_memory
-from scenarios.cli.maintenance.checks import _memory
+from scenarios.cli.maintenance.doctor import _memory
 
 MIB = 1 << 20
 V1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")

@@ -12,7 +12,7 @@ import scenarios.studies.bench.sensor as bench
 from cosim.compute.opencl import open_device
 from cosim.run.timing import Row
 from scenarios.cli.entry import _main
-from scenarios.cli.maintenance import checks
+from scenarios.cli.maintenance import doctor
 from tests.scenarios.studies.bench.small import make_bench_small
 
 
@@ -108,8 +108,8 @@ def test_doctor_finds_this_machine_fit(capsys: pytest.CaptureFixture[str]) -> No
 def test_doctor_names_what_is_missing_and_the_mend(
     needed: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    missing = checks.Check("opencl", False, "no device", "apt-get install something", needed)
-    monkeypatch.setattr(checks, "CHECKS", (lambda: missing,))
+    missing = doctor.Check("opencl", False, "no device", "apt-get install something", needed)
+    monkeypatch.setattr(doctor, "CHECKS", (lambda: missing,))
     assert _main(["doctor"]) == code
     out = capsys.readouterr().out
     assert "no device" in out and "remedy: apt-get install something" in out
@@ -117,8 +117,8 @@ def test_doctor_names_what_is_missing_and_the_mend(
 
 
 def test_doctor_reports_a_machine_without_opencl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "probe", list)
-    check = checks._opencl()
+    monkeypatch.setattr("cosim.compute.opencl.probe", list)
+    check = doctor._opencl()
     assert not check.ok and "pocl-opencl-icd" in check.remedy
 
 
@@ -131,15 +131,15 @@ def test_doctor_finds_damaged_files_of_pocl(
         folder.mkdir(parents=True)
     program.write_bytes(b"")
     (tmp_path / "sums/one").write_text('{"folder": "AB/CD", "files": {"program.bc": [7, 1]}}')
-    check = checks._cache()
+    check = doctor._cache()
     assert not check.ok and not check.needed and not program.exists()
     assert check.state.endswith("; 1 damaged files of PoCL were in it")
-    assert checks._cache().ok
+    assert doctor._cache().ok
 
 
 def test_doctor_reports_a_machine_without_gl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "probe_gl", lambda: (False, "the EGL vendor must be"))
-    check = checks._gl()
+    monkeypatch.setattr("display.probe_gl", lambda: (False, "the EGL vendor must be"))
+    check = doctor._gl()
     assert not check.ok and not check.needed
     assert "libegl-mesa0" in check.remedy and "display.renderer=numpy" in check.remedy
 

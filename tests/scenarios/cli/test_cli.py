@@ -368,7 +368,7 @@ def test_an_end_of_a_file_in_our_own_work_is_no_interruption(viform, monkeypatch
     def read() -> list[Any]:
         raise EOFError("Ran out of input")
 
-    monkeypatch.setattr("scenarios.cli.maintenance.checks.run_checks", read)
+    monkeypatch.setattr("scenarios.cli.maintenance.doctor.run_checks", read)
     with pytest.raises(EOFError, match="Ran out of input"):
         viform("doctor")
 

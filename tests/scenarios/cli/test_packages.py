@@ -16,7 +16,7 @@ import scenarios.cli.maintenance.test
 import scenarios.studies.bench.sensor
 from cosim.run.called import as_called
 from scenarios.cli.entry import _main
-from scenarios.cli.packages import has_launcher, install_and_restart, read_launcher
+from scenarios.cli.start import has_launcher, install_and_restart, read_launcher
 from tests.browser.driver import PROGRAMS
 
 OPENCL = "pocl-opencl-icd ocl-icd-libopencl1"

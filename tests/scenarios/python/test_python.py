@@ -21,8 +21,8 @@ from cosim.files import Recorder, open_stream
 from cosim.run.progress import QuietProgress
 from cosim.run.shown import progress_in_python
 from scenarios.cli.entry import _main
+from scenarios.python.calls import python_words
 from scenarios.python.frames import write_frames
-from scenarios.python.words import python_words
 from scenarios.scenes.clips.pictures import open_clip
 
 ROOT = Path(viform.__file__).parent
@@ -182,7 +182,7 @@ def test_film_gives_the_bits_of_the_command_line(
     stream = open_stream(out)
     assert spikes.cycles == stream.cycles == 200 and spikes.clock == stream.clock
     assert (spikes.words == stream.read_words(0, 7)).all() and spikes.words.any()
-    monkeypatch.setattr("scenarios.python.running.run_scenario", None)  # none is made
+    monkeypatch.setattr("scenarios.python.runs.run_scenario", None)  # none is made
     again = viform.film(clip, frame_rate=1000, duration="5 ms", tolerance=1e-2, **SMALL)
     assert again == spikes and any("f/" in note for note in again.notes)
 

@@ -25,7 +25,7 @@ from cosim.run.result import Metric
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.scenario.run import print_result
 from scenarios.report import write_report
-from scenarios.report.summary import _long
+from scenarios.report.frame import _long
 from sensor import EFFECTS
 from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 

@@ -21,7 +21,7 @@ from scenarios.assemble.machine import assemble, assemble_study
 from scenarios.assemble.schema.loading import filmed, linked, load, shipped
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.source.imager import make_view, plan_imager
-from scenarios.cli.scenario.accuracy import _text
+from scenarios.cli.scenario.plan import _accuracy_text as _text
 from scenarios.scenes.kinds.grid import SceneGrid
 
 SHIPPED = ("adaptive-exposure", "ebaps-night", "emccd-window")

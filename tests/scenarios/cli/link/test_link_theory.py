@@ -15,7 +15,8 @@ from link.mode import Mode
 from link.prediction.capacity import CapacityInput, capacity_document, scenario_input
 from scenarios.assemble.schema.loading import linked, load
 from scenarios.assemble.source.link import link_camera
-from scenarios.cli.link.capacity import _achievable, _text
+from scenarios.cli.link.theory import _achievable
+from scenarios.cli.link.theory import _capacity_text as _text
 
 NAMES = ["poisson-threshold", "reset-hard", "reset-residual", "reset-subtract"]
 KEYED = [f"{law}-{c}" for c in ("peak", "average") for law in ("awgn", "log-normal", "gamma-gamma")]

@@ -14,7 +14,7 @@ from cosim import InputError
 from cosim.run.shown import SilentProgress
 from display import open_window
 from scenarios.assemble.schema.loading import load
-from scenarios.cli.scenario.window import FRAME, show_live
+from scenarios.cli.scenario.live import FRAME, show_live
 
 SMALL = [
     "sensor.chip=spikeone", "sensor.clock=40 kHz", "duration=20 ms", "display.renderer=numpy",

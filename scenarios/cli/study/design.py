@@ -1,4 +1,5 @@
-"""`viform design dynamic-range`: ranks the choices of a hardware budget by dynamic range."""
+"""The group `viform design`; `dynamic-range` ranks the choices of a hardware budget by dynamic
+range."""
 
 from __future__ import annotations
 
@@ -109,3 +110,20 @@ def _text(document: dict[str, Any], top: int) -> str:
     if len(rows) > top:
         lines.append(f"... {len(rows) - top} more (--top, --json)")
     return "\n".join(lines)
+
+
+design = typer.Typer(
+    name="design",
+    help="Choose hardware: dynamic range within a budget.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@design.callback()
+def _group() -> None:
+    """Without a callback, typer would replace a group of one command by this command."""
+
+
+design.command("dynamic-range")(design_dynamic_range)

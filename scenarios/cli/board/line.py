@@ -1,4 +1,5 @@
-"""`viform board regs`: lists, reads and writes registers by name."""
+"""What stands behind the line of a board: its design (`viform board identify`), its registers by
+name (`regs`), and the bit errors of the line in both directions (`prbs`)."""
 
 from __future__ import annotations
 
@@ -6,13 +7,62 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cosim.config.amounts import count, elapsed
 from rtl_model.bringup.bench.endpoint import VIRTUAL
-from scenarios.cli.board.connection import LineOptions, connect, known_map
+from scenarios.cli.board.connection import BoardOptions, LineOptions, connect, known_map
 from scenarios.cli.options import expand_options
 from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
     from rtl_model.host import CsrMap
+
+
+@expand_options
+def board_identify(
+    options: LineOptions,
+    json: Json = False,
+) -> None:
+    """Identify a Viform board or imager, with its size and build, or another LiteX design by its
+    csr.csv."""
+    from rtl_model.host import BoardInfo, Cause, LineFault
+
+    with connect(options, json, recognise=True, confirm=False) as connection:
+        board = connection.board
+        rate = connection.baud
+        has_name = "identifier_mem" in {*board.csr.bases, *board.csr.memories}
+        identifier = board.identifier() if has_name else None
+        document: dict[str, object] = {
+            "ok": True, "port": connection.url, "baud": rate, "identifier": identifier,
+        }  # fmt: skip
+        try:
+            info = board.imager_info() if board.csr.imager else board.info()
+        except LineFault as fault:
+            if fault.cause is not Cause.NOT_OURS or options.csr is None:
+                raise
+            document |= {"ours": False, "registers": len(board.csr.registers)}
+        else:
+            document |= {"ours": True, "registers": len(board.csr.registers)}
+            found = info._asdict() | {"build": f"{info.build:08x}"}
+            document |= {"board": found if rate else found | {"baud": None}}
+            if isinstance(info, BoardInfo) and info.build_matches is not None:
+                document |= {"build_matches": info.build_matches}
+    if json:
+        print_document(document)
+        return
+    line = "" if rate is None else f", {rate} baud"
+    tell(f"{'port':<14} {document['port']}{line}")
+    tell(f"{'identifier':<14} {identifier or 'none'}")
+    board_rows = document.get("board")
+    if isinstance(board_rows, dict):
+        for name, value in board_rows.items():
+            if value is None:  # baud, over UDP
+                continue
+            tell(f"{name:<14} {value:#x}" if name == "version" else f"{name:<14} {value}")
+        if "build_matches" in document:
+            origin = "this program's" if document["build_matches"] else "not this program's"
+            tell(f"{'verilog':<14} {origin}, by the build's CRC-32")
+    else:
+        tell(f"{'design':<14} foreign, {document['registers']} registers in its csr.csv")
 
 
 @expand_options
@@ -117,3 +167,37 @@ def _fields(entry: Any, value: int) -> dict[str, int]:
         field.name: value >> field.low & ((1 << (field.high - field.low + 1)) - 1)
         for field in entry.fields
     }
+
+
+@expand_options
+def board_prbs(
+    options: BoardOptions,
+    order: Annotated[
+        list[int] | None, typer.Option(help="7, 15, 23 or 31, repeatable; all when absent")
+    ] = None,
+    words: Annotated[
+        int,
+        typer.Option(min=1, max=10_000_000, help="32-bit words in each direction, for each order"),
+    ] = 1024,
+    json: Json = False,
+) -> None:
+    """Count wrong bits of pseudo-random words to and from the board. Exit 1 if there are any."""
+    from rtl_model.host import prbs
+
+    with connect(options, json) as connection:
+        reports = [prbs.check(connection.board, one, words) for one in order or prbs.ORDERS]
+    clean = all(report.clean for report in reports)
+    if json:
+        rows = [report._asdict() | {"clean": report.clean} for report in reports]
+        print_document({"ok": clean, "orders": rows})
+    else:
+        for report in reports:
+            tell(
+                f"order {report.order:>2}: {count(32 * report.words)} bits in each direction, "
+                f"{report.bits_wrong_from_board} wrong from the board, "
+                f"{report.bits_wrong_to_board} to the board, "
+                f"{report.words_lost_to_board} words lost, {report.faults} answers interrupted, "
+                f"{elapsed(report.seconds)}"
+            )
+    if not clean:
+        raise typer.Exit(1)

@@ -1,1 +1,0 @@
-"""`viform design`: choice of hardware within a budget."""
