@@ -397,7 +397,7 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
             frames(), 2000
         ),
         "a frame must be as the first": lambda: stream.push(frames()[0, 1:]),
-        "without NaN, not 16 of 16": lambda: camera.open(9).push(np.full((4, 4), np.nan)),
+        "without NaN, not 16 of 16 ": lambda: camera.open(9).push(np.full((4, 4), np.nan)),
         "camera must be one with pixel = latched": lambda: viform.SpikeStream(
             [frames()], camera, 2000
         ),
