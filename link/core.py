@@ -22,7 +22,7 @@ import numpy as np
 from cosim.compute.memory import check_memory
 from cosim.compute.opencl import Device
 from cosim.compute.philox import seed_of
-from cosim.plan.effects import Kind
+from cosim.plan.error import Bounds
 from cosim.run.progress import QuietProgress
 from cosim.spikes.viform import WORD, Viform, words_for
 from cosim.stage import BLOCK, blocks
@@ -53,31 +53,26 @@ _NAME: Final = "data"
 """Name of the bytes of a call, which the receiver reads."""
 
 
-@dataclass(frozen=True)
-class LinkBounds:
+@dataclass(frozen=True, kw_only=True)
+class LinkBounds(Bounds):
     """What a plan promises of the error of a simulation against full physics, before anything is
-    measured.
+    measured: `bound` is that of the bit error rate, and `left_out` and `tolerance` are in
+    half-widths of its interval.
 
     Attributes:
-        bound: Limit of the change of the bit error rate.
-        kind: "proof" or "estimate".
-        left_out: Limit for each effect that is left out, by name, in half-widths of the interval of
-            the bit error rate.
         tier: Tier of the pixels.
-        tolerance: Tolerance of the plan, in the same unit.
     """
 
-    bound: float
-    kind: Kind
-    left_out: dict[str, float]
     tier: Tier
-    tolerance: float
 
     @classmethod
     def of(cls, plan: LinkPlan) -> LinkBounds:
         """The bounds of a plan."""
         rows = {row.effect: row.bound for row in plan.plan.absent}
-        return cls(plan.promised, "estimate", rows, plan.tier, plan.plan.tolerance)
+        return cls(
+            bound=plan.promised, kind="estimate", left_out=rows, kept=plan.plan.everywhere,
+            tolerance=plan.plan.tolerance, tier=plan.tier,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)

@@ -6,14 +6,20 @@ tolerances.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Generic, Literal, TypeVar
 
 import numpy as np
 
+from cosim.light.light import Light, PlaneMap
 from cosim.plan.error import Measured
+from cosim.plan.paired import TrialCamera
 from cosim.plan.planner import Plan, Row, Values
+from cosim.plan.tiles import PatchPlane
+from cosim.stage import Block
 
 LADDER: Final = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0)
 """Tolerances of the ladder."""
@@ -56,6 +62,99 @@ class Speeds:
             "full_physics_ns_per_pixel_cycle": self.full,
             "full_physics_s": seconds(self.full),
         }
+
+
+@dataclass(frozen=True)
+class Spell:
+    """A time, s: on the clock, and of the processor in all threads."""
+
+    wall: float
+    processor: float
+
+    def times(self, factor: float) -> Spell:
+        return Spell(self.wall * factor, self.processor * factor)
+
+    @classmethod
+    def now(cls) -> Spell:
+        return cls(time.perf_counter(), time.process_time())
+
+    def since(self, begin: Spell) -> Spell:
+        return Spell(self.wall - begin.wall, self.processor - begin.processor)
+
+    @classmethod
+    def least(cls, spent: Sequence[Spell]) -> Spell:
+        """Least times of the calls after the first one, which may compile."""
+        return cls(min(one.wall for one in spent[1:]), min(one.processor for one in spent[1:]))
+
+
+@contextmanager
+def timed(into: list[Spell]) -> Iterator[None]:
+    """Adds the time of the block to a list."""
+    begin = Spell.now()
+    try:
+        yield
+    finally:
+        into.append(Spell.now().since(begin))
+
+
+@dataclass(frozen=True)
+class FirstBlocks(Generic[P]):
+    """The first blocks of a run, as several cameras have filmed them.
+
+    Attributes:
+        speeds: speeds of light and cameras.
+        light, camera: time of the fastest block, of the light and of the planned camera.
+        recorded: output of the planned camera, block by block.
+    """
+
+    speeds: Speeds
+    light: Spell
+    camera: Spell
+    recorded: list[P]
+
+
+def film_blocks(
+    blocks: Sequence[Block], pixels: int, light: Callable[[Block], Light],
+    cameras: Sequence[Callable[[Light, Block], P]],
+    reference: tuple[PatchPlane, TrialCamera] | None,
+) -> FirstBlocks[P]:  # fmt: skip
+    """Films a few blocks of one length. The first one warms up; of the others the fastest counts,
+    since other load of the machine only adds time.
+
+    Args:
+        blocks: the blocks, two at least.
+        pixels: pixels of the chip.
+        light: makes the light of a block.
+        cameras: the planned camera, and that with every effect where it is another one; with fewer
+            effects a simulation is never slower.
+        reference: full physics on patches; None if it is not timed.
+    """
+    drawn: list[Spell] = []
+    spent: list[list[Spell]] = [[] for _ in cameras]
+    full: list[Spell] = []
+    recorded: list[P] = []
+    cut = None if reference is None else PlaneMap(reference[0].cut, None)
+    for at, block in enumerate(blocks):
+        with timed(drawn):
+            given = light(block)
+        # The order alternates: the first camera to read new light pays for loading it into cache.
+        for n, camera in list(enumerate(cameras))[:: -1 if at % 2 else 1]:
+            with timed(spent[n]):
+                made = camera(given, block)
+            if n == 0:
+                recorded.append(made)
+        if reference is not None and cut is not None:
+            patches = cut(given)
+            with timed(full):
+                reference[1].step(patches, block.start, block.cycles)
+
+    def ns(times: list[Spell], many: int) -> float:
+        return Spell.least(times).wall * 1e9 / (blocks[0].cycles * many)
+
+    planned, every = ns(spent[0], pixels), ns(spent[-1], pixels)
+    reference_ns = None if reference is None else ns(full, reference[0].numbers.size)
+    speeds = Speeds(planned, max(planned, every), reference_ns, ns(drawn, pixels))
+    return FirstBlocks(speeds, Spell.least(drawn), Spell.least(spent[0]), recorded)
 
 
 def plan_document(

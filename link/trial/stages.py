@@ -14,9 +14,7 @@ more.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -25,6 +23,7 @@ import numpy.typing as npt
 
 from cosim import PS, Viform
 from cosim.compute.cores import cores
+from cosim.plan.study import Spell, timed
 from cosim.spikes.viform import words_for
 from link.coding import Inbox
 from link.layout import TRAINING, Layout
@@ -129,17 +128,6 @@ def _seconds(setup: FileLinkSetup) -> float | None:
 
 
 @dataclass(frozen=True)
-class Spell:
-    """A time, s: on the clock, and of the processor in all threads."""
-
-    wall: float
-    processor: float
-
-    def times(self, factor: float) -> Spell:
-        return Spell(self.wall * factor, self.processor * factor)
-
-
-@dataclass(frozen=True)
 class StageTime:
     """Predicted time of a stage.
 
@@ -160,16 +148,6 @@ class StageTime:
         return cls(stage, amount, unit, each.wall, each.processor)
 
 
-@contextmanager
-def timed(into: list[Spell]) -> Iterator[None]:
-    """Adds the time of the block to a list."""
-    wall, processor = time.perf_counter(), time.process_time()
-    try:
-        yield
-    finally:
-        into.append(Spell(time.perf_counter() - wall, time.process_time() - processor))
-
-
 class _TimedInbox(Inbox):
     """An inbox that knows when its groups came, and what it took to read them.
 
@@ -185,7 +163,7 @@ class _TimedInbox(Inbox):
 
     def put(self, group: int, soft: npt.NDArray[np.float32]) -> int:
         if self.first is None:
-            self.first = Spell(time.perf_counter(), time.process_time())
+            self.first = Spell.now()
         with timed(self.read):
             return super().put(group, soft)
 
@@ -210,16 +188,16 @@ def receiver_times(
         recorded[0].shape, detector=modem.detector, interleave=modem.interleave,
         device=setup.device, inbox=inbox,
     )  # fmt: skip
-    begin = Spell(time.perf_counter(), time.process_time())
+    begin = Spell.now()
     for block in recorded:
         receiver.step(block)
     receiver.finish()
-    whole = _between(begin, Spell(time.perf_counter(), time.process_time()))
+    whole = Spell.now().since(begin)
     box = made[0] if made else None
     if box is None or box.first is None:
         searches = max(-(-todo.cycles // _SEARCH), 1)
         return [StageTime.of("receiver: search", searches, "searches", whole.times(searches))]
-    found = _between(begin, box.first)
+    found = box.first.since(begin)
     decoded = Spell(sum(one.wall for one in box.read), sum(one.processor for one in box.read))
     detected = Spell(
         max(whole.wall - found.wall - decoded.wall, 0.0),
@@ -232,10 +210,6 @@ def receiver_times(
         StageTime.of("receiver: detector", todo.data_symbols, "symbols", detected.times(more)),
         StageTime.of("receiver: decoder", todo.words, "words", decoded.times(more)),
     ]
-
-
-def _between(first: Spell, last: Spell) -> Spell:
-    return Spell(last.wall - first.wall, last.processor - first.processor)
 
 
 def recorder_time(todo: Amounts) -> StageTime:

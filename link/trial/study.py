@@ -12,20 +12,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, Final
 
 from cosim import BLOCK, Block, InputError, Viform
-from cosim.light.light import PlaneMap
 from cosim.plan.error import Measured
 from cosim.plan.study import (
     REFERENCE,
+    FirstBlocks,
     Rung,
-    Speeds,
+    Spell,
     Step,
     climb,
+    film_blocks,
     forecast_document,
     ladder_document,
+    timed,
 )
 from cosim.run.progress import Progress
 from link.air import ber_units
@@ -38,7 +40,6 @@ from link.trial.planned import is_checked, survey_of
 from link.trial.stages import (
     PROGRAM,
     Amounts,
-    Spell,
     StageTime,
     amounts,
     carried,
@@ -46,7 +47,6 @@ from link.trial.stages import (
     receiver_times,
     recorder_time,
     stage_document,
-    timed,
 )
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.fine_tiles import PatchCamera
@@ -60,28 +60,8 @@ TIMED: Final = 2
 """Blocks of the whole chip that are timed, after one that is not."""
 
 
-@dataclass(frozen=True)
-class _Filmed:
-    """The first blocks of a run.
-
-    Attributes:
-        speeds: speeds of light and cameras.
-        air, sensor: time of the fastest block, of BLOCK cycles.
-        recorded: spikes of the blocks.
-    """
-
-    speeds: Speeds
-    air: Spell
-    sensor: Spell
-    recorded: list[Viform]
-
-
-def _film(setup: FileLinkSetup, plan: LinkPlan, everything: LinkPlan) -> _Filmed:
-    """Films the first blocks.
-
-    A simulation with fewer effects is never slower than one with all of them, so the latter bounds
-    it.
-    """
+def _film(setup: FileLinkSetup, plan: LinkPlan, everything: LinkPlan) -> FirstBlocks[Viform]:
+    """Films the first blocks."""
     setting, chip = setup.setting, setup.setting.camera.chip
     air = setting.make_air(setup.sent, setup.sent.planes, plan.air_effects)
     # If only effects of the air are left out, the camera is the same and is timed once.
@@ -90,48 +70,17 @@ def _film(setup: FileLinkSetup, plan: LinkPlan, everything: LinkPlan) -> _Filmed
         SpikeCamera(each.camera, setup.device, tier=each.tier, row_delay=air.row_delay)
         for each in plans
     ]
-    plane = LinkPatches(setting, setup.sent, setup.seed).plane
-    reference, cut = None, None
+    plane, reference = LinkPatches(setting, setup.sent, setup.seed).plane, None
     if plane is not None:
-        reference = PatchCamera(setting.camera, plane, "reference", row_delay=air.row_delay)
-        cut = PlaneMap(plane.cut, None)
-    light_spent: list[Spell] = []
-    spent: list[list[Spell]] = [[] for _ in cameras]
-    full: list[Spell] = []
-    recorded: list[Viform] = []
+        full = PatchCamera(setting.camera, plane, "reference", row_delay=air.row_delay)
+        reference = plane, full
     dark = setting.first_light + setting.panel.clock.edge(setup.sent.planes)
     # A block that the end of the data cuts would look cheap; the first ones have it if all are cut.
     whole = min(max(setting.camera.clock.cycle_at(dark) // BLOCK, 2), BLOCKS)
-    for start in range(0, whole * BLOCK, BLOCK):
-        block = Block(start, BLOCK)
-        with timed(light_spent):
-            light = air.step(None, block)
-        # The order alternates: the first camera to read new light pays for loading it into cache.
-        for n, camera in list(enumerate(cameras))[:: -1 if start // BLOCK % 2 else 1]:
-            with timed(spent[n]):
-                spikes = camera.step(light, block)
-            if n == 0:
-                recorded.append(spikes)
-        if reference is not None and cut is not None:
-            patches = cut(light)
-            with timed(full):
-                reference.step(patches, start, BLOCK)
-    pixels = chip.height * chip.width
-    planned, every, light_ns = (
-        _fastest(each).wall * 1e9 / (BLOCK * pixels) for each in (spent[0], spent[-1], light_spent)
-    )
-    full_ns = None
-    if plane is not None:
-        full_ns = _fastest(full).wall * 1e9 / (BLOCK * plane.numbers.size)
-    return _Filmed(
-        Speeds(planned, max(planned, every), full_ns, light_ns),
-        _fastest(light_spent), _fastest(spent[0]), recorded,
+    return film_blocks(
+        [Block(n * BLOCK, BLOCK) for n in range(whole)], chip.height * chip.width,
+        lambda block: air.step(None, block), [camera.step for camera in cameras], reference,
     )  # fmt: skip
-
-
-def _fastest(spent: list[Spell]) -> Spell:
-    """Least times of the blocks after the first one."""
-    return Spell(min(one.wall for one in spent[1:]), min(one.processor for one in spent[1:]))
 
 
 def _check_time(setup: FileLinkSetup, plan: LinkPlan, progress: Progress) -> list[StageTime]:
@@ -153,7 +102,11 @@ def _check_time(setup: FileLinkSetup, plan: LinkPlan, progress: Progress) -> lis
 
 
 def _stages(
-    setup: FileLinkSetup, plan: LinkPlan, filmed: _Filmed, todo: Amounts, progress: Progress
+    setup: FileLinkSetup,
+    plan: LinkPlan,
+    filmed: FirstBlocks[Viform],
+    todo: Amounts,
+    progress: Progress,
 ) -> list[StageTime]:
     blocks, spent = todo.cycles / BLOCK, setup.times
     rows = [StageTime("program", 1, "programs", PROGRAM, PROGRAM)]
@@ -161,8 +114,8 @@ def _stages(
         StageTime(name, 1, "links", spent.wall[name], spent.processor[name]) for name in spent.wall
     ]
     rows += [
-        StageTime.of("air", todo.planes, "planes", filmed.air.times(blocks)),
-        StageTime.of("sensor", todo.pixel_cycles, "pixel-cycles", filmed.sensor.times(blocks)),
+        StageTime.of("air", todo.planes, "planes", filmed.light.times(blocks)),
+        StageTime.of("sensor", todo.pixel_cycles, "pixel-cycles", filmed.camera.times(blocks)),
         recorder_time(todo),
         *_check_time(setup, plan, progress),
     ]

@@ -3,15 +3,13 @@ the ladder of its errors (`ladder`)."""
 
 from __future__ import annotations
 
-import time
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from cosim import BLOCK, Block
-from cosim.light.light import PlaneMap
-from cosim.plan.study import Speeds, forecast_document
+from cosim.plan.study import Speeds, film_blocks, forecast_document
 from cosim.plan.tiles import PatchPlane
 from cosim.run.progress import Progress
 from scenarios.assemble.camera.boards import refuse_boards
@@ -48,27 +46,12 @@ def _measure(setup: CameraSetup, plan: RunPlan, everything: RunPlan | None) -> S
     scene, lens = setup.stages(setup.source()).values()
     whole = np.flatnonzero(grid.whole)
     plane = PatchPlane(grid, whole[:: max(len(whole) // REFERENCE_TILES, 1)].tolist())
-    cut = PlaneMap(plane.cut, None)
-    reference = PatchCamera(setup.setting, plane, "reference")
-    cameras = [run.camera(setup.device) for run in (plan, everything) if run is not None]
-    pixels = grid.height * grid.width
-    taken = []
-    for start in range(0, BLOCKS * size, size):
-        block, begin = Block(start, size), time.perf_counter()
-        light = lens.step(scene.step(None, block), block)
-        drawn = (time.perf_counter() - begin) / pixels
-        spent = []
-        for camera in cameras:
-            begin = time.perf_counter()
-            camera.step(light, block)
-            spent.append((time.perf_counter() - begin) / pixels)
-        patches = cut(light)
-        begin = time.perf_counter()
-        reference.step(patches, start, size)
-        full = (time.perf_counter() - begin) / plane.numbers.size
-        taken.append((spent[0], spent[-1], full, drawn))
-    least = np.min(taken[1:], axis=0) * (1e9 / size)
-    return Speeds(*least.tolist())
+    return film_blocks(
+        [Block(n * size, size) for n in range(BLOCKS)], grid.height * grid.width,
+        lambda block: lens.step(scene.step(None, block), block),
+        [run.camera(setup.device).step for run in (plan, everything) if run is not None],
+        (plane, PatchCamera(setup.setting, plane, "reference")),
+    ).speeds  # fmt: skip
 
 
 def _display(setup: CameraSetup, plan: RunPlan) -> dict[str, Any] | None:

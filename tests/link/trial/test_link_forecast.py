@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 import viform
+from cosim.plan.study import Spell
 from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
 from link.setup.setup import FileLinkSetup, set_up_link
-from link.trial.stages import Spell, StageTime, amounts, carried, stage_document
+from link.trial.stages import StageTime, amounts, carried, stage_document
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 
