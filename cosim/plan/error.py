@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 from cosim.config.amounts import number
 from cosim.plan.effects import Kind
@@ -115,6 +115,13 @@ class BrokenPromise(Exception):
     def __init__(self, findings: Sequence[Finding]) -> None:
         super().__init__(", ".join(finding.effect for finding in findings))
         self.findings = list(findings)
+
+
+def required(effects: Sequence[str]) -> tuple[list[str], Literal["exact"] | None]:
+    """What a plan must keep after a check has reinstated some effects, and the tier that it must
+    have; None for any."""
+    forced = [name for name in effects if name != ARITHMETIC]
+    return forced, "exact" if len(forced) < len(effects) else None
 
 
 def reinstated(effect: str, promised: float, measured: float, tile: int | None = None) -> Finding:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -36,14 +37,17 @@ class Row:
     plain_ratio: float | None
 
 
-def least(call: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Seconds of the fastest of repeated calls, after one that is discarded."""
-    return least_of([call], repeats)[0]
+def least(
+    call: Callable[[], Any], repeats: int = REPEATS, enough: float = math.inf
+) -> float:  # fmt: skip
+    """Seconds of the fastest of repeated calls, after one that is discarded. enough: seconds of
+    these calls after which no more are made."""
+    return least_of([call], repeats, enough=enough)[0]
 
 
 def least_of(
     calls: list[Callable[[], Any]], repeats: int = REPEATS,
-    clock: Callable[[], float] = time.perf_counter,
+    clock: Callable[[], float] = time.perf_counter, enough: float = math.inf,
 ) -> list[float]:  # fmt: skip
     """`least` of each call. The calls take turns, so that all have the same load of the machine.
     clock: gives seconds; `time.process_time` for processor time."""
@@ -51,6 +55,8 @@ def least_of(
         call()
     spent: list[list[float]] = [[] for _ in calls]
     for _ in range(repeats):
+        if spent[0] and sum(map(sum, spent)) >= enough:
+            break
         for call, times in zip(calls, spent, strict=True):
             begin = clock()
             call()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim import Block
+from cosim.run.timing import least
 from cosim.spikes.viform import WORD, Words
 from display.render.factory import DRAW, make_renderer
 from display.render.golden import GoldenRenderer
@@ -74,14 +74,14 @@ def _time(
         for block, words in _draws(blocks)
     ]
     renderer = make(panel, setting.batch, setting.observer.images)
-    times = []
+
+    def show() -> None:
+        for block, words, views in draws:
+            renderer.step(words, block.cycles, views)
+        renderer.take(0)
+
     try:
-        for _ in range(1 + REPEATS):
-            begin = time.perf_counter()
-            for block, words, views in draws:
-                renderer.step(words, block.cycles, views)
-            renderer.take(0)
-            times.append(time.perf_counter() - begin)
+        seconds = least(show, REPEATS)
     finally:
         renderer.close()
-    return min(times[1:]) * 1e9 / (rows * width * sum(block.cycles for block, *_ in draws))
+    return seconds * 1e9 / (rows * width * sum(block.cycles for block, *_ in draws))

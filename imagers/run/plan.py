@@ -10,9 +10,9 @@ controller are not compared; the check of a run does that (`check.decisions`).
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -22,6 +22,7 @@ from cosim.plan.error import Measured
 from cosim.plan.planner import Plan, make_plan
 from cosim.plan.study import REFERENCE, Speeds, Step, climb, forecast_document, ladder_document
 from cosim.run.progress import Progress
+from cosim.run.timing import least_of
 from imagers.common.model import ExposureRange, ImagerModel, View
 from imagers.run.check import Patches, watched_frames
 from imagers.run.tape import NoTape, Taped
@@ -172,23 +173,11 @@ class _TimedPatches(Patches):
         super().__call__(rows, pixels)
         if rows.frame in self._numbers and rows.lux_seconds.size > self._largest:
             self._largest = rows.lux_seconds.size
-            self.nanoseconds = _times(pixels, rows, self._noise, self._timed)
-
-
-def _times(
-    pixels: PixelModel, rows: Exposed, seed: int, ways: Mapping[str, frozenset[str]]
-) -> dict[str, float]:
-    """Time of each set of effects, ns per pixel and frame: the shortest of several rounds. The sets
-    take turns, so that other load of the processor affects all alike. The first round is not
-    timed."""
-    spent: dict[str, list[float]] = {name: [] for name in ways}
-    for turn in range(CALLS + 1):
-        for name, kept in ways.items():
-            begin = time.perf_counter()
-            pixels.convert(rows, seed, kept)
-            if turn:
-                spent[name].append(time.perf_counter() - begin)
-    return {name: min(each) * 1e9 / rows.lux_seconds.size for name, each in spent.items()}
+            calls: list[Callable[[], Any]] = [
+                partial(pixels.convert, rows, self._noise, kept) for kept in self._timed.values()
+            ]
+            each = [seconds * 1e9 / self._largest for seconds in least_of(calls, CALLS)]
+            self.nanoseconds = dict(zip(self._timed, each, strict=True))
 
 
 def measure_ladder(run: PlannedRun, progress: Progress) -> dict[str, Any]:

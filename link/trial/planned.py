@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.plan.error import ARITHMETIC, Finding, beyond, reinstated
+from cosim.plan.error import ARITHMETIC, Finding, beyond, reinstated, required
 from cosim.run.progress import Progress
 from link.air import Air
 from link.prediction.light import cell_scene
@@ -61,11 +61,8 @@ class PlannedLink:
 
 
 def _planned(setup: LinkSetup, survey: LinkSurvey, effects: Sequence[str]) -> PlannedLink:
-    plan = survey.plan(
-        setup.tolerance, setup.device,
-        forced=[name for name in effects if name != ARITHMETIC],
-        tier="exact" if ARITHMETIC in effects else None,
-    )  # fmt: skip
+    forced, tier = required(effects)
+    plan = survey.plan(setup.tolerance, setup.device, forced=forced, tier=tier)
     return PlannedLink(setup, survey, plan)
 
 

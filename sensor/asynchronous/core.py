@@ -176,8 +176,7 @@ class EventCamera:
         plan, measured, found = camera.plan(view, stop), None, []
         if check:
             checked = verify(plan, view, self.tolerance)
-            plan, found, error = checked.plan, checked.notes, checked.error
-            measured = Measured(error.value, error.low, error.high)
+            plan, found, measured = checked.plan, checked.notes, checked.error
         pixels, output = camera.pixels(plan), camera.output(stop)
         for given, begin, end in chain([(light, 0, until)], steps):
             output.step(pixels.step(given, begin, end), begin, end)

@@ -10,9 +10,9 @@ of the rest; finding the plan and the error is not timed.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +24,7 @@ from cosim.plan.error import Measured
 from cosim.plan.planner import Row
 from cosim.plan.study import REFERENCE, Step, ladder_document, plan_document
 from cosim.run.progress import Progress
+from cosim.run.timing import least
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.pixel.closed import ClosedPixels
@@ -59,17 +60,6 @@ _ROUNDING: Final = 2.0**-50
 """Rounding of the reference's instants: a few roundings of float64 each."""
 
 
-def least(call: Callable[[], object], calls: int) -> float:
-    """Seconds: one call discarded, the least of some more."""
-    call()
-    spent: list[float] = []
-    while len(spent) < calls and sum(spent) < _ENOUGH:
-        begin = time.perf_counter()
-        call()
-        spent.append(time.perf_counter() - begin)
-    return min(spent)
-
-
 @dataclass(frozen=True, eq=False)
 class Cost:
     """Time that the reference takes.
@@ -101,7 +91,7 @@ def reference_cost(model: EventModel, view: View, plan: EventPlan, calls: int) -
         run = follow(model, numbers, view.light, view.gain, view.pattern, view.until, intervals)
         return int(run.count.sum())
 
-    few, many = (least(lambda n=n: call(n), calls) for n in (_FEW, _MANY))  # type: ignore[misc]
+    few, many = (least(lambda n=n: call(n), calls, _ENOUGH) for n in (_FEW, _MANY))  # type: ignore[misc]
     # Fewer intervals than asked for are drawn all the same.
     each = max(many - few, 0.0) / (numbers.size * (_MANY - _FEW))
     pixel = max(few / numbers.size - _FEW * each, 0.0)
@@ -168,14 +158,15 @@ def _costs(start: EventStart, plan: EventPlan) -> dict[str, float]:
 
     once = bool(scene.model.change and not scene.model.longest and scene.steady)
     run = closed if once else engine
+    spend = partial(least, repeats=_FORECAST, enough=_ENOUGH)
     everything = frozenset(e.name for e in plan.effects)
-    bare = least(run(everything), _FORECAST)
+    bare = spend(run(everything))
     for effect in plan.effects:
         spent = 0.0
         if effect.name == LATER and once:
-            spent = least(engine(frozenset()), _FORECAST) - least(closed(frozenset()), _FORECAST)
+            spent = spend(engine(frozenset())) - spend(closed(frozenset()))
         elif effect.name != LATER and effect.cost(scene) > 0:
-            spent = least(run(everything - {effect.name}), _FORECAST) - bare
+            spent = spend(run(everything - {effect.name})) - bare
         per_second = numbers.size * clock.hz * (stop - begin) / PS
         costs[effect.name] = max(spent, 0.0) * 1e9 / per_second
     return costs
@@ -239,7 +230,7 @@ def measure_ladder(start: EventStart, progress: Progress) -> dict[str, Any]:
     for n, (tolerance, checked) in enumerate(zip(TOLERANCES, checks, strict=True)):
         error, ns, failed = None, None, None
         try:
-            spent = least(lambda plan=checked.plan: _run(start, plan), _CALLS)  # type: ignore[misc]
+            spent = least(lambda plan=checked.plan: _run(start, plan), _CALLS, _ENOUGH)  # type: ignore[misc]
             error = measure(checked.plan, start.view, tiles)
             ns = spent * 1e9 / (pixels * start.cycles)
         except InputError as exc:

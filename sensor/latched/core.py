@@ -29,7 +29,7 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight
 from cosim.light.survey import Coded, Survey
-from cosim.plan.error import ARITHMETIC, Bounds, BrokenPromise, Finding, Measured
+from cosim.plan.error import ARITHMETIC, Bounds, BrokenPromise, Finding, Measured, required
 from cosim.plan.paired import Span, windows
 from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Viform, Words, words_for
@@ -169,8 +169,8 @@ class LatchedCamera:
                 exact tier.
         """
         scene, mixed = survey.scene, self._tier is None
-        forced = [name for name in reinstated if name != ARITHMETIC]
-        tier: Tier | None = "exact" if len(forced) < len(reinstated) else self._tier
+        forced, needed = required(reinstated)
+        tier: Tier | None = needed or self._tier
         digest = hashlib.blake2b(repr((spans, reinstated)).encode())
         for part in (*(getattr(scene, each.name) for each in fields(scene)), survey.certain):
             digest.update(np.ascontiguousarray(part).tobytes())

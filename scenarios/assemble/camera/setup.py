@@ -12,7 +12,7 @@ from cosim.compute.opencl import Device, choose_device
 from cosim.light.lens import Lens
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
-from cosim.plan.error import ARITHMETIC
+from cosim.plan.error import required
 from cosim.plan.paired import Span, windows
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
@@ -27,7 +27,6 @@ from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting
 from sensor.latched.stages import LensStage, SceneStage
 from sensor.latched.survey import SceneSurvey, survey_scene
-from sensor.latched.tiers import Tier
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +145,8 @@ class CameraSetup:
     def plan_keeping(self, tolerance: float, reinstated: Sequence[str]) -> RunPlan:
         """Plans the run with effects that a check has reinstated; `ARITHMETIC` among them means
         the exact tier."""
-        effects = [name for name in reinstated if name != ARITHMETIC]
-        tier: Tier | None = "exact" if ARITHMETIC in reinstated else None
-        return self.plan(tolerance, forced=effects, tier=tier)
+        forced, tier = required(reinstated)
+        return self.plan(tolerance, forced=forced, tier=tier)
 
 
 def set_up_camera(
