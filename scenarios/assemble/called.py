@@ -56,7 +56,7 @@ def film_in_memory(scenario: Scenario, device: str | None) -> Filmed:
     Raises:
         InputError: it cannot be filmed.
     """
-    from scenarios.assemble.camera.setup import set_up_camera  # a display needs none of it
+    from scenarios.assemble.source.latched.setup import set_up_camera  # a display needs none of it
 
     setup = replace(set_up_camera(scenario, device), device=shared_device(device))
     camera = called_camera(scenario, setup.setting, setup.device)

@@ -66,7 +66,7 @@ def _check_workers(scenario: AnyScenario, options: Options) -> None:
             "--workers and --scheduler", "given with a latched spike camera", "with another one",
             "leave them out",
         )  # fmt: skip
-    from scenarios.assemble.camera.bands import refuse_bands
+    from scenarios.assemble.source.latched.bands import refuse_bands
 
     refuse_bands(scenario)
 
@@ -135,8 +135,8 @@ def _source(
 
         return assemble_recording(name, scenario), RecordedFeed
     if scenario.sensor.pixel == "latched":
-        from scenarios.assemble.camera.feed import LatchedFeed
-        from scenarios.assemble.camera.machine import assemble_latched
+        from scenarios.assemble.source.latched.feed import LatchedFeed
+        from scenarios.assemble.source.latched.machine import assemble_latched
 
         return assemble_latched(name, scenario, options), LatchedFeed
     if scenario.link is None:
@@ -202,6 +202,6 @@ def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str 
 
         refuse_device("asynchronous", device)
         return study_asynchronous(name, camera)
-    from scenarios.assemble.camera.study import LatchedStudy
+    from scenarios.assemble.source.latched.study import LatchedStudy
 
     return LatchedStudy(name, camera, device)

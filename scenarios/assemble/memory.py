@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 from cosim.compute.memory import check_program
-from scenarios.assemble.camera.memory import DISPLAY, PROGRAM, SEEN, SHOWN
 from scenarios.assemble.schema.scenario import (
     AnyScenario,
     BoardScenario,
@@ -20,6 +19,7 @@ from scenarios.assemble.schema.scenario import (
     LinkScenario,
     RecordingScenario,
 )
+from scenarios.assemble.source.latched.memory import DISPLAY, PROGRAM, SEEN, SHOWN
 
 _MIB: Final = 1 << 20
 _SMALLER: Final = "lower sensor.width and sensor.height, or close other programs"

@@ -17,7 +17,7 @@ from cosim.files.event_file import ENDING, EventFile, read_events
 from cosim.files.intensities import ENDING as INTENSITIES
 from cosim.files.intensities import read_intensities, write_intensities
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
-from scenarios.assemble.camera.dim import dim_of_run
+from scenarios.assemble.source.latched.dim import dim_of_run
 from scenarios.assemble.source.recording.opening import FASTEST
 from scenarios.python.calls import in_python
 from scenarios.python.frames import is_whole

@@ -155,8 +155,8 @@ def with_scene(opened: Opened, path: Path) -> Opened:
 
 def _scene(path: Path, stream: SpikeStream) -> tuple[str, int, Source | None, list[str]]:
     """Title, window of TFP and scene of a run, and a note where the true light is missing."""
-    from scenarios.assemble.camera.setup import set_up_camera
     from scenarios.assemble.schema.loading import filmed, load
+    from scenarios.assemble.source.latched.setup import set_up_camera
 
     try:
         scenario = filmed(load(str(path))[1], "view")

@@ -25,8 +25,8 @@ from cosim.files import Recorder, ZarrStream, open_stream
 from cosim.run.folder import output_folder
 from cosim.run.result import Result, _clean, dumps
 from cosim.spikes.viform import unpack_planes
-from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.machine import LatchedMachine
 from scenarios.report import write_report
 from sensor import EFFECTS
 from sensor.latched.effects.own_draws import OWN_DRAWS

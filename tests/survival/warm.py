@@ -12,11 +12,11 @@ import pyopencl  # noqa: F401
 import scipy.optimize  # noqa: F401
 import zarr.codecs  # noqa: F401
 
-import scenarios.assemble.camera
 import scenarios.assemble.schema.loading
 import scenarios.assemble.source.asynchronous
 import scenarios.assemble.source.continuous
 import scenarios.assemble.source.imager
+import scenarios.assemble.source.latched
 import scenarios.assemble.source.link
 import scenarios.cli.entry
 import scenarios.run  # noqa: F401

@@ -71,8 +71,8 @@ def show_live(
     from cosim.stage import blocks
     from display import CameraPlane, fit_words, make_renderer, panel_views
     from display.section import DisplaySection
-    from scenarios.assemble.camera.boards import refuse_boards
-    from scenarios.assemble.camera.setup import set_up_camera
+    from scenarios.assemble.source.latched.boards import refuse_boards
+    from scenarios.assemble.source.latched.setup import set_up_camera
     from sensor import SpikeCamera
 
     if scenario.sensor.pixel != "latched":

@@ -56,7 +56,7 @@ def image(
     from cosim.files import notes_of
     from cosim.files.whole import whole
     from cosim.report.png import to_linear_bytes, write_png
-    from scenarios.assemble.camera.dim import dim_of_run
+    from scenarios.assemble.source.latched.dim import dim_of_run
     from sensor import isi, tau_levels
     from sensor.codec.files import open_any
     from sensor.reconstruct import METHODS, reconstruct

@@ -95,7 +95,7 @@ def compare_methods(
 
     from cosim import InputError
     from cosim.files import notes_of
-    from scenarios.assemble.camera.dim import dim_of_run
+    from scenarios.assemble.source.latched.dim import dim_of_run
     from scenarios.studies import methods
     from sensor.codec.files import open_any
 

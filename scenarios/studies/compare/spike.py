@@ -18,9 +18,9 @@ from cosim.run.folder import begin_folder
 from cosim.run.loop import discard_checkpoints
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
-from scenarios.assemble.camera.boards import refuse_boards
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.boards import refuse_boards
+from scenarios.assemble.source.latched.setup import set_up_camera
 from scenarios.studies.compare.measure import Image, noise, snr_curve
 from scenarios.studies.compare.motion import Motion, edge_blur
 from scenarios.studies.compare.row import Camera, Figure

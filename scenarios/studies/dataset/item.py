@@ -40,7 +40,7 @@ from cosim.run.progress import QuietProgress
 from cosim.run.result import Metric, dumps
 from cosim.spikes.viform import SpikeStream, count_spikes
 from scenarios.assemble.called import called_camera
-from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
+from scenarios.assemble.source.latched.setup import CameraSetup, set_up_camera
 from scenarios.run import run_scenario
 from scenarios.studies.batch.jobs import write_document
 from scenarios.studies.dataset.order import Item

@@ -10,9 +10,9 @@ import numpy as np
 from cosim import PS, Block, Clock, Light, Piece, Viform
 from cosim.run.printed import Row, listed, number
 from cosim.spikes.viform import count_spikes
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.setup import set_up_camera
 from sensor import CHIPS, CameraSetting, SpikeCamera, isi, tau_image
 from sensor.asynchronous import AsynchronousPixels, EventModel
 

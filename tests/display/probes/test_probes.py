@@ -21,7 +21,7 @@ from display.probes.setup import edge_light, phased_light, steady_light
 from display.probes.waveform import every_drive, panel_light
 from display.quality.edges import blur_edge_width
 from display.render.golden import GoldenRenderer
-from scenarios.assemble.camera.feed import SpikeProbeCamera
+from scenarios.assemble.source.latched.feed import SpikeProbeCamera
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
 from sensor.latched.sampling import RowTiming
 
@@ -444,14 +444,14 @@ def test_a_recording_in_parts_has_the_same_bits_and_looks_at_few_pieces_of_light
         return step(camera, light, block)
 
     monkeypatch.setattr(SpikeCamera, "step", watched)
-    monkeypatch.setattr("scenarios.assemble.camera.feed.PART", 128)
+    monkeypatch.setattr("scenarios.assemble.source.latched.feed.PART", 128)
     parts = probe.film(light, 400, (64, 4), 1, (0, 4))
     np.testing.assert_array_equal(parts.words, whole.words)
     assert lengths == [128, 128, 128, 16]
 
 
 def test_a_recording_of_a_minute_has_no_noisy_instants(monkeypatch):
-    monkeypatch.setattr("scenarios.assemble.camera.feed.NOISY", 99)
+    monkeypatch.setattr("scenarios.assemble.source.latched.feed.NOISY", 99)
     probe = SpikeProbeCamera(setting(row_timing=NOISY_ROWS), None)
     light = steady_light((4, 4), probe.lux(0.18), CLOCK.edge(102))
     steady = SpikeProbeCamera(setting(), None)

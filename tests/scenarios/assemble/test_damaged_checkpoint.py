@@ -14,9 +14,9 @@ import pytest
 from cosim import InputError, Interrupted
 from cosim.archive import load_arrays
 from cosim.files import Recorder
-from scenarios.assemble.camera.bands.chain import BandedCamera
-from tests.scenarios.assemble.camera.test_bands import SMALL as BANDS
-from tests.scenarios.assemble.camera.test_bands import left, ran
+from scenarios.assemble.source.latched.bands import BandedCamera
+from tests.scenarios.assemble.source.latched.test_bands import SMALL as BANDS
+from tests.scenarios.assemble.source.latched.test_bands import left, ran
 from tests.scenarios.assemble.test_stepped import CASES, SINKS, SMALL
 
 KINDS = {

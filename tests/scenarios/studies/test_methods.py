@@ -12,8 +12,8 @@ from cosim import Clock, InputError, Viform
 from cosim.files import open_stream
 from cosim.files.npz import write_npz
 from cosim.stage import blocks
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import filmed, load
+from scenarios.assemble.source.latched.setup import set_up_camera
 from scenarios.studies.methods import truth_of_file
 from sensor import SpikeCamera, tfp
 from sensor.reconstruct import METHODS, reconstruct

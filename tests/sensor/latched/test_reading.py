@@ -216,6 +216,6 @@ def test_settings_that_cannot_be_are_refused(
     said: str,
 ) -> None:  # fmt: skip
     """Before a device is opened."""
-    monkeypatch.setattr("scenarios.assemble.camera.setup.choose_device", lambda _: 1 / 0)
+    monkeypatch.setattr("scenarios.assemble.source.latched.setup.choose_device", lambda _: 1 / 0)
     code, _, told = run(capsys, *DIM, *sets)
     assert code == 2 and said in told and told.strip().count("\n") == 0

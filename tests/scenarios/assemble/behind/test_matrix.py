@@ -114,7 +114,7 @@ REFUSED = {
 }
 ELSEWHERE = {
     **{
-        (source, sink): "tests/scenarios/assemble/camera/test_boards.py"
+        (source, sink): "tests/scenarios/assemble/source/latched/test_boards.py"
         for source in LATCHED for sink in ("none", "board")
     },
     ("bring-up", "none"): "tests/scenarios/cli/board/test_bringup.py",

@@ -10,8 +10,8 @@ import pytest
 
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
-from scenarios.assemble.camera.feed import LatchedFeed
 from scenarios.assemble.schema.messages import validate
+from scenarios.assemble.source.latched.feed import LatchedFeed
 from scenarios.run import run_scenario
 
 

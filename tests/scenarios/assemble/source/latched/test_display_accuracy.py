@@ -12,10 +12,10 @@ from cosim import Block
 from cosim.plan.study import LADDER
 from cosim.run.shown import SilentProgress
 from display.trial.cost import display_ns, golden_ns
-from scenarios.assemble.camera.ladder import accuracy
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
-from tests.scenarios.assemble.camera.test_display_plan import GLASS, SPANS
+from scenarios.assemble.source.latched.ladder import accuracy
+from scenarios.assemble.source.latched.setup import set_up_camera
+from tests.scenarios.assemble.source.latched.test_display_plan import GLASS, SPANS
 
 
 @pytest.fixture(scope="module")

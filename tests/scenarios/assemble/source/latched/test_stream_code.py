@@ -12,10 +12,10 @@ from cosim.files import ZarrStream
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
-from scenarios.assemble.camera.machine import LatchedMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.machine import LatchedMachine
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.coder import from_packets, to_packets
 

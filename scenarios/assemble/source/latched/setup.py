@@ -16,12 +16,12 @@ from cosim.plan.error import required
 from cosim.plan.paired import Span, windows
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit, pursuit_of
-from scenarios.assemble.camera.dim import check_dim
-from scenarios.assemble.camera.plan import RunPlan, plan_run
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import LensChoice, choose_lens, choose_mosaic
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.dim import check_dim
+from scenarios.assemble.source.latched.plan import RunPlan, plan_run
 from scenarios.scenes.drawing.analytic import NeutralSource
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import CameraSetting

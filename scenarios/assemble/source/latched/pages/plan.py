@@ -15,7 +15,7 @@ from cosim.report.explorer import explorer, packed
 from cosim.report.figures import LINE, MARK, subplots
 from cosim.report.parts import plot, table
 from cosim.run.result import Metric
-from scenarios.assemble.camera.judged import LatchedRun
+from scenarios.assemble.source.latched.judged import LatchedRun
 from sensor.latched.effects.own_draws import OWN_DRAWS, SOURCE
 
 _COLOURS: Final = (

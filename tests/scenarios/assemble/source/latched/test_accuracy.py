@@ -10,9 +10,9 @@ import pytest
 
 from cosim.plan.study import LADDER, fit_order
 from cosim.run.shown import SilentProgress
-from scenarios.assemble.camera.ladder import accuracy
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.ladder import accuracy
+from scenarios.assemble.source.latched.setup import set_up_camera
 
 STAR = (
     "sensor.width=160", "sensor.height=128", "sensor.preset=silicon", "scene.rotation=0 Hz",
@@ -64,7 +64,7 @@ def test_a_tighter_tolerance_is_never_less_accurate(document):
 
 def test_the_command_prints_one_document(viform, monkeypatch, document):
     # The measuring is tested above.
-    monkeypatch.setattr("scenarios.assemble.camera.study.accuracy", lambda *_: document)
+    monkeypatch.setattr("scenarios.assemble.source.latched.study.accuracy", lambda *_: document)
     code, out, _ = viform("accuracy", "star", "--json")
     printed = json.loads(out)
     assert code == 0
@@ -74,7 +74,7 @@ def test_the_command_prints_one_document(viform, monkeypatch, document):
 
 
 def test_a_reader_gets_a_table(viform, monkeypatch, document):
-    monkeypatch.setattr("scenarios.assemble.camera.study.accuracy", lambda *_: document)
+    monkeypatch.setattr("scenarios.assemble.source.latched.study.accuracy", lambda *_: document)
     code, out, _ = viform("accuracy", "star")
     assert code == 0 and "speed-up" in out and "shot noise" in out
 

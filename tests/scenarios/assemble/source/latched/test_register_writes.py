@@ -17,8 +17,8 @@ from cosim.run.result import Result
 from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import count_spikes
 from rtl_model.stand_in import written_levels
-from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.setup import CameraSetup, set_up_camera
 from scenarios.run import run_scenario
 from sensor.latched.levels import fast_can_follow, planned_effects, widening
 from sensor.latched.writes import Registers, Write, phases_of
@@ -165,7 +165,7 @@ def test_a_run_is_scaled_by_the_level_in_force(tmp_path, device) -> None:
 
 
 def test_a_run_that_was_interrupted_goes_on_across_a_write(tmp_path, monkeypatch) -> None:
-    from scenarios.assemble.camera.machine import assemble_latched
+    from scenarios.assemble.source.latched.machine import assemble_latched
 
     sets = [*SMALL, "tolerance=0.01", f"sensor.writes=[{HALF},{WINDOW},{BACK}]"]
     _, scenario = load("step", sets)

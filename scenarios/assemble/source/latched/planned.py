@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from scenarios.assemble.camera.bands import BandedCamera, Bands
-from scenarios.assemble.camera.boards import BoardCamera, Boards
-from scenarios.assemble.camera.dim import reading_camera
-from scenarios.assemble.camera.plan import RunPlan, Verifier
-from scenarios.assemble.camera.setup import CameraSetup
+from scenarios.assemble.source.latched.bands import BandedCamera, Bands
+from scenarios.assemble.source.latched.boards import BoardCamera, Boards
+from scenarios.assemble.source.latched.dim import reading_camera
+from scenarios.assemble.source.latched.plan import RunPlan, Verifier
+from scenarios.assemble.source.latched.setup import CameraSetup
 from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.reading import ReadingCamera

@@ -11,8 +11,8 @@ from cosim.report.parts import figure, table
 from cosim.report.pictures import busiest_box, crop
 from cosim.report.png import for_display, to_linear_bytes
 from cosim.run.machine import Page
-from scenarios.assemble.camera.judged import LatchedRun
-from scenarios.assemble.camera.pages.plan import board_error, plan_section
+from scenarios.assemble.source.latched.judged import LatchedRun
+from scenarios.assemble.source.latched.pages.plan import board_error, plan_section
 from scenarios.scenes.clips.motion_film import MotionFilm
 from sensor.sections.own_chip import write_rows
 from sensor.sections.provenance import fault_rows, optics_rows

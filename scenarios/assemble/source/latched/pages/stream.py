@@ -20,8 +20,8 @@ from cosim.report.parts import Card, figure, plot, table, video
 from cosim.report.pictures import WINDOWS, accumulation, busiest_box, crop, mark_pixels
 from cosim.report.png import Levels, coloured, for_display, to_linear_bytes, write_png
 from cosim.run.machine import Page
-from scenarios.assemble.camera.judged import LatchedRun
-from scenarios.assemble.camera.pages.chip import (
+from scenarios.assemble.source.latched.judged import LatchedRun
+from scenarios.assemble.source.latched.pages.chip import (
     machine,
     motion_section,
     plan_files,
@@ -29,7 +29,7 @@ from scenarios.assemble.camera.pages.chip import (
     subtitle,
     unmeasured,
 )
-from scenarios.assemble.camera.pages.plan import plan_section
+from scenarios.assemble.source.latched.pages.plan import plan_section
 from sensor import tau_levels
 from sensor.codec.size import size_rows, size_text
 from sensor.reconstruct.clip import write_clip

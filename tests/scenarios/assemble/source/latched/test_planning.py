@@ -14,9 +14,9 @@ from cosim.light.survey import Sketched, survey
 from cosim.plan.error import accepted_error
 from cosim.plan.planner import SHARE
 from cosim.plan.tiles import TILE, TileGrid
-from scenarios.assemble.camera.plan import RunPlan, plan_run
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.plan import RunPlan, plan_run
+from scenarios.assemble.source.latched.setup import set_up_camera
 from scenarios.scenes.kinds.grid import SceneGrid
 from sensor import SpikeCamera
 from sensor.latched.arithmetic import fast_error

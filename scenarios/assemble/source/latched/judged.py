@@ -12,8 +12,8 @@ from cosim.light.source import Source
 from cosim.plan.error import Finding
 from cosim.run.machine import Run
 from cosim.run.result import Result
-from scenarios.assemble.camera.plan import RunPlan
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.plan import RunPlan
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
 from sensor.latched.check.plan_check import BankChange

@@ -10,29 +10,35 @@ import hashlib
 import json
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import rmtree
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
-from cosim import Block, InputError, Interrupted, Light, Viform
+from cosim import Block, InputError, Interrupted, Light, Piece, Plane, Viform
 from cosim.archive import save_array
 from cosim.clock import Clock
+from cosim.compute.opencl import choose_device
+from cosim.compute.pocl_files import keep_sums
 from cosim.files.whole import whole
+from cosim.light.source import Source
 from cosim.plan.tiles import TILE
 from cosim.run.chain import BlockChain
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.progress import Progress
 from cosim.run.workers import workers_for
 from cosim.spikes.viform import WORD, Words, words_for
-from cosim.stage import State
-from scenarios.assemble.camera.bands.band import Band, expose_band
-from scenarios.assemble.camera.plan import RunPlan
-from scenarios.assemble.camera.setup import CameraSetup
+from cosim.stage import BLOCK, State, blocks
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.plan import RunPlan
+from scenarios.assemble.source.latched.setup import CameraSetup
+from sensor import CameraSetting, SpikeCamera
 from sensor.latched.fine_tiles import FineTiles
+from sensor.latched.tiers import Tier
 
 FOLDER: Final = "bands"
 """Folder of the bands in that of a run that is not finished."""
@@ -211,3 +217,115 @@ class BandChain(BlockChain):
     def discard(self) -> None:
         super().discard()
         self.stages["sensor"].remove()
+
+
+HALO = 1
+"""Rows around a band that are simulated as well where pixels share light (cross-talk)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Rows of a planned camera.
+
+    Attributes:
+        rows: first row, and the one after the last.
+        setup: the camera and its scene, without its device.
+        setting: the planned camera.
+        tier: its arithmetic.
+        flags: flags of the fast tier for the rows with their halo, (rows, groups) uint8; None in
+            another tier.
+        device: device as for `choose_device`.
+    """
+
+    rows: tuple[int, int]
+    setup: CameraSetup
+    setting: CameraSetting
+    tier: Tier
+    flags: npt.NDArray[np.uint8] | None
+    device: str | None
+
+    @property
+    def simulated(self) -> tuple[int, int]:
+        """The rows with their halo."""
+        if self.setting.light_map is None:
+            return self.rows
+        return max(self.rows[0] - HALO, 0), min(self.rows[1] + HALO, self.setup.shape[0])
+
+
+def expose_band(band: Band) -> Words:
+    """The words of the band over the whole run, (words, rows, W) uint32.
+
+    The bits are those of the whole chip: a pixel keeps its number, and with it its noise.
+    """
+    setup, (low, high) = band.setup, band.simulated
+    camera = SpikeCamera(
+        band.setting, choose_device(band.device), (low, high), band.tier, band.flags
+    )
+    clock, reach = setup.setting.clock, setup.setting.reach
+    strip = Strip(setup.source(), setup.lens.relay(setup.setting.chip.pitch), (low, high), reach)
+    first, stop = (row - low for row in band.rows)
+    words = np.zeros((words_for(setup.cycles), stop - first, setup.shape[1]), np.uint32)
+    for block in blocks(setup.cycles, BLOCK):
+        light = strip.step(block, clock.edge(max(block.start - reach[0], 0)))
+        part = camera.step(light, block).words[:, first:stop]
+        words[block.start // WORD :][: len(part)] = part
+    keep_sums()  # a worker is killed when its bands are done
+    return words
+
+
+class Strip:
+    """Rows of the light of a scene.
+
+    The scene is asked cycle by cycle and each of its planes is cut at once, so that no more than a
+    few whole planes are in memory: those that the scene and the lens keep.
+
+    Args:
+        source: the scene.
+        relay: its light to that on the pixels; it may need whole planes.
+        rows: first row, and the one after the last.
+        reach: cycles before and after a block whose light the block needs as well.
+    """
+
+    def __init__(
+        self, source: Source, relay: Callable[[Light], Light], rows: tuple[int, int],
+        reach: tuple[int, int],
+    ) -> None:  # fmt: skip
+        self._source, self._relay = source, relay
+        self._rows, self._reach = rows, reach
+        self._cycle = 0
+        self._last: Piece | None = None
+        self._cuts: list[tuple[Plane, Plane]] = []
+        self._pieces: list[Piece] = []
+
+    def _cut(self, plane: Plane) -> Plane:
+        for drawn, cut in self._cuts:
+            if drawn is plane:
+                return cut
+        cut = np.ascontiguousarray(plane[self._rows[0] : self._rows[1]])
+        self._cuts = [*self._cuts[-1:], (plane, cut)]
+        return cut
+
+    def _piece(self, piece: Piece) -> Piece:
+        low, high = self._rows
+        box = piece.changed
+        if box is not None:
+            top, bottom = (min(max(row - low, 0), high - low) for row in box[:2])
+            box = (top, bottom, *box[2:]) if top < bottom else (0, 0, 0, 0)
+        return Piece(piece.start, piece.stop, self._cut(piece.first), self._cut(piece.last), box)
+
+    def step(self, block: Block, start_ps: int) -> Light:
+        """Light of a block and of the cycles around it.
+
+        Args:
+            block: the block; blocks follow each other.
+            start_ps: instant from which on light is needed, ps.
+        """
+        while self._cycle < block.stop + self._reach[1]:
+            light = self._relay(self._source.step(None, Block(self._cycle, 1)))
+            for piece in light.pieces:
+                if self._last is None or piece.start >= self._last.stop:
+                    self._pieces.append(self._piece(piece))
+                    self._last = piece
+            self._cycle += 1
+        self._pieces = [piece for piece in self._pieces if piece.stop > start_ps]
+        return Light(tuple(self._pieces))

@@ -16,9 +16,9 @@ from cosim.plan.error import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.effects.bounds import BASE_COST, SPAN_COST
 from display.trial.paired import TRUTH
-from scenarios.assemble.camera.plan import RunPlan, Verifier, plan_run
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.plan import RunPlan, Verifier, plan_run
+from scenarios.assemble.source.latched.setup import set_up_camera
 
 SPANS = ("planes within 8", "planes within 64")
 GLASS = """

@@ -8,10 +8,10 @@ from itertools import count
 import pytest
 
 from cosim.compute.opencl import Device
-from scenarios.assemble.camera import study as forecasting
-from scenarios.assemble.camera.setup import set_up_camera
-from scenarios.assemble.camera.study import forecast
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched import study as forecasting
+from scenarios.assemble.source.latched.setup import set_up_camera
+from scenarios.assemble.source.latched.study import forecast
 
 BRIGHT = (
     "sensor.chip=spikeone", "sensor.threshold=20000 e", "scene.illuminance=15000 lux",

@@ -22,17 +22,17 @@ from cosim.run.progress import Progress
 from cosim.run.result import Error, Latency, Metric, Throughput, viform_version
 from cosim.run.workers import workers_for
 from cosim.spikes.viform import Viform
-from scenarios.assemble.camera.bands import BandChain, BandedCamera, Bands
-from scenarios.assemble.camera.boards import NO_ERROR, BoardCamera, Boards, open_boards
-from scenarios.assemble.camera.dim import dim_light, dim_metrics
-from scenarios.assemble.camera.judged import LatchedRun
-from scenarios.assemble.camera.memory import check_run_memory, memory_note
-from scenarios.assemble.camera.pages.chip import plan_page
-from scenarios.assemble.camera.pages.stream import stream_page
-from scenarios.assemble.camera.plan import RunPlan, Verifier
-from scenarios.assemble.camera.planned import PlannedCamera, planned_camera
-from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.bands import BandChain, BandedCamera, Bands
+from scenarios.assemble.source.latched.boards import NO_ERROR, BoardCamera, Boards, open_boards
+from scenarios.assemble.source.latched.dim import dim_light, dim_metrics
+from scenarios.assemble.source.latched.judged import LatchedRun
+from scenarios.assemble.source.latched.memory import check_run_memory, memory_note
+from scenarios.assemble.source.latched.pages.chip import plan_page
+from scenarios.assemble.source.latched.pages.stream import stream_page
+from scenarios.assemble.source.latched.plan import RunPlan, Verifier
+from scenarios.assemble.source.latched.planned import PlannedCamera, planned_camera
+from scenarios.assemble.source.latched.setup import CameraSetup, set_up_camera
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
 from sensor.latched.stages import readout_stages
 from sensor.reconstruct.fidelity import judge

@@ -2,7 +2,7 @@
 
 The statement is a fit to measured runs: a part of the program itself, and bytes a pixel of what a
 run holds at its peak, which is while it computes its images. The slow tests in
-`tests/scenarios/assemble/camera/test_memory.py` measure runs against it.
+`tests/scenarios/assemble/source/latched/test_memory.py` measure runs against it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from cosim.files import kept_bytes
 from scenarios.scenes.clips.kept import KEPT_BYTES
 
 if TYPE_CHECKING:
-    from scenarios.assemble.camera.setup import CameraSetup
+    from scenarios.assemble.source.latched.setup import CameraSetup
 
 PROGRAM: Final = 440 * 2**20
 """Bytes of the program with its libraries and compiled kernels."""

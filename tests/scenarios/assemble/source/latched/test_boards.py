@@ -25,9 +25,9 @@ from rtl_model.geometry import Geometry
 from rtl_model.stand_in import open_board
 from rtl_model.virtual import VirtualBoard
 from rtl_model.virtual.ethernet import EthernetBoard
-from scenarios.assemble.camera.boards import BoardCamera
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.boards import BoardCamera
 from scenarios.assemble.source.link import open_loop
 from scenarios.report import write_report
 from scenarios.run import run_scenario

@@ -35,8 +35,8 @@ from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
 from display.trial.cost import display_ns, golden_ns
 from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
-from scenarios.assemble.camera.plan import RunPlan, Verifier
-from scenarios.assemble.camera.setup import CameraSetup
+from scenarios.assemble.source.latched.plan import RunPlan, Verifier
+from scenarios.assemble.source.latched.setup import CameraSetup
 from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
 from sensor.latched.effects.own_draws import OWN_DRAWS

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from scenarios.assemble.camera.memory import memory_note, peak_memory
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.memory import memory_note, peak_memory
+from scenarios.assemble.source.latched.setup import set_up_camera
 
 MEASURED = (
     "import resource, sys\n"

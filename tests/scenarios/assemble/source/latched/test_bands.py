@@ -23,16 +23,20 @@ import pytest
 import zarr
 
 import cosim.run.loop as loop
-import scenarios.assemble.camera.bands.chain as chain
+import scenarios.assemble.source.latched.bands as chain
 from cosim import Block, Interrupted
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
 from cosim.stage import blocks
-from scenarios.assemble.camera.bands.band import Band, expose_band
-from scenarios.assemble.camera.bands.chain import BandedCamera, band_rows
-from scenarios.assemble.camera.bands.strip import Strip
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import filmed, load
+from scenarios.assemble.source.latched.bands import (
+    Band,
+    BandedCamera,
+    Strip,
+    band_rows,
+    expose_band,
+)
+from scenarios.assemble.source.latched.setup import set_up_camera
 from scenarios.run import Done, run_scenario
 from sensor import SpikeCamera
 from sensor.latched.stages import LensStage, SceneStage

@@ -33,8 +33,8 @@ light in each cycle."""
 
 
 if TYPE_CHECKING:
-    from scenarios.assemble.camera.machine import LatchedMachine
     from scenarios.assemble.source.feeds import Through
+    from scenarios.assemble.source.latched.machine import LatchedMachine
 
 
 class LatchedFeed(Feed):

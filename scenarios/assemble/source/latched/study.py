@@ -12,12 +12,12 @@ from cosim import BLOCK, Block
 from cosim.plan.study import Speeds, film_blocks, forecast_document
 from cosim.plan.tiles import PatchPlane
 from cosim.run.progress import Progress
-from scenarios.assemble.camera.boards import refuse_boards
-from scenarios.assemble.camera.ladder import accuracy, every_tile
-from scenarios.assemble.camera.memory import check_run_memory, peak_memory
-from scenarios.assemble.camera.plan import RunPlan
-from scenarios.assemble.camera.setup import CameraSetup, set_up_camera
 from scenarios.assemble.schema.scenario import Scenario
+from scenarios.assemble.source.latched.boards import refuse_boards
+from scenarios.assemble.source.latched.ladder import accuracy, every_tile
+from scenarios.assemble.source.latched.memory import check_run_memory, peak_memory
+from scenarios.assemble.source.latched.plan import RunPlan
+from scenarios.assemble.source.latched.setup import CameraSetup, set_up_camera
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fine_tiles import PatchCamera
 

@@ -13,9 +13,9 @@ from cosim.compute.opencl import Device
 from cosim.plan.error import BrokenPromise
 from cosim.plan.paired import compare, windows, worst
 from cosim.run.progress import QuietProgress
-from scenarios.assemble.camera.plan import Verifier, plan_run
-from scenarios.assemble.camera.setup import set_up_camera
 from scenarios.assemble.schema.loading import load
+from scenarios.assemble.source.latched.plan import Verifier, plan_run
+from scenarios.assemble.source.latched.setup import set_up_camera
 from scenarios.report import write_report
 from sensor.latched.effects.dead_time import DEAD_TIME
 from sensor.latched.effects.fixed_pattern import PRNU

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.assemble.camera.plan import RunPlan
+from scenarios.assemble.source.latched.plan import RunPlan
 from scenarios.cli.entry import _main
 
 SETS = ("sensor.chip=spikeone", "duration=3 ms", "image.at=[60]", "scene.at=1 ms")
