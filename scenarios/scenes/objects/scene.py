@@ -1,13 +1,12 @@
-"""The scene of plates: its light at any instant.
-
-Plates drawn from a seed: one in each of as many bands of depth, before a background.
+"""A scene of plates: plates drawn from a seed, one in each of as many bands of depth, before a
+background; its light at any instant; and its dense truth, which plate a pixel shows, its depth, and
+where it goes.
 
 A plate stays in its band at all times, so the nearer of two is always the same one.
 
-Dense truth of a scene of plates: which plate a pixel shows, its depth, and where it goes.
-
-All is computed for the centres of pixels. A pixel near an edge shows the light of two surfaces,
-which do not stay together; it is marked, because its light is found nowhere at another instant.
+The truth is computed for the centres of pixels. A pixel near an edge shows the light of two
+surfaces, which do not stay together; it is marked, because its light is found nowhere at another
+instant.
 """
 
 from __future__ import annotations
