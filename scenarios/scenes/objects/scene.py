@@ -26,8 +26,6 @@ from scenarios.scenes.objects import painting
 from scenarios.scenes.objects.painting import Mask, Tables, paint, tabulate
 from scenarios.scenes.objects.plate import CATEGORIES, FOCAL, Matrix, Plate, Wave
 
-MOST: Final = 64
-"""Largest number of plates."""
 NEAR: Final = 2.0
 """Nearest depth of a plate, m (assumed, as all numbers of the layout)."""
 FAR: Final = 9.0
@@ -66,7 +64,7 @@ def arrange(layout: int, count: int, speed: float, wide: float, high: float) -> 
 
     Args:
         layout: seed.
-        count: number of plates, 0 to MOST.
+        count: number of plates, 0 to 64.
         speed: greatest speed of a centre as it is seen, shorter sides of the picture a second.
         wide, high: sides of the picture over the shorter side.
     """
