@@ -29,7 +29,7 @@ _PLACES = {
     "SpikeStream": "scenarios.python.training:SpikeStream",
     "Stream": "scenarios.python:Stream",
     "Viform": "cosim:Viform",
-    "dataset": "scenarios.studies.dataset.making:dataset",
+    "dataset": "scenarios.studies.dataset.build:dataset",
     "film": "scenarios.python:film",
     "open": "scenarios.python:open_stream",
     "reconstruct": "scenarios.python:reconstruct",

@@ -5,7 +5,7 @@ from scenarios.python import Camera, Display, Link, Run, Stream, film, reconstru
 from scenarios.python import open_stream as open
 from scenarios.python import save_stream as save
 from scenarios.python.training import SpikeStream
-from scenarios.studies.dataset.making import dataset
+from scenarios.studies.dataset.build import dataset
 from scenarios.studies.dataset.reading import SpikeDataset, torch_dataset
 
 __all__ = [

@@ -27,7 +27,7 @@ from cosim import (
 from cosim.compute.opencl import Device
 from cosim.light.source import Source
 from cosim.report.figures import subplots
-from scenarios.scenes.charts.step import StepSource
+from scenarios.scenes.charts.patches import StepSource
 from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.people.wave import Wave
 from sensor import CHIPS, CameraSetting, SpikeCamera, tfi, tfp

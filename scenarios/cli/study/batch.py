@@ -148,8 +148,7 @@ def dataset(
     options: BatchOptions,
 ) -> None:
     """Film many scenes with many cameras: streams, true light, and dense truth of drawn objects."""
-    from scenarios.studies.dataset.build import build_dataset
-    from scenarios.studies.dataset.making import order_of
+    from scenarios.studies.dataset.build import build_dataset, order_of
 
     order = order_of(
         source or (), camera or (), vary or (), options.assignments or (), samples, split,

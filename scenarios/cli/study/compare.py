@@ -55,8 +55,8 @@ def compare(
 
 def _cameras_text(document: dict[str, Any], folder: Path) -> list[str]:
     """The table as text."""
+    from scenarios.studies.compare.measure import FIGURES, Figure
     from scenarios.studies.compare.report import HEADS, figure_text
-    from scenarios.studies.compare.row import FIGURES, Figure
 
     rows = document["rows"]
     cells = [["", *(row["title"] for row in rows)]]

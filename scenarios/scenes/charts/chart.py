@@ -1,10 +1,9 @@
-"""A test chart for a pursuing eye: a static part with greys and gratings, and moving strips.
+"""A test chart for a pursuing eye: a static part with greys and gratings, and moving strips. Its
+greys, lines, text and shapes are drawn finer than pixels and averaged.
 
 The static part has a grey wedge, labelled with the share of pixels that fire in a cycle, and groups
 of fine lines. Below it, strips move to the right, four at PURSUIT and one at a quarter of it: text,
 bars, an edge from dark to mid grey, and a face with other shapes. The layout is assumed.
-
-The content of the chart: greys, lines, text and shapes, drawn finer than pixels and averaged.
 """
 
 from __future__ import annotations

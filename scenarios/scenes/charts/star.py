@@ -42,8 +42,15 @@ LINES = (400.0, 200.0, 150.0, 100.0, 50.0)
 """Line pairs of the groups in the corners per shorter side; 500 is Nyquist at 1000 pixels."""
 
 
-def spokes(x: Any, y: Any, pixel: float, n: int, turn: float, profile: Profile = "square") -> Array:
-    """Mean over a pixel of a Siemens star with n spokes and n gaps around the origin, -1 to 1.
+def _phase(x: Any, y: Any, pixel: float, n: int) -> tuple[Any, Any]:
+    """Phase of the pixels in the star at rest, and their width, spoke periods."""
+    r = np.sqrt(x * x + y * y)
+    return (n / TAU) * np.arctan2(y, x), n * pixel / (TAU * np.maximum(r, 1e-6 * pixel))
+
+
+def _wave(phase: Any, width: Any, profile: Profile) -> Array:
+    """Mean over pixels of a Siemens star, -1 to 1: "square" is 1 on a spoke and -1 in a gap, "sine"
+    is sin(n angle) for n spokes.
 
     The mean over the square pixel is approximated by the exact mean over a box along the circle,
     with the width of the pixel. A square has the variance of this box, 1/12, in every direction, so
@@ -53,23 +60,10 @@ def spokes(x: Any, y: Any, pixel: float, n: int, turn: float, profile: Profile =
     0.03; below one pixel, where any wave is an alias, 0.1 RMS.
 
     Args:
-        x, y: pixel centres, in the same unit of length as `pixel`.
-        pixel: side of a pixel.
-        n: number of spokes.
-        turn: clockwise rotation, spoke periods. The first spoke begins on the x axis.
-        profile: "square" is 1 on a spoke and -1 in a gap, "sine" is sin(n angle).
+        phase: phase of the pixels, spoke periods.
+        width: their width, spoke periods.
+        profile: see above.
     """
-    phase, width = _phase(x, y, pixel, n)
-    return _wave(phase - turn, width, profile)
-
-
-def _phase(x: Any, y: Any, pixel: float, n: int) -> tuple[Any, Any]:
-    """Phase of the pixels in the star at rest, and their width, spoke periods."""
-    r = np.sqrt(x * x + y * y)
-    return (n / TAU) * np.arctan2(y, x), n * pixel / (TAU * np.maximum(r, 1e-6 * pixel))
-
-
-def _wave(phase: Any, width: Any, profile: Profile) -> Array:
     if profile == "sine":
         return np.asarray(np.sin(TAU * phase) * np.sinc(width))
     return np.asarray(2.0 * square_mean(phase, width) - 1.0)

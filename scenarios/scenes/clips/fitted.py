@@ -1,7 +1,5 @@
-"""Pictures of linear light on the pixels of a sensor.
-
-What FFmpeg's filters tell and do of decoded frames: which way up they are, and fields.
-"""
+"""Pictures of linear light on the pixels of a sensor, and what FFmpeg's filters tell and do of
+decoded frames: which way up they are, and fields."""
 
 from __future__ import annotations
 

@@ -1,9 +1,5 @@
-"""Scenes in closed form, and the source that draws them for a run.
-
-Pixels for the figures of scenes without characteristic points.
-
-A scene without colours before a filter array.
-"""
+"""Scenes in closed form, and the source that draws them for a run; pixels for the figures of scenes
+without characteristic points; a scene without colours before a filter array."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Density along sight lines during the start of a tunnel: the waves as planes, and the gas between.
+"""The schlieren image of a tunnel during its start: density along sight lines, of the waves as
+planes and the gas between, and the model of a schlieren bench, from this density to brightness.
 
 Lengths are in metres; x points downstream, y from the axis. "Density along a sight line" is the
 integral of the density, kg/m2.
-
-The model of a schlieren bench, from density along sight lines to brightness.
 
 The gradient of the optical path deflects a ray: K d/dx of the integral of density along the ray,
 with the Gladstone-Dale relation n - 1 = K rho (Merzkirch, Flow Visualization, 2nd ed., chapter 3).

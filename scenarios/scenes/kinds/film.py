@@ -58,7 +58,7 @@ class FilmScene(Section):
                 "leave it out, or give a clip as scene.path",
             )  # fmt: skip
         if self.drawn == "colour-chart":
-            from scenarios.scenes.charts.colour_chart import ColourChart
+            from scenarios.scenes.charts.patches import ColourChart
 
             return ColourChart(grid.shape, self.illuminance, grid.mosaic)
         from scenarios.scenes.charts.chart import Chart

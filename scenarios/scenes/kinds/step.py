@@ -8,7 +8,7 @@ from pydantic import Field
 
 from cosim.config.quantity import Illuminance, Reflectance, Section, Time
 from cosim.light.source import Source
-from scenarios.scenes.charts.step import StepSource
+from scenarios.scenes.charts.patches import StepSource
 from scenarios.scenes.kinds.grid import SceneGrid
 
 

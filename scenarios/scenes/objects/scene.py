@@ -1,13 +1,12 @@
-"""The scene of plates: its light at any instant.
-
-Plates drawn from a seed: one in each of as many bands of depth, before a background.
+"""A scene of plates: plates drawn from a seed, one in each of as many bands of depth, before a
+background; its light at any instant; and its dense truth, which plate a pixel shows, its depth, and
+where it goes.
 
 A plate stays in its band at all times, so the nearer of two is always the same one.
 
-Dense truth of a scene of plates: which plate a pixel shows, its depth, and where it goes.
-
-All is computed for the centres of pixels. A pixel near an edge shows the light of two surfaces,
-which do not stay together; it is marked, because its light is found nowhere at another instant.
+The truth is computed for the centres of pixels. A pixel near an edge shows the light of two
+surfaces, which do not stay together; it is marked, because its light is found nowhere at another
+instant.
 """
 
 from __future__ import annotations
@@ -27,8 +26,6 @@ from scenarios.scenes.objects import painting
 from scenarios.scenes.objects.painting import Mask, Tables, paint, tabulate
 from scenarios.scenes.objects.plate import CATEGORIES, FOCAL, Matrix, Plate, Wave
 
-MOST: Final = 64
-"""Largest number of plates."""
 NEAR: Final = 2.0
 """Nearest depth of a plate, m (assumed, as all numbers of the layout)."""
 FAR: Final = 9.0
@@ -67,7 +64,7 @@ def arrange(layout: int, count: int, speed: float, wide: float, high: float) -> 
 
     Args:
         layout: seed.
-        count: number of plates, 0 to MOST.
+        count: number of plates, 0 to 64.
         speed: greatest speed of a centre as it is seen, shorter sides of the picture a second.
         wide, high: sides of the picture over the shorter side.
     """

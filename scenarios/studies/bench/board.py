@@ -1,11 +1,9 @@
-"""Throughput of a board over UDP on this machine: the host here, and the cycle model of the default
-board in a process of its own.
+"""Throughput of the digital side of the chip: a board over UDP on this machine, the host here and
+the cycle model of the default board in a process of its own; and the row scan, from words of pixels
+to raw bytes with markers, against the output of the chip at 40 kHz.
 
-The ceiling is datagrams of the same sizes between two such processes without board and protocol:
-the other one returns an answer for each that arrives.
-
-Throughput of the chip's row scan, from words of pixels to raw bytes with markers, against the
-output of the chip at 40 kHz.
+The ceiling of the board is datagrams of the same sizes between two such processes without board and
+protocol: the other one returns an answer for each that arrives.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""Throughput of the display's renderer, against a GL renderer with one draw call for each plane.
+"""Throughput of the display's renderer, against a GL renderer with one draw call for each plane,
+and of whole chains: camera to display, and camera, link and display.
 
 The stream has the rates of the picture in the sensor benchmark. The observer is a fixed eye (a
 pursuing eye in display.pursuit). Every timed call includes the transfer of its image to the host.
-
-Throughput of whole chains: camera to display, and camera, link and display.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""How the cost of a pixel and cycle grows with the number of pixels and the length of a run.
+"""How the cost of a pixel and cycle grows with the number of pixels and the length of a run, for
+pixels of the fast tier with one plan for all of them.
 
 The fast tier draws noise from the bank; the picture is that of `sensor.noise`. Sizes for which the
 memory of the machine is too small are left out.
-
-Pixels of the fast tier, with one plan for all of them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""The measurements of `viform bench code`.
-
-The scenes of the bench, from static to entirely moving, on a small grid.
+"""The measurements of `viform bench code`, and its scenes, from static to entirely moving, on a
+small grid.
 
 The share of pixels whose light changes in a given time does not depend on the resolution: on a grid
 n times coarser, edges cover an n times larger share of the pixels and move n times slower.

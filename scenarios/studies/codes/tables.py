@@ -1,7 +1,5 @@
-"""The document of the bench as Markdown tables.
-
-The figure of the bench: sizes of all formats for each scene.
-"""
+"""The document of the bench as Markdown tables, and its figure: sizes of all formats for each
+scene."""
 
 from __future__ import annotations
 

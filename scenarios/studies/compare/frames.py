@@ -1,7 +1,7 @@
 """A frame imager in a comparison: its simulation, and the figures measured on its frames.
 
-Dynamic range of an imager by the closed forms of its pixels: the light at saturation over the
-light whose signal equals the noise in the dark.
+Its dynamic range is from the closed forms of its pixels: the light at saturation over the light
+whose signal equals the noise in the dark.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from imagers.catalogue import IMAGERS
 from imagers.common.kind import Comparison
 from imagers.common.model import View
 from scenarios.assemble.schema.scenario import ImagerScenario
-from scenarios.studies.compare.measure import noise, snr_curve
+from scenarios.studies.compare.measure import Camera, Figure, noise, snr_curve
 from scenarios.studies.compare.motion import Motion, edge_blur
-from scenarios.studies.compare.row import Camera, Figure
 from scenarios.studies.compare.run_in import Footage, Placed, RunIn, film_at, middle
 from scenarios.studies.compare.setting import SHAPE
 from sensor.dynamic_range import decibels

@@ -1,7 +1,4 @@
-"""The report and the picture of a comparison.
-
-The summary on the page of a comparison.
-"""
+"""The report of a comparison, the summary on its page, and its picture."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ from cosim.report.page import write_page
 from cosim.report.parts import Card, cards, figure, plot, table
 from cosim.report.png import for_display
 from cosim.report.summary import Answer, big, listed, paragraph, summary
-from scenarios.studies.compare.row import FIGURES, Camera, Figure
+from scenarios.studies.compare.measure import FIGURES, Camera, Figure
 from scenarios.studies.compare.setting import SceneComparison
 from sensor.dynamic_range import decibels
 

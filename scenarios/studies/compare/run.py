@@ -16,6 +16,7 @@ from cosim.run.progress import Progress
 from cosim.run.result import dumps, viform_version
 from scenarios.assemble.source.imager import make_view
 from scenarios.studies.compare.frames import film_frames
+from scenarios.studies.compare.measure import Camera
 from scenarios.studies.compare.motion import Motion
 from scenarios.studies.compare.report import (
     PICTURE,
@@ -24,7 +25,6 @@ from scenarios.studies.compare.report import (
     write_picture,
     write_snr,
 )
-from scenarios.studies.compare.row import Camera
 from scenarios.studies.compare.setting import SHAPE, SceneComparison, compared_imagers
 from scenarios.studies.compare.spike import film_spikes
 

@@ -21,9 +21,8 @@ from cosim.spikes.viform import WORD
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.source.latched.boards import refuse_boards
 from scenarios.assemble.source.latched.setup import set_up_camera
-from scenarios.studies.compare.measure import Image, noise, snr_curve
+from scenarios.studies.compare.measure import Camera, Figure, Image, noise, snr_curve
 from scenarios.studies.compare.motion import Motion, edge_blur
-from scenarios.studies.compare.row import Camera, Figure
 from sensor import CameraSetting, SpikeCamera, interval_rate, isi, tfp
 from sensor.dynamic_range import decibels, longest_width, spike_dynamic_range
 from sensor.reconstruct.fidelity import psnr, to_white

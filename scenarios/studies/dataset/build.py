@@ -1,4 +1,5 @@
-"""Builds a data set: what is left to do, the items, then what is made of all of them.
+"""Builds a data set, for the command line and for Python (`viform.dataset`): what is left to do,
+the items, then what is made of all of them.
 
 `dataset.json` states the data set and is written first. An item is done when its document is there
 and its files have the sums that it states.
@@ -7,21 +8,36 @@ and its files have the sums that it states.
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from cosim import InputError, Interrupted
 from cosim.files.durable import sync_tree
-from cosim.run.folder import claim_folder, how_to_resume
+from cosim.run.folder import claim_folder, how_to_resume, output_folder
 from cosim.run.inputs import digest
 from cosim.run.progress import Pace, Progress
+from cosim.run.shown import progress_in_python
+from cosim.run.workers import check_workers
+from scenarios.assemble.schema.settings import assignments_of
+from scenarios.studies.batch.axes import read_axis
 from scenarios.studies.batch.jobs import begin_batch, read_document, run_jobs
 from scenarios.studies.dataset.card import write_annotations, write_card, write_sums
+from scenarios.studies.dataset.inputs import read_cameras, read_sources
 from scenarios.studies.dataset.item import make_item
-from scenarios.studies.dataset.order import Item, Order
-from scenarios.studies.dataset.places import PARTS, Places, digest_of, write_config
+from scenarios.studies.dataset.order import (
+    CHECK,
+    PARTS,
+    Item,
+    Order,
+    Places,
+    digest_of,
+    read_split,
+    write_config,
+)
 
 
 def build_dataset(
@@ -170,3 +186,64 @@ def _is_there(item: Item, places: Places) -> bool:
         (places.folder / name).is_file() and digest_of(places.folder / name) == digest
         for name, digest in document["files"].items()
     )
+
+
+def order_of(
+    sources: Sequence[str], cameras: Sequence[str], vary: Sequence[str],
+    assignments: Sequence[str], samples: int, split: str, seed: int | None,
+    tolerance: float | None, check: int = CHECK,
+) -> Order:  # fmt: skip
+    """An order by the texts of the command line. Raises InputError."""
+    return Order(
+        tuple(read_sources(sources)), tuple(read_cameras(cameras)), tuple(map(read_axis, vary)),
+        tuple(assignments), samples, read_split(split), 1 if seed is None else seed, tolerance,
+        check,
+    )  # fmt: skip
+
+
+def dataset(
+    *sources: str | os.PathLike[str], out: str | os.PathLike[str],
+    cameras: Sequence[str | os.PathLike[str]] = (), vary: Mapping[str, str] | None = None,
+    samples: int = 1, split: str = ".8,.1,.1", seed: int = 1, tolerance: float | None = None,
+    check: int = CHECK,
+    device: str | None = None, workers: int = 1, scheduler: str | None = None,
+    resume: bool = False, progress: bool | None = None, **settings: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """Films sources with cameras as `viform dataset` does: the same files.
+
+    Args:
+        sources: scenarios, TOML files, clips, or folders of clips.
+        out: folder to create.
+        cameras: chip presets, or TOML files with a [sensor]; that of each scenario if empty.
+        vary: ranges by key, such as {"scene.illuminance": "200:2000 lux:log"}.
+        samples: scenes of each source.
+        split: shares of train, val and test.
+        seed: seed of all that is drawn.
+        tolerance: allowed relative error of each item.
+        check: an item of so many is measured against full physics; 0 for none.
+        device: number or part of the name of an OpenCL device, or "numba".
+        workers: processes on this machine; a script needs no main guard for them.
+        scheduler: address of a Dask scheduler, whose workers film instead; they must see `out`.
+        resume: whether the interrupted data set in `out` goes on.
+        progress: whether progress is shown on standard error; None for on a terminal and in a
+            notebook.
+        **settings: keys of the scenarios.
+
+    Returns:
+        The document of `viform dataset --json`.
+
+    Raises:
+        InputError: the input cannot be used.
+    """
+    check_workers(workers)
+    asked = order_of(
+        [os.fspath(each) for each in sources], [os.fspath(each) for each in cameras],
+        [f"{key}={values}" for key, values in (vary or {}).items()], assignments_of(settings),
+        samples, split, seed, tolerance, check,
+    )  # fmt: skip
+    folder = output_folder("dataset", Path(out), resume)
+    with progress_in_python(progress) as shown:
+        return build_dataset(
+            asked, folder, device=device, workers=workers, scheduler=scheduler, resume=resume,
+            progress=shown,
+        )  # fmt: skip

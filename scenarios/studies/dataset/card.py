@@ -11,8 +11,7 @@ from cosim.files.whole import whole
 from cosim.run.result import dumps, viform_version
 from scenarios.scenes.objects.plate import CATEGORIES
 from scenarios.studies.batch.jobs import read_document
-from scenarios.studies.dataset.order import Item, Order
-from scenarios.studies.dataset.places import Places, digest_of
+from scenarios.studies.dataset.order import Item, Order, Places, digest_of
 from scenarios.studies.dataset.reading import SPLITS, SUMS
 
 _TRACKS: Final = 100

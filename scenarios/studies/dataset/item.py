@@ -1,14 +1,11 @@
-"""Makes one item: the stream of a camera as `.dat`, and its truth.
-
-Files of ground truth in the field's formats.
+"""Makes one item of a data set: the stream of a camera as `.dat`, and its ground truth, which is
+light at its instants and what a drawn scene knows besides, in files of the field's formats.
 
 `.flo`, of the Middlebury flow benchmark (S. Baker et al., IJCV 92:1, 2011): the float32
 202021.25, which is the text PIEH, width and height as int32, then u and v of each pixel as float32,
 row by row; all little-endian.
 COCO (T.-Y. Lin et al., ECCV 2014): boxes as [x, y, width, height] from the upper left corner, and
 masks as run lengths of a column-major mask, of 0 first.
-
-The ground truth of an item: light at its instants, and what a drawn scene knows besides.
 """
 
 from __future__ import annotations
@@ -43,8 +40,7 @@ from scenarios.assemble.called import called_camera
 from scenarios.assemble.source.latched.setup import CameraSetup, set_up_camera
 from scenarios.run import run_scenario
 from scenarios.studies.batch.jobs import write_document
-from scenarios.studies.dataset.order import Item
-from scenarios.studies.dataset.places import PARTS, Places, digest_of
+from scenarios.studies.dataset.order import PARTS, Item, Places, digest_of
 
 MAGIC: Final = np.float32(202021.25)
 

@@ -1,7 +1,5 @@
-"""The document of `viform design dynamic-range --json`: the ranked choices of a budget.
-
-The schema of a hardware budget (a TOML file and --set): the choices and their limits.
-"""
+"""A hardware budget and its document: the schema of a budget (a TOML file and --set), with the
+choices and their limits, and the ranked choices of `viform design dynamic-range --json`."""
 
 from __future__ import annotations
 

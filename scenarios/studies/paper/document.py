@@ -38,7 +38,7 @@ def _rows(module: str, function: str) -> Rows:
 _OF_SPIKE_CAMERAS: Final = {
     "000": Document(
         "Huang, Spiking Continuous Photographing Principle, Acta Electronica Sinica 50:2919 (2022)",
-        (_rows("spike_principle", "principle_rows"), _rows("spike_chips", "chip_rows")),
+        (_rows("spike_camera", "principle_rows"), _rows("spike_camera", "chip_rows")),
     ),
 }
 _OF_IMAGERS: Final = {

@@ -1,11 +1,8 @@
-"""A sweep: points, their results in a folder, and what is left to do.
+"""A sweep: its points, each a run without report, their results in a folder, what is left to do,
+and the figure of metrics over the keys that vary.
 
 `sweep.json` states the sweep and is written first; `points/NNNNNN.json` is the result of a point.
 `sweep.zarr` and the figure are written last, from the points.
-
-One point of a sweep: a run without report, of which the result remains.
-
-The figure of a sweep: metrics over the keys that vary.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""The light and the cameras of a comparison of motion.
-
-The pictures of a moving scene that a tracker gets: spikes counted in blocks, or frames.
-"""
+"""What a tracker gets in a comparison of motion: the light, the cameras, and pictures of the moving
+scene, of spikes counted in blocks or of frames."""
 
 from __future__ import annotations
 

@@ -1,20 +1,18 @@
-"""One object before one camera: what the tracker knew, and when.
+"""One object before one camera: its detection before a known background, its tracker, and what the
+tracker knew when.
 
-Detection of bright objects before a known background.
+The difference of a picture to the mean of earlier pictures is smoothed and compared with its own
+noise, and the connected components above the threshold are the objects. Background subtraction is
+textbook (Szeliski, Computer Vision, section 8.4); the components are those of OpenCV.
 
-The difference to the mean of earlier pictures is smoothed and compared with its own noise, and the
-connected components above the threshold are the objects. Background subtraction is textbook
-(Szeliski, Computer Vision, section 8.4); the components are those of OpenCV.
-
-A tracker of one object: nearest neighbour and an alpha-beta filter.
-
-The filter predicts at a constant velocity and corrects position and velocity by shares of the
-residual, alpha and beta. These are the steady gains of a Kalman filter for a tracking index, the
-ratio of what the motion is uncertain by within a picture to the noise of a position (Kalata, IEEE
-Trans. AES 20:174, 1984). An object at the speed v that may turn on a radius R accelerates by
-v^2/R, so the index of pictures at the distance T is (v T)^2 / (R noise): it follows from the track
-itself, and all cameras have one rule. A new track has the gains of a least-squares line through its
-positions, as long as they are larger (Brookner, Tracking and Kalman Filtering Made Easy, 1998).
+The tracker is of the nearest neighbour, with an alpha-beta filter. The filter predicts at a
+constant velocity and corrects position and velocity by shares of the residual, alpha and beta.
+These are the steady gains of a Kalman filter for a tracking index, the ratio of what the motion is
+uncertain by within a picture to the noise of a position (Kalata, IEEE Trans. AES 20:174, 1984). An
+object at the speed v that may turn on a radius R accelerates by v^2/R, so the index of pictures at
+the distance T is (v T)^2 / (R noise): it follows from the track itself, and all cameras have one
+rule. A new track has the gains of a least-squares line through its positions, as long as they are
+larger (Brookner, Tracking and Kalman Filtering Made Easy, 1998).
 """
 
 from __future__ import annotations

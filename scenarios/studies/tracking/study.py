@@ -1,12 +1,9 @@
-"""Flow and tracking against speed, for the spike camera and for cameras with frames.
+"""Flow and tracking against speed, for the spike camera and for cameras with frames: the rows,
+their document and their figure.
 
-Optical flow of a moving texture, by spikes and by frames.
-
-The flow is that between the means of two adjacent windows, whose middles are one window apart. The
-window is the shortest of a picture; it is doubled until the median motion in it is NEAR pixels, or
-the time is over. The same rule holds for all cameras.
-
-The figure of a comparison of motion: flow, track and latency against speed.
+The optical flow of a moving texture is that between the means of two adjacent windows, whose
+middles are one window apart. The window is the shortest of a picture; it is doubled until the
+median motion in it is NEAR pixels, or the time is over. The same rule holds for all cameras.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""`viform board capture --format spikecv`: what SpikeCV's loader and `viform convert` read."""
+"""`viform board capture --format spikecv`: what SpikeCV's loader and `viform convert` read.
+
+`viform board capture --levels` and `compare --levels`: charges read by the board.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,9 @@ import yaml
 
 from cosim.files import open_stream
 from rtl_model.host import capture
+from rtl_model.virtual import VirtualBoard
+from sensor.reconstruct.readings import read_readings
+from tests.rtl_model.virtual.hosts import needs_verilator
 
 MODEL = ("--port", "virtual", "--level", "model")
 
@@ -86,3 +92,86 @@ def test_a_config_of_another_size_is_refused_before_the_capture(refused, tmp_pat
         "write into another folder"
     )
     assert [each.name for each in tmp_path.iterdir()] == ["config.yaml"]
+
+
+LIGHT = ("--set", "sensor_pattern=2", "--set", "sensor_level=3")
+
+
+@pytest.mark.parametrize(
+    "port",
+    [MODEL, pytest.param(("--port", "virtual"), marks=[needs_verilator, pytest.mark.slow])],
+)
+def test_the_board_reads_what_the_camera_model_reads(viform, port):
+    code, out, err = viform("board", "compare", *port, *LIGHT, "--levels", "16", "--json")
+    document = json.loads(out)
+    assert (code, document["ok"]) == (0, True), err
+    assert (document["levels"], document["levels_wrong"]) == (16, 0)
+
+
+def test_a_sensor_that_runs_waits_for_the_reading_and_goes_on(viform):
+    with VirtualBoard(level="model") as board:
+        line = ("--port", board.port, "--time-scale", str(board.time_scale))
+        run = ("--set", "sensor_run=1")
+        code, out, err = viform("board", "compare", *line, *LIGHT, *run, "--levels", "32")
+        assert (code, out.splitlines()[-1][-10:]) == (0, "none wrong"), err
+        told = [viform("board", "regs", *line, "sensor_run", "sensor_frames") for _ in range(2)]
+    assert "sensor_run" in told[0][1] and told[0][1] != told[1][1]  # frames are counted
+
+
+def test_a_reading_of_a_sensor_that_never_ran_says_so(viform, tmp_path):
+    for name, run in (("idle", ()), ("ran", ("--set", "sensor_run=1"))):
+        path = tmp_path / f"{name}.npz"
+        code, _, err = viform(
+            "board", "capture", *MODEL, *LIGHT, *run, "--levels", "4", "--out", path
+        )
+        readings = read_readings(path)
+        assert (code, "every charge is 0" in err) == (0, name == "idle"), err
+        assert (readings.cycle[0] > 0) == (name == "ran")
+    assert not read_readings(tmp_path / "idle.npz").level.any()
+
+
+def test_a_stuck_pixel_has_another_level(viform):
+    code, out, _ = viform("board", "compare", *MODEL, "--fault", "stuck=3,30", "--levels", "8")
+    assert code == 1
+    assert out.splitlines()[-1].endswith(", 1 wrong")
+
+
+def test_the_file_is_that_of_a_runs_readings(viform, tmp_path):
+    with VirtualBoard(level="model") as board:
+        line = ("--port", board.port, "--time-scale", str(board.time_scale))
+        for light in (LIGHT, ("--set", "sensor_rows=0x90004")):
+            before = tmp_path / "burst.npz"
+            assert viform("board", "capture", *line, *light, "--out", before)[0] == 0
+        path = tmp_path / "readings.npz"
+        code, out, err = viform("board", "capture", *line, "--levels", "4", "--out", path, "--json")
+    document = json.loads(out)
+    assert code == 0, err
+    readings = read_readings(path)
+    assert readings.levels == document["levels"] == 4
+    assert readings.cycle.tolist() == [document["frames"]] and document["frames"] >= 16
+    inside = np.zeros((32, 32), bool)
+    inside[4:10] = True
+    # How many frames have run depends on the machine, and with it how far the ramp has spread.
+    assert len(np.unique(readings.level[0][inside])) > 1
+    assert not readings.level[0][~inside].any()
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (("--levels", "100", "--out", "a.npz"),
+         "--levels must be 2, 4, 8, 16, 32, 64, 128, not 100; give one of these"),
+        (("--levels", "4", "--out", "a.dat"),
+         "--out must be a name ending in .npz with --levels, not a.dat; rename it"),
+        (("--levels", "4", "--out", "a.npz", "--frames", "3"),
+         "--frames, --clear and --format must be left out with --levels, not given; leave them "
+         "out, because a reading is no burst"),
+        (("--levels", "64", "--out", "a.npz"),
+         "the levels of a reading must be at most 32 with a window of 32 rows, of which the "
+         "board's memory holds 32 passes, not 64; take fewer levels or a smaller window"),
+        (("--levels", "4", "--out", "a.npz", "--set", "capture_source=1"),
+         "capture_source must be 0, the pixels, for a reading, not 1; set capture_source=0"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_one_line(refused, given, says):
+    assert refused("board", "capture", *MODEL, *given) == says

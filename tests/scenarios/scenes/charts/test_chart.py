@@ -9,7 +9,7 @@ from cosim import PS, Block, Clock
 from display.chain.pursuit import measured_shift, pursuit_of
 from scenarios.assemble.schema.loading import load
 from scenarios.scenes.charts.chart import DARK, MIDDLE, PURSUIT, SLOW, STRIPS, WEDGE, Chart
-from scenarios.scenes.charts.step import StepSource
+from scenarios.scenes.charts.patches import StepSource
 from scenarios.scenes.clips.film import FilmSource
 from scenarios.scenes.drawing.analytic import AnalyticSource
 from scenarios.scenes.kinds.grid import SceneGrid

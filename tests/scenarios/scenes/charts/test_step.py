@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim import Block, Clock
-from scenarios.scenes.charts.step import BARS, StepSource
+from scenarios.scenes.charts.patches import BARS, StepSource
 from sensor.latched.exposure import Exposure
 from sensor.latched.pixel.charge import ONE
 

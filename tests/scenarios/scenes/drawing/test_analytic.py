@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from scenarios.scenes.charts import star as star_module
-from scenarios.scenes.charts.star import RADIUS, Star, spokes
+from scenarios.scenes.charts.star import RADIUS, Star
 from scenarios.scenes.drawing.bodies import capsules
 from scenarios.scenes.drawing.canvas import Canvas, Item, Layer, View, body
 from scenarios.scenes.drawing.shading import Surface, noise, square_mean
@@ -243,7 +243,8 @@ def test_star_pixels_are_box_means(profile, rms, most):
         for dx in steps:
             a = n * np.arctan2(x[:, None] + dy, x[None, :] + dx) - 0.3 * 2 * math.pi
             truth += np.sin(a) if profile == "sine" else np.where(np.sin(a) >= 0, 1, -1)
-    error = spokes(x[None, :], x[:, None], 1.0, n, 0.3, profile) - truth / 32**2
+    phase, width = star_module._phase(x[None, :], x[:, None], 1.0, n)
+    error = star_module._wave(phase - 0.3, width, profile) - truth / 32**2
     error = error[np.hypot(x[None, :], x[:, None]) * 2 * math.pi / n >= 4]
     assert np.sqrt(np.mean(error**2)) < rms and np.abs(error).max() < most
 

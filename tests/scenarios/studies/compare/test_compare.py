@@ -26,9 +26,8 @@ from imagers.pulse.section import PwmSection
 from imagers.pulse.studies import DARKEST, PwmComparison
 from scenarios.studies.compare import load_comparison, run_compare
 from scenarios.studies.compare.frames import ends, one_frame, with_controls
-from scenarios.studies.compare.measure import EDGE, noise, still_blur
+from scenarios.studies.compare.measure import EDGE, FIGURES, noise, still_blur
 from scenarios.studies.compare.motion import RAMP, Motion
-from scenarios.studies.compare.row import FIGURES
 from scenarios.studies.compare.run_in import Placed, RunIn
 from scenarios.studies.compare.setting import SHAPE
 from sensor.frame_pixels import Exposed

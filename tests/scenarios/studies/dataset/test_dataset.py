@@ -32,10 +32,9 @@ from cosim.run.result import dumps
 from scenarios.run import run_scenario
 from scenarios.scenes.objects.plate import CATEGORIES
 from scenarios.studies.dataset import build, item
+from scenarios.studies.dataset.build import order_of
 from scenarios.studies.dataset.item import run_lengths, write_flo
-from scenarios.studies.dataset.making import order_of
-from scenarios.studies.dataset.order import Order, read_split
-from scenarios.studies.dataset.places import Places
+from scenarios.studies.dataset.order import Order, Places, read_split
 from tests.survival.forked import copied
 
 ROOT = Path(api.__file__).parent

@@ -13,7 +13,7 @@ from cosim.light.demosaic import balanced, delta_e
 from cosim.light.mosaic import Mosaic
 from cosim.report.png import coloured
 from cosim.run.result import Result
-from scenarios.scenes.charts.colour_chart import PATCHES, ColourChart, linear
+from scenarios.scenes.charts.patches import PATCHES, ColourChart, linear
 from sensor.device.crosstalk import response
 
 CHART = (
